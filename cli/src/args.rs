@@ -13,7 +13,7 @@ use lazygrid_check::Effort;
 use lazygrid_io::read::Format;
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
-use lazygrid_sim::run::run_args::Options;
+use lazygrid_sim::run::run_args::RunArgs;
 
 use parsers::{PathWith, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads, tilts};
 
@@ -239,7 +239,7 @@ Examples:
   lazygrid simulate burst.toml --seed 7 --steps 1000 --output seed-7 --resume")]
 pub(crate) struct Simulate {
     #[command(flatten)]
-    pub(crate) options: Options,
+    pub(crate) options: RunArgs,
     /// Write the log of arrivals and releases as this besides CSV; arrow takes a build with the feature arrow
     #[arg(long, value_name = "FORMAT", value_enum, default_value_t)]
     pub(crate) arrivals_format: ArrivalsFormat,

@@ -3,9 +3,9 @@ mod report;
 
 use std::ops::ControlFlow;
 
-use lazygrid_sim::Standing;
+use lazygrid_sim::RunView;
 use lazygrid_sim::run::replicas::Replicas;
-use lazygrid_sim::run::{End, Run};
+use lazygrid_sim::run::{Run, RunEnd};
 
 use self::report::Done;
 use crate::args::{ArrivalsFormat, Simulate};
@@ -42,15 +42,15 @@ fn once(run: Run, reports: bool) -> Result<(), Failure> {
         if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     bar.finish_and_clear();
-    if reports && end == End::Finished {
+    if reports && end == RunEnd::Finished {
         let mean = report::of_one(&run)?;
         let runs = vec![(run.scenario.seed, run.directory.clone())];
         report::write(&Done { run: &run, mean: &mean, runs, command: report::command(&run) })?;
     }
     print(run.summary(&simulation))?;
     match end {
-        End::Finished => Ok(()),
-        End::Stopped => {
+        RunEnd::Finished => Ok(()),
+        RunEnd::Stopped => {
             let steps = simulation.step_count();
             let signal = asked.signal().unwrap_or(Asked::CTRL_C);
             Err(Failure::Stopped { steps, scenario: run.path, directory: run.directory, signal })

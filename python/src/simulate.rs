@@ -7,7 +7,7 @@ use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::model::transmitter::Schedule;
-use lazygrid_sim::{Error, Model, Simulator, Standing, State, series};
+use lazygrid_sim::{Error, Model, AnySimulation, RunView, State, series};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -42,7 +42,7 @@ pub(crate) struct Options {
 /// A run and what is kept of it.
 struct Run {
     scenario: Scenario,
-    simulation: Simulator,
+    simulation: AnySimulation,
     every: u32,
     frames_every: Option<u32>,
     steps: Vec<u32>,
@@ -63,7 +63,7 @@ impl Run {
         if every == 0 || options.frames_every == Some(0) {
             return Err(error::setting("every = 0 is out of range; choose at least one step"));
         }
-        let begun = Simulator::begin(&scenario.model, scenario.seed, backend, algorithm, None);
+        let begun = AnySimulation::begin(&scenario.model, scenario.seed, backend, algorithm, None);
         let simulation = begun.map_err(error::simulator)?;
         let counts = vec![Vec::new(); series::names(&scenario.model).len()];
         let pool = options.threads.map(|threads| {
@@ -156,7 +156,7 @@ pub(crate) fn simulate<'py>(
         Source::File(path) => Scenario::read(&path).map_err(error::simulator),
     };
     let mut run = Run::new(scenario?, &options)?;
-    let advice = [run.scenario.advice.clone(), run.scenario.late_releases()].concat();
+    let advice = [run.scenario.warnings.clone(), run.scenario.late_releases()].concat();
     run.finish(py)?;
     Ok((run.dict(py)?, advice))
 }

@@ -6,7 +6,7 @@
 //! a counter-based generator ([`random::philox`]). A run therefore depends on its seed alone, not on the number of threads, the
 //! order of particles or the detection algorithm.
 //!
-//! `gpu` runs the simulation on a GPU, where all data stay between steps. A [`Simulator`] runs on either backend.
+//! `gpu` runs the simulation on a GPU, where all data stay between steps. A [`AnySimulation`] runs on either backend.
 //! [`ranks`] distributes a run over several processes.
 //!
 //! Lengths are in µm and times in s throughout.
@@ -51,13 +51,13 @@ mod output;
 pub use error::{Damage, Error};
 pub use model::boundary::{Axis, Boundary};
 pub use model::particles::{Particle, Particles};
-pub use model::receiver::{Kind, Receiver, Receptors, Sticking};
-pub use model::transmitter::{Numbers, Schedule, Shape, Transmitter};
+pub use model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
+pub use model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
 pub use model::vessel::Vessel;
-pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
+pub use model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
 pub use output::series;
 pub use release::origins::{Arrival, Origin};
-pub use run::any::Simulator;
+pub use run::any::AnySimulation;
 pub use run::simulation::Simulation;
 pub use run::state::{State, Totals};
-pub use run::view::Standing;
+pub use run::view::RunView;

@@ -3,9 +3,9 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use indicatif::ProgressBar;
-use lazygrid_sim::run::replicas::{Replicas, Replicated, seed_of};
-use lazygrid_sim::run::End;
-use lazygrid_sim::{Simulator, Standing};
+use lazygrid_sim::run::RunEnd;
+use lazygrid_sim::run::replicas::{ReplicaResults, Replicas, seed_of};
+use lazygrid_sim::{AnySimulation, RunView};
 
 use super::report::{self, Done};
 use crate::failure::Failure;
@@ -31,8 +31,8 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), Failure> {
     }
     print(summary(&replicas, &replicated))?;
     match replicated.end {
-        End::Finished => Ok(()),
-        End::Stopped => {
+        RunEnd::Finished => Ok(()),
+        RunEnd::Stopped => {
             let (scenario, directory) = (replicas.run.path, replicas.run.directory);
             let signal = asked.signal().unwrap_or(Asked::CTRL_C);
             Err(Failure::StoppedReplicas {
@@ -58,7 +58,7 @@ impl Advance {
         Self { bar, steps: Mutex::default() }
     }
 
-    fn see(&self, replica: u32, simulation: &Simulator) {
+    fn see(&self, replica: u32, simulation: &AnySimulation) {
         let step = simulation.step_count();
         let Ok(mut steps) = self.steps.lock() else { return };
         match steps.insert(replica, step) {
@@ -74,7 +74,7 @@ impl Advance {
 }
 
 /// What came of replicas: the last row of each series on average, with its standard error.
-fn summary(replicas: &Replicas, replicated: &Replicated) -> String {
+fn summary(replicas: &Replicas, replicated: &ReplicaResults) -> String {
     let (run, mean) = (&replicas.run, &replicated.mean);
     let mut lines = vec![
         format!("replicas   {} of {} done", replicated.done.len(), replicas.count),

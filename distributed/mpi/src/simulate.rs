@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid_sim::ranks::Wanted;
-use lazygrid_sim::run::{End, Run};
+use lazygrid_sim::run::{RunEnd, Run};
 use mpi::traits::Communicator;
 
 use crate::wire::Wire;
@@ -12,7 +12,7 @@ use crate::{Config, Error};
 #[non_exhaustive]
 pub struct Simulated {
     /// The way in which it ended.
-    pub end: End,
+    pub end: RunEnd,
     /// The number of steps done.
     pub steps: u32,
     /// A line for each thing that was counted.

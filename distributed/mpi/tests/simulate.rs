@@ -12,7 +12,7 @@ use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::State;
 use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::run::Run;
-use lazygrid_sim::scenario::{Changes, Scenario};
+use lazygrid_sim::scenario::{Overrides, Scenario};
 
 fn scenario(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../simulator/scenarios").join(name).with_extension("toml")
@@ -47,7 +47,7 @@ fn error(ranks: u32, arguments: &[&str]) -> String {
 }
 
 /// The same run in one process; what it says.
-fn alone(path: &Path, directory: &Path, changes: &Changes, resume: bool) -> String {
+fn alone(path: &Path, directory: &Path, changes: &Overrides, resume: bool) -> String {
     let mut scenario = Scenario::read(path).unwrap();
     scenario.change(changes);
     let run = Run {
@@ -88,7 +88,7 @@ fn compare(name: &str, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
     let directory = tempfile::tempdir().unwrap();
     let (path, one) = (scenario(name), directory.path().join("run"));
     let changes =
-        Changes { steps: Some(steps), frames_every: frames_every.try_into().ok(), ..Changes::default() };
+        Overrides { steps: Some(steps), frames_every: frames_every.try_into().ok(), ..Overrides::default() };
     let summary = alone(&path, &one, &changes, false);
     let (expected, stands) = (files(&one), state(&one));
     assert!(expected["series.csv"].len() > 60 && !stands.particles.is_empty(), "{name}");
@@ -121,7 +121,7 @@ fn another_number_of_ranks_goes_on_and_so_does_one_process() {
     let [one, many] = ["one", "many"].map(|name| directory.path().join(name));
     let path = scenario("acid-base");
     let changes =
-        |steps| Changes { steps: Some(steps), frames_every: 30.try_into().ok(), ..Changes::default() };
+        |steps| Overrides { steps: Some(steps), frames_every: 30.try_into().ok(), ..Overrides::default() };
     alone(&path, &one, &changes(120), false);
     let go_on = |ranks, steps: &str, resume: &[&str]| {
         over(ranks, &path, &many, &[&["--steps", steps, "--frames-every", "30"][..], resume].concat())

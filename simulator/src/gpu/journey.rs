@@ -2,8 +2,8 @@
 
 use super::layout::{Body, Journey};
 use super::plan::LOG_ROWS;
-use crate::motion::receiver_state;
 use crate::model::Model;
+use crate::motion::receiver_state;
 use crate::random::philox::Key;
 
 /// The positions of receivers at the beginning of each of some steps, and after the last one.
@@ -51,11 +51,11 @@ impl Itinerary {
         };
         let mut here = centers.to_vec();
         for step in first..first + if moves { steps } else { 0 } {
-            let places = bodies::moved(model, &here, key, step);
+            let places = receiver_state::move_receivers(model, &here, key, step);
             for (&center, place) in here.iter().zip(&places) {
-                let way = place.way.iter().map(|w| w * w).sum::<f32>().sqrt();
+                let way = place.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
                 itinerary.head.longest = itinerary.head.longest.max(way);
-                itinerary.rows.push(Body { center: center.into(), way: place.way.into() });
+                itinerary.rows.push(Body { center: center.into(), way: place.displacement.into() });
             }
             let next = places.iter().map(|place| place.center).collect();
             itinerary.centers.push(std::mem::replace(&mut here, next));
@@ -65,7 +65,7 @@ impl Itinerary {
         if moves {
             let length = |d: [f32; 3]| d.iter().map(|c| c * c).sum::<f32>().sqrt();
             let gone = |(at, &begin): (usize, &[f32; 3])| {
-                let from = |centers: &Vec<[f32; 3]>| length(model.boundary.offset(begin, centers[at]));
+                let from = |centers: &Vec<[f32; 3]>| length(model.boundary.displacement(begin, centers[at]));
                 itinerary.centers.iter().map(from).fold(0.0, f32::max)
             };
             itinerary.gone = centers.iter().enumerate().map(gone).collect();

@@ -213,8 +213,8 @@ impl Cells {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::receiver::signed_distance;
     use crate::random::philox::{open_unit, philox};
-    use crate::model::receiver::height;
 
     const MANY: u32 = 40;
 
@@ -267,7 +267,7 @@ mod tests {
             let mut listing = Listing::new(&kinds, &fates, room);
             let mut centers: Vec<[f32; 3]> = (0..MANY).map(|k| point(k, scale)).collect();
             // One is far from all others if there is room for that.
-            if room.is_open() {
+            if room.is_unbounded() {
                 centers[7][1] = 40.0 * scale;
             }
             let gone: Vec<f32> = (0..MANY).map(|k| 0.01 * scale * (k % 3) as f32).collect();
@@ -277,7 +277,7 @@ mod tests {
                 let (mut listed, mut asked) = (0, 0);
                 for k in 0..4_000 {
                     let kind = &kinds[k as usize % 2];
-                    let point = room.place(point(1_000 + k, 1.2 * scale));
+                    let point = room.confine(point(1_000 + k, 1.2 * scale));
                     let Some(list) = list_of(&nearby, kind, &room, point) else { continue };
                     asked += 1;
                     listed += list.len();
@@ -289,7 +289,7 @@ mod tests {
                         let Fate { receiver, radius, .. } = fates[at as usize];
                         let begin = centers[receiver as usize];
                         let away = gone.get(receiver as usize).copied().unwrap_or(0.0);
-                        let gap = height(radius + away, begin, &room, point);
+                        let gap = signed_distance(radius + away, begin, &room, point);
                         assert!(
                             gap > kind.reach + 3.0 * longest || list.contains(&at),
                             "{at} is {gap} away, {room:?}"

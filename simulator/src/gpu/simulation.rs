@@ -10,12 +10,12 @@ use super::nearby::{Listing, Nearby};
 use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
 use super::stages::{Base, Groups, Stage, Steps};
 use super::tables::{Holder, Tables, Tallies, check};
-use crate::reaction::decay::Decays;
 use crate::model::Model;
 use crate::model::particles::Particles;
+use crate::model::receiver::ReceiverKind;
 use crate::random::philox::Key;
+use crate::reaction::decay::Decays;
 use crate::reaction::interactions;
-use crate::model::receiver::Kind;
 use crate::release::Released;
 use crate::{Error, State, Totals};
 
@@ -172,7 +172,7 @@ impl GpuSimulation {
     /// The counts of each receiver by species: arrivals so far, or the number inside a transparent receiver.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
-            Kind::Transparent => {
+            ReceiverKind::Transparent => {
                 let due = receiver.inside(self.centers[k], &self.model.boundary, &self.due);
                 self.inside[k].iter().zip(due).map(|(inside, due)| inside + due).collect()
             }
@@ -347,7 +347,7 @@ impl GpuSimulation {
             }
         }
         for receiver in 0..tallies.receivers {
-            let holds = matches!(model.receivers[receiver].kind, Kind::Receptors(_));
+            let holds = matches!(model.receivers[receiver].kind, ReceiverKind::Receptors(_));
             for species in 0..tallies.species {
                 let word = counts[tallies.arrival(receiver, species)];
                 // The number of bound particles may decrease.

@@ -22,7 +22,7 @@ pub(super) struct Base {
     /// `true` if there are transparent receivers.
     watches: bool,
     /// `true` if some surfaces turn particles back.
-    turns_back: bool,
+    reflects: bool,
     /// Receivers, where some have receptors.
     receptors: u32,
     /// Bytes in front of the lists of receivers.
@@ -87,7 +87,7 @@ impl Base {
         keep("log", buffer(&own, "log", 8 * u64::from(LOG_ROWS))?);
         let limits = DeviceLimits::of(&own.device);
         let watches = !tables.watches.is_empty();
-        if tables.turns_back && limits.storage_buffers < k::SURFACE_BUFFERS {
+        if tables.reflects && limits.storage_buffers < k::SURFACE_BUFFERS {
             let (has, needed) = (limits.storage_buffers, k::SURFACE_BUFFERS);
             let what = format!(
                 "surfaces that turn particles back on this device, which binds {has} storage buffers in a stage and \
@@ -99,7 +99,7 @@ impl Base {
             own,
             limits,
             watches,
-            turns_back: tables.turns_back,
+            reflects: tables.reflects,
             receptors: tables.receptors.len() as u32,
             lists_at,
             buffers,
@@ -214,7 +214,7 @@ impl Steps {
         // If there is no order nobody reads it.
         buffers.insert("order", order.unwrap_or_else(|| buffers["kinds"].clone()));
         let (limits, watches) = (base.limits, base.watches);
-        let (turns_back, receptors) = (base.turns_back, base.receptors);
+        let (reflects, receptors) = (base.reflects, base.receptors);
         let mut stage = |kernel: &'static Kernel, groups: Groups| {
             base.stage(kernel, groups, |name| buffers[name].clone())
         };
@@ -223,7 +223,7 @@ impl Steps {
             before.push(stage(&k::RECEPTORS_BEGIN, Groups::Fixed(1))?);
             before.push(stage(&k::RECEPTORS_HOLD, Groups::Particles)?);
         }
-        let moving = if turns_back { &k::PARTICLES_TURN } else { &k::PARTICLES_MOVE };
+        let moving = if reflects { &k::PARTICLES_TURN } else { &k::PARTICLES_MOVE };
         before.push(stage(moving, Groups::Particles)?);
         if receptors > 0 {
             before.push(stage(&k::RECEPTORS_SCAN, Groups::Fixed(1))?);

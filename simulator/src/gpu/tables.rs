@@ -3,12 +3,12 @@
 use super::journey::most_rows;
 use super::layout::{Fate, Kind, NOTHING, Params, ReceptorRow, Rule, Watch};
 use super::nearby::LISTED_FROM;
+use crate::model::receiver::{Adsorption, ReceiverKind, Receptors};
 use crate::model::{Contact, Decay, Model};
-use crate::motion::propagate::{Motion, Step};
+use crate::motion::propagate::{Propagator, SpeciesStep};
+use crate::motion::{adsorption, path_hit};
 use crate::random::philox::Key;
 use crate::reaction::Reactions;
-use crate::model::receiver::{Kind as Counting, Receptors, Sticking};
-use crate::motion::{adsorption, path_hit};
 use crate::{Axis, Boundary, Error, Receiver};
 
 /// Everything that a model says to the kernels.
@@ -21,7 +21,7 @@ pub(super) struct Tables {
     /// Indexed by receiver; empty if no receiver has receptors.
     pub(super) receptors: Vec<ReceptorRow>,
     /// `true` if some surfaces turn particles back.
-    pub(super) turns_back: bool,
+    pub(super) reflects: bool,
     /// Rows of the table of where receivers are, at most.
     pub(super) bodies: usize,
     pub(super) rules: Vec<Rule>,
@@ -63,33 +63,33 @@ const FAST_DECAY: f64 = 0.02;
 /// # Errors
 /// [`Error::NotOnGpu`], naming the first such thing.
 pub(super) fn check(model: &Model) -> Result<(), Error> {
-    let refused = |what: String| Err(Error::NotOnGpu { what });
+    let rejected = |what: String| Err(Error::NotOnGpu { what });
     match model.contact {
-        Contact::Separate => return refused("contact by separating overlaps".to_owned()),
-        Contact::Elastic => return refused("elastic contact".to_owned()),
+        Contact::Separate => return rejected("contact by separating overlaps".to_owned()),
+        Contact::Elastic => return rejected("elastic contact".to_owned()),
         Contact::Ignore | Contact::Count => {}
     }
     if let Some(species) = model.species.iter().find(|species| species.thermal_speed > 0.0) {
-        return refused(format!("velocities, which species {} has", species.name));
+        return rejected(format!("velocities, which species {} has", species.name));
     }
     if let Some(species) = model.species.iter().find(|species| species.speed > 0.0) {
-        return refused(format!("swimmers, such as {}", species.name));
+        return rejected(format!("swimmers, such as {}", species.name));
     }
     if model.logs_arrivals {
-        return refused("a log of arrivals, of which it has the counts only".to_owned());
+        return rejected("a log of arrivals, of which it has the counts only".to_owned());
     }
     if model.boundary.vessel.is_some() {
-        return refused("a cylinder".to_owned());
+        return rejected("a cylinder".to_owned());
     }
     if let Some(decay) = model.decays.iter().find(|decay| decay.splits()) {
-        return refused(format!("'{}', where one particle becomes two", decay.name));
+        return rejected(format!("'{}', where one particle becomes two", decay.name));
     }
     let decays = |species: u32| model.decays.iter().filter(move |decay| decay.reactant == species);
     for first in &model.decays {
         // Short steps notice what decays twice in the next one.
         let is_fast = |second: &&Decay| second.rate * model.time_step > FAST_DECAY;
         if let Some(second) = first.products[0].and_then(|product| decays(product).find(is_fast)) {
-            return refused(format!(
+            return rejected(format!(
                 "'{}' behind '{}' in one step; time-step = {:.2e} would do",
                 second.name,
                 first.name,
@@ -101,19 +101,19 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     let pairs = (0..model.species.len() as u32).flat_map(|a| (0..=a).map(move |b| [a, b]));
     for [a, b] in pairs {
         if let Err(names) = reactions.only(a, b) {
-            return refused(format!("several reactions of the same reactants ({})", names.join("; ")));
+            return rejected(format!("several reactions of the same reactants ({})", names.join("; ")));
         }
     }
     check_receivers(model)?;
-    let steps = Motion::new(model).steps;
+    let steps = Propagator::new(model).steps;
     // Others count ends of steps only, or nothing.
-    let by_path = |r: &&Receiver| r.kind == Counting::Absorbing || r.kind.turns_back() && r.kind.takes_in();
-    let binds = |r: &&Receiver| matches!(r.kind, Counting::Receptors(_));
+    let by_path = |r: &&Receiver| r.kind == ReceiverKind::Absorbing || r.kind.reflects() && r.kind.absorbs();
+    let binds = |r: &&Receiver| matches!(r.kind, ReceiverKind::Receptors(_));
     for receiver in model.receivers.iter().filter(|r| by_path(r) || binds(r)) {
         let seen = (0..steps.len()).filter(|&species| receiver.sees[species]);
         let passed = |&s: &usize| drifts_past((receiver, model.time_step), &steps[s], &model.boundary);
         if let Some(species) = seen.into_iter().find(passed) {
-            return refused(format!(
+            return rejected(format!(
                 "the way of {} past receiver {}, by which its drift may carry it within a step; steps of a sixteenth \
                  of the receiver's radius would do",
                 model.species[species].name, receiver.name
@@ -143,8 +143,8 @@ fn looks(kinds: &[Kind]) -> u32 {
 
 fn check_receivers(model: &Model) -> Result<(), Error> {
     let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
-    let turns_back = model.receivers.iter().any(|receiver| receiver.kind.turns_back());
-    let most = if turns_back { MOST_SEEN_TURNING } else { MOST_SEEN };
+    let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
+    let most = if reflects { MOST_SEEN_TURNING } else { MOST_SEEN };
     // Receptors take a workgroup for each receiver, whether it is seen or not.
     let looks = seen.max(model.receivers.len());
     match looks > most {
@@ -160,7 +160,7 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
 
 /// Returns `true` if the ends of a step do not tell whether a receiver was met between them: drift may carry past what
 /// diffuses, and on a straight way a wall or another image of the receiver may turn up.
-fn drifts_past((receiver, time_step): (&Receiver, f64), step: &Step, boundary: &Boundary) -> bool {
+fn drifts_past((receiver, time_step): (&Receiver, f64), step: &SpeciesStep, boundary: &Boundary) -> bool {
     let own = receiver.velocity.map(|v| (v * time_step) as f32);
     let drift: [f32; 3] = std::array::from_fn(|k| step.drift[k] - own[k]);
     let diffusion = step.diffusion + (receiver.diffusion * time_step) as f32;
@@ -197,7 +197,7 @@ impl Tables {
             fates,
             watches: watches(model, &tallies),
             receptors: receptors(model),
-            turns_back: model.receivers.iter().any(|receiver| receiver.kind.turns_back()),
+            reflects: model.receivers.iter().any(|receiver| receiver.kind.reflects()),
             bodies: most_rows(model),
             rules: rules(model),
             tallies,
@@ -228,7 +228,7 @@ pub(super) struct Holder {
 
 fn receptors(model: &Model) -> Vec<ReceptorRow> {
     let count = |receiver: &Receiver| match receiver.kind {
-        Counting::Receptors(Receptors { count, .. }) => Some(count),
+        ReceiverKind::Receptors(Receptors { count, .. }) => Some(count),
         _ => None,
     };
     if model.receivers.iter().all(|receiver| count(receiver).is_none()) {
@@ -244,7 +244,7 @@ fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
         species: tallies.species as u32,
         tallies: tallies.len() as u32,
         first_reaction: tallies.reaction(0) as u32,
-        is_open: model.boundary.is_open().into(),
+        is_open: model.boundary.is_unbounded().into(),
         turns,
         lists_pairs: u32::from(!model.reactions.is_empty()),
         ..Params::default()
@@ -263,7 +263,7 @@ fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
 }
 
 fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
-    let motion = Motion::new(model);
+    let motion = Propagator::new(model);
     let (mut fates, mut kinds, mut listed) = (Vec::new(), Vec::new(), 0);
     for (id, species) in model.species.iter().enumerate() {
         let fates_begin = fates.len() as u32;
@@ -307,30 +307,30 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
 }
 
 /// The distance within which all but one particle of ten million stay in a step and may meet receivers.
-fn reach(step: &Step) -> f32 {
+fn reach(step: &SpeciesStep) -> f32 {
     let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
     1.01 * (6.0 * step.length + drift) + step.bend
 }
 
 /// The effect of a receiver's surface on a species; none if the surface is transparent.
-fn surface(receiver: &Receiver, step: &Step, time_step: f64) -> Option<Fate> {
+fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<Fate> {
     let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
     let length = diffusion.sqrt();
     let own = |reactivity: f64| (reactivity * time_step / length) as f32;
     let of_kind = |kind| Fate { kind, length: length as f32, ..Fate::default() };
     Some(match receiver.kind {
-        Counting::Transparent => return None,
-        Counting::Absorbing => of_kind(Fate::ABSORBING),
-        Counting::Endpoint => of_kind(Fate::ENDPOINT),
-        Counting::Reflecting => of_kind(Fate::REFLECTING),
-        Counting::Partial(Sticking::Reactivity(reactivity)) => {
+        ReceiverKind::Transparent => return None,
+        ReceiverKind::Absorbing => of_kind(Fate::ABSORBING),
+        ReceiverKind::Endpoint => of_kind(Fate::ENDPOINT),
+        ReceiverKind::Reflecting => of_kind(Fate::REFLECTING),
+        ReceiverKind::Partial(Adsorption::Reactivity(reactivity)) => {
             Fate { own: own(reactivity), ..of_kind(Fate::PARTIAL) }
         }
-        Counting::Partial(Sticking::PerStep(probability)) => match below(probability) {
+        ReceiverKind::Partial(Adsorption::PerStep(probability)) => match below(probability) {
             Some(up_to) => Fate { up_to, ..of_kind(Fate::PER_STEP) },
             None => of_kind(Fate::REFLECTING),
         },
-        Counting::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => Fate {
+        ReceiverKind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => Fate {
             own: own(adsorption::reactivity(binding_rate, 1, receiver.radius.into())),
             unbinding: (unbinding_rate * time_step) as f32,
             ..of_kind(Fate::RECEPTORS)
@@ -345,7 +345,7 @@ fn below(probability: f64) -> Option<u32> {
 }
 
 fn watches(model: &Model, tallies: &Tallies) -> Vec<Watch> {
-    let transparent = model.receivers.iter().enumerate().filter(|(_, r)| r.kind == Counting::Transparent);
+    let transparent = model.receivers.iter().enumerate().filter(|(_, r)| r.kind == ReceiverKind::Transparent);
     let watch = |(place, receiver): (usize, &crate::Receiver), species: usize| Watch {
         receiver: place as u32,
         radius: receiver.radius,
@@ -361,14 +361,14 @@ fn rules(model: &Model) -> Vec<Rule> {
     let reactions = Reactions::new(model);
     let radius = |product: Option<u32>| product.map_or(0.0, |species| model.species[species as usize].radius);
     let entry = |[a, b]: [u32; 2]| {
-        // Several were refused before.
+        // Several were rejected before.
         let Ok(Some((rule, within))) = reactions.only(a, b) else {
             return Rule { first: NOTHING, ..Rule::default() };
         };
         let reaction = &model.reactions[rule.reaction as usize];
         let [share, first_share] = reactions.shares_of(rule.reaction);
         let parts = reaction.unbinding_radius > 0.0 && reaction.products.iter().all(Option::is_some);
-        let mut flags = u32::from(rule.claims[0]) | u32::from(rule.claims[1]) << 1;
+        let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
         flags |= if within.is_some() { Rule::NARROWER } else { 0 };
         flags |= if parts { Rule::APART } else { 0 };
         Rule {

@@ -14,9 +14,9 @@ use super::layout::{CLAIM_BYTES, Head};
 use super::plan::Sizes;
 use super::stages::{Base, Groups, Steps};
 use super::tables::Tables;
-use crate::reaction::matching::{Candidate, Matching};
-use crate::random::philox::{Key, Purpose, philox};
 use crate::random::gaussian;
+use crate::random::philox::{Key, Purpose, philox};
+use crate::reaction::matching::{Matching, ReactionCandidate};
 use crate::{Boundary, Model, Reaction, Species};
 
 fn device() -> Option<GpuDevice> {
@@ -132,7 +132,7 @@ const CLAIMS: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
 const RULES: [u32; 3] = [0, 1, 4];
 
 /// Different pairs of `particles` particles, with few priorities, so that ties are common.
-fn candidates(particles: u32, count: u32, salt: u32) -> Vec<Candidate> {
+fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
     let mut seen = std::collections::HashSet::new();
     let mut all = Vec::new();
     for k in 0..count {
@@ -145,7 +145,13 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<Candidate> {
         if seen.insert(ids) {
             let rule = [0, 0, 0, 1, 2][kind as usize % 5];
             let priority = priority % 5;
-            all.push(Candidate { at: [a, b], claims: CLAIMS[rule], rule: rule as u32, priority, ids });
+            all.push(ReactionCandidate {
+                at: [a, b],
+                consumes: CLAIMS[rule],
+                rule: rule as u32,
+                priority,
+                ids,
+            });
         }
     }
     all
@@ -154,7 +160,7 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<Candidate> {
 /// The matching on the device: how the run stands, and by particle where its reaction was, if it had one.
 fn matched(
     own: &GpuDevice,
-    all: &[Candidate],
+    all: &[ReactionCandidate],
     particles: u32,
     [rounds, turns]: [u32; 2],
 ) -> (u32, Vec<Option<f32>>) {
@@ -181,11 +187,12 @@ fn matched(
     write("control", bytemuck::bytes_of(&head));
     let mut encoder = own.device.create_command_encoder(&Default::default());
     steps.encode_matching(&mut encoder);
-    let parts = [(steps.buffer("claims"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
+    let parts =
+        [(steps.buffer("consumes"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
     let read = read(own, encoder, &parts).expect("read");
-    let claims: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[0]);
+    let consumes: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[0]);
     let control: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
-    (control[3], claims.iter().map(|c| (c[2] != 0).then_some(f32::from_bits(c[4]))).collect())
+    (control[3], consumes.iter().map(|c| (c[2] != 0).then_some(f32::from_bits(c[4]))).collect())
 }
 
 #[test]
@@ -197,14 +204,14 @@ fn the_matching_is_the_greedy_one() {
             let mut expected = vec![None; particles as usize];
             let mut sorted = all.clone();
             for chosen in Matching::default().greedy(&mut sorted, particles as usize) {
-                let Candidate { at, claims, .. } = sorted[chosen as usize];
+                let ReactionCandidate { at, consumes, .. } = sorted[chosen as usize];
                 let [a, b] = at.map(|at| at as f32);
-                let place = match claims {
+                let place = match consumes {
                     [true, true] => 0.5 * (a + b),
                     [true, false] => b,
                     _ => a,
                 };
-                (0..2).filter(|&k| claims[k]).for_each(|k| expected[at[k] as usize] = Some(place));
+                (0..2).filter(|&k| consumes[k]).for_each(|k| expected[at[k] as usize] = Some(place));
             }
             let found = matched(&own, &all, particles, [rounds, turns]);
             assert_eq!(found, (0, expected), "{particles} particles, {count} candidates, {rounds} rounds");
@@ -243,7 +250,7 @@ fn survivors_come_together_in_the_order_of_the_list() {
         let tags: Vec<[u32; 2]> = (0..count).map(|k| [9, k * 7 + 1]).collect();
         let product = |k: u32| if word(k) % 7 == 2 { crate::gpu::layout::NOTHING } else { 5 };
         let claim = |k: u32| [0, 0, u32::from(word(k) % 7 < 3), product(k), k, 1, 2, 3];
-        let claims: Vec<[u32; 8]> = (0..count).map(claim).collect();
+        let consumes: Vec<[u32; 8]> = (0..count).map(claim).collect();
         let head = Head { count, frozen, ..Head::default() };
         let with = |name, bytes: &[u8]| written(&own, name, bytes);
         let made: std::collections::HashMap<&str, wgpu::Buffer> = [
@@ -251,7 +258,7 @@ fn survivors_come_together_in_the_order_of_the_list() {
             ("moved", with("moved", bytemuck::cast_slice(&moved))),
             ("species", with("species", bytemuck::cast_slice(&species))),
             ("tags", with("tags", bytemuck::cast_slice(&tags))),
-            ("claims", with("claims", bytemuck::cast_slice(&claims))),
+            ("consumes", with("consumes", bytemuck::cast_slice(&consumes))),
             ("spheres", with("spheres", &vec![0; 16 * count as usize])),
             ("ids", with("ids", &vec![0; 4 * count as usize])),
             ("sums", with("sums", &vec![0; 4 * (count as usize / 256 + 2)])),
@@ -288,10 +295,10 @@ fn survivors_come_together_in_the_order_of_the_list() {
         }
         let expected: Vec<([u32; 4], [u32; 2])> = (0..count as usize)
             .map(|k| if is_listed == 1 { order[k] as usize } else { k })
-            .filter(|&at| moved[at][3] >= 0.0 && (claims[at][2] == 0 || claims[at][3] == 5))
-            .map(|at| match claims[at][2] {
+            .filter(|&at| moved[at][3] >= 0.0 && (consumes[at][2] == 0 || consumes[at][3] == 5))
+            .map(|at| match consumes[at][2] {
                 0 => (moved[at].map(f32::to_bits), [species[at], tags[at][1]]),
-                _ => ([claims[at][4], 1, 2, 3], [5, tags[at][1]]),
+                _ => ([consumes[at][4], 1, 2, 3], [5, tags[at][1]]),
             })
             .collect();
         assert_eq!((head.alive, head.done, head.logged), (expected.len() as u32, 1, 1));

@@ -39,7 +39,7 @@ impl Axis {
 
     /// Reflects or wraps a coordinate into the box.
     #[inline(always)]
-    pub fn place(self, x: f32) -> f32 {
+    pub fn confine(self, x: f32) -> f32 {
         match self {
             Self::Open => x,
             // Coordinates inside the box are unchanged, bit for bit.
@@ -71,7 +71,7 @@ impl Axis {
     }
 
     /// Returns [`offset`](Self::offset), computed in `f64`.
-    pub(crate) fn offset_exact(self, d: f64) -> f64 {
+    pub(crate) fn displacement_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
                 let length = f64::from(high - low);
@@ -83,7 +83,7 @@ impl Axis {
 
     /// Returns the minimum image of a coordinate difference `d`.
     #[inline(always)]
-    pub fn offset(self, d: f32) -> f32 {
+    pub fn displacement(self, d: f32) -> f32 {
         match self {
             Self::Periodic { low, high } => {
                 let length = high - low;
@@ -124,7 +124,7 @@ impl Boundary {
     }
 
     /// Returns `true` if space is unbounded.
-    pub fn is_open(&self) -> bool {
+    pub fn is_unbounded(&self) -> bool {
         self.axes == [Axis::Open; 3] && self.vessel.is_none()
     }
 
@@ -166,18 +166,22 @@ impl Boundary {
 
     /// Reflects or wraps a position into the box and the vessel.
     #[inline(always)]
-    pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
-        let p = [self.axes[0].place(p[0]), self.axes[1].place(p[1]), self.axes[2].place(p[2])];
+    pub fn confine(&self, p: [f32; 3]) -> [f32; 3] {
+        let p = [self.axes[0].confine(p[0]), self.axes[1].confine(p[1]), self.axes[2].confine(p[2])];
         match &self.vessel {
             None => p,
-            Some(vessel) => vessel.place(p),
+            Some(vessel) => vessel.confine(p),
         }
     }
 
     /// Returns the vector from `p` to the nearest periodic image of `q`.
     #[inline(always)]
-    pub fn offset(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {
-        [self.axes[0].offset(q[0] - p[0]), self.axes[1].offset(q[1] - p[1]), self.axes[2].offset(q[2] - p[2])]
+    pub fn displacement(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {
+        [
+            self.axes[0].displacement(q[0] - p[0]),
+            self.axes[1].displacement(q[1] - p[1]),
+            self.axes[2].displacement(q[2] - p[2]),
+        ]
     }
 }
 
@@ -191,7 +195,7 @@ mod tests {
         for (from, to) in
             [(0.5, 0.5), (-1.5, -0.5), (3.5, 2.5), (7.5, -0.5), (-6.0, 2.0), (3.0, 3.0), (-1.0, -1.0)]
         {
-            assert_eq!(axis.place(from), to, "{from}");
+            assert_eq!(axis.confine(from), to, "{from}");
         }
     }
 
@@ -216,17 +220,17 @@ mod tests {
     #[test]
     fn walls_act_on_the_surface() {
         let walls = Boundary::reflecting([-1.0; 3], [1.0, 2.0, 3.0]);
-        assert_eq!(walls.inset(0.25).place([0.875, 1.875, -1.0]), [0.625, 1.625, -0.5]);
+        assert_eq!(walls.inset(0.25).confine([0.875, 1.875, -1.0]), [0.625, 1.625, -0.5]);
         assert_eq!(walls.too_narrow(0.999), None);
         assert_eq!(walls.too_narrow(1.0), Some(("along x", 2.0)));
         let vessel = Vessel { along: 2, center: [0.0; 3], radius: 1.0 };
         let vessel = Boundary { vessel: Some(vessel), ..Boundary::default() };
-        assert_eq!(vessel.inset(0.25).place([0.0, 1.0, 9.0]), [0.0, 0.5, 9.0]);
+        assert_eq!(vessel.inset(0.25).confine([0.0, 1.0, 9.0]), [0.0, 0.5, 9.0]);
         assert_eq!(
             (vessel.too_narrow(0.9), vessel.too_narrow(1.0)),
             (None, Some(("across the cylinder", 2.0)))
         );
-        assert!(!vessel.is_open());
+        assert!(!vessel.is_unbounded());
         let periodic = Boundary::periodic([-1.0; 3], [1.0; 3]);
         assert_eq!((periodic.inset(9.0), periodic.too_narrow(9.0)), (periodic, None));
     }
@@ -237,11 +241,11 @@ mod tests {
         for (from, to) in
             [(0.5, 0.5), (-1.5, 2.5), (3.0, -1.0), (7.5, -0.5), (-1.0, -1.0), (-1.0 - 1e-9, -1.0)]
         {
-            assert_eq!(axis.place(from), to, "{from}");
+            assert_eq!(axis.confine(from), to, "{from}");
         }
         let below = (-1.0_f32).next_down();
-        assert!((-1.0..3.0).contains(&axis.place(below)));
-        assert_eq!(axis.offset(3.5), -0.5);
-        assert_eq!(axis.offset(-1.5), -1.5);
+        assert!((-1.0..3.0).contains(&axis.confine(below)));
+        assert_eq!(axis.displacement(3.5), -0.5);
+        assert_eq!(axis.displacement(-1.5), -1.5);
     }
 }

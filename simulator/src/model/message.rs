@@ -1,7 +1,7 @@
 //! Messages: bits encoded as symbols, and symbols as bursts.
 
-use crate::release::time::step_of;
 use crate::random::philox::{Key, Purpose};
+use crate::release::time::step_of;
 
 /// A sequence of symbols that a transmitter sends.
 #[derive(Clone, Debug, PartialEq)]

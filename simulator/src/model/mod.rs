@@ -99,19 +99,19 @@ pub struct Reaction {
     /// Distance at which two products are placed, in µm.
     pub unbinding_radius: f32,
     /// Probability or rate at which a pair within the binding radius reacts.
-    pub chance: Chance,
+    pub chance: ReactionRate,
 }
 
 /// The probability or rate at which a pair within the binding radius reacts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Chance {
+pub enum ReactionRate {
     /// Probability per step, independent of the time step.
     PerStep(f64),
     /// Rate λ in 1/s: the probability per step is 1 − exp(−λΔt) if no other event competes.
     PerTime(f64),
 }
 
-impl Default for Chance {
+impl Default for ReactionRate {
     fn default() -> Self {
         Self::PerStep(1.0)
     }
@@ -197,7 +197,7 @@ impl Model {
     }
 
     /// Returns `true` if some decay of a species has two products.
-    pub(crate) fn comes_apart(&self, species: u32) -> bool {
+    pub(crate) fn dissociates(&self, species: u32) -> bool {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
@@ -209,7 +209,7 @@ impl Model {
     }
 
     /// Returns, by species, the boundary within which the centers of its particles stay.
-    pub(crate) fn rooms(&self) -> Vec<Boundary> {
+    pub(crate) fn center_domains(&self) -> Vec<Boundary> {
         self.species.iter().map(|species| self.boundary.inset(species.radius)).collect()
     }
 }

@@ -17,7 +17,7 @@ pub struct Receiver {
     /// Its radius, in µm.
     pub radius: f32,
     /// Its effect on particles.
-    pub kind: Kind,
+    pub kind: ReceiverKind,
     /// One flag per species: `true` if the receiver interacts with it. Other species pass through.
     pub sees: Vec<bool>,
     /// Its velocity, in µm/s.
@@ -28,7 +28,7 @@ pub struct Receiver {
 
 /// The effect of a receiver on particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Kind {
+pub enum ReceiverKind {
     /// Removes and counts particles that reach it, also between the ends of a step; see [`path_hit`](crate::motion::path_hit).
     #[default]
     Absorbing,
@@ -40,14 +40,14 @@ pub enum Kind {
     /// Reflects particles and counts nothing.
     Reflecting,
     /// Removes and counts some of the particles that reach it, and reflects the others.
-    Partial(Sticking),
+    Partial(Adsorption),
     /// Binds particles to receptors until they unbind, reflects the others and counts bound particles.
     Receptors(Receptors),
 }
 
 /// The rule for which particles adsorb at a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sticking {
+pub enum Adsorption {
     /// Adsorption probability of each particle per step in which it reaches the surface, independent of the time step.
     PerStep(f64),
     /// Reactivity κ of the surface, in µm/s: the flux to it is κ times the local concentration.
@@ -66,14 +66,14 @@ pub struct Receptors {
     pub unbinding_rate: f64,
 }
 
-impl Kind {
+impl ReceiverKind {
     /// Returns `true` if the surface reflects particles that arrive from outside and do not adsorb or bind.
-    pub fn turns_back(self) -> bool {
+    pub fn reflects(self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
 
     /// Returns `true` if the receiver removes particles permanently. Each removal is an arrival.
-    pub fn takes_in(self) -> bool {
+    pub fn absorbs(self) -> bool {
         matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_))
     }
 }
@@ -81,7 +81,7 @@ impl Kind {
 impl Receiver {
     /// Returns `true` if the receiver counts a species.
     pub fn counts(&self, species: usize) -> bool {
-        self.sees[species] && self.kind != Kind::Reflecting
+        self.sees[species] && self.kind != ReceiverKind::Reflecting
     }
 
     /// Returns `true` if the receiver moves.
@@ -107,7 +107,9 @@ impl Receiver {
         counts: &mut [u64],
     ) {
         let species = particles.species[at] as usize;
-        if self.sees[species] && height(self.radius, center, boundary, particles.position_of(at)) <= 0.0 {
+        if self.sees[species]
+            && signed_distance(self.radius, center, boundary, particles.position_of(at)) <= 0.0
+        {
             counts[species] += 1;
         }
     }
@@ -127,7 +129,7 @@ pub(crate) fn all_inside(
     boundary: &Boundary,
     particles: &Particles,
 ) -> Vec<Vec<u64>> {
-    let looks = |(_, receiver): &(usize, &Receiver)| receiver.kind == Kind::Transparent;
+    let looks = |(_, receiver): &(usize, &Receiver)| receiver.kind == ReceiverKind::Transparent;
     let looking: Vec<usize> = receivers.iter().enumerate().filter(looks).map(|(k, _)| k).collect();
     let nothing = || receivers.iter().map(|receiver| vec![0; receiver.sees.len()]).collect();
     if looking.len() > FEW
@@ -187,8 +189,8 @@ pub(crate) fn rounding(point: [f32; 3], distance: f32) -> f32 {
 
 /// Returns the distance of a point from the surface of a sphere; negative inside.
 #[inline(always)]
-pub fn height(radius: f32, center: [f32; 3], boundary: &Boundary, point: [f32; 3]) -> f32 {
-    let [x, y, z] = boundary.offset(center, point);
+pub fn signed_distance(radius: f32, center: [f32; 3], boundary: &Boundary, point: [f32; 3]) -> f32 {
+    let [x, y, z] = boundary.displacement(center, point);
     (x * x + y * y + z * z).sqrt() - radius
 }
 
@@ -201,7 +203,10 @@ mod tests {
     #[test]
     fn a_receiver_is_met_across_the_seam() {
         let periodic = Boundary::periodic([0.0; 3], [10.0; 3]);
-        assert_eq!(height(1.0, [1.0, 0.0, 0.0], &periodic, [9.5, 0.0, 9.0]), 1.5_f32.hypot(1.0) - 1.0);
+        assert_eq!(
+            signed_distance(1.0, [1.0, 0.0, 0.0], &periodic, [9.5, 0.0, 9.0]),
+            1.5_f32.hypot(1.0) - 1.0
+        );
     }
 
     #[test]
@@ -215,7 +220,8 @@ mod tests {
         }
         for boundary in [Boundary::default(), Boundary::periodic([0.0; 3], [10.0; 3])] {
             let one = |k: u32| {
-                let kind = if k.is_multiple_of(5) { Kind::Absorbing } else { Kind::Transparent };
+                let kind =
+                    if k.is_multiple_of(5) { ReceiverKind::Absorbing } else { ReceiverKind::Transparent };
                 let radius = 0.3 * (1 + k % 4) as f32;
                 Receiver { radius, kind, sees: vec![true, k.is_multiple_of(2), true], ..Receiver::default() }
             };
@@ -226,7 +232,7 @@ mod tests {
             let mut all = 0;
             for (k, receiver) in receivers.iter().enumerate() {
                 let expected = match receiver.kind {
-                    Kind::Transparent => receiver.inside(centers[k], &boundary, &particles),
+                    ReceiverKind::Transparent => receiver.inside(centers[k], &boundary, &particles),
                     _ => vec![0; 3],
                 };
                 assert_eq!(found[k], expected, "{k}");

@@ -1,9 +1,9 @@
 //! Transmitters: sources of particles.
 
-use crate::release::time::step_of;
 use crate::model::message::Message;
 use crate::random::gaussian;
 use crate::random::philox::{Key, open_unit};
+use crate::release::time::step_of;
 
 /// A source that releases particles.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Transmitter {
     /// Species and number of particles per burst.
     pub release: Vec<(u32, u32)>,
     /// Distribution of particle numbers.
-    pub numbers: Numbers,
+    pub numbers: CountDistribution,
 }
 
 /// The release schedule of a transmitter.
@@ -49,7 +49,7 @@ impl Default for Schedule {
 
 /// The distribution of the number of particles released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Numbers {
+pub enum CountDistribution {
     /// The exact number. Steady release is evenly spaced in time.
     #[default]
     Fixed,
@@ -142,16 +142,16 @@ impl Shape {
     pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],
-            Self::Gaussian(width) => normal::normals(words).map(|z| z * width),
+            Self::Gaussian(width) => gaussian::normals(words).map(|z| z * width),
             Self::Shell(inner, outer) => {
                 let [a, b] = [inner, outer].map(|r| f64::from(r).powi(3));
                 let radius = libm::cbrt(a + (b - a) * f64::from(open_unit(words[0]))) as f32;
-                normal::direction(words[1], words[2]).map(|c| c * radius)
+                gaussian::direction(words[1], words[2]).map(|c| c * radius)
             }
             Self::Box(edges) => std::array::from_fn(|k| (open_unit(words[k]) - 0.5) * edges[k]),
             Self::Cylinder(along, radius, length) => {
                 let distance = radius * open_unit(words[0]).sqrt();
-                let [cosine, sine] = normal::turn(words[1]);
+                let [cosine, sine] = gaussian::cos_sin(words[1]);
                 let mut offset = [0.0; 3];
                 offset[along % 3] = (open_unit(words[2]) - 0.5) * length;
                 offset[(along + 1) % 3] = distance * cosine;

@@ -2,11 +2,11 @@
 
 use crate::Error;
 use crate::model::boundary::Axis;
-use crate::reaction::probability::Chances;
 use crate::model::message::Symbols;
-use crate::model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
-use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
+use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
+use crate::reaction::probability::ReactionProbabilities;
 
 impl Model {
     /// The fault if particles of a species do not fit between the walls.
@@ -88,7 +88,10 @@ impl Model {
 
     /// The fault if a surface of a given reactivity meets particles that do not diffuse.
     pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {
-        let by_rate = matches!(receiver.kind, Kind::Partial(Sticking::Reactivity(_)) | Kind::Receptors(_));
+        let by_rate = matches!(
+            receiver.kind,
+            ReceiverKind::Partial(Adsorption::Reactivity(_)) | ReceiverKind::Receptors(_)
+        );
         let rests = |(k, species): &(usize, &Species)| receiver.sees[*k] && species.diffusion == 0.0;
         let mut all = self.species.iter().enumerate();
         let (_, species) = all.find(rests).filter(|_| by_rate && receiver.diffusion == 0.0)?;
@@ -113,17 +116,17 @@ impl Model {
             return Err(Error::Model(of("the velocity") + " must be finite"));
         }
         match receiver.kind {
-            Kind::Partial(Sticking::PerStep(probability)) => {
+            ReceiverKind::Partial(Adsorption::PerStep(probability)) => {
                 is_probability(&of("the probability"), probability)?
             }
-            Kind::Partial(Sticking::Reactivity(rate)) => not_negative(&of("the rate"), rate)?,
-            Kind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => {
+            ReceiverKind::Partial(Adsorption::Reactivity(rate)) => not_negative(&of("the rate"), rate)?,
+            ReceiverKind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => {
                 not_negative(&of("the binding rate"), binding_rate)?;
                 not_negative(&of("the unbinding rate"), unbinding_rate)?;
             }
             _ => {}
         }
-        if receiver.kind.turns_back() {
+        if receiver.kind.reflects() {
             positive(&of("the radius"), receiver.radius.into())?;
         }
         self.resting_before(receiver).map_or(Ok(()), |message| Err(Error::Model(message)))
@@ -134,8 +137,8 @@ impl Model {
         not_negative(&of("the binding radius"), reaction.binding_radius.into())?;
         not_negative(&of("the unbinding radius"), reaction.unbinding_radius.into())?;
         match reaction.chance {
-            Chance::PerTime(rate) => not_negative(&of("the rate inside"), rate)?,
-            Chance::PerStep(probability) => is_probability(&of("the probability"), probability)?,
+            ReactionRate::PerTime(rate) => not_negative(&of("the rate inside"), rate)?,
+            ReactionRate::PerStep(probability) => is_probability(&of("the probability"), probability)?,
         }
         let named = reaction.reactants.into_iter().chain(reaction.products.into_iter().flatten());
         self.check_species(&reaction.name, named)?;
@@ -159,7 +162,7 @@ impl Model {
 
     /// A pair has one turn in a step.
     fn check_channels(&self) -> Result<(), Error> {
-        let chances = Chances(self);
+        let chances = ReactionProbabilities(self);
         for reaction in &self.reactions {
             for zone in chances.zones(reaction.reactants) {
                 let total: f64 = zone.channels.iter().map(|(_, probability)| probability).sum();

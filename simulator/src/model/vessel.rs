@@ -40,7 +40,7 @@ impl Vessel {
     }
 
     /// A position, mirrored at the wall where it is beyond; far beyond it comes to the middle.
-    pub fn place(&self, mut p: [f32; 3]) -> [f32; 3] {
+    pub fn confine(&self, mut p: [f32; 3]) -> [f32; 3] {
         let (distance, radius) = (self.distance(p), f64::from(self.radius));
         if distance > radius {
             let factor = (2.0 * radius - distance).max(0.0) / distance;
@@ -136,11 +136,12 @@ mod tests {
 
     #[test]
     fn nothing_stays_outside() {
-        assert_eq!(VESSEL.inset(0.5).place([1.0, 9.0, 0.0]), [1.0, 9.0, -1.0]);
-        assert_eq!(VESSEL.place([1.0, 9.0, 90.0]), [1.0, 9.0, -2.0]);
+        assert_eq!(VESSEL.inset(0.5).confine([1.0, 9.0, 0.0]), [1.0, 9.0, -1.0]);
+        assert_eq!(VESSEL.confine([1.0, 9.0, 90.0]), [1.0, 9.0, -2.0]);
         let mut from = [1.0, 0.0, -2.0];
         for k in 0..100_000_u32 {
-            let [x, _, z] = crate::random::gaussian::normals(crate::random::philox::philox([k, 0, 0, 0], [1, 2]));
+            let [x, _, z] =
+                crate::random::gaussian::normals(crate::random::philox::philox([k, 0, 0, 0], [1, 2]));
             from = VESSEL.reflect(from, [from[0] + 3.0 * x, 0.0, from[2] + 3.0 * z], &mut [0.0; 3]);
             assert!(VESSEL.distance(from) <= 2.0, "{k}: {from:?}");
         }

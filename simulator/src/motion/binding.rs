@@ -3,11 +3,11 @@
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use crate::motion::adsorption::{Step, reactivity};
 use crate::model::Model;
-use crate::random::philox::{Draws, Key, Purpose};
-use crate::model::receiver::{Kind, Receptors, height, rounding};
+use crate::model::receiver::{ReceiverKind, Receptors, rounding, signed_distance};
+use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
+use crate::random::philox::{Draws, Key, Purpose};
 
 /// A particle that a receptor holds.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
@@ -25,7 +25,7 @@ pub struct Bound {
 
 /// A particle that comes off a receptor in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Leaving {
+pub(crate) struct UnboundParticle {
     /// Its place among those that are bound.
     at: usize,
     /// Its distance from the surface at the end of the step, in µm.
@@ -35,7 +35,7 @@ pub(crate) struct Leaving {
 /// The number of free receptors of each receiver that has any.
 pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
     let one = |(receiver, held): (&crate::Receiver, &Vec<u64>)| match receiver.kind {
-        Kind::Receptors(Receptors { count, .. }) => {
+        ReceiverKind::Receptors(Receptors { count, .. }) => {
             count.saturating_sub(held.iter().sum::<u64>().try_into().unwrap_or(u32::MAX))
         }
         _ => 0,
@@ -43,11 +43,16 @@ pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
     model.receivers.iter().zip(arrived).map(one).collect()
 }
 
-/// Who comes off in a step before which so many receptors are free.
-pub(crate) fn leaving(model: &Model, bound: &[Bound], free: &[u32], (key, step): (Key, u32)) -> Vec<Leaving> {
+/// DrawContext comes off in a step before which so many receptors are free.
+pub(crate) fn leaving(
+    model: &Model,
+    bound: &[Bound],
+    free: &[u32],
+    (key, step): (Key, u32),
+) -> Vec<UnboundParticle> {
     let leaves = |(at, held): (usize, &Bound)| {
         let receiver = &model.receivers[held.receiver as usize];
-        let Kind::Receptors(receptors) = receiver.kind else { return None };
+        let ReceiverKind::Receptors(receptors) = receiver.kind else { return None };
         let diffusion =
             (model.species[held.species as usize].diffusion + receiver.diffusion) * model.time_step;
         let radius = f64::from(receiver.radius);
@@ -57,22 +62,28 @@ pub(crate) fn leaving(model: &Model, bound: &[Bound], free: &[u32], (key, step):
         let way = Step::new(diffusion, model.time_step, (radius, reactivity));
         let probability = receptors.unbinding_rate * model.time_step * way.effective_part();
         let mut draws = Draws::new(key, held.id, step, Purpose::Unbinding);
-        (draws.unit() < probability).then(|| Leaving { at, height: way.height_after(&mut draws) as f32 })
+        (draws.unit() < probability)
+            .then(|| UnboundParticle { at, height: way.height_after(&mut draws) as f32 })
     };
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Where a particle is that came off a receiver around this centre, unless walls leave it no room outside.
-pub(crate) fn place_of(model: &Model, held: &Bound, leaving: Leaving, center: [f32; 3]) -> Option<[f32; 3]> {
+/// Where a particle is that came off a receiver around this centre, unless walls leave it no domain outside.
+pub(crate) fn place_of(
+    model: &Model,
+    held: &Bound,
+    leaving: UnboundParticle,
+    center: [f32; 3],
+) -> Option<[f32; 3]> {
     let receiver = &model.receivers[held.receiver as usize];
-    let room = model.boundary.inset(model.species[held.species as usize].radius);
+    let domain = model.boundary.inset(model.species[held.species as usize].radius);
     let away = receiver.radius + leaving.height;
     let away = away + rounding(center, away);
-    let place = room.place(std::array::from_fn(|k| center[k] + away * held.direction[k]));
-    (height(receiver.radius, center, &room, place) >= 0.0).then_some(place)
+    let place = domain.confine(std::array::from_fn(|k| center[k] + away * held.direction[k]));
+    (signed_distance(receiver.radius, center, &domain, place) >= 0.0).then_some(place)
 }
 
-impl Leaving {
+impl UnboundParticle {
     /// Its place among those that are bound.
     pub(crate) fn at(self) -> usize {
         self.at
@@ -82,7 +93,7 @@ impl Leaving {
 /// A particle that is to bind to a receptor if one is free for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
-pub(crate) struct Bid {
+pub(crate) struct BindingRequest {
     receiver: u32,
     /// Those with less come first.
     rank: u32,
@@ -90,23 +101,23 @@ pub(crate) struct Bid {
 }
 
 /// The bids among what befell particles, whose ids `id` says by place.
-pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<Bid> {
+pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
     let bid = |event: &Event| match *event {
-        Event::Bound { at, receiver, rank, .. } => Some(Bid { receiver, rank, id: id(at) }),
+        Event::Bound { at, receiver, rank, .. } => Some(BindingRequest { receiver, rank, id: id(at) }),
         _ => None,
     };
     events.iter().filter_map(bid).collect()
 }
 
 /// The ids that find no free receptor, ascending: of each receiver those of the highest ranks. Equal ranks go by id.
-pub(crate) fn refused(mut bids: Vec<Bid>, free: &[u32]) -> Vec<u32> {
+pub(crate) fn rejected(mut bids: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
     bids.sort_unstable();
     let of_one = bids.chunk_by(|a, b| a.receiver == b.receiver);
-    let mut refused: Vec<u32> = of_one
+    let mut rejected: Vec<u32> = of_one
         .flat_map(|many| many.iter().skip(free[many[0].receiver as usize] as usize).map(|bid| bid.id))
         .collect();
-    refused.sort_unstable();
-    refused
+    rejected.sort_unstable();
+    rejected
 }
 
 #[cfg(test)]
@@ -121,10 +132,10 @@ mod tests {
         let bound = |at, receiver, rank| Event::Bound { at, receiver, direction: [0.0; 3], rank };
         let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];
         // Ids run the other way.
-        let refused = |free: &[u32]| refused(bids(&events, |at| 100 - at), free);
-        assert_eq!(refused(&[1, 1]), [94, 95, 96]);
-        assert_eq!(refused(&[2, 9]), [0; 0]);
-        assert_eq!(refused(&[0, 2]), [92, 95, 96]);
+        let rejected = |free: &[u32]| rejected(bids(&events, |at| 100 - at), free);
+        assert_eq!(rejected(&[1, 1]), [94, 95, 96]);
+        assert_eq!(rejected(&[2, 9]), [0; 0]);
+        assert_eq!(rejected(&[0, 2]), [92, 95, 96]);
     }
 
     /// A run goes on from its state, with what is bound and where receivers have got.
@@ -135,7 +146,7 @@ mod tests {
             name: "rx".into(),
             center: [x, 0.0, 0.0],
             radius: 0.5,
-            kind: Kind::Receptors(receptors),
+            kind: ReceiverKind::Receptors(receptors),
             sees: vec![true],
             velocity: [0.0, x.into(), 0.0],
             diffusion: 0.5,

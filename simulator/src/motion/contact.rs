@@ -10,12 +10,12 @@ use lazygrid::Pair;
 use rayon::prelude::*;
 
 use crate::model::boundary::Boundary;
-use crate::reaction::matching::{Afterwards, Candidate, Matching};
+use crate::model::particles::Particles;
 use crate::model::{Contact, Model};
 use crate::random::gaussian::direction;
-use crate::model::particles::Particles;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::distance_squared;
+use crate::reaction::matching::{ConflictPolicy, Matching, ReactionCandidate};
 
 /// Resolves the overlaps of a model.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub struct Contacts {
     mass: Vec<f64>,
     boundary: Boundary,
     /// Boundaries of the particle centers, by species.
-    rooms: Vec<Boundary>,
+    center_domains: Vec<Boundary>,
     matching: Matching,
 }
 
@@ -48,7 +48,7 @@ impl Contacts {
             diffusion: of(|species| species.diffusion),
             mass: of(|species| species.mass),
             boundary: model.boundary,
-            rooms: model.rooms(),
+            center_domains: model.center_domains(),
             matching: Matching::default(),
         }
     }
@@ -77,14 +77,14 @@ impl Contacts {
                 let [priority, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
                 let at =
                     if particles.id[pair.i as usize] == ids[0] { [pair.i, pair.j] } else { [pair.j, pair.i] };
-                Candidate { at, claims: [true; 2], rule: 0, priority, ids }
+                ReactionCandidate { at, consumes: [true; 2], rule: 0, priority, ids }
             })
         };
         let chunks: Vec<Vec<_>> =
             pairs.par_chunks(TASK).map(|pairs| pairs.iter().filter_map(overlap).collect()).collect();
         let mut overlaps = chunks.concat();
         let mut settled = 0;
-        matching.rounds(&mut overlaps, particles.len(), Afterwards::Queued, |overlaps, turn| {
+        matching.rounds(&mut overlaps, particles.len(), ConflictPolicy::Defer, |overlaps, turn| {
             let settle =
                 |&c: &u32| Some((c, self.settle_one(particles, &overlaps[c as usize], (key, step))?));
             let results: Vec<_> = turn.par_iter().with_min_len(256).filter_map(settle).collect();
@@ -107,7 +107,7 @@ impl Contacts {
     fn settle_one(
         &self,
         particles: &Particles,
-        candidate: &Candidate,
+        candidate: &ReactionCandidate,
         (key, step): (Key, u32),
     ) -> Option<Settled> {
         let [a, b] = candidate.at;
@@ -120,7 +120,7 @@ impl Contacts {
         let [p, q] = [a, b].map(|at| particles.position_of(at as usize));
         let normal: [f64; 3] = if distance > 0.0 {
             std::array::from_fn(|k| {
-                self.boundary.axes[k].offset_exact(f64::from(q[k]) - f64::from(p[k])) / distance
+                self.boundary.axes[k].displacement_exact(f64::from(q[k]) - f64::from(p[k])) / distance
             })
         } else {
             let [_, _, first, second] = key.draw(candidate.ids[0], candidate.ids[1], step, Purpose::Pair);
@@ -140,7 +140,7 @@ impl Contacts {
                 let share = if da + db > 0.0 { da / (da + db) } else { 0.5 };
                 let moved = |side: usize, from: [f32; 3], by: f64| {
                     let to = std::array::from_fn(|k| (f64::from(from[k]) + by * normal[k]) as f32);
-                    self.rooms[species[side]].place(to)
+                    self.center_domains[species[side]].confine(to)
                 };
                 Settled {
                     position: [moved(0, p, -share * apart), moved(1, q, (1.0 - share) * apart)],

@@ -13,11 +13,11 @@
 //! *Receivers that move* are met in their own frame: their way is taken off that of the particle, and the diffusion of both
 //! bends the path.
 
-use crate::motion::receiver_state::Body;
 use crate::model::boundary::{Axis, Boundary};
+use crate::model::receiver::{ReceiverKind, signed_distance};
+use crate::motion::receiver_state::ReceiverState;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, open_unit};
-use crate::model::receiver::{Kind, height};
 
 /// A step of a particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ pub struct Path {
 
 /// The source of random numbers: a particle in a step.
 #[derive(Clone, Copy, Debug)]
-pub struct Who {
+pub struct DrawContext {
     /// The seed.
     pub key: Key,
     /// The particle.
@@ -55,26 +55,26 @@ pub(crate) const BEND: f32 = 3.1;
 /// Pieces beyond this are not halved any more; the first has number 1, and those of piece `k` have 2k and 2k + 1.
 const LAST: u32 = 1 << 12;
 
-/// Returns `true` if a path met the receiver. `room` is where the particle's centre may be.
+/// Returns `true` if a path met the receiver. `domain` is where the particle's centre may be.
 #[inline]
-pub fn meets(body: &Body, room: &Boundary, path: &Path, who: Who) -> bool {
-    let b = height(body.receiver.radius, body.center_at(1.0), room, path.after);
+pub fn hits(body: &ReceiverState, domain: &Boundary, path: &Path, who: DrawContext) -> bool {
+    let b = signed_distance(body.receiver.radius, body.center_at(1.0), domain, path.after);
     if b <= 0.0 {
         return true;
     }
-    if body.receiver.kind == Kind::Endpoint {
+    if body.receiver.kind == ReceiverKind::Endpoint {
         return false;
     }
-    let a = height(body.receiver.radius, body.center, room, path.before);
+    let a = signed_distance(body.receiver.radius, body.center, domain, path.before);
     let diffusion = path.diffusion + body.diffusion;
     let drift: [f32; 3] = std::array::from_fn(|k| path.drift[k] - body.drift[k]);
     if drift == [0.0; 3] {
         return who.crosses(body.place, 0, a * b / diffusion);
     }
     if diffusion == 0.0 {
-        return a < 0.0 || straight(body, room, path);
+        return a < 0.0 || straight(body, domain, path);
     }
-    let piece = Piece {
+    let piece = PathSegment {
         number: 1,
         ends: [path.before, path.end],
         begin: 0.0,
@@ -82,7 +82,7 @@ pub fn meets(body: &Body, room: &Boundary, path: &Path, who: Who) -> bool {
         spread: (2.0 * diffusion).sqrt(),
         drift: length(drift),
     };
-    Bridge { body, room, who }.meets(piece)
+    BrownianBridge { body, domain, who }.hits(piece)
 }
 
 /// Returns `true` if the ends of a piece do not tell whether it met a sphere: with this drift and standard deviation
@@ -91,7 +91,7 @@ pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > PIECE[0] * radius && drift > PIECE[1] * spread
 }
 
-impl Who {
+impl DrawContext {
     /// Draws where chance decides whether a part of the path met the receiver at a `place` of the model, with
     /// probability exp(−`exponent`).
     #[inline]
@@ -103,14 +103,14 @@ impl Who {
     }
 }
 
-struct Bridge<'a> {
-    body: &'a Body,
-    room: &'a Boundary,
-    who: Who,
+struct BrownianBridge<'a> {
+    body: &'a ReceiverState,
+    domain: &'a Boundary,
+    who: DrawContext,
 }
 
 /// A part of a path.
-struct Piece {
+struct PathSegment {
     number: u32,
     /// Without walls and images.
     ends: [[f32; 3]; 2],
@@ -124,30 +124,35 @@ struct Piece {
     drift: f32,
 }
 
-impl Bridge<'_> {
+impl BrownianBridge<'_> {
     /// The height of a point, at a part of the step.
-    fn height(&self, point: [f32; 3], part: f32) -> f32 {
-        height(self.body.receiver.radius, self.body.center_at(part), self.room, self.room.place(point))
+    fn signed_distance(&self, point: [f32; 3], part: f32) -> f32 {
+        signed_distance(
+            self.body.receiver.radius,
+            self.body.center_at(part),
+            self.domain,
+            self.domain.confine(point),
+        )
     }
 
-    fn meets(&self, piece: Piece) -> bool {
-        let Piece { number, ends: [p, q], begin, part, spread, drift } = piece;
+    fn hits(&self, piece: PathSegment) -> bool {
+        let PathSegment { number, ends: [p, q], begin, part, spread, drift } = piece;
         let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
-        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.body.way[k]));
+        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.body.displacement[k]));
         let half_time = begin + 0.5 * part;
         // Walls and images bring no two points further apart.
-        if self.height(middle, half_time) > half + BEND * spread {
+        if self.signed_distance(middle, half_time) > half + BEND * spread {
             return false;
         }
         if number >= LAST || !is_long(drift, spread, self.body.receiver.radius) {
-            let [a, b] = [(p, begin), (q, begin + part)].map(|(end, part)| self.height(end, part));
+            let [a, b] = [(p, begin), (q, begin + part)].map(|(end, part)| self.signed_distance(end, part));
             let exponent = a * b / (0.5 * spread * spread);
             return b <= 0.0 || self.who.crosses(self.body.place, number - 1, exponent);
         }
-        let Who { key, id, step } = self.who;
+        let DrawContext { key, id, step } = self.who;
         let z = normals(key.draw(id, number, step, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
-        let half_of = |number, begin, ends| Piece {
+        let half_of = |number, begin, ends| PathSegment {
             number,
             ends,
             begin,
@@ -155,8 +160,8 @@ impl Bridge<'_> {
             spread: spread * std::f32::consts::FRAC_1_SQRT_2,
             drift: 0.5 * drift,
         };
-        self.meets(half_of(2 * number, begin, [p, middle]))
-            || self.meets(half_of(2 * number + 1, half_time, [middle, q]))
+        self.hits(half_of(2 * number, begin, [p, middle]))
+            || self.hits(half_of(2 * number + 1, half_time, [middle, q]))
     }
 }
 
@@ -168,20 +173,24 @@ fn length(v: [f32; 3]) -> f32 {
 /// particular.
 const CUTS: usize = 1000;
 
-/// Returns `true` if a straight path meets the receiver. It is cut where a wall turns it round, and where another image
+/// Returns `true` if a straight path hits the receiver. It is cut where a wall turns it round, and where another image
 /// of the receiver becomes the nearest one.
-fn straight(body: &Body, room: &Boundary, path: &Path) -> bool {
+fn straight(body: &ReceiverState, domain: &Boundary, path: &Path) -> bool {
     let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let radius = f64::from(body.receiver.radius);
     let mut cuts = Vec::new();
-    for (k, axis) in room.axes.into_iter().enumerate() {
+    for (k, axis) in domain.axes.into_iter().enumerate() {
         let (first, period, way) = match axis {
             Axis::Open => continue,
             Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low), way[k]),
             Axis::Periodic { low, high } => {
                 let half = 0.5 * f64::from(high - low);
-                (f64::from(body.center[k]) + half, f64::from(high - low), way[k] - f64::from(body.way[k]))
+                (
+                    f64::from(body.center[k]) + half,
+                    f64::from(high - low),
+                    way[k] - f64::from(body.displacement[k]),
+                )
             }
         };
         let to = from[k] + way;
@@ -190,8 +199,8 @@ fn straight(body: &Body, room: &Boundary, path: &Path) -> bool {
         cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / way));
     }
     if cuts.is_empty() {
-        let from = room.offset(body.center, path.before).map(f64::from);
-        return passes(from, std::array::from_fn(|k| way[k] - f64::from(body.way[k])), radius);
+        let from = domain.displacement(body.center, path.before).map(f64::from);
+        return passes(from, std::array::from_fn(|k| way[k] - f64::from(body.displacement[k])), radius);
     }
     cuts.extend([0.0, 1.0]);
     cuts.retain(|t| (0.0..=1.0).contains(t));
@@ -200,10 +209,10 @@ fn straight(body: &Body, room: &Boundary, path: &Path) -> bool {
         let (middle, part) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
         let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * way[k]) as f32);
         let way: [f64; 3] = std::array::from_fn(|k| {
-            let own = if room.axes[k].turns(point[k]) { -part * way[k] } else { part * way[k] };
-            own - part * f64::from(body.way[k])
+            let own = if domain.axes[k].turns(point[k]) { -part * way[k] } else { part * way[k] };
+            own - part * f64::from(body.displacement[k])
         });
-        let middle = room.offset(body.center_at(middle as f32), room.place(point)).map(f64::from);
+        let middle = domain.displacement(body.center_at(middle as f32), domain.confine(point)).map(f64::from);
         passes(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, radius)
     })
 }
@@ -226,17 +235,17 @@ mod tests {
     use super::*;
     use crate::model::receiver::Receiver;
 
-    fn body(kind: Kind) -> Body {
+    fn body(kind: ReceiverKind) -> ReceiverState {
         let receiver =
             Receiver { center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true], ..Receiver::default() };
-        Body::new(0, receiver, 1.0)
+        ReceiverState::new(0, receiver, 1.0)
     }
 
-    const DRAWS: Who = Who { key: Key::new(1), id: 7, step: 3 };
+    const DRAWS: DrawContext = DrawContext { key: Key::new(1), id: 7, step: 3 };
 
-    fn path(before: [f32; 3], end: [f32; 3], room: &Boundary, diffusion: f32) -> Path {
+    fn path(before: [f32; 3], end: [f32; 3], domain: &Boundary, diffusion: f32) -> Path {
         let drift = std::array::from_fn(|k| if diffusion == 0.0 { end[k] - before[k] } else { 0.0 });
-        Path { before, end, after: room.place(end), drift, diffusion }
+        Path { before, end, after: domain.confine(end), drift, diffusion }
     }
 
     #[test]
@@ -244,21 +253,23 @@ mod tests {
         let open = Boundary::default();
         let step = path([2.5, 0.0, 0.0], [1.0, 1.25, 0.0], &open, 0.25);
         let n = 20_000;
-        let met = |kind| (0..n).filter(|&id| meets(&body(kind), &open, &step, Who { id, ..DRAWS })).count();
+        let met =
+            |kind| (0..n).filter(|&id| hits(&body(kind), &open, &step, DrawContext { id, ..DRAWS })).count();
         let p = (-0.5_f64).exp();
-        let error = (met(Kind::Absorbing) as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
+        let error =
+            (met(ReceiverKind::Absorbing) as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
         assert!(error.abs() < 4.0, "{error} standard errors");
-        assert_eq!(met(Kind::Endpoint), 0);
+        assert_eq!(met(ReceiverKind::Endpoint), 0);
         let at_rest = path([1.0, 1.25, 0.0], [1.0, 1.25, 0.0], &open, 0.0);
-        assert!(!meets(&body(Kind::Absorbing), &open, &at_rest, DRAWS));
+        assert!(!hits(&body(ReceiverKind::Absorbing), &open, &at_rest, DRAWS));
         let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
-        assert!(meets(&body(Kind::Endpoint), &open, &inside, DRAWS));
+        assert!(hits(&body(ReceiverKind::Endpoint), &open, &inside, DRAWS));
     }
 
     /// Any number of receivers, and every piece of a path, have draws of their own.
     #[test]
     fn neither_receivers_nor_pieces_share_draws() {
-        let one = |place, part, id| Who { id, ..DRAWS }.crosses(place, part, 0.7);
+        let one = |place, part, id| DrawContext { id, ..DRAWS }.crosses(place, part, 0.7);
         let draws = |place, part| (0..256).map(|id| one(place, part, id)).collect::<Vec<bool>>();
         let places = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];
         let parts = [0, 1, 2, 255, 256, 2 * LAST - 2];
@@ -269,8 +280,8 @@ mod tests {
 
     #[test]
     fn a_straight_path_is_followed_through_walls_and_images() {
-        let met = |room: &Boundary, before, end| {
-            meets(&body(Kind::Absorbing), room, &path(before, end, room, 0.0), DRAWS)
+        let met = |domain: &Boundary, before, end| {
+            hits(&body(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS)
         };
         let open = Boundary::default();
         assert!(met(&open, [-3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
@@ -293,9 +304,9 @@ mod tests {
     #[test]
     fn halves_of_a_path_follow_the_drift() {
         let open = Boundary::default();
-        for (y, hits) in [(0.5, true), (1.2, false)] {
+        for (y, expected) in [(0.5, true), (1.2, false)] {
             let step = Path { diffusion: 1e-6, ..path([-3.0, y, 0.0], [9.0, y, 0.0], &open, 0.0) };
-            assert_eq!(meets(&body(Kind::Absorbing), &open, &step, DRAWS), hits, "{y}");
+            assert_eq!(hits(&body(ReceiverKind::Absorbing), &open, &step, DRAWS), expected, "{y}");
         }
     }
 }

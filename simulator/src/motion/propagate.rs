@@ -6,40 +6,40 @@
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::motion::receiver_state::Bodies;
 use crate::model::boundary::Boundary;
-use crate::motion::path_hit::{BEND, Path, Who};
-use crate::reaction::decay::Decays;
+use crate::model::particles::Particles;
 use crate::model::{Flow, Model};
+use crate::motion::path_hit::{BEND, DrawContext, Path};
+use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
+use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
+use crate::motion::surface_events::ParticleMove;
+use crate::motion::vessel_flow::FlowStep;
 use crate::random::gaussian::direction;
 use crate::random::gaussian::normals;
-use crate::model::particles::Particles;
-use crate::random::philox::{Key, Purpose, yes_up_to};
-use crate::motion::surface_events::Passage;
-use crate::motion::vessel_flow::Stream;
-use crate::motion::receiver_search::{Reach, Vicinity};
+use crate::random::philox::{Key, Purpose, probability_threshold};
+use crate::reaction::decay::Decays;
 
 pub use crate::motion::surface_events::Event;
 
 /// The constants of a model for the step of single particles.
 #[derive(Clone, Debug)]
-pub struct Motion {
+pub struct Propagator {
     /// Indexed by species.
-    pub(crate) steps: Vec<Step>,
+    pub(crate) steps: Vec<SpeciesStep>,
     pub(crate) time_step: f32,
     with_velocity: bool,
     bounded: bool,
     /// The region of all particles, of any radius.
     whole: Boundary,
-    stream: Option<Stream>,
+    stream: Option<FlowStep>,
     /// Receivers that remove particles or turn them back, where they are in this step.
-    pub(crate) bodies: Bodies,
+    pub(crate) bodies: ActiveReceivers,
     pub(crate) decays: Decays,
 }
 
 /// The step of one species.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
+pub(crate) struct SpeciesStep {
     /// √(2DΔt) in µm.
     pub(crate) length: f32,
     /// DΔt in µm².
@@ -47,7 +47,7 @@ pub(crate) struct Step {
     /// Drift in one step, in µm.
     pub(crate) drift: [f32; 3],
     /// The region of its center.
-    pub(crate) room: Boundary,
+    pub(crate) domain: Boundary,
     /// By how far diffusion bends its way, beside a receiver that diffuses as well, in µm.
     pub(crate) bend: f32,
     /// The largest word at which a swimmer tumbles, and its speed in µm/s.
@@ -61,7 +61,7 @@ const BLOCK: usize = 64;
 /// By which part rounding may lengthen a way; far less than what searches look beyond it.
 const ROUNDED: f32 = 1e-6;
 
-impl Motion {
+impl Propagator {
     /// The step of a model that was checked.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
@@ -69,24 +69,24 @@ impl Motion {
             Some(Flow::Plug(velocity)) => velocity,
             _ => [0.0; 3],
         };
-        let bodies = Bodies::new(model);
-        let step = |species: &crate::model::Species| Step {
+        let bodies = ActiveReceivers::new(model);
+        let step = |species: &crate::model::Species| SpeciesStep {
             bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             diffusion: (species.diffusion * time_step) as f32,
             drift: std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32),
-            tumbles: yes_up_to(-libm::expm1(-species.tumble_rate * time_step))
+            tumbles: probability_threshold(-libm::expm1(-species.tumble_rate * time_step))
                 .filter(|_| species.speed > 0.0)
                 .map(|up_to| (up_to, species.speed as f32)),
-            room: model.boundary.inset(species.radius),
+            domain: model.boundary.inset(species.radius),
         };
         Self {
             steps: model.species.iter().map(step).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
-            bounded: !model.boundary.is_open(),
+            bounded: !model.boundary.is_unbounded(),
             whole: model.boundary,
-            stream: Stream::new(model),
+            stream: FlowStep::new(model),
             bodies,
             decays: Decays::new(model),
         }
@@ -96,14 +96,14 @@ impl Motion {
     /// is faster than looking at all.
     ///
     /// # Errors
-    /// [`Error::Step`] with what the detector said.
+    /// [`Error::SpeciesStep`] with what the detector said.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
-        mut vicinity: Option<&mut Vicinity>,
+        mut vicinity: Option<&mut ReceiverSearch>,
         (key, step): (Key, u32),
     ) -> Result<Vec<Event>, Error> {
-        let begin = |vicinity: &mut &mut Vicinity| vicinity.begin(particles.len(), &self.bodies);
+        let begin = |vicinity: &mut &mut ReceiverSearch| vicinity.begin(particles.len(), &self.bodies);
         let searches = vicinity.as_mut().is_some_and(begin);
         let seen = vicinity.as_deref().filter(|_| searches);
         let Particles { position: [x, y, z], velocity, species, id, .. } = &mut *particles;
@@ -120,7 +120,7 @@ impl Motion {
             id.par_chunks(CHUNK),
             species.par_chunks(CHUNK),
         );
-        let (events, unsure): (Vec<Vec<Event>>, Vec<Vec<Passage>>) = chunks
+        let (events, unsure): (Vec<Vec<Event>>, Vec<Vec<ParticleMove>>) = chunks
             .into_par_iter()
             .enumerate()
             .map(|(chunk, (x, y, z, velocity, id, species))| {
@@ -143,9 +143,9 @@ impl Motion {
     fn advance_chunk(
         &self,
         chunk: Chunk<'_>,
-        vicinity: Option<&Vicinity>,
+        vicinity: Option<&ReceiverSearch>,
         (key, step): (Key, u32),
-    ) -> (Vec<Event>, Vec<Passage>) {
+    ) -> (Vec<Event>, Vec<ParticleMove>) {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
         let watches = !self.bodies.all.is_empty() || !self.decays.is_empty();
         let (mut events, mut unsure) = (Vec::new(), Vec::new());
@@ -164,11 +164,11 @@ impl Motion {
                 let mut path = self.path(kind, [x[at], y[at], z[at]], normal, own.as_mut());
                 if watches {
                     let place = base + at;
-                    let who = Who { key, id, step };
+                    let who = DrawContext { key, id, step };
                     let (at, species) = (place as u32, species[at]);
-                    let mut passage = Passage { at, species, who, path, gone: 0.0, velocity: own };
+                    let mut passage = ParticleMove { at, species, who, path, gone: 0.0, velocity: own };
                     match vicinity {
-                        None => self.settle(&mut passage, self.bodies.all.iter(), &mut events),
+                        None => self.resolve_events(&mut passage, self.bodies.all.iter(), &mut events),
                         Some(vicinity) if vicinity.is_clear(place, &self.reach(&passage)) => {
                             self.decay(&passage, &mut events);
                         }
@@ -187,41 +187,65 @@ impl Motion {
 
     /// The distance within which a particle may meet receivers on its path.
     #[inline(always)]
-    fn reach(&self, passage: &Passage) -> Reach {
-        Reach::new(&passage.path, self.more(passage))
+    fn reach(&self, passage: &ParticleMove) -> StepBounds {
+        StepBounds::new(&passage.path, self.more(passage))
+    }
+
+    /// Applies the events of a particle at `receivers`, and its decays if no receiver keeps it.
+    #[inline]
+    fn resolve_events<'a>(
+        &self,
+        passage: &mut ParticleMove,
+        receivers: impl Iterator<Item = &'a ReceiverState>,
+        events: &mut Vec<Event>,
+    ) {
+        let space = (&self.steps[passage.species as usize].domain, self.time_step);
+        match self.bodies.resolve(passage, space, receivers) {
+            Some(event) => events.push(event),
+            None => self.decay(passage, events),
+        }
+    }
+
+    /// Applies the decays of a particle in the step.
+    #[inline]
+    fn decay(&self, passage: &ParticleMove, events: &mut Vec<Event>) {
+        let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *passage;
+        self.decays.for_each_decay(species, (key, id, step), |decay, product| {
+            events.push(Event::Decayed { at, decay, product });
+        });
     }
 
     /// How far beyond its way a particle may meet receivers, as diffusion bends it and they come towards it, in µm.
     #[inline(always)]
-    fn more(&self, passage: &Passage) -> f32 {
-        self.steps[passage.species as usize].bend + self.bodies.longest_way
+    fn more(&self, passage: &ParticleMove) -> f32 {
+        self.steps[passage.species as usize].bend + self.bodies.max_displacement
     }
 
     /// Has receivers found near particles on their ways, and settles these.
     fn search(
         &self,
         particles: &mut Particles,
-        vicinity: &mut Vicinity,
-        mut unsure: Vec<Passage>,
+        vicinity: &mut ReceiverSearch,
+        mut unsure: Vec<ParticleMove>,
         step: u32,
     ) -> Result<Vec<Event>, Error> {
         if unsure.is_empty() {
             return Ok(Vec::new());
         }
-        let around_beginning = |passage: &Passage| self.reach(passage).around_beginning();
+        let around_beginning = |passage: &ParticleMove| self.reach(passage).around_beginning();
         let begins = unsure.iter().map(|passage| (passage.path.before, around_beginning(passage)));
         let failed = |source| Error::Step { step, source };
         let found = vicinity.find(begins, &self.bodies).map_err(failed)?;
-        let settle = |(k, passage): (usize, &mut Passage)| {
+        let settle = |(k, passage): (usize, &mut ParticleMove)| {
             let (mut events, begun) = (Vec::new(), *passage);
             let reach = around_beginning(passage);
             let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
-            self.settle(passage, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
+            self.resolve_events(passage, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
             if self.more(passage) + passage.gone > reach * (1.0 + ROUNDED) {
                 // What came towards it has thrown it beyond those that were looked at.
                 *passage = begun;
                 events.clear();
-                self.settle(passage, self.bodies.all.iter(), &mut events);
+                self.resolve_events(passage, self.bodies.all.iter(), &mut events);
             }
             (events, ball)
         };
@@ -230,7 +254,7 @@ impl Motion {
         for (passage, (befell, ball)) in unsure.iter().zip(settled) {
             let at = passage.at as usize;
             events.extend(befell);
-            vicinity.balls[at] = ball;
+            vicinity.clear_spheres[at] = ball;
             particles.set_position(at, passage.path.after);
             if let Some(velocity) = passage.velocity {
                 (0..3).for_each(|axis| particles.velocity[axis][at] = velocity[axis]);
@@ -244,18 +268,18 @@ impl Motion {
     #[inline(always)]
     fn path(
         &self,
-        kind: &Step,
+        kind: &SpeciesStep,
         before: [f32; 3],
         normal: [f32; 3],
         mut velocity: Option<&mut [f32; 3]>,
     ) -> Path {
-        let Step { length, diffusion, mut drift, ref room, .. } = *kind;
+        let SpeciesStep { length, diffusion, mut drift, ref domain, .. } = *kind;
         if let Some(own) = &velocity {
             drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
         }
         let end: [f32; 3] = std::array::from_fn(|axis| before[axis] + (length * normal[axis] + drift[axis]));
         if let Some(stream) = &self.stream {
-            let carried = stream.carry(room, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
+            let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
             drift[stream.vessel.along] += carried.by;
             return Path { before, end: carried.end, after: carried.after, drift, diffusion };
         }
@@ -263,9 +287,9 @@ impl Motion {
             return Path { before, end, after: end, drift, diffusion };
         }
         if let Some(own) = &mut velocity {
-            (0..3).filter(|&axis| room.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
+            (0..3).filter(|&axis| domain.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
         }
-        Path { before, end, after: room.place(end), drift, diffusion }
+        Path { before, end, after: domain.confine(end), drift, diffusion }
     }
 }
 
@@ -314,8 +338,8 @@ fn draw_block(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Decay, Species};
     use crate::model::particles::Particle;
+    use crate::model::{Decay, Species};
 
     fn species(diffusion: f64) -> Species {
         Species { name: "A".into(), diffusion, mass: 1.0, drift: [1.0, 0.0, 0.0], ..Species::default() }
@@ -330,7 +354,7 @@ mod tests {
     #[test]
     fn a_move_depends_on_the_id_and_not_on_the_place() {
         let model = Model { time_step: 0.1, species: vec![species(2.0)], ..Model::default() };
-        let motion = Motion::new(&model);
+        let motion = Propagator::new(&model);
         let mut all = cloud(10_001);
         let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
         let mut shuffled = all.permuted(&order);
@@ -362,7 +386,7 @@ mod tests {
         for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
             particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
         }
-        Motion::new(&model).advance(&mut particles, None, (Key::new(1), 0)).unwrap();
+        Propagator::new(&model).advance(&mut particles, None, (Key::new(1), 0)).unwrap();
         assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
         assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
         assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
@@ -379,7 +403,7 @@ mod tests {
             ..Model::default()
         };
         let n = 100_000;
-        let events = Motion::new(&model).advance(&mut cloud(n), None, (Key::new(9), 4)).unwrap();
+        let events = Propagator::new(&model).advance(&mut cloud(n), None, (Key::new(9), 4)).unwrap();
         for (which, share) in [(0, 0.25), (1, 0.75)] {
             let p = (1.0 - (-2.0_f64).exp()) * share;
             let count = events

@@ -15,21 +15,21 @@
 use lazygrid::{Detector, Neighbors, Sphere};
 
 use crate::Error;
-use crate::motion::receiver_state::Bodies;
 use crate::model::boundary::Boundary;
-use crate::motion::path_hit::Path;
 use crate::model::receiver::{finder, rounding};
+use crate::motion::path_hit::Path;
+use crate::motion::receiver_state::ActiveReceivers;
 
 /// How far a particle may get in this step: in a ball of radius `half` around the middle of its straight way, and beyond
 /// that as far as diffusion bends it and receivers come towards it, `more`. All in µm.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
+pub(crate) struct StepBounds {
     middle: [f32; 3],
     half: f32,
     more: f32,
 }
 
-impl Reach {
+impl StepBounds {
     #[inline(always)]
     pub(crate) fn new(path: &Path, more: f32) -> Self {
         let way: [f32; 3] = std::array::from_fn(|k| path.end[k] - path.before[k]);
@@ -43,25 +43,25 @@ impl Reach {
     }
 }
 
-/// The balls in which there is no receiver, and the search for others.
+/// The clear_spheres in which there is no receiver, and the search for others.
 #[derive(Debug)]
-pub(crate) struct Vicinity {
+pub(crate) struct ReceiverSearch {
     detector: Detector,
     /// By the places of particles: centre, and radius with how far receivers had got. All in µm.
-    pub(crate) balls: Vec<[f32; 4]>,
-    /// How far any receiver can have got since all balls were unknown, in µm.
+    pub(crate) clear_spheres: Vec<[f32; 4]>,
+    /// How far any receiver can have got since all clear_spheres were unknown, in µm.
     pub(crate) travelled: f32,
     steps: u32,
     /// How far the detector looks, as a multiple of the reach of a step. It does not change a result.
     factor: f32,
     queries: Vec<Sphere>,
     receivers: Vec<Sphere>,
-    worth: Worth,
+    worth: SearchCost,
 }
 
 /// Whether searches cost less than looking at every receiver. Nothing of it changes a result.
 #[derive(Debug, Default)]
-struct Worth {
+struct SearchCost {
     /// Steps with searches in this window.
     steps: u32,
     /// What they cost, as so many looks at a receiver.
@@ -81,46 +81,48 @@ const COSTS: [usize; 2] = [3, 1];
 
 /// Nothing is known.
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
-/// Steps of moving receivers after which balls are forgotten, so that rounding adds up to nothing.
+/// Steps of moving receivers after which clear_spheres are forgotten, so that rounding adds up to nothing.
 const FORGET: u32 = 64;
 /// The distances at which the detector looks: the first, the least and the most.
 const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
 /// Receivers found per particle, between which the detector looks as far as before.
 const FOUND: [usize; 2] = [1, 4];
 
-impl Vicinity {
+impl ReceiverSearch {
     /// A search in the space of a model, where it has receivers.
     ///
     /// # Errors
     /// [`Error::Detection`] for a box without extent.
-    pub(crate) fn new(bodies: &Bodies, boundary: &Boundary) -> Result<Option<Self>, Error> {
+    pub(crate) fn new(bodies: &ActiveReceivers, boundary: &Boundary) -> Result<Option<Self>, Error> {
         if bodies.all.is_empty() {
             return Ok(None);
         }
         Ok(Some(Self {
             detector: finder(boundary)?,
-            balls: Vec::new(),
+            clear_spheres: Vec::new(),
             travelled: 0.0,
             steps: 0,
             factor: FACTORS[0],
             queries: Vec::new(),
             receivers: Vec::new(),
-            worth: Worth::default(),
+            worth: SearchCost::default(),
         }))
     }
 
     /// Before a step of so many particles. Says whether it is to search, or to look at every receiver.
-    pub(crate) fn begin(&mut self, particles: usize, bodies: &Bodies) -> bool {
+    pub(crate) fn begin(&mut self, particles: usize, bodies: &ActiveReceivers) -> bool {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
-                self.balls.clear();
+                self.clear_spheres.clear();
                 self.travelled = 0.0;
             }
             self.steps += 1;
         }
-        self.balls.resize(particles, UNKNOWN);
+        self.clear_spheres.resize(particles, UNKNOWN);
         if bodies.move_about() || self.receivers.is_empty() {
-            let sphere = |body: &crate::motion::receiver_state::Body| Sphere::new(body.center, body.receiver.radius);
+            let sphere = |body: &crate::motion::receiver_state::ReceiverState| {
+                Sphere::new(body.center, body.receiver.radius)
+            };
             self.receivers.clear();
             self.receivers.extend(bodies.all.iter().map(sphere));
         }
@@ -128,30 +130,30 @@ impl Vicinity {
     }
 
     /// Behind a step.
-    pub(crate) fn end(&mut self, bodies: &Bodies) {
-        self.travelled += bodies.longest_way;
+    pub(crate) fn end(&mut self, bodies: &ActiveReceivers) {
+        self.travelled += bodies.max_displacement;
     }
 
     /// Returns `true` if a particle meets no receiver in the step.
     #[inline(always)]
-    pub(crate) fn is_clear(&self, place: usize, reach: &Reach) -> bool {
-        let [x, y, z, radius] = self.balls[place];
+    pub(crate) fn is_clear(&self, place: usize, reach: &StepBounds) -> bool {
+        let [x, y, z, radius] = self.clear_spheres[place];
         let d = [reach.middle[0] - x, reach.middle[1] - y, reach.middle[2] - z];
         let distance = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         distance + reach.half + reach.more <= radius - self.travelled
     }
 
     /// Finds the receivers near these particles, each with where it begins and how far it reaches. Returns them
-    /// by particle in the order of the bodies, with the distances in which all are found and what is left for the balls.
+    /// by particle in the order of the bodies, with the distances in which all are found and what is left for the clear_spheres.
     ///
     /// # Errors
     /// Fails if the detector fails.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
-        bodies: &Bodies,
+        bodies: &ActiveReceivers,
     ) -> Result<Found<'a>, lazygrid::Error> {
-        let Self { detector, travelled, factor, queries, receivers, balls, worth, .. } = self;
+        let Self { detector, travelled, factor, queries, receivers, clear_spheres, worth, .. } = self;
         queries.clear();
         queries.extend(particles.map(|(before, reach)| {
             let radius = *factor * reach + 1e-3 * bodies.largest;
@@ -159,7 +161,7 @@ impl Vicinity {
         }));
         let near = detector.neighbors((&*queries, &*receivers))?;
         let found: usize = (0..near.len()).map(|k| near.of(k).len()).sum();
-        worth.see([queries.len(), found], balls.len() * receivers.len());
+        worth.see([queries.len(), found], clear_spheres.len() * receivers.len());
         let [_, least, most] = FACTORS;
         // A few say little about the next step.
         if found > FOUND[1] * queries.len().max(16) {
@@ -171,7 +173,7 @@ impl Vicinity {
     }
 }
 
-impl Worth {
+impl SearchCost {
     /// Returns `true` if a step is to search.
     fn begin(&mut self) -> bool {
         if self.rest > 0 {
@@ -195,7 +197,7 @@ impl Worth {
 }
 
 /// What rounding may do to the distances between a particle, its ball and receivers, and to how far these got.
-fn slack(before: [f32; 3], radius: f32, bodies: &Bodies, travelled: f32) -> f32 {
+fn slack(before: [f32; 3], radius: f32, bodies: &ActiveReceivers, travelled: f32) -> f32 {
     rounding(before, radius + bodies.largest + travelled)
 }
 
@@ -212,7 +214,7 @@ impl Found<'_> {
         &self,
         k: usize,
         reach: f32,
-        (bodies, boundary): (&Bodies, &Boundary),
+        (bodies, boundary): (&ActiveReceivers, &Boundary),
     ) -> (Vec<u32>, [f32; 4]) {
         let Sphere { center, radius } = self.queries[k];
         let before = center.to_array();
@@ -221,7 +223,9 @@ impl Found<'_> {
         let mut candidates = Vec::new();
         for &other in self.near.of(k) {
             let body = &bodies.all[other as usize];
-            let gap = crate::model::receiver::height(body.receiver.radius, body.center, boundary, before) - slack;
+            let gap =
+                crate::model::receiver::signed_distance(body.receiver.radius, body.center, boundary, before)
+                    - slack;
             clear = clear.min(gap);
             if gap <= reach {
                 candidates.push(other);

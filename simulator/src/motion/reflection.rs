@@ -3,91 +3,97 @@
 //! A particle goes straight from bounce to bounce, in the frame of the sphere off which it bounces. Such ways keep a uniform
 //! density uniform, for any length, because billiards keep volumes.
 
-use crate::motion::receiver_state::Body;
 use crate::model::boundary::{Axis, Boundary};
+use crate::model::receiver::signed_distance;
 use crate::motion::path_hit::Path;
-use crate::model::receiver::height;
+use crate::motion::receiver_state::ReceiverState;
 
 /// The result of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Turned {
+pub(crate) struct ReflectedPath {
     /// The path up to its end, as if it were straight.
     pub(crate) path: Path,
     /// The place in the model of the first receiver that turned it.
     pub(crate) first: u32,
-    /// How far the particle goes in all, in µm: farther than its own way where spheres come towards it.
+    /// How far the particle goes in all, in µm: farther than its own displacement where spheres come towards it.
     pub(crate) gone: f32,
 }
 
 /// A sphere, seen from the particle where it begins.
 struct Obstacle<'a> {
-    body: &'a Body,
+    body: &'a ReceiverState,
     /// From the centre to the particle, both at the beginning.
     offset: [f64; 3],
-    way: [f64; 3],
+    displacement: [f64; 3],
 }
 
 /// Bounces of one step, at most; a particle that is about to have more stays where the last one is.
 const BOUNCES: usize = 64;
 
-/// The way of a particle past spheres that turn it back, all of which it is outside. Nothing where none does. Bounces turn
+/// The displacement of a particle past spheres that turn it back, all of which it is outside. Nothing where none does. Bounces turn
 /// its velocity, in µm per step, as well.
-pub(crate) fn turn(
-    bodies: &[&Body],
-    room: &Boundary,
+pub(crate) fn reflect_path(
+    bodies: &[&ReceiverState],
+    domain: &Boundary,
     path: &Path,
     velocity: &mut [f32; 3],
-) -> Option<Turned> {
-    let mut way: [f64; 3] = std::array::from_fn(|k| {
-        // Walls have turned the way where it has gone through them.
-        let to = if matches!(room.axes[k], Axis::Reflecting { .. }) { path.after[k] } else { path.end[k] };
+) -> Option<ReflectedPath> {
+    let mut displacement: [f64; 3] = std::array::from_fn(|k| {
+        // Walls have turned the displacement where it has gone through them.
+        let to = if matches!(domain.axes[k], Axis::Reflecting { .. }) { path.after[k] } else { path.end[k] };
         f64::from(to) - f64::from(path.before[k])
     });
-    let obstacles = obstacles(bodies, room, path, way);
+    let obstacles = obstacles(bodies, domain, path, displacement);
     let (mut gone, mut length, mut time, mut first) = ([0.0; 3], 0.0, 0.0, None);
     for _ in 0..BOUNCES {
         let left = 1.0 - time;
-        let meets =
-            |o: &Obstacle<'_>| Some((o.meeting(gone, time, way).filter(|&s| s < left)?, o.body.place));
+        let meets = |o: &Obstacle<'_>| {
+            Some((o.meeting(gone, time, displacement).filter(|&s| s < left)?, o.body.place))
+        };
         let next = obstacles.iter().filter_map(|o| Some((meets(o)?, o)));
         let Some(((after, place), obstacle)) = next.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0)) else {
-            gone = std::array::from_fn(|k| gone[k] + left * way[k]);
-            length += left * dot(way, way).sqrt();
+            gone = std::array::from_fn(|k| gone[k] + left * displacement[k]);
+            length += left * dot(displacement, displacement).sqrt();
             break;
         };
         first = first.or(Some(place));
-        gone = std::array::from_fn(|k| gone[k] + after * way[k]);
-        length += after * dot(way, way).sqrt();
+        gone = std::array::from_fn(|k| gone[k] + after * displacement[k]);
+        length += after * dot(displacement, displacement).sqrt();
         time += after;
         let out = obstacle.offset_at(gone, time);
         let distance = dot(out, out).sqrt();
         let normal = out.map(|c| c / distance);
-        way = turned(way, obstacle.way, normal);
+        displacement = turned(displacement, obstacle.displacement, normal);
         let drift = obstacle.body.drift.map(f64::from);
         *velocity = turned(velocity.map(f64::from), drift, normal).map(|c| c as f32);
     }
     let first = first?;
     let end = std::array::from_fn(|k| (f64::from(path.before[k]) + gone[k]) as f32);
-    let after = outside(bodies, room, path.before, room.place(end));
-    Some(Turned { path: Path { end, after, ..*path }, first, gone: length as f32 })
+    let after = outside(bodies, domain, path.before, domain.confine(end));
+    Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32 })
 }
 
-/// Both images of each sphere that may be in the way where space repeats: those nearest to its beginning and to its end.
-fn obstacles<'a>(bodies: &[&'a Body], room: &Boundary, path: &Path, way: [f64; 3]) -> Vec<Obstacle<'a>> {
+/// Both images of each sphere that may be in the displacement where space repeats: those nearest to its beginning and to its end.
+fn obstacles<'a>(
+    bodies: &[&'a ReceiverState],
+    domain: &Boundary,
+    path: &Path,
+    displacement: [f64; 3],
+) -> Vec<Obstacle<'a>> {
     let mut obstacles = Vec::with_capacity(bodies.len());
     for &body in bodies {
-        let own = body.way.map(f64::from);
+        let own = body.displacement.map(f64::from);
         let exact = |from: [f32; 3], to: [f64; 3]| -> [f64; 3] {
-            std::array::from_fn(|k| room.axes[k].offset_exact(to[k] - f64::from(from[k])))
+            std::array::from_fn(|k| domain.axes[k].displacement_exact(to[k] - f64::from(from[k])))
         };
         let before = path.before.map(f64::from);
         let offset = exact(body.center, before);
-        let last = exact(body.center, std::array::from_fn(|k| before[k] + way[k] - own[k]));
-        let other: [f64; 3] = std::array::from_fn(|k| last[k] - (way[k] - own[k]));
+        let last = exact(body.center, std::array::from_fn(|k| before[k] + displacement[k] - own[k]));
+        let other: [f64; 3] = std::array::from_fn(|k| last[k] - (displacement[k] - own[k]));
         let differs = (0..3).any(|k| (other[k] - offset[k]).abs() > f64::from(body.receiver.radius));
-        obstacles.push(Obstacle { body, offset, way: own });
+        obstacles.push(Obstacle { body, offset, displacement: own });
         if differs {
-            obstacles.push(Obstacle { body, offset: other, way: own });
+            obstacles.push(Obstacle { body, offset: other, displacement: own });
         }
     }
     obstacles
@@ -96,14 +102,14 @@ fn obstacles<'a>(bodies: &[&'a Body], room: &Boundary, path: &Path, way: [f64; 3
 impl Obstacle<'_> {
     /// From its centre to the particle that has gone so far, at a time of the step.
     fn offset_at(&self, gone: [f64; 3], time: f64) -> [f64; 3] {
-        std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.way[k])
+        std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
     }
 
-    /// How much later a particle on this way meets it that is outside now.
-    fn meeting(&self, gone: [f64; 3], time: f64, way: [f64; 3]) -> Option<f64> {
+    /// How much later a particle on this displacement meets it that is outside now.
+    fn meeting(&self, gone: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
         let from = self.offset_at(gone, time);
-        let way: [f64; 3] = std::array::from_fn(|k| way[k] - self.way[k]);
-        let (a, b) = (dot(way, way), dot(from, way));
+        let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
+        let (a, b) = (dot(displacement, displacement), dot(from, displacement));
         // Rounding may have left it a little inside.
         let c = (dot(from, from) - f64::from(self.body.receiver.radius).powi(2)).max(0.0);
         let root = b * b - a * c;
@@ -122,11 +128,12 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The end of a way, or its beginning where walls or rounding brought the end into a sphere. A sphere that comes over both
+/// The end of a displacement, or its beginning where walls or rounding brought the end into a sphere. A sphere that comes over both
 /// pushes the particle before it.
-fn outside(bodies: &[&Body], room: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
+fn outside(bodies: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
     let inside = |point: [f32; 3]| {
-        let height = |body: &Body| height(body.receiver.radius, body.center_at(1.0), room, point);
+        let height =
+            |body: &ReceiverState| signed_distance(body.receiver.radius, body.center_at(1.0), domain, point);
         bodies.iter().find(|body| height(body) < 0.0)
     };
     if inside(after).is_none() {
@@ -134,25 +141,25 @@ fn outside(bodies: &[&Body], room: &Boundary, before: [f32; 3], after: [f32; 3])
     }
     let Some(body) = inside(before) else { return before };
     let center = body.center_at(1.0);
-    let out = room.offset(center, before);
+    let out = domain.displacement(center, before);
     let length = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]).sqrt().max(f32::MIN_POSITIVE);
     let factor = body.receiver.radius / length * (1.0 + 1e-5);
-    room.place(std::array::from_fn(|k| center[k] + factor * out[k]))
+    domain.confine(std::array::from_fn(|k| center[k] + factor * out[k]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::receiver::{Receiver, ReceiverKind};
     use crate::random::philox::{open_unit, philox};
-    use crate::model::receiver::{Kind, Receiver};
 
-    fn body(center: [f32; 3], radius: f32) -> Body {
-        let receiver = Receiver { center, radius, kind: Kind::Reflecting, ..Receiver::default() };
-        Body::new(0, receiver, 1.0)
+    fn body(center: [f32; 3], radius: f32) -> ReceiverState {
+        let receiver = Receiver { center, radius, kind: ReceiverKind::Reflecting, ..Receiver::default() };
+        ReceiverState::new(0, receiver, 1.0)
     }
 
-    fn path(before: [f32; 3], end: [f32; 3], room: &Boundary) -> Path {
-        Path { before, end, after: room.place(end), drift: [0.0; 3], diffusion: 0.0 }
+    fn path(before: [f32; 3], end: [f32; 3], domain: &Boundary) -> Path {
+        Path { before, end, after: domain.confine(end), drift: [0.0; 3], diffusion: 0.0 }
     }
 
     #[track_caller]
@@ -165,18 +172,18 @@ mod tests {
     fn ways_are_those_of_light() {
         let (open, ball) = (Boundary::default(), body([0.0; 3], 1.0));
         let mut velocity = [-3.0, 5.0, 0.0];
-        let mut end = |from, to| turn(&[&ball], &open, &path(from, to, &open), &mut velocity);
+        let mut end = |from, to| reflect_path(&[&ball], &open, &path(from, to, &open), &mut velocity);
         assert_eq!(end([3.0, 0.0, 0.0], [1.5, 2.0, 0.0]), None);
         close(end([3.0, 0.0, 0.0], [-1.0, 0.0, 0.0]).unwrap().path.after, [3.0, 0.0, 0.0]);
         let half = 0.5_f32.sqrt();
         let aside = end([3.0, half, 0.0], [half - 1.0, half, 0.0]).unwrap();
         close(aside.path.after, [half, half + 1.0, 0.0]);
-        // Turned at the first bounce, and again at the second one.
+        // ReflectedPath at the first bounce, and again at the second one.
         close(velocity, [-5.0, -3.0, 0.0]);
         let (left, right) = (body([-2.0, 0.0, 0.0], 1.0), body([2.0, 0.0, 0.0], 1.0));
         let to_and_fro = path([0.0; 3], [7.5, 0.0, 0.0], &open);
         close(
-            turn(&[&left, &right], &open, &to_and_fro, &mut velocity).unwrap().path.after,
+            reflect_path(&[&left, &right], &open, &to_and_fro, &mut velocity).unwrap().path.after,
             [-0.5, 0.0, 0.0],
         );
     }
@@ -185,10 +192,10 @@ mod tests {
     fn a_body_that_comes_turns_what_rests() {
         let open = Boundary::default();
         let mut ball = body([-3.0, 0.0, 0.0], 1.0);
-        ball.way = [4.0, 0.0, 0.0];
-        ball.drift = ball.way;
+        ball.displacement = [4.0, 0.0, 0.0];
+        ball.drift = ball.displacement;
         let mut velocity = [0.0; 3];
-        let pushed = turn(&[&ball], &open, &path([0.0; 3], [0.0; 3], &open), &mut velocity).unwrap();
+        let pushed = reflect_path(&[&ball], &open, &path([0.0; 3], [0.0; 3], &open), &mut velocity).unwrap();
         close(pushed.path.after, [4.0, 0.0, 0.0]);
         close(velocity, [8.0, 0.0, 0.0]);
     }
@@ -196,19 +203,20 @@ mod tests {
     #[test]
     fn nothing_gets_in_across_seams_and_walls() {
         let rooms = [Boundary::periodic([-2.0; 3], [2.0; 3]), Boundary::reflecting([-2.0; 3], [2.0; 3])];
-        for room in rooms {
-            let balls =
+        for domain in rooms {
+            let clear_spheres =
                 [body([2.0, 0.0, 0.0], 1.0), body([-1.0, 0.5, 0.0], 0.9), body([0.4, -1.5, 1.0], 0.7)];
-            let balls: Vec<&Body> = balls.iter().collect();
-            let is_out =
-                |p: [f32; 3]| balls.iter().all(|b| height(b.receiver.radius, b.center, &room, p) >= 0.0);
+            let clear_spheres: Vec<&ReceiverState> = clear_spheres.iter().collect();
+            let is_out = |p: [f32; 3]| {
+                clear_spheres.iter().all(|b| signed_distance(b.receiver.radius, b.center, &domain, p) >= 0.0)
+            };
             let mut from = [0.5, 1.5, -1.5];
             let mut turns = 0;
             for k in 0..50_000_u32 {
                 let [x, y, z, _] = philox([k, 0, 0, 0], [1, 2]).map(|word| 3.0 * (open_unit(word) - 0.5));
-                let way = path(from, [from[0] + x, from[1] + y, from[2] + z], &room);
-                let turned = turn(&balls, &room, &way, &mut [0.0; 3]);
-                from = turned.map_or(way.after, |turned| turned.path.after);
+                let displacement = path(from, [from[0] + x, from[1] + y, from[2] + z], &domain);
+                let turned = reflect_path(&clear_spheres, &domain, &displacement, &mut [0.0; 3]);
+                from = turned.map_or(displacement.after, |turned| turned.path.after);
                 turns += u32::from(turned.is_some());
                 assert!(is_out(from), "{k}: {from:?}");
             }

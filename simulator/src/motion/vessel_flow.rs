@@ -1,19 +1,19 @@
 //! A step in a vessel, and with what flows there.
 
 use crate::model::boundary::Boundary;
-use crate::model::{Flow, Model};
 use crate::model::vessel::Vessel;
+use crate::model::{Flow, Model};
 
 /// A vessel, and its flow.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stream {
+pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
     /// The displacement of Poiseuille flow in one step on the axis, in µm.
     fastest: f64,
 }
 
 /// The end of a step in a flow.
-pub(crate) struct Carried {
+pub(crate) struct AdvectedPath {
     /// Without what bounds the vessel along its axis.
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
@@ -21,7 +21,7 @@ pub(crate) struct Carried {
     pub(crate) by: f32,
 }
 
-impl Stream {
+impl FlowStep {
     /// The vessel of a model that has one.
     pub(crate) fn new(model: &Model) -> Option<Self> {
         let mean = match model.flow {
@@ -32,10 +32,15 @@ impl Stream {
     }
 
     /// A step between `ends`, the second as it would be without wall and flow. Velocities turn where walls turn the way.
-    pub(crate) fn carry(&self, room: &Boundary, ends: [[f32; 3]; 2], velocity: &mut [f32; 3]) -> Carried {
+    pub(crate) fn carry(
+        &self,
+        domain: &Boundary,
+        ends: [[f32; 3]; 2],
+        velocity: &mut [f32; 3],
+    ) -> AdvectedPath {
         let [before, straight] = ends;
         let along = self.vessel.along;
-        let mut end = match &room.vessel {
+        let mut end = match &domain.vessel {
             Some(vessel) => vessel.reflect(before, straight, velocity),
             None => straight,
         };
@@ -44,10 +49,10 @@ impl Stream {
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;
         end[along] += by;
         let mut after = end;
-        if room.axes[along].turns(end[along]) {
+        if domain.axes[along].turns(end[along]) {
             velocity[along] = -velocity[along];
         }
-        after[along] = room.axes[along].place(end[along]);
-        Carried { end, after, by }
+        after[along] = domain.axes[along].confine(end[along]);
+        AdvectedPath { end, after, by }
     }
 }

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use super::series::moment;
 use crate::random::philox::Key;
-use crate::{Model, Standing};
+use crate::{Model, RunView};
 
 /// The first line of `arrivals.csv`.
 pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
@@ -14,7 +14,7 @@ pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
 
 /// Who arrived in the last step: when that ended, where, as which species, under which id, from which transmitter, and
 /// when it was released there; the last two are empty for particles that were placed by hand.
-pub(super) fn rows(out: &mut impl Write, simulation: &impl Standing) -> io::Result<()> {
+pub(super) fn rows(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     let model = simulation.model();
     for arrival in simulation.arrivals() {
         let receiver = &model.receivers[arrival.receiver as usize].name;
@@ -38,11 +38,7 @@ pub(super) fn header_of_releases(out: &mut impl Write) -> io::Result<()> {
 }
 
 /// The releases at the beginning of the next step.
-pub(super) fn rows_of_releases(
-    out: &mut impl Write,
-    simulation: &impl Standing,
-    seed: u64,
-) -> io::Result<()> {
+pub(super) fn rows_of_releases(out: &mut impl Write, simulation: &impl RunView, seed: u64) -> io::Result<()> {
     let (model, step) = (simulation.model(), simulation.step_count());
     for (from, species, count) in model.releases(step, Key::new(seed)).filter(|&(_, _, count)| count > 0) {
         let species = &model.species[species as usize].name;

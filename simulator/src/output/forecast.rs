@@ -3,7 +3,7 @@
 use super::{frames, series};
 use crate::animation;
 use crate::scenario::Output;
-use crate::{Kind, Model, Standing, State};
+use crate::{Model, ReceiverKind, RunView, State};
 
 /// The remaining output, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +23,7 @@ const COORDINATE: f64 = 9.7;
 
 impl Forecast {
     /// Returns the output of a run up to a number of steps.
-    pub(crate) fn of(run: &impl Standing, output: Output, steps: u32, scenario: &str) -> Self {
+    pub(crate) fn of(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
         let (model, from) = (run.model(), run.step_count());
         let crowd = Crowd::new(model, &run.totals().present, from, steps);
         let due = |every: u32| u64::from(steps / every - from / every);
@@ -58,7 +58,7 @@ impl Forecast {
 }
 
 /// The bytes of the next frame and checkpoint, with the present particles.
-pub(crate) fn next(run: &impl Standing, output: Output) -> u64 {
+pub(crate) fn next(run: &impl RunView, output: Output) -> u64 {
     let model = run.model();
     let present = run.totals().present.iter().enumerate();
     let each = |species: usize| {
@@ -76,7 +76,7 @@ pub(crate) fn next(run: &impl Standing, output: Output) -> u64 {
 fn loses(model: &Model) -> bool {
     model.decays.iter().any(|decay| decay.products[0].is_none())
         || model.reactions.iter().any(|reaction| reaction.products.contains(&None))
-        || model.receivers.iter().any(|receiver| receiver.kind != Kind::Transparent)
+        || model.receivers.iter().any(|receiver| receiver.kind != ReceiverKind::Transparent)
 }
 
 /// Particles to come.

@@ -5,9 +5,9 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::Error;
+use crate::error::Damage;
 use crate::run::checkpoint::FileRecord;
 use crate::run::checksum::{Digest, DigestWriter};
-use crate::error::Damage;
 
 /// Buffers, digests, and writes to a file.
 type Out = BufWriter<DigestWriter<File>>;

@@ -22,10 +22,10 @@ pub(crate) use lock::Lock;
 use growing::Growing;
 
 use crate::animation;
-use crate::run::checkpoint::FileRecord;
 use crate::results::series::Series;
+use crate::run::checkpoint::FileRecord;
 use crate::scenario::Output;
-use crate::{Error, Model, Standing};
+use crate::{Error, Model, RunView};
 
 const SERIES: &str = "series.csv";
 const SYMBOLS: &str = "symbols.csv";
@@ -127,7 +127,7 @@ impl Files {
     }
 
     /// Writes what is due after the steps done so far.
-    pub(crate) fn record(&mut self, simulation: &impl Standing) -> Result<(), Error> {
+    pub(crate) fn record(&mut self, simulation: &impl RunView) -> Result<(), Error> {
         let step = simulation.step_count();
         if step.is_multiple_of(self.output.every) {
             self.series.put(|out| series::row(out, simulation))?;

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use crate::{Model, Standing};
+use crate::{Model, RunView};
 
 /// The first line: `step`, `time` and the names of the counts.
 pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
@@ -10,7 +10,7 @@ pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
 }
 
 /// One row.
-pub(super) fn row(out: &mut impl Write, simulation: &impl Standing) -> io::Result<()> {
+pub(super) fn row(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     write!(out, "{}", moment(simulation.step_count(), simulation.model()))?;
     counts(simulation).iter().try_for_each(|count| write!(out, ",{count}"))?;
     writeln!(out)
@@ -32,7 +32,7 @@ pub fn names(model: &Model) -> Vec<String> {
 }
 
 /// The counts so far, in the order of the [`names`].
-pub fn counts(simulation: &impl Standing) -> Vec<u64> {
+pub fn counts(simulation: &impl RunView) -> Vec<u64> {
     let (totals, model) = (simulation.totals(), simulation.model());
     let mut counts = [&totals.present[..], &totals.reacted, &totals.decayed].concat();
     for (received, receiver) in simulation.received().iter().zip(&model.receivers) {

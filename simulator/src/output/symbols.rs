@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use crate::random::philox::Key;
 use crate::model::transmitter::Schedule;
+use crate::random::philox::Key;
 use crate::{Model, Transmitter};
 
 /// Returns `true` if anything is sent.

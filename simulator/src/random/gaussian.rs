@@ -8,15 +8,15 @@
 /// Three standard normal numbers from four random words.
 #[inline(always)]
 pub fn normals(words: [u32; 4]) -> [f32; 3] {
-    let [cosine, sine] = turn(words[1]);
-    let near = distance(words[0]);
-    let [third, _] = turn(words[3]);
-    [near * cosine, near * sine, distance(words[2]) * third]
+    let [cosine, sine] = cos_sin(words[1]);
+    let near = rayleigh(words[0]);
+    let [third, _] = cos_sin(words[3]);
+    [near * cosine, near * sine, rayleigh(words[2]) * third]
 }
 
 /// √(−2 ln u) of the uniform number that a word stands for; at most 5.77.
 #[inline(always)]
-fn distance(word: u32) -> f32 {
+fn rayleigh(word: u32) -> f32 {
     (-2.0 * ln(crate::random::philox::open_unit(word))).sqrt()
 }
 
@@ -37,7 +37,7 @@ fn ln(value: f32) -> f32 {
 
 /// Cosine and sine of the angle that a word stands for as a part of a full turn.
 #[inline(always)]
-pub fn turn(word: u32) -> [f32; 2] {
+pub fn cos_sin(word: u32) -> [f32; 2] {
     let quarter = word.wrapping_add(0x2000_0000) >> 30;
     let rest = (word.wrapping_sub(quarter << 30) as i32) >> 8;
     let a = rest as f32 * (std::f32::consts::TAU / 16_777_216.0);
@@ -58,7 +58,7 @@ pub fn turn(word: u32) -> [f32; 2] {
 pub fn direction(first: u32, second: u32) -> [f32; 3] {
     let z = 2.0 * crate::random::philox::open_unit(first) - 1.0;
     let across = (1.0 - z * z).max(0.0).sqrt();
-    let [cosine, sine] = turn(second);
+    let [cosine, sine] = cos_sin(second);
     [across * cosine, across * sine, z]
 }
 
@@ -74,7 +74,7 @@ mod tests {
             let u = crate::random::philox::open_unit(word);
             let exact = libm::log(f64::from(u));
             assert!((f64::from(ln(u)) - exact).abs() <= 3e-7 * exact.abs(), "ln {u}");
-            let [c, s] = turn(word);
+            let [c, s] = cos_sin(word);
             let angle = f64::from(word) / 4_294_967_296.0 * std::f64::consts::TAU;
             assert!((f64::from(c) - angle.cos()).abs() < 5e-7, "cos {angle} is {c}");
             assert!((f64::from(s) - angle.sin()).abs() < 5e-7, "sin {angle} is {s}");

@@ -26,9 +26,9 @@ pub enum Purpose {
     /// The position of a particle within a step; drawn by particle and piece of its path.
     Path = 6,
     /// Whether and how a particle comes apart.
-    Split = 7,
+    Dissociation = 7,
     /// The events of a particle between its release and the beginning of the next step.
-    Youth = 8,
+    PartialStep = 8,
     /// The number of released particles; drawn by transmitter.
     Count = 9,
     /// Which symbol is sent; drawn by transmitter and place in the message.
@@ -36,7 +36,7 @@ pub enum Purpose {
     /// Whether and where a swimmer turns.
     Tumble = 11,
     /// The displacement of a receiver; drawn by its index in the model.
-    Body = 12,
+    ReceiverMotion = 12,
     /// When and where something comes off a receptor.
     Unbinding = 13,
     /// The seed of a replica; drawn by its number.
@@ -156,7 +156,7 @@ pub(crate) fn fine_unit(word: u32) -> f64 {
 }
 
 /// The largest word that stands for "yes" at this probability in (0, 1]; rounded to the nearest of 2³².
-pub fn yes_up_to(probability: f64) -> Option<u32> {
+pub fn probability_threshold(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)
 }
@@ -183,9 +183,9 @@ mod tests {
 
     #[test]
     fn probabilities_as_words() {
-        assert_eq!(yes_up_to(0.0), None);
-        assert_eq!(yes_up_to(1.0), Some(u32::MAX));
-        assert_eq!(yes_up_to(0.5), Some(u32::MAX / 2));
-        assert_eq!(yes_up_to(1.0 / 4_294_967_296.0), Some(0));
+        assert_eq!(probability_threshold(0.0), None);
+        assert_eq!(probability_threshold(1.0), Some(u32::MAX));
+        assert_eq!(probability_threshold(0.5), Some(u32::MAX / 2));
+        assert_eq!(probability_threshold(1.0 / 4_294_967_296.0), Some(0));
     }
 }

@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use crate::run::view::Standing;
+use crate::run::view::RunView;
 use crate::{Arrival, Error, Model, State, Totals};
 
 /// A run over ranks, brought together on rank 0. The others have the counts, and nothing of the lists.
@@ -15,7 +15,7 @@ pub struct Gathered<'a> {
     pub(super) state: State,
 }
 
-impl Standing for Gathered<'_> {
+impl RunView for Gathered<'_> {
     fn model(&self) -> &Model {
         self.model
     }

@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 use lazygrid_ranks::{Carrier, Ghosts, deliver};
 use rayon::prelude::*;
 
-use crate::reaction::matching::{Candidate, Key};
+use crate::reaction::matching::{Key, ReactionCandidate};
 
 /// The state of each particle of a rank in a step, and of each ghost after them.
 #[derive(Clone, Debug, Default)]
@@ -67,13 +67,13 @@ impl Contest {
     pub(super) fn greedy<C: Carrier>(
         &mut self,
         carrier: &mut C,
-        candidates: &mut [Candidate],
+        candidates: &mut [ReactionCandidate],
         (own, ghosts): (usize, &Ghosts),
     ) -> Result<Vec<u32>, C::Error> {
         let places = own + ghosts.particles().len();
         self.best.resize(self.best.len().max(places), None);
         self.taken.resize(self.taken.len().max(places), false);
-        candidates.par_sort_unstable_by_key(Candidate::key);
+        candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let candidates = &*candidates;
         let mut active: Vec<u32> = (0..candidates.len() as u32).collect();
         let (mut chosen, mut won) = (Vec::new(), Vec::new());
@@ -154,7 +154,7 @@ impl Contest {
 }
 
 /// The ghosts that candidates claim, each once, ascending.
-fn claimed_ghosts(candidates: &[Candidate], active: &[u32], own: usize) -> Vec<u32> {
+fn claimed_ghosts(candidates: &[ReactionCandidate], active: &[u32], own: usize) -> Vec<u32> {
     let claimed = active.iter().flat_map(|&c| candidates[c as usize].claimed());
     let mut ghosts: Vec<u32> =
         claimed.filter_map(|at| at.checked_sub(own)).map(|ghost| ghost as u32).collect();
@@ -172,13 +172,18 @@ mod tests {
     use crate::reaction::matching::tests::{candidates, sequential};
 
     /// The data of one rank: its candidates, the number of its particles, and the ghosts after them.
-    fn of_rank(all: &[Candidate], owners: &[u32], rank: u32) -> (Vec<Candidate>, usize, Ghosts) {
+    fn of_rank(
+        all: &[ReactionCandidate],
+        owners: &[u32],
+        rank: u32,
+    ) -> (Vec<ReactionCandidate>, usize, Ghosts) {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let index =
             |p: u32| owners[..p as usize].iter().filter(|&&owner| owner == owners[p as usize]).count() as u32;
         // Of two particles the first one's owner reports, or the second one's, by their ids.
-        let is_here = |c: &&Candidate| owners[c.at[(c.ids[0] + c.ids[1]) as usize % 2] as usize] == rank;
-        let here: Vec<Candidate> = all.iter().filter(is_here).copied().collect();
+        let is_here =
+            |c: &&ReactionCandidate| owners[c.at[(c.ids[0] + c.ids[1]) as usize % 2] as usize] == rank;
+        let here: Vec<ReactionCandidate> = all.iter().filter(is_here).copied().collect();
         let foreign = |&p: &u32| owners[p as usize] != rank;
         let mut ghosts: Vec<u32> = here.iter().flat_map(|c| c.at).filter(foreign).collect();
         ghosts.sort_unstable_by_key(|&p| (owners[p as usize], p));
@@ -188,7 +193,7 @@ mod tests {
             Some(ghost) => (own + ghost) as u32,
             None => index(p),
         };
-        let here = here.into_iter().map(|c| Candidate { at: c.at.map(local), ..c }).collect();
+        let here = here.into_iter().map(|c| ReactionCandidate { at: c.at.map(local), ..c }).collect();
         let count = |of: u32| ghosts.iter().filter(|&&p| owners[p as usize] == of).count();
         let counts: Vec<usize> = (0..ranks).map(count).collect();
         let particle = |&p: &u32| Particle { index: index(p), id: p.into(), ..Particle::default() };

@@ -7,10 +7,10 @@ use lazygrid_ranks::{Carrier, Settings, gather};
 
 use super::{RankSimulation, Share, Wanted};
 use crate::Error;
-use crate::run::checkpoint::Checkpoint;
 use crate::output::{self, Files, Lock};
-use crate::run::time_step_monitor::Pace;
-use crate::run::{Beside, End, Run};
+use crate::run::checkpoint::Checkpoint;
+use crate::run::time_step_monitor::TimeStepMonitor;
+use crate::run::{ReplicaSlot, Run, RunEnd};
 use crate::scenario::Scenario;
 
 impl Run {
@@ -27,7 +27,7 @@ impl Run {
         &self,
         mut carrier: C,
         mut watch: impl FnMut(u32) -> ControlFlow<()>,
-    ) -> Result<(End, RankSimulation<C>), C::Error> {
+    ) -> Result<(RunEnd, RankSimulation<C>), C::Error> {
         self.shared().agree(&mut carrier)?;
         let is_first = carrier.rank() == 0;
         if is_first {
@@ -36,14 +36,14 @@ impl Run {
         let (mut simulation, mut files) =
             if self.resume { self.go_on_over(carrier)? } else { self.begin_over(carrier)? };
         let first = simulation.step_count();
-        let mut pace = Pace::default();
+        let mut pace = TimeStepMonitor::default();
         let mut asks = |simulation: &mut RankSimulation<C>| {
             let asked = watch(simulation.step_count()).is_break();
             simulation.carrier().sum(&[asked.into()])[0] > 0
         };
         let mut stops = asks(&mut simulation);
         while !stops && simulation.step_count() < self.scenario.steps {
-            let before = Pace::part_of(simulation.totals());
+            let before = TimeStepMonitor::part_of(simulation.totals());
             simulation.step()?;
             pace.see(simulation.model(), [&before, simulation.totals()], 1);
             self.record_over(&mut simulation, &mut files)?;
@@ -60,10 +60,10 @@ impl Run {
         let animated = files.map_or(Ok(()), |files| files.animate(simulation.model(), &self.title()));
         simulation.agree(animated)?;
         if is_first {
-            pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+            pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
         let done = simulation.step_count() >= self.scenario.steps;
-        Ok((if done { End::Finished } else { End::Stopped }, simulation))
+        Ok((if done { RunEnd::Finished } else { RunEnd::Stopped }, simulation))
     }
 
     /// The settings that all ranks must share besides those of a [`RankSimulation`].
@@ -85,7 +85,7 @@ impl Run {
         let standing = simulation.look(Wanted::default())?;
         let create = || {
             let lock = output::prepare(&self.directory, self.overwrite)?;
-            self.foretell(&standing, Beside::NONE)?;
+            self.check_disk_space(&standing, ReplicaSlot::NONE)?;
             output::forget(&self.directory, &["replicas.csv", "mean.csv"])?;
             Files::create(&self.directory, *output, (model, *seed), lock)
         };
@@ -122,7 +122,7 @@ impl Run {
             RankSimulation::resume(carrier, own.model.clone(), (own.seed, self.algorithm), state)?;
         let standing = simulation.look(Wanted::default())?;
         let reopen = |lock: Lock| {
-            self.foretell(&standing, Beside::NONE)?;
+            self.check_disk_space(&standing, ReplicaSlot::NONE)?;
             Files::reopen(&self.directory, own.output, (&own.model, own.seed), &records, lock)
         };
         let files = lock.map(reopen).transpose();
@@ -158,7 +158,7 @@ impl Run {
         }
         let standing = simulation.look(wanted)?;
         let record = |files: &mut Files| {
-            if step > 0 && self.is_disk_full(&standing, Beside::NONE)? {
+            if step > 0 && self.is_disk_full(&standing, ReplicaSlot::NONE)? {
                 return Ok(false);
             }
             files.record(&standing).map(|()| true)

@@ -8,13 +8,13 @@ use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Parting, Published, Search,
 
 use super::matching::Contest;
 use super::{Gathered, Share, check, rows};
-use crate::motion::binding::{self, Bid};
-use crate::reaction::dissociation::Split;
-use crate::reaction::matching::Candidate;
 use crate::model::Contact;
-use crate::reaction::{Outcome, interactions};
+use crate::motion::binding::{self, BindingRequest};
+use crate::reaction::dissociation::Dissociated;
+use crate::reaction::matching::ReactionCandidate;
+use crate::reaction::{ReactantChange, interactions};
 use crate::run::simulation::{Moved, detector};
-use crate::{Arrival, Error, Kind, Model, Simulation, State, Totals};
+use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
 
 /// The part that one rank has of a run, and what it takes to go on together with the others.
 ///
@@ -161,7 +161,7 @@ impl<C: Carrier> RankSimulation<C> {
         let moved = self.run.advance(&free);
         let moved = self.agree(moved)?;
         let bids = self.all_bids(&moved)?;
-        self.run.apply_events(&moved, &binding::refused(bids, &free));
+        self.run.apply_events(&moved, &binding::rejected(bids, &free));
         let outcomes = self.interact()?;
         let splits = self.run.splits(&outcomes);
         let parents = self.all_parents(&splits)?;
@@ -180,8 +180,8 @@ impl<C: Carrier> RankSimulation<C> {
     }
 
     /// The particles that are to bind to receptors, on all ranks.
-    fn all_bids(&mut self, moved: &Moved) -> Result<Vec<Bid>, C::Error> {
-        let has_receptors = |receiver: &crate::Receiver| matches!(receiver.kind, Kind::Receptors(_));
+    fn all_bids(&mut self, moved: &Moved) -> Result<Vec<BindingRequest>, C::Error> {
+        let has_receptors = |receiver: &crate::Receiver| matches!(receiver.kind, ReceiverKind::Receptors(_));
         if !self.run.model.receivers.iter().any(has_receptors) {
             return Ok(Vec::new());
         }
@@ -189,7 +189,7 @@ impl<C: Carrier> RankSimulation<C> {
     }
 
     /// The ids of what comes apart into two on all ranks, ascending.
-    fn all_parents(&mut self, splits: &[Split]) -> Result<Vec<u32>, C::Error> {
+    fn all_parents(&mut self, splits: &[Dissociated]) -> Result<Vec<u32>, C::Error> {
         if self.run.dissociation.is_empty() {
             return Ok(Vec::new());
         }
@@ -200,7 +200,7 @@ impl<C: Carrier> RankSimulation<C> {
     }
 
     /// Finds pairs and lets them react. Returns what comes of the particles that this rank has then.
-    fn interact(&mut self) -> Result<Vec<Outcome>, C::Error> {
+    fn interact(&mut self) -> Result<Vec<ReactantChange>, C::Error> {
         let Self { carrier, run, meeting, .. } = self;
         let Some(meeting) = meeting else { return Ok(Vec::new()) };
         meeting.settle(carrier, run)?;
@@ -311,7 +311,7 @@ impl Meeting {
 
     /// Counts the pairs that this rank reports, and returns those that chance lets react; ghosts then lie behind the
     /// particles of this rank, unless nothing reacts.
-    fn candidates(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<Candidate>, Error> {
+    fn candidates(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<ReactionCandidate>, Error> {
         let Simulation { model, key, state, reactions, .. } = run;
         let State { particles, totals, step, .. } = state;
         let failed = |source| Error::Step { step: *step, source };
@@ -347,11 +347,12 @@ impl Meeting {
 /// Sends what comes of ghosts to their owners. Returns what comes of the particles of this rank.
 fn deliver_outcomes<C: Carrier>(
     carrier: &mut C,
-    mut outcomes: Vec<Outcome>,
+    mut outcomes: Vec<ReactantChange>,
     (own, ghosts): (usize, &Ghosts),
-) -> Result<Vec<Outcome>, C::Error> {
-    let ghost_of = |outcome: &Outcome| (outcome.at as usize).checked_sub(own).map(|ghost| ghost as u32);
-    let message = |outcome: &Outcome| {
+) -> Result<Vec<ReactantChange>, C::Error> {
+    let ghost_of =
+        |outcome: &ReactantChange| (outcome.at as usize).checked_sub(own).map(|ghost| ghost as u32);
+    let message = |outcome: &ReactantChange| {
         let ghost = ghost_of(outcome)?;
         let at = ghosts.particles()[ghost as usize].index;
         let product = outcome.product.map_or(0, |species| species + 1);
@@ -360,7 +361,7 @@ fn deliver_outcomes<C: Carrier>(
     let send = outcomes.iter().filter_map(message).collect();
     let (came, _) = deliver(carrier, "what comes of ghosts", send)?;
     outcomes.retain(|outcome| ghost_of(outcome).is_none());
-    outcomes.extend(came.into_iter().map(|Message { at, product, position }| Outcome {
+    outcomes.extend(came.into_iter().map(|Message { at, product, position }| ReactantChange {
         at,
         product: product.checked_sub(1),
         position,

@@ -4,18 +4,18 @@
 //! was, so that what came of it has the rest. Chains of decays are therefore right for steps of any length.
 
 use crate::model::Model;
-use crate::random::philox::{Key, Purpose, yes_up_to};
+use crate::random::philox::{Key, Purpose, probability_threshold};
 
 /// The decays of a model, made ready.
 #[derive(Clone, Debug)]
 pub struct Decays {
     /// Indexed by species; none of what comes apart into two, which [`Dissociation`](crate::reaction::dissociation::Dissociation) does.
-    kinds: Vec<Kind>,
+    kinds: Vec<SpeciesDecays>,
     time_step: f64,
 }
 
 #[derive(Clone, Debug, Default)]
-struct Kind {
+struct SpeciesDecays {
     /// The sum of all rates, in 1/s.
     rate: f64,
     channels: Vec<Channel>,
@@ -58,7 +58,7 @@ impl Decays {
 
     /// Calls `tell` with the place in the model and the product of each decay of a particle in a step.
     #[inline]
-    pub fn befall(
+    pub fn for_each_decay(
         &self,
         species: u32,
         (key, id, step): (Key, u32, u32),
@@ -73,12 +73,17 @@ impl Decays {
         tell(channel.decay, channel.product);
         if let Some(product) = channel.product.filter(|&product| self.kinds[product as usize].rate > 0.0) {
             let left = self.time_step - kind.wait(self.time_step, when);
-            self.go_on(product, left, |generation| key.draw(id, generation, step, Purpose::Decay), tell);
+            self.continue_chain(
+                product,
+                left,
+                |generation| key.draw(id, generation, step, Purpose::Decay),
+                tell,
+            );
         }
     }
 
     /// The same for a particle that has been there for `left` s, with words by generation, from 1 on.
-    pub(crate) fn go_on(
+    pub(crate) fn continue_chain(
         &self,
         mut species: u32,
         mut left: f64,
@@ -98,7 +103,7 @@ impl Decays {
     }
 }
 
-impl Kind {
+impl SpeciesDecays {
     /// When a decay happened of which it is known that it did within `time`.
     fn wait(&self, time: f64, word: u32) -> f64 {
         -libm::log1p(unit(word) * libm::expm1(-self.rate * time)) / self.rate
@@ -110,9 +115,9 @@ fn unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
 
-fn kind(model: &Model, species: u32) -> Kind {
-    if model.comes_apart(species) {
-        return Kind::default();
+fn kind(model: &Model, species: u32) -> SpeciesDecays {
+    if model.dissociates(species) {
+        return SpeciesDecays::default();
     }
     let own = |decay: &crate::model::Decay| decay.reactant == species && decay.rate > 0.0;
     let decays = || model.decays.iter().enumerate().filter(|(_, decay)| own(decay));
@@ -121,10 +126,10 @@ fn kind(model: &Model, species: u32) -> Kind {
     let mut share = 0.0;
     let channel = |(place, decay): (usize, &crate::model::Decay)| {
         share += decay.rate / rate;
-        let up_to = yes_up_to(probability * share)?;
+        let up_to = probability_threshold(probability * share)?;
         Some(Channel { up_to, share, decay: place as u32, product: decay.products[0] })
     };
-    Kind { rate, channels: decays().filter_map(channel).collect() }
+    SpeciesDecays { rate, channels: decays().filter_map(channel).collect() }
 }
 
 #[cfg(test)]
@@ -150,7 +155,7 @@ mod tests {
         let n = 100_000;
         let mut counts = [0_u32; 2];
         for id in 0..n {
-            decays.befall(0, (Key::new(5), id, 7), |decay, product| {
+            decays.for_each_decay(0, (Key::new(5), id, 7), |decay, product| {
                 assert_eq!(product, Some(decay + 1));
                 counts[decay as usize] += 1;
             });

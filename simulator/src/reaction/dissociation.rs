@@ -6,11 +6,11 @@
 use rayon::prelude::*;
 
 use crate::model::boundary::Boundary;
-use crate::reaction::probability::Chances;
+use crate::model::particles::{Particle, Particles};
 use crate::model::{Model, Unbinding};
 use crate::random::gaussian::direction;
-use crate::model::particles::{Particle, Particles};
-use crate::random::philox::{Key, Purpose, open_unit, yes_up_to};
+use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
+use crate::reaction::probability::ReactionProbabilities;
 
 /// The decays of all species that come apart, made ready.
 #[derive(Clone, Debug, Default)]
@@ -34,12 +34,12 @@ struct Product {
     species: u32,
     radius: f32,
     /// The region of its center.
-    room: Boundary,
+    domain: Boundary,
 }
 
 /// The outcome of one particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Split {
+pub struct Dissociated {
     /// The index of the particle.
     pub at: u32,
     /// Its id.
@@ -50,7 +50,7 @@ pub struct Split {
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
 }
 
-impl Split {
+impl Dissociated {
     /// Returns `true` if there is a second product, which needs an id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
@@ -63,16 +63,16 @@ const TASK: usize = 4096;
 impl Dissociation {
     /// What a model that was checked says about it.
     pub fn new(model: &Model) -> Self {
-        let chances = Chances(model);
-        let rooms = model.rooms();
+        let chances = ReactionProbabilities(model);
+        let center_domains = model.center_domains();
         let product = |species: u32| Product {
             species,
             radius: model.species[species as usize].radius,
-            room: rooms[species as usize],
+            domain: center_domains[species as usize],
         };
         let channels: Vec<_> = (0..model.species.len() as u32)
             .map(|species| {
-                if !model.comes_apart(species) {
+                if !model.dissociates(species) {
                     return Vec::new();
                 }
                 let mut below = 0.0;
@@ -86,7 +86,7 @@ impl Dissociation {
                     let products = decay.products.map(|species| species.map(product));
                     let channel =
                         Channel { decay: place as u32, products, unbinding: decay.unbinding, share };
-                    Some((yes_up_to(below)?, channel))
+                    Some((probability_threshold(below)?, channel))
                 };
                 chances.decays(species).into_iter().filter_map(channel).collect()
             })
@@ -100,7 +100,7 @@ impl Dissociation {
     }
 
     /// What comes apart in a step, by place, but for what is `taken`, ascending places.
-    pub fn splits(&self, particles: &Particles, taken: &[u32], key: Key, step: u32) -> Vec<Split> {
+    pub fn splits(&self, particles: &Particles, taken: &[u32], key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
         }
@@ -109,7 +109,7 @@ impl Dissociation {
             let split = |(k, &species): (usize, &u32)| self.split(particles, (base + k, species), key, step);
             species.iter().enumerate().filter_map(split).collect()
         });
-        let mut splits = chunks.collect::<Vec<Vec<Split>>>().concat();
+        let mut splits = chunks.collect::<Vec<Vec<Dissociated>>>().concat();
         splits.retain(|split| taken.binary_search(&split.at).is_err());
         splits
     }
@@ -120,13 +120,13 @@ impl Dissociation {
         (at, species): (usize, u32),
         key: Key,
         step: u32,
-    ) -> Option<Split> {
+    ) -> Option<Dissociated> {
         let channels = &self.channels[species as usize];
         if channels.is_empty() {
             return None;
         }
         let id = particles.id[at];
-        let [word, far, first, second] = key.draw(id, 0, step, Purpose::Split);
+        let [word, far, first, second] = key.draw(id, 0, step, Purpose::Dissociation);
         let &(_, channel) = channels.iter().find(|(up_to, _)| word <= *up_to)?;
         let distance = match channel.unbinding {
             Unbinding::Apart(radius) => radius,
@@ -136,17 +136,17 @@ impl Dissociation {
         let from = particles.position_of(at);
         let place = |product: Product, along: f32| {
             let to = std::array::from_fn(|k| from[k] + along * apart[k]);
-            (product.species, product.radius, product.room.place(to))
+            (product.species, product.radius, product.domain.confine(to))
         };
         let alone = channel.products[1].is_none();
         let along = if alone { [0.0; 2] } else { [-channel.share, 1.0 - channel.share] };
         let products = [0, 1].map(|k| channel.products[k].map(|product| place(product, along[k])));
-        Some(Split { at: at as u32, id, decay: channel.decay, products })
+        Some(Dissociated { at: at as u32, id, decay: channel.decay, products })
     }
 }
 
 /// The second product as a particle of its own. It keeps the velocity of what it comes from.
-pub(crate) fn second(split: &Split, velocity: [f32; 3], id: u32) -> Option<Particle> {
+pub(crate) fn second(split: &Dissociated, velocity: [f32; 3], id: u32) -> Option<Particle> {
     let (species, radius, position) = split.products[1]?;
     Some(Particle { position, velocity, radius, species, id })
 }
@@ -167,7 +167,7 @@ mod tests {
         }
     }
 
-    fn splits(model: &Model, n: u32, taken: &[u32]) -> Vec<Split> {
+    fn splits(model: &Model, n: u32, taken: &[u32]) -> Vec<Dissociated> {
         let mut particles = Particles::default();
         let particle = |id| Particle { position: [1.0, 2.0, 3.0], species: 2, id, ..Particle::default() };
         (0..n).for_each(|id| particles.push(particle(id), false));

@@ -13,11 +13,11 @@ use rayon::prelude::*;
 
 /// Two particles that may do something with each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Candidate {
+pub struct ReactionCandidate {
     /// The indices of the particles.
     pub at: [u32; 2],
     /// `true` if the candidate needs each of them for itself. It must need one at least.
-    pub claims: [bool; 2],
+    pub consumes: [bool; 2],
     /// The event, which the caller interprets.
     pub rule: u32,
     /// The priority; the lowest is the best.
@@ -29,25 +29,25 @@ pub struct Candidate {
 /// The sort key of candidates; the lowest is the best.
 pub(crate) type Key = (u32, [u32; 2]);
 
-impl Candidate {
+impl ReactionCandidate {
     pub(crate) fn key(&self) -> Key {
         (self.priority, self.ids)
     }
 
     /// The places of the particles that it needs for itself.
     pub(crate) fn claimed(&self) -> impl Iterator<Item = usize> {
-        let Self { at, claims, .. } = *self;
-        (0..2).filter(move |&k| claims[k]).map(move |k| at[k] as usize)
+        let Self { at, consumes, .. } = *self;
+        (0..2).filter(move |&k| consumes[k]).map(move |k| at[k] as usize)
     }
 }
 
 /// The rule for the other candidates of a particle that was matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Afterwards {
+pub enum ConflictPolicy {
     /// They are dropped: a particle has one turn.
-    Dropped,
+    Drop,
     /// They have their turn later: candidates that share a particle come one after the other.
-    Queued,
+    Defer,
 }
 
 /// Finds rounds of candidates that do not get in each other's way.
@@ -71,15 +71,15 @@ impl Matching {
     /// each over, as places in `candidates` in ascending order.
     pub fn rounds(
         &mut self,
-        candidates: &mut [Candidate],
+        candidates: &mut [ReactionCandidate],
         particles: usize,
-        afterwards: Afterwards,
-        mut turn: impl FnMut(&[Candidate], &[u32]),
+        afterwards: ConflictPolicy,
+        mut turn: impl FnMut(&[ReactionCandidate], &[u32]),
     ) {
         if self.best.len() < particles {
             self.best.resize_with(particles, || AtomicU32::new(NONE));
         }
-        candidates.par_sort_unstable_by_key(Candidate::key);
+        candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let (best, candidates) = (&self.best, &*candidates);
         let window = (particles / PARTICLES_PER_CANDIDATE).max(TASK);
         for first in (0..candidates.len()).step_by(window) {
@@ -97,10 +97,10 @@ impl Matching {
                 let winners: Vec<u32> = in_parallel().filter(wins).collect();
                 let waits = |c: &u32| match afterwards {
                     // Where a better one was taken before, this one is dropped.
-                    Afterwards::Dropped => {
+                    ConflictPolicy::Drop => {
                         !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN)
                     }
-                    Afterwards::Queued => !wins(c),
+                    ConflictPolicy::Defer => !wins(c),
                 };
                 let left: Vec<u32> = in_parallel().filter(waits).collect();
                 turn(candidates, &winners);
@@ -113,7 +113,7 @@ impl Matching {
                     };
                     claimed(c).for_each(clear);
                 });
-                if afterwards == Afterwards::Dropped {
+                if afterwards == ConflictPolicy::Drop {
                     let taken = winners.par_iter().with_min_len(TASK);
                     taken.for_each(|&c| claimed(c).for_each(|p| p.store(TAKEN, Ordering::Relaxed)));
                 }
@@ -126,9 +126,9 @@ impl Matching {
     }
 
     /// Sorts the candidates, and says which have their turn where a particle has one, as ascending places.
-    pub fn greedy(&mut self, candidates: &mut [Candidate], particles: usize) -> Vec<u32> {
+    pub fn greedy(&mut self, candidates: &mut [ReactionCandidate], particles: usize) -> Vec<u32> {
         let mut chosen = Vec::new();
-        self.rounds(candidates, particles, Afterwards::Dropped, |_, winners| {
+        self.rounds(candidates, particles, ConflictPolicy::Drop, |_, winners| {
             chosen.extend_from_slice(winners)
         });
         chosen.sort_unstable();
@@ -143,7 +143,7 @@ pub(crate) mod tests {
     use super::*;
 
     /// From the best to the worst, each that finds its particles free, by ids.
-    pub(crate) fn sequential(candidates: &[Candidate]) -> Vec<[u32; 2]> {
+    pub(crate) fn sequential(candidates: &[ReactionCandidate]) -> Vec<[u32; 2]> {
         let mut order: Vec<u32> = (0..candidates.len() as u32).collect();
         order.sort_by_key(|&c| candidates[c as usize].key());
         let mut taken = std::collections::HashSet::new();
@@ -158,21 +158,21 @@ pub(crate) mod tests {
     }
 
     /// Different pairs of few particles, with few priorities, so that ties are common.
-    pub(crate) fn candidates() -> impl Strategy<Value = Vec<Candidate>> {
+    pub(crate) fn candidates() -> impl Strategy<Value = Vec<ReactionCandidate>> {
         let one = (0..40_u32, 1..40_u32, 0..8_u32, 0..6);
         prop::collection::vec(one, 0..300).prop_map(|many| {
             let mut seen = std::collections::HashSet::new();
             let mut all = Vec::new();
-            for (a, by, priority, claims) in many {
+            for (a, by, priority, consumes) in many {
                 let b = (a + by) % 41;
-                let claims = match claims {
+                let consumes = match consumes {
                     0 => [true, false],
                     1 => [false, true],
                     _ => [true, true],
                 };
                 let ids = [a.min(b), a.max(b)];
                 if a != b && seen.insert(ids) {
-                    all.push(Candidate { at: [a, b], claims, rule: 0, priority, ids });
+                    all.push(ReactionCandidate { at: [a, b], consumes, rule: 0, priority, ids });
                 }
             }
             all
@@ -198,7 +198,7 @@ pub(crate) mod tests {
         fn a_queue_goes_by_priority_at_every_particle(mut candidates in candidates()) {
             let mut last = vec![None; 41];
             let mut turns = 0;
-            Matching::default().rounds(&mut candidates, 41, Afterwards::Queued, |candidates, winners| {
+            Matching::default().rounds(&mut candidates, 41, ConflictPolicy::Defer, |candidates, winners| {
                 for &c in winners {
                     turns += 1;
                     for p in candidates[c as usize].claimed() {
@@ -217,7 +217,13 @@ pub(crate) mod tests {
         let word = |k: u32| k.wrapping_mul(0x9e37_79b9) >> 7;
         let candidate = |k: u32| {
             let (a, b) = (word(k) % 5_000, 5_000 + word(k ^ 0x5555) % 5_000);
-            Candidate { at: [a, b], claims: [true; 2], rule: 0, priority: word(k) & 255, ids: [a, b] }
+            ReactionCandidate {
+                at: [a, b],
+                consumes: [true; 2],
+                rule: 0,
+                priority: word(k) & 255,
+                ids: [a, b],
+            }
         };
         let mut all: Vec<_> = (0..40_000).map(candidate).collect();
         all.sort_unstable_by_key(|c| c.ids);

@@ -12,52 +12,52 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::model::boundary::Boundary;
-use crate::reaction::probability::{self, Chances};
-use crate::reaction::matching::Candidate;
+use crate::model::particles::Particles;
 use crate::model::{Contact, Model, Reaction};
 use crate::random::gaussian::direction;
-use crate::model::particles::Particles;
-use crate::random::philox::{Key, Purpose, yes_up_to};
+use crate::random::philox::{Key, Purpose, probability_threshold};
+use crate::reaction::matching::ReactionCandidate;
+use crate::reaction::probability::ReactionProbabilities;
 
 /// The reactions of a model, made ready.
 #[derive(Clone, Debug)]
 pub struct Reactions {
     species: usize,
     /// By both species: what may happen, from the inside outwards.
-    table: Vec<Vec<Zone>>,
+    table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
     /// Indexed by reaction: how much of the way together is the first reactant's, and of the way apart the first product's.
     shares: Vec<[f32; 2]>,
     boundary: Boundary,
     /// Indexed by species: where walls let their centres be.
-    rooms: Vec<Boundary>,
+    center_domains: Vec<Boundary>,
 }
 
 /// A possible reaction of a pair that is near enough.
 #[derive(Clone, Debug)]
-struct Zone {
+struct ReactionShell {
     /// The largest distance, if the detector looks farther than that.
     within: Option<f32>,
     /// One, and what else may happen: the one with the lowest largest word comes first.
-    rule: Rule,
-    others: Vec<Rule>,
+    rule: ReactionRule,
+    others: Vec<ReactionRule>,
 }
 
 /// The data that decide about a pair.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rule {
+pub(crate) struct ReactionRule {
     pub(crate) reaction: u32,
     /// The species that is the first reactant.
     pub(crate) first: u32,
     /// The largest word that means yes.
     pub(crate) up_to: u32,
     /// `true` if the first and the second reactant are used up.
-    pub(crate) claims: [bool; 2],
+    pub(crate) consumes: [bool; 2],
 }
 
 /// The outcome of one reactant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outcome {
+pub struct ReactantChange {
     /// The index of the particle.
     pub at: u32,
     /// The species of the product; `None` removes the particle.
@@ -72,7 +72,7 @@ const TASK: usize = 4096;
 impl Reactions {
     /// The reactions of a model that was checked.
     pub fn new(model: &Model) -> Self {
-        let (species, chances) = (model.species.len() as u32, Chances(model));
+        let (species, chances) = (model.species.len() as u32, ReactionProbabilities(model));
         let all = || (0..species).flat_map(move |a| (0..species).map(move |b| [a, b]));
         Self {
             species: species as usize,
@@ -80,7 +80,7 @@ impl Reactions {
             reactions: model.reactions.clone(),
             shares: model.reactions.iter().map(|reaction| shares(model, reaction)).collect(),
             boundary: model.boundary,
-            rooms: model.rooms(),
+            center_domains: model.center_domains(),
         }
     }
 
@@ -90,7 +90,13 @@ impl Reactions {
     }
 
     /// The pairs that chance lets react, in the order of `pairs`.
-    pub fn candidates(&self, particles: &Particles, pairs: &[Pair], key: Key, step: u32) -> Vec<Candidate> {
+    pub fn candidates(
+        &self,
+        particles: &Particles,
+        pairs: &[Pair],
+        key: Key,
+        step: u32,
+    ) -> Vec<ReactionCandidate> {
         if self.reactions.is_empty() {
             return Vec::new();
         }
@@ -102,7 +108,7 @@ impl Reactions {
         chunks.concat()
     }
 
-    fn candidate(&self, particles: &Particles, pair: Pair, key: Key, step: u32) -> Option<Candidate> {
+    fn candidate(&self, particles: &Particles, pair: Pair, key: Key, step: u32) -> Option<ReactionCandidate> {
         let (i, j) = (pair.i as usize, pair.j as usize);
         let (a, b) = (particles.species[i], particles.species[j]);
         let zones = &self.table[a as usize * self.species + b as usize];
@@ -121,7 +127,7 @@ impl Reactions {
         // Among equals the lower id comes first.
         let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
         let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
-        Some(Candidate { at, claims: rule.claims, rule: rule.reaction, priority, ids })
+        Some(ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids })
     }
 
     /// What comes of a candidate that has its turn, reactant by reactant; nothing of one that is not used up.
@@ -131,13 +137,13 @@ impl Reactions {
     pub fn outcomes(
         &self,
         particles: &Particles,
-        candidate: &Candidate,
+        candidate: &ReactionCandidate,
         key: Key,
         step: u32,
-    ) -> [Option<Outcome>; 2] {
+    ) -> [Option<ReactantChange>; 2] {
         let reaction = &self.reactions[candidate.rule as usize];
         let [a, b] = candidate.at.map(|at| particles.position_of(at as usize));
-        let toward = self.boundary.offset(a, b);
+        let toward = self.boundary.displacement(a, b);
         let [share, first_share] = self.shares[candidate.rule as usize];
         let meeting: [f32; 3] = std::array::from_fn(|k| a[k] + share * toward[k]);
         let apart = match reaction.products {
@@ -148,10 +154,11 @@ impl Reactions {
             _ => [0.0; 3],
         };
         let outcome = |k: usize, along: f32| {
-            let room = reaction.products[k].map_or(&self.boundary, |product| &self.rooms[product as usize]);
-            let position = room.place(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
-            let outcome = Outcome { at: candidate.at[k], product: reaction.products[k], position };
-            candidate.claims[k].then_some(outcome)
+            let domain =
+                reaction.products[k].map_or(&self.boundary, |product| &self.center_domains[product as usize]);
+            let position = domain.confine(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
+            let outcome = ReactantChange { at: candidate.at[k], product: reaction.products[k], position };
+            candidate.consumes[k].then_some(outcome)
         };
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
@@ -161,10 +168,10 @@ impl Reactions {
     pub(crate) fn all_outcomes<'a>(
         &self,
         particles: &Particles,
-        chosen: impl Iterator<Item = &'a Candidate>,
+        chosen: impl Iterator<Item = &'a ReactionCandidate>,
         key: Key,
         step: u32,
-    ) -> Vec<Outcome> {
+    ) -> Vec<ReactantChange> {
         chosen.flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
@@ -174,10 +181,10 @@ impl Reactions {
     /// # Errors
     /// The reactions, where they are several.
     #[cfg(feature = "gpu")]
-    pub(crate) fn only(&self, a: u32, b: u32) -> Result<Option<(Rule, Option<f32>)>, Vec<&str>> {
+    pub(crate) fn only(&self, a: u32, b: u32) -> Result<Option<(ReactionRule, Option<f32>)>, Vec<&str>> {
         match self.table[a as usize * self.species + b as usize].as_slice() {
             [] => Ok(None),
-            [Zone { within, rule, others }] if others.is_empty() => Ok(Some((*rule, *within))),
+            [ReactionShell { within, rule, others }] if others.is_empty() => Ok(Some((*rule, *within))),
             zones => Err(zones
                 .iter()
                 .take(1)
@@ -195,42 +202,42 @@ impl Reactions {
 }
 
 /// What may happen to two species, as words and rules.
-fn zones(model: &Model, chances: Chances<'_>, pair: [u32; 2]) -> Vec<Zone> {
+fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> Vec<ReactionShell> {
     let all = chances.zones(pair);
     let outermost = all.last().map_or(0.0, |zone| zone.radius).max(reach(model, pair[0], pair[1]));
-    let zone = |zone: chances::Zone| {
+    let zone = |zone: probability::ReactionShell| {
         let mut below = 0.0;
         let rule = |(place, probability): (usize, f64)| {
             below += probability;
             let reaction = &model.reactions[place];
-            Some(Rule {
+            Some(ReactionRule {
                 reaction: place as u32,
                 first: reaction.reactants[0],
-                up_to: yes_up_to(below)?,
-                claims: claims(reaction),
+                up_to: probability_threshold(below)?,
+                consumes: consumes(reaction),
             })
         };
         let mut rules = zone.channels.into_iter().filter_map(rule);
         let within = (outermost > zone.radius).then_some(zone.radius);
-        Some(Zone { within, rule: rules.next()?, others: rules.collect() })
+        Some(ReactionShell { within, rule: rules.next()?, others: rules.collect() })
     };
     all.into_iter().filter_map(zone).collect()
 }
 
 /// Whether the first and the second reactant are used up.
-fn claims(reaction: &Reaction) -> [bool; 2] {
+fn consumes(reaction: &Reaction) -> [bool; 2] {
     [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
 }
 
 /// How much of the way to where they meet is the first reactant's, and of the way apart the first product's.
 fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
-    let claims = claims(reaction);
-    let together = match claims {
+    let consumes = consumes(reaction);
+    let together = match consumes {
         [true, true] => model.share(reaction.reactants),
         [true, false] => 1.0,
         _ => 0.0,
     };
-    let apart = match (claims, reaction.products) {
+    let apart = match (consumes, reaction.products) {
         ([true, true], [Some(c), Some(d)]) => model.share([c, d]),
         ([true, false], _) => 1.0,
         _ => 0.0,
@@ -241,7 +248,7 @@ fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
 /// The squared distance of two particles.
 pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Boundary) -> f64 {
     let [a, b] = [pair.i, pair.j].map(|at| particles.position_of(at as usize).map(f64::from));
-    (0..3).map(|k| boundary.axes[k].offset_exact(b[k] - a[k])).map(|d| d * d).sum()
+    (0..3).map(|k| boundary.axes[k].displacement_exact(b[k] - a[k])).map(|d| d * d).sum()
 }
 
 /// How far apart two particles of these species may be to matter to each other: the binding radius or, where
@@ -275,8 +282,8 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Chance, Species};
     use crate::model::particles::Particle;
+    use crate::model::{ReactionRate, Species};
 
     fn species(name: &str, diffusion: f64, radius: f32) -> Species {
         Species { name: name.into(), diffusion, radius, mass: 1.0, ..Species::default() }
@@ -300,7 +307,7 @@ mod tests {
 
     const KEY: Key = Key::new(3);
 
-    fn only(reactions: &Reactions, particles: &Particles) -> [Option<Outcome>; 2] {
+    fn only(reactions: &Reactions, particles: &Particles) -> [Option<ReactantChange>; 2] {
         let candidates = reactions.candidates(particles, &[Pair::new(0, 1)], KEY, 0);
         assert_eq!(candidates.len(), 1);
         assert_eq!((candidates[0].at, candidates[0].ids), ([1, 0], [4, 8]));
@@ -312,7 +319,7 @@ mod tests {
         let outcomes = only(&Reactions::new(&model([Some(2), None])), &two());
         // A diffuses three times as fast as B and went three quarters of the way.
         let position = [0.25, 0.0, 0.0];
-        assert_eq!(outcomes[0], Some(Outcome { at: 1, product: Some(2), position }));
+        assert_eq!(outcomes[0], Some(ReactantChange { at: 1, product: Some(2), position }));
         assert_eq!(outcomes[1].map(|o| (o.at, o.product)), Some((0, None)));
     }
 
@@ -355,7 +362,7 @@ mod tests {
         let mut model = model([Some(2), None]);
         let channel = |binding_radius, p| Reaction {
             binding_radius,
-            chance: Chance::PerStep(p),
+            chance: ReactionRate::PerStep(p),
             ..model.reactions[0].clone()
         };
         // The two are 1 apart.
@@ -388,7 +395,7 @@ mod tests {
     #[test]
     fn probability_is_per_candidate() {
         let mut model = model([None, None]);
-        model.reactions[0].chance = Chance::PerStep(0.3);
+        model.reactions[0].chance = ReactionRate::PerStep(0.3);
         let (reactions, particles) = (Reactions::new(&model), two());
         let n = 20_000;
         let one = |step| reactions.candidates(&particles, &[Pair::new(0, 1)], KEY, step).len();

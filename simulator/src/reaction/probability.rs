@@ -7,11 +7,11 @@
 //! then alternates between two states. The reaction uses the g of the decay, so that both probabilities have the ratio
 //! of the rates. The equilibrium is then independent of Δt.
 
-use crate::model::{Chance, Decay, Model, Reaction, Unbinding};
+use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 
 /// The reactions of a pair at a distance within `radius`.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Zone {
+pub(crate) struct ReactionShell {
     /// Largest distance, in µm.
     pub(crate) radius: f32,
     /// Indices of reactions in the model, with their probabilities per step.
@@ -20,11 +20,11 @@ pub(crate) struct Zone {
 
 /// Computes the probabilities of a model.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Chances<'a>(pub(crate) &'a Model);
+pub(crate) struct ReactionProbabilities<'a>(pub(crate) &'a Model);
 
-impl<'a> Chances<'a> {
+impl<'a> ReactionProbabilities<'a> {
     /// Returns the zones of a pair of species, innermost first.
-    pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<Zone> {
+    pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<ReactionShell> {
         let channels: Vec<_> = channels(self.0, pair).collect();
         let mut radii: Vec<f32> = channels.iter().map(|(_, reaction)| reaction.binding_radius).collect();
         radii.sort_unstable_by(f32::total_cmp);
@@ -33,13 +33,16 @@ impl<'a> Chances<'a> {
             let inside = || channels.iter().filter(|(_, reaction)| reaction.binding_radius >= radius);
             let alone = inside().map(|(_, reaction)| rate(reaction)).sum();
             let chance = |reaction: &Reaction| match reaction.chance {
-                Chance::PerStep(probability) => probability,
-                Chance::PerTime(rate) => {
+                ReactionRate::PerStep(probability) => probability,
+                ReactionRate::PerTime(rate) => {
                     let total = self.inverse(reaction).map_or(alone, |decay| self.decay_rate(decay.reactant));
                     rate * factor(total, self.0.time_step)
                 }
             };
-            Zone { radius, channels: inside().map(|&(place, reaction)| (place, chance(reaction))).collect() }
+            ReactionShell {
+                radius,
+                channels: inside().map(|&(place, reaction)| (place, chance(reaction))).collect(),
+            }
         };
         radii.into_iter().map(zone).collect()
     }
@@ -69,8 +72,8 @@ fn factor(rate: f64, time_step: f64) -> f64 {
 
 fn rate(reaction: &Reaction) -> f64 {
     match reaction.chance {
-        Chance::PerTime(rate) => rate,
-        Chance::PerStep(_) => 0.0,
+        ReactionRate::PerTime(rate) => rate,
+        ReactionRate::PerStep(_) => 0.0,
     }
 }
 
@@ -101,7 +104,7 @@ mod tests {
             reactants: [0, 1],
             products: [Some(product), None],
             binding_radius,
-            chance: Chance::PerTime(rate),
+            chance: ReactionRate::PerTime(rate),
             ..Reaction::default()
         };
         let back =
@@ -115,7 +118,7 @@ mod tests {
         }
     }
 
-    fn close(zone: &Zone, radius: f32, expected: &[(usize, f64)]) {
+    fn close(zone: &ReactionShell, radius: f32, expected: &[(usize, f64)]) {
         assert_eq!(zone.radius, radius);
         assert_eq!(zone.channels.len(), expected.len(), "{zone:?}");
         for (found, expected) in zone.channels.iter().zip(expected) {
@@ -126,7 +129,7 @@ mod tests {
     #[test]
     fn channels_share_the_probability_in_proportion() {
         let model = model(Unbinding::Apart(1.0));
-        let chances = Chances(&model);
+        let chances = ReactionProbabilities(&model);
         let zones = chances.zones([1, 0]);
         let both = 1.0 - (-0.5_f64).exp();
         close(&zones[0], 1.0, &[(0, 0.8 * both), (1, 0.2 * both)]);
@@ -140,7 +143,7 @@ mod tests {
         let mut model = model(Unbinding::Within(1.0));
         for time_step in [1e-6, 0.01, 0.2] {
             model.time_step = time_step;
-            let chances = Chances(&model);
+            let chances = ReactionProbabilities(&model);
             let (there, back) = (chances.zones([0, 1])[0].channels[0].1, chances.decays(2)[0].1);
             assert!((there / back - 4.0 / 3.0).abs() < 1e-12, "{time_step}: {there} {back}");
             assert!((back - (1.0 - (-3.0 * time_step).exp())).abs() < 1e-12);

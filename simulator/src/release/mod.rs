@@ -9,15 +9,15 @@ pub(crate) mod time;
 
 use rand_distr::{Distribution, Poisson};
 
-use crate::reaction::decay::Decays;
 use crate::error::Error;
+use crate::model::particles::{Particle, Particles};
+use crate::model::transmitter::{CountDistribution, Schedule, Transmitter};
 use crate::model::{Model, Species};
 use crate::random::gaussian;
 use crate::random::gaussian::direction;
-use crate::model::particles::{Particle, Particles};
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::ranks::Share;
-use crate::model::transmitter::{Numbers, Schedule, Transmitter};
+use crate::reaction::decay::Decays;
 
 /// The particles that are released at the beginning of a step.
 #[derive(Clone, Debug, Default)]
@@ -37,7 +37,7 @@ impl Species {
     pub(crate) fn own_velocity(&self, words: [u32; 4]) -> [f32; 3] {
         match self.speed > 0.0 {
             true => direction(words[0], words[1]).map(|c| c * self.speed as f32),
-            false => normal::normals(words).map(|z| z * self.thermal_speed as f32),
+            false => gaussian::normals(words).map(|z| z * self.thermal_speed as f32),
         }
     }
 }
@@ -133,7 +133,11 @@ impl Model {
             let bursts = from.bursts(place, step, self.time_step, key);
             let counts = bursts.into_iter().flatten();
             let batch = |(species, count)| {
-                let count = if from.numbers == Numbers::Poisson { poisson(f64::from(count)) } else { count };
+                let count = if from.numbers == CountDistribution::Poisson {
+                    poisson(f64::from(count))
+                } else {
+                    count
+                };
                 Batch { from, species, count, ages: Ages::None }
             };
             return counts.map(batch).collect();
@@ -144,11 +148,11 @@ impl Model {
             return Vec::new();
         }
         let batch = |&(species, rate): &(u32, f64)| match from.numbers {
-            Numbers::Poisson => {
+            CountDistribution::Poisson => {
                 let count = poisson(rate * (last - first));
                 Batch { from, species, count, ages: Ages::Between(now - last, now - first) }
             }
-            Numbers::Fixed => {
+            CountDistribution::Fixed => {
                 let [before, after] = [first, last].map(|time| (rate * (time - begin) + 1e-9).floor());
                 let oldest = now - begin - (before + 1.0) / rate;
                 let ages = Ages::Spaced(oldest, 1.0 / rate);
@@ -171,7 +175,7 @@ impl Model {
         let velocity = kind.own_velocity(key.draw(id, 0, 0, Purpose::Velocity));
         let offset = batch.from.shape.offset(key.draw(id, 0, 0, Purpose::Release), place);
         let from: [f32; 3] = std::array::from_fn(|k| batch.from.center[k] + offset[k]);
-        let [word, ..] = key.draw(id, 0, 0, Purpose::Youth);
+        let [word, ..] = key.draw(id, 0, 0, Purpose::PartialStep);
         let age = match batch.ages {
             Ages::None => 0.0,
             Ages::Between(least, most) => least + f64::from(open_unit(word)) * (most - least),
@@ -180,20 +184,20 @@ impl Model {
         let mut species = Some(batch.species);
         let mut position = from;
         if age > 0.0 {
-            let z = normal::normals(key.draw(id, 1, 0, Purpose::Youth));
+            let z = gaussian::normals(key.draw(id, 1, 0, Purpose::PartialStep));
             let length = (2.0 * kind.diffusion * age).sqrt() as f32;
             let flow = self.flow_at(from);
             let drift = |k: usize| ((kind.drift[k] + flow[k] + f64::from(velocity[k])) * age) as f32;
             position = std::array::from_fn(|k| from[k] + (length * z[k] + drift(k)));
-            let words = |generation| key.draw(id, 1 + generation, 0, Purpose::Youth);
-            decays.go_on(batch.species, age, words, |decay, product| {
+            let words = |generation| key.draw(id, 1 + generation, 0, Purpose::PartialStep);
+            decays.continue_chain(batch.species, age, words, |decay, product| {
                 out.decayed[decay as usize] += 1;
                 species = product;
             });
         }
         let Some(species) = species else { return };
         let radius = self.species[species as usize].radius;
-        let position = self.boundary.inset(radius).place(position);
+        let position = self.boundary.inset(radius).confine(position);
         out.particles.push(Particle { position, velocity, radius, species, id }, self.has_velocity());
     }
 }

@@ -58,7 +58,7 @@ impl Channels {
             }
         }
         for &(place, message, _) in &sent {
-            let counts = |&receiver: &usize| model.receivers[receiver].kind.takes_in();
+            let counts = |&receiver: &usize| model.receivers[receiver].kind.absorbs();
             let entries = model.transmitters[place].release.len();
             for receiver in (0..model.receivers.len()).filter(counts) {
                 let all = delays(message, model.time_step)

@@ -3,8 +3,8 @@
 use super::log::Log;
 use super::mean::Moments;
 use super::response::Way;
-use crate::release::time::step_of;
 use crate::model::message::Message;
+use crate::release::time::step_of;
 use crate::{Model, Schedule};
 
 /// The slots of a message that a run reaches the end of: from the step at which each symbol is sent to that of the next,
@@ -114,7 +114,7 @@ pub(super) mod tests {
     use super::*;
     use crate::model::message::{Modulation, Symbols};
     use crate::results::log::{Arrived, Released};
-    use crate::{Kind, Receiver, Species, Transmitter};
+    use crate::{Receiver, ReceiverKind, Species, Transmitter};
 
     /// The bits 1, 0, 1, 1, one every 10 steps from step 5 on.
     pub(in super::super) fn model() -> Model {
@@ -136,7 +136,7 @@ pub(super) mod tests {
                 name: "rx".into(),
                 center: [0.0; 3],
                 radius: 1.0,
-                kind: Kind::Absorbing,
+                kind: ReceiverKind::Absorbing,
                 sees: vec![true],
                 velocity: [0.0; 3],
                 diffusion: 0.0,

@@ -8,12 +8,12 @@ use lazygrid::{Algorithm, Backend};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::{GpuOptions, GpuSimulation};
-use crate::run::view::Standing;
+use crate::run::view::RunView;
 use crate::{Arrival, Error, Model, Simulation, State, Totals};
 
 /// A run on the CPU or on a GPU.
 #[derive(Debug)]
-pub enum Simulator {
+pub enum AnySimulation {
     /// On the CPU.
     Cpu(Box<Simulation>),
     /// On a GPU.
@@ -25,7 +25,7 @@ pub enum Simulator {
 #[cfg(feature = "gpu")]
 const GPU_STEPS: u32 = 64;
 
-impl Simulator {
+impl AnySimulation {
     /// A run from `state` on, or from the beginning. [`Backend::Auto`] is the CPU, since back ends round differently
     /// and a run is to depend on its seed alone; `algorithm` is how the CPU finds pairs.
     ///
@@ -83,7 +83,7 @@ impl Simulator {
     }
 }
 
-impl Standing for Simulator {
+impl RunView for AnySimulation {
     fn model(&self) -> &Model {
         match self {
             Self::Cpu(run) => run.model(),

@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use crate::motion::binding::Bound;
 use crate::error::Damage;
+use crate::motion::binding::Bound;
 use crate::ranks::Share;
 use crate::run::sealed::{self, Kind};
 use crate::{Error, Particles, State};

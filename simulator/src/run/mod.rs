@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 
 use lazygrid::{Algorithm, Backend};
 
-use crate::run::checkpoint::{Checkpoint, FileRecord};
 use crate::output::{self, Files, Forecast, Lock};
-use crate::run::time_step_monitor::Pace;
+use crate::run::checkpoint::{Checkpoint, FileRecord};
+use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::scenario::{Output, Scenario};
-use crate::{Error, Simulator, Standing, State};
+use crate::{AnySimulation, Error, RunView, State};
 
 /// A run, and its output folder.
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ pub struct Run {
     pub path: PathBuf,
     /// The output folder.
     pub directory: PathBuf,
-    /// The backend; see [`Simulator::begin`].
+    /// The backend; see [`AnySimulation::begin`].
     pub backend: Backend,
     /// The algorithm by which the CPU finds pairs; it does not change the result.
     pub algorithm: Algorithm,
@@ -49,7 +49,7 @@ pub struct Run {
 
 /// The way in which a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
+pub enum RunEnd {
     /// All steps are done.
     Finished,
     /// It was stopped, and can go on.
@@ -58,7 +58,7 @@ pub enum End {
 
 /// Which of several runs beside each other one is.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Beside {
+pub(crate) struct ReplicaSlot {
     /// Its place among them.
     pub(crate) place: u32,
     /// Their number.
@@ -67,7 +67,7 @@ pub(crate) struct Beside {
     pub(crate) at_once: u32,
 }
 
-impl Beside {
+impl ReplicaSlot {
     /// A run by itself.
     pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
 }
@@ -82,36 +82,37 @@ impl Run {
     /// # Errors
     /// [`Error::Write`] before anything is computed where the directory cannot be written or the disk is too small,
     /// and at any time where the system refuses to write; [`Error::Read`], [`Error::Checkpoint`],
-    /// [`Error::CheckpointVersion`] or [`Error::Damaged`] if there is nothing to go on from; and whatever [`Simulator::advance`] says.
+    /// [`Error::CheckpointVersion`] or [`Error::Damaged`] if there is nothing to go on from; and whatever [`AnySimulation::advance`] says.
     pub fn run(
         &self,
-        watch: impl FnMut(&Simulator) -> ControlFlow<()> + Send,
-    ) -> Result<(End, Simulator), Error> {
+        watch: impl FnMut(&AnySimulation) -> ControlFlow<()> + Send,
+    ) -> Result<(RunEnd, AnySimulation), Error> {
         match self.threads {
-            None => self.run_here(Beside::NONE, watch),
-            Some(threads) => pool(threads)?.install(|| self.run_here(Beside::NONE, watch)),
+            None => self.run_here(ReplicaSlot::NONE, watch),
+            Some(threads) => pool(threads)?.install(|| self.run_here(ReplicaSlot::NONE, watch)),
         }
     }
 
     /// The same as [`run`](Self::run), in the present pool. What concerns all runs beside each other is said by the first.
     pub(crate) fn run_here(
         &self,
-        beside: Beside,
-        mut watch: impl FnMut(&Simulator) -> ControlFlow<()>,
-    ) -> Result<(End, Simulator), Error> {
+        beside: ReplicaSlot,
+        mut watch: impl FnMut(&AnySimulation) -> ControlFlow<()>,
+    ) -> Result<(RunEnd, AnySimulation), Error> {
         self.check_formats()?;
         if beside.place == 0 {
             self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         }
-        let (mut simulation, mut files) = if self.resume { self.go_on(beside)? } else { self.begin(beside)? };
+        let (mut simulation, mut files) =
+            if self.resume { self.resume_run(beside)? } else { self.begin(beside)? };
         let first = simulation.step_count();
-        let mut pace = Pace::default();
-        let mut end = End::Finished;
+        let mut pace = TimeStepMonitor::default();
+        let mut end = RunEnd::Finished;
         if watch(&simulation).is_break() {
-            end = End::Stopped;
+            end = RunEnd::Stopped;
         }
-        while end == End::Finished && simulation.step_count() < self.scenario.steps {
-            let (step, before) = (simulation.step_count(), Pace::part_of(simulation.totals()));
+        while end == RunEnd::Finished && simulation.step_count() < self.scenario.steps {
+            let (step, before) = (simulation.step_count(), TimeStepMonitor::part_of(simulation.totals()));
             simulation.advance(self.steps_to_next(step))?;
             pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
             if self.is_disk_full(&simulation, beside)? {
@@ -124,7 +125,7 @@ impl Run {
                 self.save(&simulation, &mut files)?;
             }
             if watch(&simulation).is_break() {
-                end = End::Stopped;
+                end = RunEnd::Stopped;
             }
         }
         // The last complete output is still there.
@@ -134,7 +135,7 @@ impl Run {
         files.convert(simulation.model())?;
         files.animate(simulation.model(), &self.title())?;
         if beside.place == 0 {
-            pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+            pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
         Ok((end, simulation))
     }
@@ -174,12 +175,12 @@ impl Run {
         left.fold(self.scenario.steps - step, u32::min)
     }
 
-    fn begin(&self, beside: Beside) -> Result<(Simulator, Files), Error> {
+    fn begin(&self, beside: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
-        let simulation = Simulator::begin(model, *seed, self.backend, self.algorithm, None)?;
+        let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
         let lock = output::prepare(&self.directory, self.overwrite)?;
         // Before anything that is there is replaced.
-        self.foretell(&simulation, beside)?;
+        self.check_disk_space(&simulation, beside)?;
         output::forget(&self.directory, &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"])?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
@@ -189,7 +190,11 @@ impl Run {
     }
 
     /// Refuses a run whose files, with those of the runs after it, will surely not fit, and warns where they may not.
-    pub(crate) fn foretell(&self, simulation: &impl Standing, beside: Beside) -> Result<(), Error> {
+    pub(crate) fn check_disk_space(
+        &self,
+        simulation: &impl RunView,
+        beside: ReplicaSlot,
+    ) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
         }
@@ -197,7 +202,7 @@ impl Run {
         let Forecast { least, most, checkpoint } = Forecast::of(simulation, *output, *steps, text);
         let runs = u64::from(beside.count - beside.place);
         let [least, most, checkpoint] = [least, most, checkpoint].map(|bytes| bytes.saturating_mul(runs));
-        let free = self.free()?;
+        let free = self.free_disk_bytes()?;
         if least + checkpoint <= free && most + checkpoint > free {
             log::warn!(
                 "the run writes about {} MB if no particle is lost, and the disk has {} MB left; it stops with a \
@@ -217,7 +222,7 @@ impl Run {
         )))
     }
 
-    fn free(&self) -> Result<u64, Error> {
+    fn free_disk_bytes(&self) -> Result<u64, Error> {
         let write = |source| Error::Write { path: self.directory.clone(), source };
         fs4::available_space(&self.directory).map_err(write)
     }
@@ -237,7 +242,7 @@ impl Run {
 
     /// Whether what is due now, and a checkpoint behind it, may not fit any more. Rows alone are looked after now and
     /// then.
-    pub(crate) fn is_disk_full(&self, simulation: &impl Standing, beside: Beside) -> Result<bool, Error> {
+    pub(crate) fn is_disk_full(&self, simulation: &impl RunView, beside: ReplicaSlot) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
         if !self.space_check
@@ -245,10 +250,10 @@ impl Run {
         {
             return Ok(false);
         }
-        Ok(self.free()? < 2 * u64::from(beside.at_once) * output::next(simulation, output))
+        Ok(self.free_disk_bytes()? < 2 * u64::from(beside.at_once) * output::next(simulation, output))
     }
 
-    fn go_on(&self, beside: Beside) -> Result<(Simulator, Files), Error> {
+    fn resume_run(&self, beside: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
         let path = self.checkpoint_path();
         let lock = self.lock()?;
         let checkpoint = Checkpoint::read(&path)?;
@@ -256,11 +261,12 @@ impl Run {
         let (own, backend, records) = (&self.scenario, checkpoint.backend.clone(), checkpoint.files.clone());
         let state = checkpoint.into_state(&path)?;
         let done = state.step;
-        let simulation = Simulator::begin(&own.model, own.seed, self.backend, self.algorithm, Some(state))?;
+        let simulation =
+            AnySimulation::begin(&own.model, own.seed, self.backend, self.algorithm, Some(state))?;
         if backend != simulation.backend().name() {
             self.warn_of_backends(done, &backend, simulation.backend());
         }
-        self.foretell(&simulation, beside)?;
+        self.check_disk_space(&simulation, beside)?;
         let files = Files::reopen(&self.directory, own.output, (&own.model, own.seed), &records, lock)?;
         Ok((simulation, files))
     }
@@ -316,7 +322,7 @@ impl Run {
         Ok(())
     }
 
-    fn save(&self, simulation: &Simulator, files: &mut Files) -> Result<(), Error> {
+    fn save(&self, simulation: &AnySimulation, files: &mut Files) -> Result<(), Error> {
         let state = simulation.state()?.into_owned();
         let checkpoint = self.checkpoint(simulation.backend(), files.sync()?, state);
         checkpoint.write(&self.checkpoint_path())
@@ -342,7 +348,7 @@ impl Run {
     }
 
     /// The summary of the run, a line for each count.
-    pub fn summary(&self, standing: &impl Standing) -> String {
+    pub fn summary(&self, standing: &impl RunView) -> String {
         let (model, totals) = (standing.model(), standing.totals());
         let mut lines = vec![
             format!("steps      {} ({} s)", standing.step_count(), standing.time()),

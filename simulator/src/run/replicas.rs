@@ -11,13 +11,13 @@ use std::sync::{Mutex, PoisonError};
 
 use lazygrid::Backend;
 
-use crate::run::checkpoint::Checkpoint;
 use crate::output::{self, Lock};
 use crate::random::philox::{Key, Purpose};
 use crate::results::mean::MeanSeries;
 use crate::results::series::Series;
-use crate::run::{Beside, End, Run, pool};
-use crate::{Error, Simulator};
+use crate::run::checkpoint::Checkpoint;
+use crate::run::{ReplicaSlot, Run, RunEnd, pool};
+use crate::{AnySimulation, Error};
 
 /// Several runs of one scenario. Each has a directory of its own, as if it were run by itself with its seed.
 #[derive(Clone, Debug)]
@@ -30,9 +30,9 @@ pub struct Replicas {
 
 /// The result of replicas.
 #[derive(Clone, Debug)]
-pub struct Replicated {
+pub struct ReplicaResults {
     /// `true` if all are done.
-    pub end: End,
+    pub end: RunEnd,
     /// Which are done.
     pub done: Vec<u32>,
     /// The mean of the series of those.
@@ -57,8 +57,8 @@ impl Replicas {
     /// The same as [`Run::run`], as an [`Error::Replica`] where it is of one; the others have checkpoints then.
     pub fn run(
         &self,
-        watch: impl Fn(u32, &Simulator) -> ControlFlow<()> + Sync,
-    ) -> Result<Replicated, Error> {
+        watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
+    ) -> Result<ReplicaResults, Error> {
         let _lock = self.prepare()?;
         let threads = self.run.threads.unwrap_or_else(rayon::current_num_threads).max(1);
         let at_once = match self.run.backend {
@@ -70,7 +70,7 @@ impl Replicas {
         // and be done with the first only after that. So each has a pool of its own.
         let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
         let pools = pools.collect::<Result<Vec<_>, _>>()?;
-        let course = Course::new(self, at_once as u32);
+        let course = ReplicaQueue::new(self, at_once as u32);
         std::thread::scope(|scope| {
             for pool in &pools {
                 scope.spawn(|| pool.install(|| course.work(&watch)));
@@ -80,12 +80,12 @@ impl Replicas {
         let mut done = Vec::new();
         for (replica, end) in ended {
             match end {
-                Ok(End::Finished) => done.push(replica),
-                Ok(End::Stopped) => {}
+                Ok(RunEnd::Finished) => done.push(replica),
+                Ok(RunEnd::Stopped) => {}
                 Err(error) => return Err(Error::Replica { replica, source: Box::new(error) }),
             }
         }
-        self.conclude(&done)
+        self.finish_all(&done)
     }
 
     /// The folder of a replica's files.
@@ -144,7 +144,7 @@ impl Replicas {
     }
 
     /// The mean of the replicas that are done, now or before.
-    fn conclude(&self, ended: &[u32]) -> Result<Replicated, Error> {
+    fn finish_all(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let (mut mean, mut done) = (MeanSeries::default(), Vec::new());
         let last = self.run.scenario.steps - self.run.scenario.steps % self.run.scenario.output.every;
         for replica in 0..self.count.get() {
@@ -161,8 +161,8 @@ impl Replicas {
             }
         }
         output::replace(&self.run.directory.join("mean.csv"), |out| mean.write(out))?;
-        let end = if ended.len() == self.count.get() as usize { End::Finished } else { End::Stopped };
-        Ok(Replicated { end, done, mean })
+        let end = if ended.len() == self.count.get() as usize { RunEnd::Finished } else { RunEnd::Stopped };
+        Ok(ReplicaResults { end, done, mean })
     }
 }
 
@@ -184,30 +184,30 @@ fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
 }
 
 /// The state that workers share.
-struct Course<'a> {
+struct ReplicaQueue<'a> {
     replicas: &'a Replicas,
     at_once: u32,
     next: AtomicU32,
     stop: AtomicBool,
     /// How each replica ended that somebody began with, by its number.
-    ended: Mutex<BTreeMap<u32, Result<End, Error>>>,
+    ended: Mutex<BTreeMap<u32, Result<RunEnd, Error>>>,
 }
 
-impl<'a> Course<'a> {
+impl<'a> ReplicaQueue<'a> {
     fn new(replicas: &'a Replicas, at_once: u32) -> Self {
         let (next, stop) = (AtomicU32::new(0), AtomicBool::new(false));
         Self { replicas, at_once, next, stop, ended: Mutex::default() }
     }
 
     /// Does one replica after the other until there are no more, or one of them breaks or fails.
-    fn work(&self, watch: &(impl Fn(u32, &Simulator) -> ControlFlow<()> + Sync)) {
+    fn work(&self, watch: &(impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync)) {
         let count = self.replicas.count.get();
         while !self.stop.load(Ordering::Relaxed) {
             let place = self.next.fetch_add(1, Ordering::Relaxed);
             if place >= count {
                 return;
             }
-            let beside = Beside { place, count, at_once: self.at_once };
+            let beside = ReplicaSlot { place, count, at_once: self.at_once };
             let ended = self.replicas.replica(place).run_here(beside, |simulation| {
                 if watch(place, simulation).is_break() {
                     self.stop.store(true, Ordering::Relaxed);

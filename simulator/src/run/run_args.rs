@@ -1,4 +1,4 @@
-//! Options of a run, for the commands that run scenarios.
+//! RunArgs of a run, for the commands that run scenarios.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -7,13 +7,13 @@ use lazygrid::{Algorithm, Backend};
 
 use crate::Error;
 use crate::run::Run;
-use crate::scenario::{Changes, Scenario};
+use crate::scenario::{Overrides, Scenario};
 
 /// What every command that runs a scenario asks for: the scenario, where it is written, and what is wanted otherwise than it
 /// says.
 #[derive(Clone, Debug, clap::Args)]
 #[non_exhaustive]
-pub struct Options {
+pub struct RunArgs {
     /// The scenario, a TOML file
     pub scenario: PathBuf,
     /// The directory to write to [default: the scenario's name without .toml]
@@ -54,7 +54,7 @@ pub struct Options {
     pub no_space_check: bool,
 }
 
-impl Options {
+impl RunArgs {
     /// Reads the scenario, and makes a run of it that does what is asked for: on the CPU, by the algorithm of its choice, and
     /// with all threads.
     ///
@@ -62,7 +62,7 @@ impl Options {
     /// The errors of [`Scenario::read`].
     pub fn read(&self) -> Result<Run, Error> {
         let mut scenario = Scenario::read(&self.scenario)?;
-        scenario.change(&Changes {
+        scenario.change(&Overrides {
             seed: self.seed,
             steps: self.steps,
             every: self.every,

@@ -3,21 +3,21 @@
 use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 
 use crate::Error;
-use crate::release::origins::Arrival;
-use crate::motion::binding::{self, Bid, Bound, Leaving};
-use crate::motion::receiver_state;
-use crate::motion::contact::Contacts;
-use crate::reaction::dissociation::{self, Dissociation, Split};
-use crate::reaction::matching::Matching;
-use crate::model::{Contact, Model};
-use crate::motion::propagate::{Event, Motion};
 use crate::model::particles::{Particle, Particles};
+use crate::model::receiver::{ReceiverKind, all_inside};
+use crate::model::{Contact, Model};
+use crate::motion::binding::{self, BindingRequest, Bound, UnboundParticle};
+use crate::motion::contact::Contacts;
+use crate::motion::propagate::{Event, Propagator};
+use crate::motion::receiver_search::ReceiverSearch;
+use crate::motion::receiver_state;
 use crate::random::philox::{Key, Purpose};
 use crate::ranks::Share;
-use crate::reaction::{Outcome, Reactions, interactions};
-use crate::model::receiver::{Kind, all_inside};
+use crate::reaction::dissociation::{self, Dissociated, Dissociation};
+use crate::reaction::matching::Matching;
+use crate::reaction::{ReactantChange, Reactions, interactions};
+use crate::release::origins::Arrival;
 use crate::run::state::State;
-use crate::motion::receiver_search::Vicinity;
 
 /// A run: a model, a seed, and what has become of it.
 #[derive(Debug)]
@@ -25,8 +25,8 @@ pub struct Simulation {
     pub(crate) model: Model,
     pub(crate) key: Key,
     pub(crate) state: State,
-    motion: Motion,
-    vicinity: Option<Vicinity>,
+    motion: Propagator,
+    vicinity: Option<ReceiverSearch>,
     pub(crate) reactions: Reactions,
     contacts: Contacts,
     pub(crate) dissociation: Dissociation,
@@ -39,7 +39,7 @@ pub struct Simulation {
 #[derive(Debug)]
 pub(crate) struct Moved {
     events: Vec<Event>,
-    leaving: Vec<Leaving>,
+    leaving: Vec<UnboundParticle>,
 }
 
 impl Simulation {
@@ -63,11 +63,11 @@ impl Simulation {
         if !state.belongs_to(&model) {
             return Err(Error::Model("the state is one of another model".to_owned()));
         }
-        let motion = Motion::new(&model);
+        let motion = Propagator::new(&model);
         let detector = detector(&model, algorithm)?;
         Ok(Self {
             key: Key::new(seed),
-            vicinity: Vicinity::new(&motion.bodies, &model.boundary)?,
+            vicinity: ReceiverSearch::new(&motion.bodies, &model.boundary)?,
             motion,
             reactions: Reactions::new(&model),
             contacts: Contacts::new(&model),
@@ -133,7 +133,7 @@ impl Simulation {
         let Self { model, state: State { particles, totals, centers, .. }, .. } = self;
         let mut received = all_inside(&model.receivers, centers, &model.boundary, particles);
         let counting = model.receivers.iter().zip(&totals.arrived).zip(&mut received);
-        for ((_, arrived), says) in counting.filter(|((r, _), _)| r.kind != Kind::Transparent) {
+        for ((_, arrived), says) in counting.filter(|((r, _), _)| r.kind != ReceiverKind::Transparent) {
             says.clone_from(arrived);
         }
         received
@@ -152,7 +152,7 @@ impl Simulation {
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.arrived);
         let moved = self.advance(&free)?;
-        self.apply_events(&moved, &binding::refused(self.bids(&moved), &free));
+        self.apply_events(&moved, &binding::rejected(self.bids(&moved), &free));
         let outcomes = self.interact()?;
         let splits = self.splits(&outcomes);
         let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
@@ -166,7 +166,7 @@ impl Simulation {
         let Self { model, key, state, motion, vicinity, .. } = self;
         let now = (*key, state.step);
         let leaving = binding::leaving(model, &state.bound, free, now);
-        let places = bodies::moved(model, &state.centers, *key, state.step);
+        let places = receiver_state::move_receivers(model, &state.centers, *key, state.step);
         motion.bodies.set(&state.centers, &places, free);
         let events = motion.advance(&mut state.particles, vicinity.as_mut(), now)?;
         state.centers = places.iter().map(|place| place.center).collect();
@@ -174,12 +174,12 @@ impl Simulation {
     }
 
     /// The particles that are to bind to receptors.
-    pub(crate) fn bids(&self, moved: &Moved) -> Vec<Bid> {
+    pub(crate) fn bids(&self, moved: &Moved) -> Vec<BindingRequest> {
         binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
     }
 
-    /// Does what befell particles, but for those that find no receptor, which are `refused`, by ascending ids.
-    pub(crate) fn apply_events(&mut self, moved: &Moved, refused: &[u32]) {
+    /// Does what befell particles, but for those that find no receptor, which are `rejected`, by ascending ids.
+    pub(crate) fn apply_events(&mut self, moved: &Moved, rejected: &[u32]) {
         let mut gone = Vec::new();
         self.arrivals.clear();
         for event in &moved.events {
@@ -196,7 +196,7 @@ impl Simulation {
                 }
                 Event::Bound { at, receiver, direction, .. } => {
                     let Particle { species, id, .. } = self.state.particles.get(at as usize);
-                    if refused.binary_search(&id).is_err() {
+                    if rejected.binary_search(&id).is_err() {
                         self.state.totals.arrived[receiver as usize][species as usize] += 1;
                         self.state.bound.push(Bound { id, species, receiver, direction });
                         self.transform(at, None, &mut gone);
@@ -214,7 +214,7 @@ impl Simulation {
     }
 
     /// Puts what came off receptors back among the particles.
-    fn let_off(&mut self, leaving: &[Leaving]) {
+    fn let_off(&mut self, leaving: &[UnboundParticle]) {
         let Self { model, key, state, .. } = self;
         let with_velocity = model.has_velocity();
         // Those behind move up into the gaps, and are done already.
@@ -244,10 +244,10 @@ impl Simulation {
         let [old, new] = [from, species].map(|species| &model.species[species as usize]);
         particles.species[place] = species;
         particles.radius[place] = new.radius;
-        if !model.boundary.is_open() {
+        if !model.boundary.is_unbounded() {
             // What is larger than it was may stand in a wall.
-            let room = model.boundary.inset(new.radius);
-            particles.set_position(place, room.place(particles.position_of(place)));
+            let domain = model.boundary.inset(new.radius);
+            particles.set_position(place, domain.confine(particles.position_of(place)));
         }
         if old.speed != new.speed {
             let velocity = match old.speed > 0.0 && new.speed > 0.0 {
@@ -259,7 +259,7 @@ impl Simulation {
     }
 
     /// Finds pairs and lets them react or push each other away. Returns what comes of reactions.
-    fn interact(&mut self) -> Result<Vec<Outcome>, Error> {
+    fn interact(&mut self) -> Result<Vec<ReactantChange>, Error> {
         let (key, step) = (self.key, self.state.step);
         let failed = |source| Error::Step { step, source };
         let Some(detector) = &mut self.detector else { return Ok(Vec::new()) };
@@ -286,7 +286,7 @@ impl Simulation {
 
     /// What comes apart of the particles that are not used up by reactions, in the order of ids, which does not depend on
     /// places.
-    pub(crate) fn splits(&self, outcomes: &[Outcome]) -> Vec<Split> {
+    pub(crate) fn splits(&self, outcomes: &[ReactantChange]) -> Vec<Dissociated> {
         if self.dissociation.is_empty() {
             return Vec::new();
         }
@@ -302,8 +302,8 @@ impl Simulation {
     /// second products get ids in their order.
     pub(crate) fn conclude(
         &mut self,
-        outcomes: &[Outcome],
-        splits: &[Split],
+        outcomes: &[ReactantChange],
+        splits: &[Dissociated],
         parents: &[u32],
     ) -> Result<(), Error> {
         let first_id = self.state.next_id;

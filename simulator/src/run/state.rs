@@ -3,15 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use crate::release::origins::{Origin, Origins};
-use crate::motion::binding::Bound;
-use crate::reaction::decay::Decays;
 use crate::model::Model;
 use crate::model::particles::Particles;
+use crate::model::receiver::ReceiverKind;
+use crate::motion::binding::Bound;
 use crate::random::philox::Key;
 use crate::ranks::Share;
-use crate::model::receiver::Kind;
+use crate::reaction::decay::Decays;
 use crate::release::Released;
+use crate::release::origins::{Origin, Origins};
 
 /// The mutable state of a run. Together with the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -89,7 +89,7 @@ impl State {
         totals.present.fill(0);
         self.particles.species.iter().for_each(|&species| totals.present[species as usize] += 1);
         for (receiver, held) in model.receivers.iter().zip(&mut totals.arrived) {
-            if let Kind::Receptors(_) = receiver.kind {
+            if let ReceiverKind::Receptors(_) = receiver.kind {
                 held.fill(0);
             }
         }

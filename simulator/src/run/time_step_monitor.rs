@@ -12,14 +12,14 @@ const MANY: f64 = 0.1;
 
 /// The speeds of reactions so far.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Pace {
+pub(crate) struct TimeStepMonitor {
     /// Indexed by reaction: how many there were, how many of them were too fast, and the largest part that reacted in one step.
     seen: Vec<(f64, f64, f64)>,
     /// Particles released before the last look.
     released: u64,
 }
 
-impl Pace {
+impl TimeStepMonitor {
     /// What is looked at of the totals before a step.
     pub(crate) fn part_of(Totals { present, released, reacted, .. }: &Totals) -> Totals {
         let [present, released, reacted] = [present, released, reacted].map(Clone::clone);
@@ -51,7 +51,7 @@ impl Pace {
     }
 
     /// The warnings, with their remedies.
-    pub(crate) fn advice(&self, model: &Model) -> Vec<String> {
+    pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
         let said = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
             (fast > MANY * all).then(|| {
                 format!(
@@ -90,17 +90,17 @@ mod tests {
             reacted: reacted.to_vec(),
             ..Totals::default()
         };
-        let mut pace = Pace::default();
+        let mut pace = TimeStepMonitor::default();
         // 4 % of B in each of ten steps, and 1 % of A; then little.
         pace.see(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 10);
-        assert_eq!(pace.advice(&model).len(), 1);
-        let said = &pace.advice(&model)[0];
+        assert_eq!(pace.warnings(&model).len(), 1);
+        let said = &pace.warnings(&model)[0];
         assert!(
             said.starts_with("'A + B -> 0': 100 % of it") && said.contains("off by up to about 2 %"),
             "{said}"
         );
         assert!(said.contains("of about 5.00e-2 s"), "{said}");
         pace.see(&model, [&totals([800, 60], [40, 50]), &totals([400, 60], [500, 50])], 1000);
-        assert_eq!(pace.advice(&model), [""; 0]);
+        assert_eq!(pace.warnings(&model), [""; 0]);
     }
 }

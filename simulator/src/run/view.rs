@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use crate::{Arrival, Error, Model, State, Totals};
 
 /// A run as those see it who write files about it.
-pub trait Standing {
+pub trait RunView {
     /// The model.
     fn model(&self) -> &Model;
 

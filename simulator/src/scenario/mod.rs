@@ -1,15 +1,15 @@
 //! Scenario files: a [`Model`] and what to write, as TOML. The scenarios that are shipped, in
 //! `simulator/scenarios/`, show every key; `docs/simulator.md` lists them.
 
-mod advice;
-mod changes;
 mod file;
+mod overrides;
 mod resolve;
+mod warnings;
 
 use std::ops::Range;
 use std::path::Path;
 
-pub use self::changes::Changes;
+pub use self::overrides::Overrides;
 use lazygrid_io::{excerpt, printed};
 
 use crate::animation::Animation;
@@ -29,7 +29,7 @@ pub struct Scenario {
     /// The text that it was read from.
     pub text: String,
     /// The warnings that were logged: the location and the remedy of each.
-    pub advice: Vec<String>,
+    pub warnings: Vec<String>,
 }
 
 /// The outputs and their intervals.
@@ -86,12 +86,12 @@ impl Scenario {
             Error::Scenario { path: path.to_owned(), line, key, message }
         };
         let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
-        let resolve::Resolved { model, steps, seed, output, advice } =
+        let resolve::Resolved { model, steps, seed, output, warnings } =
             resolve::resolve(file).map_err(placed)?;
         model.check()?;
-        let advice: Vec<_> = advice.into_iter().map(|problem| placed(problem).to_string()).collect();
-        advice.iter().for_each(|message| log::warn!("{message}"));
-        Ok(Self { model, steps, seed, output, text, advice })
+        let warnings: Vec<_> = warnings.into_iter().map(|problem| placed(problem).to_string()).collect();
+        warnings.iter().for_each(|message| log::warn!("{message}"));
+        Ok(Self { model, steps, seed, output, text, warnings })
     }
 
     /// The releases that the run does not reach.

@@ -11,7 +11,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Kind, Model, Receiver, Shape, Simulation, Transmitter, Vessel,
+    Axis, Boundary, Contact, Decay, Error, Model, Receiver, ReceiverKind, Shape, Simulation, Transmitter,
+    Vessel,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, reaction, species};
 
@@ -210,7 +211,7 @@ fn absorbing_receiver() {
     };
     let expected = 0.308_54_f64;
     let tolerance = 4.0 * (expected * (1.0 - expected) / f64::from(n)).sqrt() + 0.005 * expected;
-    let [found, endpoints] = [reached(Kind::Absorbing), reached(Kind::Endpoint)];
+    let [found, endpoints] = [reached(ReceiverKind::Absorbing), reached(ReceiverKind::Endpoint)];
     assert!((found - expected).abs() < tolerance, "{found}");
     assert!((endpoints - expected).abs() > tolerance, "endpoints alone give {endpoints}");
 }
@@ -220,7 +221,7 @@ fn absorbing_receiver() {
 fn many_receivers() {
     let Some(own) = device() else { return };
     let mut model = dyadic();
-    let kinds = [Kind::Absorbing, Kind::Transparent, Kind::Endpoint];
+    let kinds = [ReceiverKind::Absorbing, ReceiverKind::Transparent, ReceiverKind::Endpoint];
     let receiver = |k: u32| Receiver {
         name: format!("{k}"),
         center: [k % 8, k / 8 % 8, k / 64].map(|c| c as f32 * 1.125 - 4.0),
@@ -280,15 +281,15 @@ fn what_has_no_kernels_is_refused_by_name() {
     let channels = refused(|m| m.reactions.push(reaction([1, 0], [Some(1), None], 0.2, 0.5)));
     assert!(channels.contains("several reactions of the same reactants"), "{channels}");
     assert!(refused(|m| m.species[0].speed = 1.0).contains("swimmers, such as A"));
-    fn receiver(kind: Kind) -> Receiver {
+    fn receiver(kind: ReceiverKind) -> Receiver {
         Receiver { name: "rx".into(), radius: 0.25, kind, sees: vec![true; 2], ..Receiver::default() }
     }
-    let crowd = refused(|m| m.receivers = vec![receiver(Kind::Absorbing); 40_000]);
+    let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Absorbing); 40_000]);
     assert!(crowd.contains("80000 counts"), "{crowd}");
-    let crowd = refused(|m| m.receivers = vec![receiver(Kind::Reflecting); 13_000]);
+    let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Reflecting); 13_000]);
     assert!(crowd.contains("26000 counts of a receiver and a species, beyond 25000"), "{crowd}");
     let drifting = refused(|m| {
-        m.receivers = vec![Receiver { velocity: [9000.0, 0.0, 0.0], ..receiver(Kind::Absorbing) }];
+        m.receivers = vec![Receiver { velocity: [9000.0, 0.0, 0.0], ..receiver(ReceiverKind::Absorbing) }];
     });
     assert!(drifting.contains("the way of A past receiver rx"), "{drifting}");
     let vessel = Vessel { along: 0, center: [0.0; 3], radius: 1.0 };
@@ -302,7 +303,7 @@ fn what_has_no_kernels_is_refused_by_name() {
             name: "rx".into(),
             center,
             radius: 0.25,
-            kind: Kind::Absorbing,
+            kind: ReceiverKind::Absorbing,
             sees: vec![true, false],
             ..Receiver::default()
         };

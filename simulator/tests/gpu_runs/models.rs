@@ -5,8 +5,8 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::model::message::{Message, Modulation, Symbols};
 use lazygrid_sim::{
-    Axis, Boundary, Chance, Decay, Kind, Model, Numbers, Particle, Reaction, Receiver, Schedule, Shape,
-    Simulation, Species, State, Transmitter,
+    Axis, Boundary, CountDistribution, Decay, Model, Particle, Reaction, ReactionRate, Receiver,
+    ReceiverKind, Schedule, Shape, Simulation, Species, State, Transmitter,
 };
 
 pub(crate) fn species(name: &str, diffusion: f64, drift: [f64; 3]) -> Species {
@@ -24,7 +24,7 @@ pub(crate) fn reaction(
         reactants,
         products,
         binding_radius,
-        chance: Chance::PerStep(probability),
+        chance: ReactionRate::PerStep(probability),
         ..Reaction::default()
     }
 }
@@ -81,7 +81,7 @@ pub(crate) fn dyadic() -> Model {
             // What comes between two steps has decayed and drifted before it gets there.
             Transmitter {
                 schedule: Schedule::Steady { from: 0.5, until: 6.5, rates: vec![(2, 8.0), (0, 2.5)] },
-                numbers: Numbers::Poisson,
+                numbers: CountDistribution::Poisson,
                 ..lattice([0.5, 0.0, 0.125], &[], 0, 1)
             },
             Transmitter {
@@ -95,9 +95,9 @@ pub(crate) fn dyadic() -> Model {
             },
         ],
         receivers: vec![
-            receiver("absorbing", [2.0, 2.0, 0.0], Kind::Absorbing),
-            receiver("transparent", [-2.0, 0.0, 0.5], Kind::Transparent),
-            receiver("endpoint", [0.0, -2.0, 0.5], Kind::Endpoint),
+            receiver("absorbing", [2.0, 2.0, 0.0], ReceiverKind::Absorbing),
+            receiver("transparent", [-2.0, 0.0, 0.5], ReceiverKind::Transparent),
+            receiver("endpoint", [0.0, -2.0, 0.5], ReceiverKind::Endpoint),
         ],
         boundary: Boundary {
             axes: [

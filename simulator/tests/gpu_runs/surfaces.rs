@@ -4,7 +4,8 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Error, Kind, Model, Receiver, Receptors, Shape, Simulation, State, Sticking, Transmitter,
+    Adsorption, Axis, Boundary, Error, Model, Receiver, ReceiverKind, Receptors, Shape, Simulation, State,
+    Transmitter,
 };
 
 use super::device;
@@ -35,23 +36,24 @@ fn assert_close(a: &State, b: &State, tolerance: f32) {
     assert_eq!(a.centers, b.centers);
 }
 
-fn receiver(name: &str, center: [f32; 3], radius: f32, kind: Kind) -> Receiver {
+fn receiver(name: &str, center: [f32; 3], radius: f32, kind: ReceiverKind) -> Receiver {
     Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
 }
 
 /// Every kind of surface among A and B that diffuse and annihilate.
 fn surfaces() -> Model {
-    let receptors = |count| Kind::Receptors(Receptors { count, binding_rate: 40.0, unbinding_rate: 60.0 });
+    let receptors =
+        |count| ReceiverKind::Receptors(Receptors { count, binding_rate: 40.0, unbinding_rate: 60.0 });
     Model {
         receivers: vec![
-            receiver("mirror", [0.0, 0.0, 0.0], 0.75, Kind::Reflecting),
-            receiver("rate", [1.25, 0.0, 0.0], 0.5, Kind::Partial(Sticking::Reactivity(30.0))),
-            receiver("part", [-1.25, 0.0, 0.5], 0.5, Kind::Partial(Sticking::PerStep(0.25))),
+            receiver("mirror", [0.0, 0.0, 0.0], 0.75, ReceiverKind::Reflecting),
+            receiver("rate", [1.25, 0.0, 0.0], 0.5, ReceiverKind::Partial(Adsorption::Reactivity(30.0))),
+            receiver("part", [-1.25, 0.0, 0.5], 0.5, ReceiverKind::Partial(Adsorption::PerStep(0.25))),
             receiver("few", [0.0, 1.25, 0.0], 0.5, receptors(4)),
             receiver("many", [0.0, -1.25, 0.0], 0.5, receptors(400)),
-            receiver("absorber", [1.25, 1.25, 1.25], 0.375, Kind::Absorbing),
-            receiver("ghost", [-1.0, -1.0, -1.0], 0.625, Kind::Transparent),
-            receiver("endpoint", [-1.25, 1.25, -1.25], 0.375, Kind::Endpoint),
+            receiver("absorber", [1.25, 1.25, 1.25], 0.375, ReceiverKind::Absorbing),
+            receiver("ghost", [-1.0, -1.0, -1.0], 0.625, ReceiverKind::Transparent),
+            receiver("endpoint", [-1.25, 1.25, -1.25], 0.375, ReceiverKind::Endpoint),
         ],
         time_step: 0.005,
         ..brownian(true)
@@ -110,14 +112,14 @@ fn bodies_go_where_they_go_on_the_cpu() {
     assert_close(&at_once.state().expect("a state"), &state, 2e-4);
     // Without a surface that turns anything back.
     let mut model = bodies();
-    model.receivers.retain(|receiver| !receiver.kind.turns_back());
+    model.receivers.retain(|receiver| !receiver.kind.reflects());
     compare(&model, 13, 8);
 }
 
 /// So many small receivers of all kinds everywhere that they are listed by cells; some go somewhere.
 fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
     let kinds = surfaces().receivers.into_iter().map(|receiver| receiver.kind);
-    let kinds: Vec<Kind> = kinds.collect();
+    let kinds: Vec<ReceiverKind> = kinds.collect();
     let place = |k: u32| [k % 5, k / 5 % 5, k / 25].map(|c| 0.8 * c as f32 - 1.6);
     let one = |k: u32| {
         let [x, y, z] = place(k);
@@ -147,7 +149,7 @@ fn receivers_that_are_listed_do_what_they_do_on_the_cpu() {
     }
     // Without a surface that turns anything back.
     let mut model = crowd_of_receivers(periodic, 2.0);
-    model.receivers.retain(|receiver| !receiver.kind.turns_back());
+    model.receivers.retain(|receiver| !receiver.kind.reflects());
     let (mut there, mut here) = (gpu(&own, &model, 19, GpuOptions::default()), cpu(&model, 19));
     there.run(6).expect("steps");
     (0..6).for_each(|_| here.step().expect("a step"));
@@ -157,8 +159,10 @@ fn receivers_that_are_listed_do_what_they_do_on_the_cpu() {
 /// What rests is pushed by what comes, and what comes off a receptor is there again.
 #[test]
 fn what_rests_is_pushed() {
-    let pusher =
-        Receiver { velocity: [0.0, 1.0, 0.0], ..receiver("pusher", [0.0, -2.0, 0.0], 1.0, Kind::Reflecting) };
+    let pusher = Receiver {
+        velocity: [0.0, 1.0, 0.0],
+        ..receiver("pusher", [0.0, -2.0, 0.0], 1.0, ReceiverKind::Reflecting)
+    };
     let mut model = brownian(false);
     model.species = vec![species("A", 0.0, [0.0; 3]), species("B", 0.0, [0.0, -0.5, 0.0])];
     model.time_step = 0.125;
@@ -173,7 +177,7 @@ fn throwing() -> Model {
     let mirror = |center: [f32; 3], radius, velocity: f64| Receiver {
         velocity: [velocity, 0.0, 0.0],
         sees: vec![true],
-        ..receiver("mirror", center, radius, Kind::Reflecting)
+        ..receiver("mirror", center, radius, ReceiverKind::Reflecting)
     };
     Model {
         time_step: 0.01,
@@ -213,7 +217,7 @@ fn what_a_particle_is_thrown_at_is_found() {
 fn what_is_thrown_beyond_what_it_can_look_at_is_an_error() {
     let Some(own) = device() else { return };
     let mut model = throwing();
-    let far = |k: u32| receiver("mirror", [100.0 + k as f32, 0.0, 0.0], 0.25, Kind::Reflecting);
+    let far = |k: u32| receiver("mirror", [100.0 + k as f32, 0.0, 0.0], 0.25, ReceiverKind::Reflecting);
     model.receivers.extend((0..24_000).map(|k| Receiver { sees: vec![true], ..far(k) }));
     let mut run = gpu(&own, &model, 17, GpuOptions::default());
     let error = run.run(1).expect_err("an error").to_string();
@@ -225,7 +229,7 @@ fn what_is_thrown_beyond_what_it_can_look_at_is_an_error() {
 #[test]
 fn few_receptors_go_to_the_lowest_ranks() {
     let Some(own) = device() else { return };
-    let kind = Kind::Receptors(Receptors { count: 700, binding_rate: 1e4, unbinding_rate: 20.0 });
+    let kind = ReceiverKind::Receptors(Receptors { count: 700, binding_rate: 1e4, unbinding_rate: 20.0 });
     let burst = Transmitter {
         name: "burst".into(),
         shape: Shape::Box([1.0; 3]),
@@ -289,7 +293,8 @@ fn steps_that_reach_too_many_surfaces_are_an_error() {
     let mut model = brownian(false);
     model.time_step = 1.0;
     let place = |k: u32| [k % 5, k / 5 % 5, 0].map(|c| 0.25 * c as f32 - 0.5);
-    model.receivers = (0..25).map(|k| receiver("mirror", place(k), 0.0625, Kind::Reflecting)).collect();
+    model.receivers =
+        (0..25).map(|k| receiver("mirror", place(k), 0.0625, ReceiverKind::Reflecting)).collect();
     let mut run = gpu(&own, &model, 1, GpuOptions::default());
     let error = run.run(3).expect_err("an error").to_string();
     assert!(error.contains("surfaces within reach of a particle's step"), "{error}");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::run::checkpoint::Checkpoint;
-use lazygrid_sim::run::{End, Run};
+use lazygrid_sim::run::{Run, RunEnd};
 use lazygrid_sim::scenario::Scenario;
 
 use crate::threads;
@@ -97,13 +97,13 @@ pub(crate) fn run(directory: &Path, steps: u32, resume: bool) -> Run {
 /// Does a run on so many ranks, or with none in one process.
 pub(crate) fn go(run: &Run, ranks: u32) {
     if ranks == 0 {
-        assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, End::Finished);
+        assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);
         return;
     }
     for end in
         threads::on(ranks, |thread| run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0))
     {
-        assert_eq!(end, Ok(End::Finished));
+        assert_eq!(end, Ok(RunEnd::Finished));
     }
 }
 
@@ -186,7 +186,7 @@ fn what_one_rank_asks_stops_all_and_the_run_can_go_on() {
             |step| if rank == 1 && step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         first.run_over(thread, ask).map(|(end, simulation)| (end, simulation.step_count()))
     });
-    assert_eq!(ends, vec![Ok((End::Stopped, 17)); 3]);
+    assert_eq!(ends, vec![Ok((RunEnd::Stopped, 17)); 3]);
     assert_eq!(state(directory.path()).step, 17);
 }
 
@@ -244,5 +244,5 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
         let run = if lazygrid_ranks::Carrier::rank(&thread) == 2 { own.clone() } else { base() };
         run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
     });
-    assert_eq!(done, vec![Ok(End::Finished); 3]);
+    assert_eq!(done, vec![Ok(RunEnd::Finished); 3]);
 }

@@ -1,8 +1,8 @@
 //! Models in which much happens between ranks.
 
 use lazygrid_sim::{
-    Axis, Boundary, Chance, Contact, Decay, Kind, Model, Reaction, Receiver, Receptors, Schedule, Shape,
-    Species, Sticking, Transmitter, Unbinding,
+    Adsorption, Axis, Boundary, Contact, Decay, Model, Reaction, ReactionRate, Receiver, ReceiverKind,
+    Receptors, Schedule, Shape, Species, Transmitter, Unbinding,
 };
 use proptest::prelude::*;
 
@@ -60,7 +60,7 @@ pub(crate) fn model(parts: &Parts) -> Model {
         products,
         binding_radius: radius,
         unbinding_radius: 0.4,
-        chance: Chance::PerStep(probability),
+        chance: ReactionRate::PerStep(probability),
     };
     let reactions = [
         reaction("a + b -> c", [0, 1], [Some(2), None], 1.5, 0.3),
@@ -131,11 +131,11 @@ pub(crate) fn model(parts: &Parts) -> Model {
 
 fn receivers(parts: &Parts) -> Vec<Receiver> {
     let kinds = [
-        Kind::Transparent,
-        Kind::Receptors(Receptors { count: 3, binding_rate: 200.0, unbinding_rate: 3.0 }),
-        Kind::Absorbing,
+        ReceiverKind::Transparent,
+        ReceiverKind::Receptors(Receptors { count: 3, binding_rate: 200.0, unbinding_rate: 3.0 }),
+        ReceiverKind::Absorbing,
     ];
-    let one = |kind: Kind, k: usize| Receiver {
+    let one = |kind: ReceiverKind, k: usize| Receiver {
         name: format!("{kind:?} {k}"),
         center: [2.0 + k as f32, 7.0 - k as f32 * 0.5, 4.0],
         radius: 0.8,
@@ -147,8 +147,8 @@ fn receivers(parts: &Parts) -> Vec<Receiver> {
     let mut all: Vec<_> = (0..3)
         .flat_map(|kind| (0..parts.receivers[kind]).map(move |k| one(kinds[kind], 3 * k + kind)))
         .collect();
-    if let Some(partial) = all.last_mut().filter(|receiver| receiver.kind == Kind::Absorbing) {
-        partial.kind = Kind::Partial(Sticking::Reactivity(20.0));
+    if let Some(partial) = all.last_mut().filter(|receiver| receiver.kind == ReceiverKind::Absorbing) {
+        partial.kind = ReceiverKind::Partial(Adsorption::Reactivity(20.0));
     }
     all
 }

@@ -1,7 +1,7 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::ranks::{RankSimulation, Wanted};
 use lazygrid_sim::{
-    Arrival, Decay, Kind, Model, Origin, Receiver, Schedule, Simulation, Species, Standing, State,
+    Arrival, Decay, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
     Transmitter,
 };
 use proptest::prelude::*;
@@ -117,7 +117,7 @@ fn what_comes_apart_is_from_where_its_parent_was() {
         transmitters: vec![burst("early", 0, 0.0), burst("late", 2, 0.5)],
         receivers: vec![Receiver {
             radius: 1.0,
-            kind: Kind::Absorbing,
+            kind: ReceiverKind::Absorbing,
             sees: vec![false, true, false],
             ..Receiver::default()
         }],

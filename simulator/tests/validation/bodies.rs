@@ -1,8 +1,8 @@
 //! Receivers as bodies: surfaces that take a part, hold, or turn back, and receivers that move.
 
 use lazygrid_sim::{
-    Boundary, Flow, Kind, Model, Particle, Particles, Receiver, Receptors, Shape, Simulation, Sticking,
-    Transmitter,
+    Adsorption, Boundary, Flow, Model, Particle, Particles, Receiver, ReceiverKind, Receptors, Shape,
+    Simulation, Transmitter,
 };
 use rayon::prelude::*;
 
@@ -41,7 +41,7 @@ pub(crate) fn partial() -> Vec<Row> {
             name: "rx".to_owned(),
             center: [DISTANCE as f32, 0.0, 0.0],
             radius: R as f32,
-            kind: Kind::Partial(sticking),
+            kind: ReceiverKind::Partial(sticking),
             sees: vec![true],
             ..Receiver::default()
         };
@@ -61,11 +61,11 @@ pub(crate) fn partial() -> Vec<Row> {
         let expected = taken(kappa, time);
         let tolerance = 4.0 * share_error(expected, n.into());
         for count in [20, 200] {
-            let found = share(Sticking::Reactivity(kappa), count);
+            let found = share(Adsorption::Reactivity(kappa), count);
             rows.push(Row::new(format!("rate {kappa} µm/s, {count} steps"), expected, found, tolerance));
         }
     }
-    let [few, many] = [20, 200].map(|count| share(Sticking::PerStep(0.1), count));
+    let [few, many] = [20, 200].map(|count| share(Adsorption::PerStep(0.1), count));
     let tolerance = 4.0 * share_error(few, n.into());
     rows.push(Row {
         must_differ: true,
@@ -99,7 +99,7 @@ pub(crate) fn receptors() -> Vec<Row> {
         let receiver = Receiver {
             name: "rx".to_owned(),
             radius: radius as f32,
-            kind: Kind::Receptors(receptors),
+            kind: ReceiverKind::Receptors(receptors),
             sees: vec![true],
             ..Receiver::default()
         };
@@ -146,7 +146,7 @@ pub(crate) fn reflecting() -> Vec<Row> {
         let obstacle = Receiver {
             name: "body".to_owned(),
             radius: RADIUS,
-            kind: Kind::Reflecting,
+            kind: ReceiverKind::Reflecting,
             sees: vec![true],
             velocity,
             diffusion,

@@ -1,6 +1,6 @@
 //! Bursts: the pairs of one, and two that neutralise each other.
 
-use lazygrid_sim::{Contact, Kind, Model, Reaction, Receiver, Shape};
+use lazygrid_sim::{Contact, Model, Reaction, Receiver, ReceiverKind, Shape};
 use rayon::prelude::*;
 
 use crate::Row;
@@ -47,7 +47,7 @@ pub(crate) fn acid_base() -> Vec<Row> {
         name: "rx".to_owned(),
         center: [1.5, 0.0, 0.0],
         radius: 1.0,
-        kind: Kind::Transparent,
+        kind: ReceiverKind::Transparent,
         sees: vec![true; 2],
         ..Receiver::default()
     };

@@ -2,8 +2,8 @@
 
 use lazygrid::Algorithm;
 use lazygrid_sim::{
-    Axis, Boundary, Chance, Contact, Decay, Kind, Model, Numbers, Particles, Reaction, Receiver, Receptors,
-    Schedule, Shape, Simulation, State, Sticking, Transmitter, Unbinding,
+    Adsorption, Axis, Boundary, Contact, CountDistribution, Decay, Model, Particles, Reaction, ReactionRate,
+    Receiver, ReceiverKind, Receptors, Schedule, Shape, Simulation, State, Transmitter, Unbinding,
 };
 
 use crate::Row;
@@ -17,7 +17,7 @@ fn model() -> Model {
         products,
         binding_radius: 0.3,
         unbinding_radius,
-        chance: Chance::PerStep(0.4),
+        chance: ReactionRate::PerStep(0.4),
     };
     let decay = |name: &str, reactant, products| Decay {
         name: name.to_owned(),
@@ -28,7 +28,7 @@ fn model() -> Model {
     };
     let steady = Transmitter {
         schedule: Schedule::Steady { from: 0.0, until: 0.5, rates: vec![(0, 300.0)] },
-        numbers: Numbers::Poisson,
+        numbers: CountDistribution::Poisson,
         ..burst(Shape::Gaussian(0.5), &[])
     };
     let mut late = burst(Shape::Gaussian(0.7), &[(0, 150), (1, 100)]);
@@ -57,11 +57,11 @@ fn model() -> Model {
         ],
         transmitters: vec![burst(Shape::Point, &[(0, 100), (1, 100)]), late, steady],
         receivers: vec![
-            receiver(Kind::Absorbing, 2.5),
-            receiver(Kind::Endpoint, -2.5),
-            Receiver { velocity: [0.0, 3.0, 0.0], ..receiver(Kind::Reflecting, 1.5) },
-            Receiver { diffusion: 1.0, ..receiver(Kind::Partial(Sticking::Reactivity(3.0)), 0.0) },
-            receiver(Kind::Receptors(receptors), -1.5),
+            receiver(ReceiverKind::Absorbing, 2.5),
+            receiver(ReceiverKind::Endpoint, -2.5),
+            Receiver { velocity: [0.0, 3.0, 0.0], ..receiver(ReceiverKind::Reflecting, 1.5) },
+            Receiver { diffusion: 1.0, ..receiver(ReceiverKind::Partial(Adsorption::Reactivity(3.0)), 0.0) },
+            receiver(ReceiverKind::Receptors(receptors), -1.5),
         ],
         boundary: Boundary {
             axes: [

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::{Chance, Decay, Model, Reaction, Shape, Transmitter};
+use lazygrid_sim::{Decay, Model, Reaction, ReactionRate, Shape, Transmitter};
 use rayon::prelude::*;
 
 use crate::Row;
@@ -196,7 +196,7 @@ pub(crate) fn rate_inside() -> Vec<Row> {
             reactants: [0, 1],
             products: [Some(0), None],
             binding_radius: radius as f32,
-            chance: Chance::PerTime(rate),
+            chance: ReactionRate::PerTime(rate),
             ..Reaction::default()
         };
         let around = Transmitter { center: [start as f32, 0.0, 0.0], ..burst(Shape::Point, &[(1, n)]) };

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use lazygrid_sim::{Boundary, Chance, Model, Reaction, Shape};
+use lazygrid_sim::{Boundary, Model, Reaction, ReactionRate, Shape};
 use rayon::prelude::*;
 
 use crate::Row;
@@ -57,7 +57,7 @@ pub(crate) fn well_mixed() -> Vec<Row> {
         name: "A + B -> 0".to_owned(),
         reactants: [0, 1],
         binding_radius: sigma as f32,
-        chance: Chance::PerStep(probability),
+        chance: ReactionRate::PerStep(probability),
         ..Reaction::default()
     };
     let model = Model {

@@ -1,6 +1,6 @@
 //! What receivers count.
 
-use lazygrid_sim::{Kind, Model, Receiver, Shape, Species, Transmitter};
+use lazygrid_sim::{Model, Receiver, ReceiverKind, Shape, Species, Transmitter};
 
 use crate::Row;
 use crate::setup::{begin, burst, in_ball, share_error, species, steps};
@@ -10,7 +10,7 @@ const R: f64 = 5.0;
 const DISTANCE: f64 = 10.0;
 const N: u32 = 200_000;
 
-fn model(time_step: f64, kind: Kind) -> Model {
+fn model(time_step: f64, kind: ReceiverKind) -> Model {
     let receiver = Receiver {
         name: "rx".to_owned(),
         center: [DISTANCE as f32, 0.0, 0.0],
@@ -34,13 +34,13 @@ pub(crate) fn absorbing() -> Vec<Row> {
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt());
     let tolerance = 4.0 * share_error(expected, N.into()) + 0.005 * expected;
     let mut rows = Vec::new();
-    for kind in [Kind::Absorbing, Kind::Endpoint] {
+    for kind in [ReceiverKind::Absorbing, ReceiverKind::Endpoint] {
         for count in [50, 200, 500] {
             let mut simulation = begin(&model(time / f64::from(count), kind), 2);
             steps(&mut simulation, count);
             let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(N);
             let what = format!("{kind:?}, {count} steps").to_lowercase();
-            let must_differ = kind == Kind::Endpoint;
+            let must_differ = kind == ReceiverKind::Endpoint;
             rows.push(Row { must_differ, ..Row::new(what, expected, share, tolerance) });
         }
     }
@@ -50,7 +50,7 @@ pub(crate) fn absorbing() -> Vec<Row> {
 /// Share inside a transparent sphere after some times: the integral of the concentration over it.
 pub(crate) fn transparent() -> Vec<Row> {
     let time_step = 0.01;
-    let mut simulation = begin(&model(time_step, Kind::Transparent), 3);
+    let mut simulation = begin(&model(time_step, ReceiverKind::Transparent), 3);
     let mut rows = Vec::new();
     for until in [5, 20, 50] {
         let done = simulation.state().step;
@@ -84,7 +84,7 @@ pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Ro
     let receiver = Receiver {
         name: "rx".to_owned(),
         radius: 1.0,
-        kind: Kind::Absorbing,
+        kind: ReceiverKind::Absorbing,
         sees: vec![true],
         velocity: [velocity, 0.0, 0.0],
         ..Receiver::default()

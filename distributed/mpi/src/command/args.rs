@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use lazygrid::{Backend, Space};
 use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_mpi::{Ownership, Settings};
-use lazygrid_sim::run::run_args::Options as RunOptions;
+use lazygrid_sim::run::run_args::RunArgs;
 
 /// All pairs of overlapping spheres, by many ranks.
 #[derive(Debug, Parser)]
@@ -97,7 +97,7 @@ Examples:
   mpirun -n 64 lazygrid-mpi simulate acid-base.toml --resume --steps 100000")]
 pub(crate) struct Simulate {
     #[command(flatten)]
-    pub(crate) options: RunOptions,
+    pub(crate) options: RunArgs,
     /// Threads of each rank [default: its share of the cores of its node]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use lazygrid_mpi::{Error, agree, threads};
-use lazygrid_sim::run::{End, Run};
+use lazygrid_sim::run::{RunEnd, Run};
 use log::LevelFilter;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
@@ -27,8 +27,8 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
         print(world, &done.summary)?;
     }
     match done.end {
-        End::Finished => Ok(()),
-        End::Stopped => {
+        RunEnd::Finished => Ok(()),
+        RunEnd::Stopped => {
             Err(refused(world, format!("stopped after {} steps; go on with --resume", done.steps)))
         }
     }

@@ -1,10 +1,10 @@
 //! Particles, and what receptors hold, as rows on the device.
 
 use super::GpuSimulation;
-use crate::motion::binding::Bound;
 use crate::gpu::device::{read, scoped};
 use crate::gpu::layout::Head;
 use crate::model::particles::{Particle, Particles};
+use crate::motion::binding::Bound;
 use crate::{Error, State};
 
 /// The radius of what the first receptor of the table of fates holds; see `receptor.wgsl`.

@@ -3,16 +3,16 @@
 use std::collections::HashMap;
 
 use super::*;
-use crate::motion::adsorption;
-use crate::motion::binding::{bids, refused};
-use crate::motion::receiver_state::Body;
-use crate::motion::path_hit::Path;
 use crate::gpu::device::encoded;
 use crate::gpu::layout::{Fate, ReceptorRow};
+use crate::model::receiver::{Receiver, ReceiverKind, signed_distance};
+use crate::motion::adsorption;
+use crate::motion::binding::{bids, rejected};
+use crate::motion::path_hit::Path;
 use crate::motion::propagate::Event;
+use crate::motion::receiver_state::ReceiverState;
+use crate::motion::reflection::reflect_path;
 use crate::random::philox::{Draws, open_unit};
-use crate::model::receiver::{Kind, Receiver, height};
-use crate::motion::reflection::turn;
 
 #[test]
 fn what_stays_and_comes_off_is_that_of_the_cpu() {
@@ -47,7 +47,7 @@ fn what_stays_and_comes_off_is_that_of_the_cpu() {
 /// The text of three spheres that turn particles back, as private variables, and what goes to each.
 fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let receiver =
-        |center, radius| Receiver { center, radius, kind: Kind::Reflecting, ..Receiver::default() };
+        |center, radius| Receiver { center, radius, kind: ReceiverKind::Reflecting, ..Receiver::default() };
     let receivers = [
         receiver([0.0, 0.25, 0.0], 0.5),
         receiver([1.0, 0.0, 0.5], 0.375),
@@ -95,7 +95,7 @@ var<private> bodies: array<vec4<u32>, 6>;
                 let before = 4.0 * vec3(open_unit(words.x), open_unit(words.y), open_unit(words.z)) - 2.0;
                 let end = before + 4.0 * (vec3(open_unit(more.x), open_unit(more.y), open_unit(more.z)) - 0.5);
                 journey.longest = 0.6; params.looks = 8u;
-                let kind = Kind(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING);
+                let kind = ReceiverKind(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING);
                 let turned = turned_back(kind, Path(before, end, placed(end, 0.0)));
                 out[k] = vec4(bitcast<vec3<u32>>(turned.after), turned.first + 1u);",
                 u32::from(axes == 0)
@@ -107,15 +107,19 @@ var<private> bodies: array<vec4<u32>, 6>;
                 let [before, way] = [units(1), units(2)];
                 let before: [f32; 3] = std::array::from_fn(|k| 4.0 * before[k] - 2.0);
                 let end = std::array::from_fn(|k| before[k] + 4.0 * (way[k] - 0.5));
-                let path = Path { before, end, after: room.place(end), drift: [0.0; 3], diffusion: 0.0 };
-                let bodies: Vec<Body> = (0..)
+                let path = Path { before, end, after: room.confine(end), drift: [0.0; 3], diffusion: 0.0 };
+                let bodies: Vec<ReceiverState> = (0..)
                     .zip(receivers.clone().into_iter().zip(ways))
-                    .map(|(place, (receiver, way))| Body { way, ..Body::new(place, receiver, 1.0) })
+                    .map(|(place, (receiver, way))| ReceiverState {
+                        displacement: way,
+                        ..ReceiverState::new(place, receiver, 1.0)
+                    })
                     .collect();
-                let is_outside =
-                    |body: &&Body| height(body.receiver.radius, body.center, &room, before) >= 0.0;
-                let around: Vec<&Body> = bodies.iter().filter(is_outside).collect();
-                let expected = turn(&around, &room, &path, &mut [0.0; 3]);
+                let is_outside = |body: &&ReceiverState| {
+                    signed_distance(body.receiver.radius, body.center, &room, before) >= 0.0
+                };
+                let around: Vec<&ReceiverState> = bodies.iter().filter(is_outside).collect();
+                let expected = reflect_path(&around, &room, &path, &mut [0.0; 3]);
                 let (after, by) =
                     expected.map_or((path.after, 0), |turned| (turned.path.after, turned.first + 1));
                 let found = [x, y, z].map(f32::from_bits);
@@ -252,7 +256,7 @@ fn receptors_go_to_the_lowest_ranks() {
     let crowd = crowd(5_000);
     let Crowd { spheres, claims, events, coming } = &crowd;
     let free = RECEPTORS.map(|[count, held]| count - held);
-    let expected = refused(bids(events, id_of), &free);
+    let expected = rejected(bids(events, id_of), &free);
     assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
 
     let Chosen { moved, claims: after, held, tallies, gone } = choose(&own, &crowd);

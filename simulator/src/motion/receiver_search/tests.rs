@@ -1,11 +1,11 @@
 use super::*;
-use crate::motion::receiver_state::moved;
-use crate::model::{Flow, Model, Species};
-use crate::motion::propagate::Motion;
 use crate::model::particles::{Particle, Particles};
-use crate::random::philox::{Key, open_unit, philox};
-use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
 use crate::model::vessel::Vessel;
+use crate::model::{Flow, Model, Species};
+use crate::motion::propagate::Propagator;
+use crate::motion::receiver_state::move_receivers;
+use crate::random::philox::{Key, open_unit, philox};
 
 const MANY: u32 = 60;
 
@@ -18,13 +18,13 @@ fn place(k: u32) -> [f32; 3] {
 fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
     let sizes = [0.05, 0.2, 0.5];
     let kinds = [
-        Kind::Absorbing,
-        Kind::Endpoint,
-        Kind::Transparent,
-        Kind::Reflecting,
-        Kind::Partial(Sticking::PerStep(0.3)),
-        Kind::Partial(Sticking::Reactivity(2.0)),
-        Kind::Receptors(Receptors { count: 9, binding_rate: 2.0, unbinding_rate: 1.0 }),
+        ReceiverKind::Absorbing,
+        ReceiverKind::Endpoint,
+        ReceiverKind::Transparent,
+        ReceiverKind::Reflecting,
+        ReceiverKind::Partial(Adsorption::PerStep(0.3)),
+        ReceiverKind::Partial(Adsorption::Reactivity(2.0)),
+        ReceiverKind::Receptors(Receptors { count: 9, binding_rate: 2.0, unbinding_rate: 1.0 }),
     ];
     let receiver = |k: u32| Receiver {
         name: "rx".into(),
@@ -55,14 +55,18 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
 }
 
 /// What befalls particles in some steps, and where they are, with or without a search; and how many steps searched.
-fn run(model: &Model, steps: u32, searches: bool) -> ((Vec<crate::motion::propagate::Event>, Particles), usize) {
-    let mut motion = Motion::new(model);
-    let mut vicinity = Vicinity::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+fn run(
+    model: &Model,
+    steps: u32,
+    searches: bool,
+) -> ((Vec<crate::motion::propagate::Event>, Particles), usize) {
+    let mut motion = Propagator::new(model);
+    let mut vicinity = ReceiverSearch::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
     assert_eq!(vicinity.is_some(), searches);
     let mut searched = 0;
     let mut particles = Particles::default();
     for id in 0..1500 {
-        let position = model.rooms()[0].place(place(id + 1000));
+        let position = model.center_domains()[0].confine(place(id + 1000));
         let particle = Particle { id, position, radius: 0.01, species: id % 2, velocity: [1.0, 0.0, 0.5] };
         particles.push(particle, true);
     }
@@ -70,7 +74,7 @@ fn run(model: &Model, steps: u32, searches: bool) -> ((Vec<crate::motion::propag
     let mut all = Vec::new();
     for step in 0..steps {
         searched += usize::from(vicinity.as_ref().is_some_and(|vicinity| vicinity.worth.rest == 0));
-        let places = moved(model, &centers, Key::new(3), step);
+        let places = move_receivers(model, &centers, Key::new(3), step);
         motion.bodies.set(&centers, &places, &vec![5; centers.len()]);
         let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), step)).unwrap();
         let mut gone: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
@@ -87,7 +91,7 @@ fn the_loop_takes_over_where_all_are_near() {
     let of = |half: f32| {
         let mut model = model(Boundary::reflecting([-half; 3], [half; 3]), None, 0.0);
         let receiver = Receiver { center: [0.0; 3], radius: 0.2, ..model.receivers[9].clone() };
-        model.receivers = vec![Receiver { kind: Kind::Reflecting, ..receiver }];
+        model.receivers = vec![Receiver { kind: ReceiverKind::Reflecting, ..receiver }];
         model.species[1].drift = [0.0; 3];
         model
     };
@@ -138,31 +142,35 @@ fn what_a_particle_is_thrown_at_is_found() {
         velocity: [velocity, 0.0, 0.0],
         diffusion: 0.0,
     };
-    for (kind, back) in [(Kind::Absorbing, 0.0), (Kind::Reflecting, 0.0), (Kind::Reflecting, -100.0)] {
+    for (kind, back) in
+        [(ReceiverKind::Absorbing, 0.0), (ReceiverKind::Reflecting, 0.0), (ReceiverKind::Reflecting, -100.0)]
+    {
         let model = Model {
             time_step: 0.01,
             species: vec![Species { name: "A".into(), radius: 0.01, mass: 1.0, ..Species::default() }],
             receivers: vec![
-                of(-0.51, Kind::Reflecting, 100.0),
+                of(-0.51, ReceiverKind::Reflecting, 100.0),
                 of(2.1, kind, back),
-                of(4.2, Kind::Absorbing, 0.0),
+                of(4.2, ReceiverKind::Absorbing, 0.0),
             ],
             ..Model::default()
         };
         let after = [true, false].map(|searches| {
-            let mut motion = Motion::new(&model);
-            let mut vicinity = Vicinity::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+            let mut motion = Propagator::new(&model);
+            let mut vicinity =
+                ReceiverSearch::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
             let mut particles = Particles::default();
             particles.push(Particle::default(), false);
             let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
-            motion.bodies.set(&centers, &moved(&model, &centers, Key::new(3), 0), &[0; 3]);
+            motion.bodies.set(&centers, &move_receivers(&model, &centers, Key::new(3), 0), &[0; 3]);
             let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), 0)).unwrap();
             (events, particles)
         });
         assert_eq!(after[0], after[1]);
         let x = after[0].1.position[0][0];
         assert!(
-            kind == Kind::Absorbing && after[0].0.len() == 1 || kind == Kind::Reflecting && x < 1.6,
+            kind == ReceiverKind::Absorbing && after[0].0.len() == 1
+                || kind == ReceiverKind::Reflecting && x < 1.6,
             "{after:?}"
         );
     }

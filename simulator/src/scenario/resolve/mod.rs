@@ -12,7 +12,7 @@ use lazygrid_io::excerpt;
 use toml::Spanned;
 
 use super::file::{self, File, Finite};
-use super::{Output, Problem, advice};
+use super::{Output, Problem, warnings};
 use crate::model::{Contact, Model, Species};
 
 /// The contents of a file.
@@ -22,11 +22,11 @@ pub(super) struct Resolved {
     pub(super) seed: u64,
     pub(super) output: Output,
     /// The warnings.
-    pub(super) advice: Vec<Problem>,
+    pub(super) warnings: Vec<Problem>,
 }
 
 pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
-    let mut advice = Vec::new();
+    let mut warnings = Vec::new();
     let mut model = Model {
         time_step: file.time_step.0,
         boundary: space::boundary(file.boundary.as_ref())?,
@@ -48,16 +48,16 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         if let Some(message) = model.idle_contact() {
             return Err(Problem::at(contact.span(), message));
         }
-        advice.extend(advice::missed_contact(&model).map(|message| Problem::at(contact.span(), message)));
+        warnings.extend(warnings::missed_contact(&model).map(|message| Problem::at(contact.span(), message)));
     }
     let names = Names(&model.species);
     let (reactions, decays) =
-        reactions::resolve((&file.reactions, &file.decays), &names, model.time_step, &mut advice)?;
-    let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut advice)?;
+        reactions::resolve((&file.reactions, &file.decays), &names, model.time_step, &mut warnings)?;
+    let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
     receivers.extend(receivers::bodies(&file.transmitters, names.0.len()));
     let mut transmitters =
-        transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut advice)?;
-    transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut advice)?);
+        transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut warnings)?;
+    transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut warnings)?);
     model = Model { reactions, decays, transmitters, receivers, ..model };
     let every = file.output.every.map_or(1, Into::into);
     let output = Output {
@@ -69,7 +69,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         arrow: false,
         animation: None,
     };
-    Ok(Resolved { model, steps: file.steps, seed: file.seed, output, advice })
+    Ok(Resolved { model, steps: file.steps, seed: file.seed, output, warnings })
 }
 
 fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {

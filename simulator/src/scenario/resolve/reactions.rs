@@ -5,24 +5,25 @@ use std::ops::Range;
 use toml::Spanned;
 
 use super::Names;
+use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 use crate::reaction::probability::undoes;
-use crate::model::{Chance, Decay, Model, Reaction, Unbinding};
 use crate::reaction::rate;
 use crate::scenario::file::{self, Positive};
-use crate::scenario::{Problem, advice};
+use crate::scenario::{Problem, warnings};
 
 /// The reactions and decays of a file.
 pub(super) fn resolve(
     (reactions, decays): (&[file::Reaction], &[file::Decay]),
     names: &Names<'_>,
     time_step: f64,
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Reaction>, Vec<Decay>), Problem> {
     let drafts = reactions.iter().map(|one| Draft::new(one, names)).collect::<Result<_, _>>()?;
     let parsed = decays.iter().map(|one| decay(one, names)).collect::<Result<_, _>>()?;
     let all = Network { drafts, decays: parsed, time_step };
     let resolved = all.drafts.iter().map(|draft| all.reaction(draft)).collect::<Result<Vec<_>, _>>()?;
-    advice.extend(all.drafts.iter().zip(&resolved).flat_map(|(draft, reaction)| all.advice(draft, reaction)));
+    warnings
+        .extend(all.drafts.iter().zip(&resolved).flat_map(|(draft, reaction)| all.warnings(draft, reaction)));
     let apart = all.decays.iter().zip(decays).map(|(decay, from)| unbinding(decay, from, &resolved));
     let unbindings = apart.collect::<Result<Vec<_>, _>>()?;
     let pairs = all.decays.into_iter().zip(unbindings);
@@ -34,8 +35,8 @@ pub(super) fn resolve(
         ..Model::default()
     };
     for (decay, from) in model.decays.iter().zip(decays) {
-        let said = advice::fast_decay(&model, decay);
-        advice.extend(said.map(|message| Problem::at(from.rate.span(), message)));
+        let said = warnings::fast_decay(&model, decay);
+        warnings.extend(said.map(|message| Problem::at(from.rate.span(), message)));
     }
     Ok((model.reactions, model.decays))
 }
@@ -122,7 +123,7 @@ impl Network<'_> {
         let (radius, chance) = match (rate, radius, rate_inside) {
             (Some(rate), None, None) => {
                 let share = rate.get_ref().0 / self.total_rate(draft);
-                (self.radius_for(draft, rate)?, Chance::PerStep(share))
+                (self.radius_for(draft, rate)?, ReactionRate::PerStep(share))
             }
             (Some(_), ..) => {
                 return draft.refuse(format!(
@@ -137,7 +138,7 @@ impl Network<'_> {
                 ));
             }
             (None, Some(radius), None) => {
-                (radius, Chance::PerStep(probability.as_ref().map_or(1.0, |p| p.get_ref().0)))
+                (radius, ReactionRate::PerStep(probability.as_ref().map_or(1.0, |p| p.get_ref().0)))
             }
             (None, radius, Some(rate)) => {
                 let radius = radius.unwrap_or(draft.touch);
@@ -145,7 +146,7 @@ impl Network<'_> {
                     return draft
                         .refuse(format!("'{name}' is of points, which never touch; give a binding-radius"));
                 }
-                (radius, Chance::PerTime(rate.get_ref().0))
+                (radius, ReactionRate::PerTime(rate.get_ref().0))
             }
             (None, None, None) => {
                 return draft.refuse(format!("'{name}' needs a rate, or a binding-radius, or rate-inside"));
@@ -179,13 +180,13 @@ impl Network<'_> {
     }
 
     /// The warnings about a reaction.
-    fn advice(&self, draft: &Draft<'_>, reaction: &Reaction) -> Vec<Problem> {
+    fn warnings(&self, draft: &Draft<'_>, reaction: &Reaction) -> Vec<Problem> {
         let total = self.total_rate(draft);
         let numbers = (reaction.binding_radius.into(), draft.diffusion, (total > 0.0).then_some(total));
-        let long = advice::long_step(&reaction.name, numbers, self.time_step);
+        let long = warnings::long_step(&reaction.name, numbers, self.time_step);
         let fast = match reaction.chance {
-            Chance::PerTime(rate) => advice::fast_reaction(&reaction.name, rate, self.time_step),
-            Chance::PerStep(_) => None,
+            ReactionRate::PerTime(rate) => warnings::fast_reaction(&reaction.name, rate, self.time_step),
+            ReactionRate::PerStep(_) => None,
         };
         let file::Reaction { rate, rate_inside, equation, .. } = draft.file;
         let span = rate.as_ref().or(rate_inside.as_ref()).map_or(equation.span(), Spanned::span);
@@ -246,8 +247,8 @@ fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Resul
     let undone = reactions.iter().find(|reaction| undoes(decay, reaction));
     match undone.map(|reaction| (reaction, reaction.chance)) {
         None => Ok(decay.unbinding),
-        Some((reaction, Chance::PerTime(_))) => Ok(Unbinding::Within(reaction.binding_radius)),
-        Some((reaction, Chance::PerStep(_))) => {
+        Some((reaction, ReactionRate::PerTime(_))) => Ok(Unbinding::Within(reaction.binding_radius)),
+        Some((reaction, ReactionRate::PerStep(_))) => {
             let span: Range<usize> = from.equation.span();
             let message = format!(
                 "'{}' puts both within the binding radius of '{}', by which they meet again in the next step; give an \

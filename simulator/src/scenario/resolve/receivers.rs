@@ -6,22 +6,22 @@ use super::Names;
 use super::schedule::place;
 use super::transmitters::check_place;
 use crate::model::Model;
-use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
-use crate::scenario::file::{self, Finite, ReceiverKind};
-use crate::scenario::{Problem, advice};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
 use crate::model::transmitter::Shape;
+use crate::scenario::file::{self, Finite};
+use crate::scenario::{Problem, warnings};
 
 pub(super) fn receivers(
     many: &[file::Receiver],
     names: &Names<'_>,
     model: &Model,
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Receiver>, Problem> {
     let mut all = Vec::new();
     for one in many {
-        let receiver = receiver(one, names, model, advice)?;
+        let receiver = receiver(one, names, model, warnings)?;
         let Some(lattice) = one.lattice else {
-            check_place(&model.boundary, one.center.span(), (receiver.center, receiver.radius), advice)?;
+            check_place(&model.boundary, one.center.span(), (receiver.center, receiver.radius), warnings)?;
             all.push(receiver);
             continue;
         };
@@ -31,15 +31,15 @@ pub(super) fn receivers(
             let message = format!("{places:?} places are more than can be numbered; make them fewer");
             return Err(Problem::at(one.center.span(), message));
         };
-        let said = advice.len();
+        let said = warnings.len();
         for k in 0..count {
             let offset = shape.offset([0; 4], k);
             let center = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
-            check_place(&model.boundary, one.center.span(), (center, receiver.radius), advice)?;
+            check_place(&model.boundary, one.center.span(), (center, receiver.radius), warnings)?;
             all.push(Receiver { name: format!("{}-{k}", receiver.name), center, ..receiver.clone() });
         }
         // One such place tells enough.
-        advice.truncate(said + 1);
+        warnings.truncate(said + 1);
     }
     Ok(all)
 }
@@ -51,7 +51,7 @@ pub(super) fn bodies(many: &[file::Transmitter], species: usize) -> Vec<Receiver
             name: transmitter.name.get_ref().0.clone(),
             center: transmitter.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref())),
             radius: transmitter.body_radius?.0 as f32,
-            kind: Kind::Reflecting,
+            kind: ReceiverKind::Reflecting,
             sees: vec![true; species],
             ..Receiver::default()
         })
@@ -63,7 +63,7 @@ fn receiver(
     one: &file::Receiver,
     names: &Names<'_>,
     model: &Model,
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<Receiver, Problem> {
     let mut sees = vec![one.species.is_none(); names.0.len()];
     for name in one.species.iter().flatten() {
@@ -82,45 +82,45 @@ fn receiver(
         return Err(Problem::at(one.kind.span(), message));
     }
     let at_kind = |message| Problem::at(one.kind.span(), message);
-    advice.extend(advice::long_step_before(&receiver, model).map(at_kind));
+    warnings.extend(warnings::long_step_before(&receiver, model).map(at_kind));
     if let Some(rate) = &one.unbinding_rate {
-        let message = advice::fast_unbinding(&receiver, model);
-        advice.extend(message.map(|message| Problem::at(rate.span(), message)));
+        let message = warnings::fast_unbinding(&receiver, model);
+        warnings.extend(message.map(|message| Problem::at(rate.span(), message)));
     }
     Ok(receiver)
 }
 
-fn kind(one: &file::Receiver) -> Result<Kind, Problem> {
+fn kind(one: &file::Receiver) -> Result<ReceiverKind, Problem> {
     let kind = *one.kind.get_ref();
     let misplaced = [
-        (one.probability.as_ref().map(Spanned::span), "probability", ReceiverKind::Partial),
-        (one.rate.as_ref().map(Spanned::span), "rate", ReceiverKind::Partial),
-        (one.count.as_ref().map(Spanned::span), "count", ReceiverKind::Receptors),
-        (one.binding_rate.as_ref().map(Spanned::span), "binding-rate", ReceiverKind::Receptors),
-        (one.unbinding_rate.as_ref().map(Spanned::span), "unbinding-rate", ReceiverKind::Receptors),
+        (one.probability.as_ref().map(Spanned::span), "probability", file::ReceiverKind::Partial),
+        (one.rate.as_ref().map(Spanned::span), "rate", file::ReceiverKind::Partial),
+        (one.count.as_ref().map(Spanned::span), "count", file::ReceiverKind::Receptors),
+        (one.binding_rate.as_ref().map(Spanned::span), "binding-rate", file::ReceiverKind::Receptors),
+        (one.unbinding_rate.as_ref().map(Spanned::span), "unbinding-rate", file::ReceiverKind::Receptors),
     ];
     for (span, key, of) in misplaced {
         if let Some(span) = span.filter(|_| kind != of) {
-            let of = if of == ReceiverKind::Partial { "partial" } else { "receptors" };
+            let of = if of == file::ReceiverKind::Partial { "partial" } else { "receptors" };
             return Err(Problem::at(span, format!("{key} goes with kind = \"{of}\"; take one away")));
         }
     }
     let lacking = |message: &str| Err(Problem::at(one.kind.span(), message.to_owned()));
     Ok(match kind {
-        ReceiverKind::Absorbing => Kind::Absorbing,
-        ReceiverKind::Endpoint => Kind::Endpoint,
-        ReceiverKind::Transparent => Kind::Transparent,
-        ReceiverKind::Reflecting => Kind::Reflecting,
-        ReceiverKind::Partial => Kind::Partial(match (&one.probability, &one.rate) {
-            (Some(probability), None) => Sticking::PerStep(probability.get_ref().0),
-            (None, Some(rate)) => Sticking::Reactivity(rate.get_ref().0),
+        file::ReceiverKind::Absorbing => ReceiverKind::Absorbing,
+        file::ReceiverKind::Endpoint => ReceiverKind::Endpoint,
+        file::ReceiverKind::Transparent => ReceiverKind::Transparent,
+        file::ReceiverKind::Reflecting => ReceiverKind::Reflecting,
+        file::ReceiverKind::Partial => ReceiverKind::Partial(match (&one.probability, &one.rate) {
+            (Some(probability), None) => Adsorption::PerStep(probability.get_ref().0),
+            (None, Some(rate)) => Adsorption::Reactivity(rate.get_ref().0),
             _ => {
                 return lacking(
                     "a partial receiver has either a rate, in µm/s, or a probability for each step",
                 );
             }
         }),
-        ReceiverKind::Receptors => {
+        file::ReceiverKind::Receptors => {
             let (Some(count), Some(binding), Some(unbinding)) =
                 (&one.count, &one.binding_rate, &one.unbinding_rate)
             else {
@@ -128,7 +128,7 @@ fn kind(one: &file::Receiver) -> Result<Kind, Problem> {
                     "receptors have a count, a binding-rate in µm³/s and an unbinding-rate in 1/s",
                 );
             };
-            Kind::Receptors(Receptors {
+            ReceiverKind::Receptors(Receptors {
                 count: (*count.get_ref()).into(),
                 binding_rate: binding.get_ref().0,
                 unbinding_rate: unbinding.get_ref().0,

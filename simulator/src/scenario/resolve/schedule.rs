@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::Names;
 use crate::model::message::{Message, Modulation, Symbols};
+use crate::model::transmitter::Schedule;
 use crate::scenario::Problem;
 use crate::scenario::file::{self, Finite, NotNegative};
-use crate::model::transmitter::Schedule;
 
 /// The schedule of a transmitter, and what one burst has.
 pub(super) fn schedule(

@@ -3,11 +3,11 @@
 use toml::Spanned;
 
 use super::schedule::place;
-use crate::model::boundary::{Axis, Boundary};
 use crate::model::Flow;
+use crate::model::boundary::{Axis, Boundary};
+use crate::model::vessel::Vessel;
 use crate::scenario::Problem;
 use crate::scenario::file::{self, AxisName, BoundaryKind, Finite};
-use crate::model::vessel::Vessel;
 
 pub(super) fn boundary(boundary: Option<&file::Boundary>) -> Result<Boundary, Problem> {
     let Some(boundary) = boundary else { return Ok(Boundary::default()) };

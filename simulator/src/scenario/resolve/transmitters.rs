@@ -4,30 +4,30 @@ use super::Names;
 use super::schedule::{place, schedule};
 use super::space::number;
 use crate::model::boundary::{Axis, Boundary};
+use crate::model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
 use crate::scenario::file;
-use crate::scenario::{Problem, advice};
-use crate::model::transmitter::{Numbers, Schedule, Shape, Transmitter};
+use crate::scenario::{Problem, warnings};
 
 pub(super) fn transmitters(
     many: Vec<file::Transmitter>,
     names: &Names<'_>,
     boundary: &Boundary,
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Transmitter>, Problem> {
-    many.into_iter().map(|one| transmitter(one, names, boundary, advice)).collect()
+    many.into_iter().map(|one| transmitter(one, names, boundary, warnings)).collect()
 }
 
 fn transmitter(
     transmitter: file::Transmitter,
     names: &Names<'_>,
     boundary: &Boundary,
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<Transmitter, Problem> {
     let (center, span) = match &transmitter.center {
         None => ([0.0; 3], transmitter.name.span()),
         Some(center) => (place(*center.get_ref()), center.span()),
     };
-    check_place(boundary, span, (center, 0.0), advice)?;
+    check_place(boundary, span, (center, 0.0), warnings)?;
     let (schedule, release) = schedule(&transmitter, names)?;
     Ok(Transmitter {
         name: transmitter.name.into_inner().0,
@@ -36,8 +36,8 @@ fn transmitter(
         schedule,
         release,
         numbers: match transmitter.numbers {
-            file::Numbers::Fixed => Numbers::Fixed,
-            file::Numbers::Poisson => Numbers::Poisson,
+            file::Numbers::Fixed => CountDistribution::Fixed,
+            file::Numbers::Poisson => CountDistribution::Poisson,
         },
     })
 }
@@ -62,16 +62,16 @@ pub(super) fn sources(
     many: &[file::Source],
     names: &Names<'_>,
     boundary: &Boundary,
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Transmitter>, Problem> {
-    many.iter().map(|one| source(one, names, boundary, advice)).collect()
+    many.iter().map(|one| source(one, names, boundary, warnings)).collect()
 }
 
 fn source(
     source: &file::Source,
     names: &Names<'_>,
     boundary: &Boundary,
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<Transmitter, Problem> {
     let (text, span) = (source.equation.get_ref(), source.equation.span());
     let [left, right] = names.equation(&source.equation)?;
@@ -108,7 +108,7 @@ fn source(
                 }
             };
             let (center, span) = given.unwrap_or(([0.0; 3], spanned.span()));
-            check_place(boundary, span, (center, 0.0), advice)?;
+            check_place(boundary, span, (center, 0.0), warnings)?;
             (center, shape, volume)
         }
     };
@@ -119,7 +119,7 @@ fn source(
         shape,
         schedule: Schedule::Steady { from: 0.0, until: f64::INFINITY, rates },
         release: Vec::new(),
-        numbers: Numbers::Poisson,
+        numbers: CountDistribution::Poisson,
     })
 }
 
@@ -156,12 +156,12 @@ pub(super) fn check_place(
     boundary: &Boundary,
     span: std::ops::Range<usize>,
     (center, radius): ([f32; 3], f32),
-    advice: &mut Vec<Problem>,
+    warnings: &mut Vec<Problem>,
 ) -> Result<(), Problem> {
-    if advice::is_walled_off(boundary, center, radius) {
-        let walls = advice::walls(boundary);
+    if warnings::is_walled_off(boundary, center, radius) {
+        let walls = warnings::walls(boundary);
         return Err(Problem::at(span, format!("{center:?} is outside {walls}; move it inside")));
     }
-    advice.extend(advice::image(boundary, center).map(|message| Problem::at(span, message)));
+    warnings.extend(warnings::image(boundary, center).map(|message| Problem::at(span, message)));
     Ok(())
 }

@@ -2,7 +2,7 @@ mod network;
 mod surfaces;
 
 use super::*;
-use crate::{Boundary, Chance, Contact, Kind, Reaction, Schedule, Shape};
+use crate::{Boundary, Contact, Reaction, ReactionRate, ReceiverKind, Schedule, Shape};
 
 const GOOD: &str = r#"
 time-step = 0.001
@@ -67,7 +67,7 @@ fn every_key_arrives() {
         products: [None, Some(1)],
         binding_radius: 1.5,
         unbinding_radius: 0.0,
-        chance: Chance::PerStep(0.5),
+        chance: ReactionRate::PerStep(0.5),
     };
     assert_eq!(model.reactions, [reaction]);
     let decay = &model.decays[0];
@@ -77,7 +77,10 @@ fn every_key_arrives() {
         (&model.transmitters[0].schedule, &model.transmitters[0].release),
         (&Schedule::Times(vec![0.0, 0.5]), &vec![(0, 3)])
     );
-    assert_eq!((model.receivers[0].kind, &model.receivers[0].sees), (Kind::Transparent, &vec![false, true]));
+    assert_eq!(
+        (model.receivers[0].kind, &model.receivers[0].sees),
+        (ReceiverKind::Transparent, &vec![false, true])
+    );
     let expected = Output {
         every: 5,
         frames_every: 5,
@@ -175,16 +178,16 @@ fn what_cannot_be_meant_is_refused() {
 #[test]
 fn what_may_not_be_meant_is_said() {
     // Steps of half a micrometre beside radii of 0.1 µm and none.
-    let said = parse(GOOD).unwrap().advice;
+    let said = parse(GOOD).unwrap().warnings;
     assert_eq!(said.len(), 2, "{said:?}");
     assert!(said[0].starts_with("s.toml, line 4, `contact`: a step takes acid and base "), "{said:?}");
     assert!(said[0].contains("time-step = 3.33e-5 resolves it"), "{said:?}");
     assert!(said[1].starts_with("s.toml, line 38, `center`: "), "{said:?}");
     assert!(said[1].contains("means its image [-1.0, 0.0, 0.0]"), "{said:?}");
     let mended = GOOD.replace("0.001", "3.33e-5").replace("[1, 0, 0]\nradius", "[-1, 0, 0]\nradius");
-    assert_eq!(parse(&mended).unwrap().advice, [""; 0]);
+    assert_eq!(parse(&mended).unwrap().warnings, [""; 0]);
     let rare = mended.replace("binding-radius = 1.5\nprobability = 0.5", "rate = 7.5");
-    let said = parse(&rare).unwrap().advice;
+    let said = parse(&rare).unwrap().warnings;
     assert!(said.len() == 1 && said[0].starts_with("s.toml, line 23, `rate`: 'acid + base"), "{said:?}");
 }
 
@@ -213,7 +216,7 @@ fn shipped_scenarios_are_valid() {
     for entry in std::fs::read_dir(directory).unwrap() {
         let path = entry.unwrap().path();
         let scenario = Scenario::read(&path).unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!((scenario.late_releases(), scenario.advice), (vec![], vec![]), "{}", path.display());
+        assert_eq!((scenario.late_releases(), scenario.warnings), (vec![], vec![]), "{}", path.display());
         count += 1;
     }
     assert!(count >= 3);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::model::message::{Message, Modulation, Symbols};
-use crate::{Numbers, Unbinding};
+use crate::{CountDistribution, Unbinding};
 
 /// Species A to D, and what else there is.
 fn network(more: &str) -> Result<Scenario, Error> {
@@ -25,7 +25,7 @@ fn channels_of_a_pair_share_its_rate() {
     let model = network(&text).unwrap().model;
     let radius = crate::reaction::rate::binding_radius(0.4, 2.0, 1e-5).unwrap() as f32;
     for (reaction, share) in model.reactions.iter().zip([0.75, 0.25]) {
-        let Chance::PerStep(p) = reaction.chance else { panic!("{reaction:?}") };
+        let ReactionRate::PerStep(p) = reaction.chance else { panic!("{reaction:?}") };
         assert!(reaction.binding_radius == radius && (p - share).abs() < 1e-12, "{reaction:?}");
     }
 }
@@ -49,7 +49,10 @@ fn what_comes_apart_may_come_together_again() {
     assert!((is / (0.5 * kept) - 1.0).abs() < 1e-4, "{is}");
     // Where they meet anywhere in a ball, they come apart in it; touching where nothing else is said.
     let model = network(&(reaction("A + B -> C", "rate-inside = 100") + &apart(""))).unwrap().model;
-    assert_eq!((model.reactions[0].binding_radius, model.reactions[0].chance), (0.1, Chance::PerTime(100.0)));
+    assert_eq!(
+        (model.reactions[0].binding_radius, model.reactions[0].chance),
+        (0.1, ReactionRate::PerTime(100.0))
+    );
     assert_eq!(model.decays[0].unbinding, Unbinding::Within(0.1));
     // Nothing takes these together.
     let model = network(&(reaction("A + B -> D", "rate = 0.5") + &apart(""))).unwrap().model;
@@ -70,7 +73,7 @@ fn sources_are_everywhere_or_in_a_region() {
         Schedule::Steady { from: 0.0, until: f64::INFINITY, rates } => rates[0],
         other => panic!("{other:?}"),
     };
-    assert_eq!((rate(everywhere), everywhere.numbers), ((0, 24.0), Numbers::Poisson));
+    assert_eq!((rate(everywhere), everywhere.numbers), ((0, 24.0), CountDistribution::Poisson));
     assert!((rate(region).1 - 3.0 * std::f64::consts::PI / 6.0).abs() < 1e-12);
 }
 
@@ -132,7 +135,7 @@ fn a_rate_releases_all_the_time() {
     );
     let transmitter = network(&text).unwrap().model.transmitters.remove(0);
     assert_eq!(transmitter.schedule, Schedule::Steady { from: 1.0, until: 2.0, rates: vec![(1, 0.5)] });
-    assert_eq!((transmitter.numbers, transmitter.release), (Numbers::Poisson, vec![]));
+    assert_eq!((transmitter.numbers, transmitter.release), (CountDistribution::Poisson, vec![]));
 }
 
 #[test]
@@ -226,13 +229,13 @@ fn what_does_not_go_together_is_refused() {
 
 #[test]
 fn long_steps_are_said_with_what_is_short_enough() {
-    let advice = |text: &str| network(text).unwrap().advice;
-    let said = advice(&(reaction("A + B -> C", "rate = 0.5") + &decay("C ->", "rate = 3000")));
+    let warnings = |text: &str| network(text).unwrap().warnings;
+    let said = warnings(&(reaction("A + B -> C", "rate = 0.5") + &decay("C ->", "rate = 3000")));
     assert!(said.len() == 1 && said[0].contains("'C ->': 3.0 % of C decay"), "{said:?}");
     assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
     // Decays alone are right for any step.
-    assert_eq!(advice(&(decay("B -> C", "rate = 3000") + &decay("C ->", "rate = 3000"))), [""; 0]);
-    let said = advice(&reaction("A + B -> C", "rate-inside = 30000"));
+    assert_eq!(warnings(&(decay("B -> C", "rate = 3000") + &decay("C ->", "rate = 3000"))), [""; 0]);
+    let said = warnings(&reaction("A + B -> C", "rate-inside = 30000"));
     assert!(said.len() == 1 && said[0].contains("react in 3.333e-5 s on average"), "{said:?}");
     assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Receptors, Sticking};
+use crate::{Adsorption, Receptors};
 
 /// The good file with another receiver.
 fn with(receiver: &str) -> String {
@@ -13,12 +13,12 @@ fn with(receiver: &str) -> String {
 fn every_surface_arrives() {
     let receptors = Receptors { count: 7, binding_rate: 2.5, unbinding_rate: 0.5 };
     let surfaces = [
-        ("kind = \"reflecting\"", Kind::Reflecting),
-        ("kind = \"partial\"\nrate = 3", Kind::Partial(Sticking::Reactivity(3.0))),
-        ("kind = \"partial\"\nprobability = 0.25", Kind::Partial(Sticking::PerStep(0.25))),
+        ("kind = \"reflecting\"", ReceiverKind::Reflecting),
+        ("kind = \"partial\"\nrate = 3", ReceiverKind::Partial(Adsorption::Reactivity(3.0))),
+        ("kind = \"partial\"\nprobability = 0.25", ReceiverKind::Partial(Adsorption::PerStep(0.25))),
         (
             "kind = \"receptors\"\ncount = 7\nbinding-rate = 2.5\nunbinding-rate = 0.5",
-            Kind::Receptors(receptors),
+            ReceiverKind::Receptors(receptors),
         ),
     ];
     for (text, kind) in surfaces {
@@ -39,7 +39,7 @@ fn a_lattice_makes_many_and_a_transmitter_is_a_body() {
     assert_eq!(receivers.len(), 9);
     assert_eq!((receivers[3].name.as_str(), receivers[3].center), ("rx-3", [-0.75, 0.0, -0.25]));
     let body = &receivers[8];
-    assert_eq!((body.name.as_str(), body.kind, body.radius), ("tx", Kind::Reflecting, 0.25));
+    assert_eq!((body.name.as_str(), body.kind, body.radius), ("tx", ReceiverKind::Reflecting, 0.25));
     assert_eq!((body.center, &body.sees), ([0.0, 0.5, 0.0], &vec![true; 2]));
     let outside =
         text.replace("\"periodic\"", "\"reflecting\"").replace("size = [1, 1, 2]", "size = [1, 1, 9]");
@@ -81,10 +81,10 @@ fn advice_about_surfaces_is_right_when_followed() {
     for (text, message) in surfaces {
         let text = with(text).replace("high = [1, 1, 1.5]", "high = [90, 90, 90]");
         let own = |text: &str| {
-            let said = parse(text).unwrap().advice;
+            let said = parse(text).unwrap().warnings;
             said.into_iter().find(|said| said.contains(message))
         };
-        let said = own(&text).unwrap_or_else(|| panic!("{text}: {:?}", parse(&text).unwrap().advice));
+        let said = own(&text).unwrap_or_else(|| panic!("{text}: {:?}", parse(&text).unwrap().warnings));
         let step = said.split("time-step = ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
         assert_eq!(own(&text.replace("time-step = 0.001", &format!("time-step = {step}"))), None, "{said}");
         let longer = 1.05 * step.parse::<f64>().unwrap();

@@ -1,10 +1,10 @@
 //! Warnings about scenarios that may not be meant so, with remedies. Pure functions.
 
 use crate::model::boundary::{Axis, Boundary};
-use crate::reaction::probability::undoes;
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
+use crate::reaction::probability::undoes;
 use crate::reaction::rate;
-use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
 
 /// Returns `true` if walls keep everything away from a sphere.
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {
@@ -23,7 +23,7 @@ pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
         Axis::Periodic { .. } => axis,
         _ => Axis::Open,
     });
-    let image = Boundary { axes: images, vessel: None }.place(center);
+    let image = Boundary { axes: images, vessel: None }.confine(center);
     (image != center).then(|| {
         format!(
             "{center:?} is outside the periodic box and means its image {image:?}; write that, if it is meant"
@@ -148,8 +148,11 @@ const DRIFT_BESIDE_DIFFUSION: f64 = 0.2;
 /// Warns of steps near a surface that reflects some of the particles that reach it, with the longest time step without
 /// that.
 pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
-    let by_rate = matches!(receiver.kind, Kind::Partial(Sticking::Reactivity(_)) | Kind::Receptors(_));
-    if !receiver.kind.turns_back() {
+    let by_rate = matches!(
+        receiver.kind,
+        ReceiverKind::Partial(Adsorption::Reactivity(_)) | ReceiverKind::Receptors(_)
+    );
+    if !receiver.kind.reflects() {
         return None;
     }
     let seen =
@@ -192,7 +195,7 @@ fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
 
 /// Warns of receptors that unbind fast compared with the time step.
 pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<String> {
-    let Kind::Receptors(Receptors { unbinding_rate, .. }) = receiver.kind else { return None };
+    let ReceiverKind::Receptors(Receptors { unbinding_rate, .. }) = receiver.kind else { return None };
     (unbinding_rate * model.time_step > FAST_REACTION).then(|| {
         format!(
             "receptors of {} hold a particle for {:.3e} s on average, and a step has {:.3e} s: many would come and go within \
@@ -261,9 +264,9 @@ mod tests {
         Species { name: "A".into(), radius, diffusion, mass: 1.0, thermal_speed, ..Species::default() }
     }
 
-    /// The number that an advice says.
+    /// The number that an warnings says.
     fn advised(text: &str) -> f64 {
-        let rest = text.split("time-step = ").nth(1).expect("an advice");
+        let rest = text.split("time-step = ").nth(1).expect("an warnings");
         rest.split(' ').next().expect("a number").parse().expect("a number")
     }
 
@@ -299,7 +302,7 @@ mod tests {
                 contact: Contact::Separate,
                 ..Model::default()
             });
-            let better = advised(&says(1e12).expect("an advice"));
+            let better = advised(&says(1e12).expect("an warnings"));
             prop_assert_eq!(says(better), None);
             prop_assert!(says(1.02 * better).is_some(), "{} is too cautious", better);
         }

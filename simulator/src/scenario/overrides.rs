@@ -8,7 +8,7 @@ const FRAMES: u32 = 200;
 
 /// The changes of a scenario by options.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Changes {
+pub struct Overrides {
     /// The seed.
     pub seed: Option<u64>,
     /// The number of steps of the run.
@@ -27,7 +27,7 @@ pub struct Changes {
 
 impl Scenario {
     /// Makes these changes.
-    pub fn change(&mut self, changes: &Changes) {
+    pub fn change(&mut self, changes: &Overrides) {
         let animation = |particles| Animation {
             // The scenario's, so that it is the same if the run is extended.
             every: changes.animate_every.map_or((self.steps / FRAMES).max(1), Into::into),
