@@ -83,11 +83,11 @@ enum {
     /* The system refused threads. */
     LAZYGRID_ERROR_THREADS = 6,
     /* A GPU was asked for and cannot be used. */
-    LAZYGRID_ERROR_GPU = 7,
+    LAZYGRID_ERROR_GPU_UNAVAILABLE = 7,
     /* Something does not fit the GPU. */
-    LAZYGRID_ERROR_LIMIT = 8,
+    LAZYGRID_ERROR_DEVICE_LIMIT = 8,
     /* The GPU was lost or refused a call; make another detector. */
-    LAZYGRID_ERROR_DEVICE = 9,
+    LAZYGRID_ERROR_DEVICE_LOST = 9,
     /* The GPU did not finish in time. */
     LAZYGRID_ERROR_TIMEOUT = 10,
     /* The detector is in use by another thread, or this is the callback of a search. It has no message. */
@@ -286,7 +286,7 @@ static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, cons
  * up the threads that such a search would need: that is LAZYGRID_ERROR_BUSY in the same thread, and must not be done by
  * waiting for another one.
  */
-typedef int32_t (*lazygrid_consume)(void *context, const lazygrid_pair *pairs, size_t count);
+typedef int32_t (*lazygrid_pair_callback)(void *context, const lazygrid_pair *pairs, size_t count);
 
 /* The version of the library, as "0.1.0". */
 LAZYGRID_API const char *lazygrid_version(void);
@@ -336,7 +336,7 @@ LAZYGRID_API lazygrid_status lazygrid_exclusions_across(size_t first, size_t sec
  * has one more than there are spheres, and its last is the length of `indices`. It is enough that one of two spheres
  * names the other; rows need no order.
  */
-LAZYGRID_API lazygrid_status lazygrid_exclusions_of_rows(size_t spheres, const uint64_t *offsets, const uint32_t *indices,
+LAZYGRID_API lazygrid_status lazygrid_exclusions_from_csr(size_t spheres, const uint64_t *offsets, const uint32_t *indices,
                                                          lazygrid_exclusions **exclusions);
 
 /* Frees a list. NULL is left alone. */
@@ -346,7 +346,7 @@ LAZYGRID_API void lazygrid_exclusions_destroy(lazygrid_exclusions *exclusions);
 LAZYGRID_API lazygrid_status lazygrid_create(const lazygrid_settings *settings, lazygrid_detector **detector);
 
 /*
- * Frees a detector and all that it handed out. NULL is left alone. While a search runs it is LAZYGRID_ERROR_BUSY and
+ * Frees a detector and all that it delivered out. NULL is left alone. While a search runs it is LAZYGRID_ERROR_BUSY and
  * nothing is freed; that is noticed, but another thread must not begin a search at the same moment.
  */
 LAZYGRID_API lazygrid_status lazygrid_destroy(lazygrid_detector *detector);
@@ -371,12 +371,12 @@ LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, con
                                                 const uint64_t **offsets, const uint32_t **indices);
 
 /*
- * Hands the pairs to `consume` in chunks of at most `chunk`, 1 or more, and says in `*handed` how many it got. Memory
+ * Hands the pairs to `consume` in chunks of at most `chunk`, 1 or more, and says in `*delivered` how many it got. Memory
  * stays bounded for any number of pairs. In canonical order a result of more than `max_pairs` pairs takes a further
  * search per that many. `context` is passed on as it is.
  */
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
-                                             lazygrid_consume consume, void *context, uint64_t *handed);
+                                             lazygrid_pair_callback consume, void *context, uint64_t *delivered);
 
 /* Options of lazygrid_neighbor_list, to be added up. */
 enum {

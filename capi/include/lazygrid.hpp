@@ -101,7 +101,7 @@ struct Neighbors {
     View<std::uint32_t> indices;
 
     // The neighbours of sphere k.
-    View<std::uint32_t> of(std::size_t k) const noexcept {
+    View<std::uint32_t> neighbors_of(std::size_t k) const noexcept {
         const auto first = static_cast<std::size_t>(offsets[k]), last = static_cast<std::size_t>(offsets[k + 1]);
         return {indices.data() + first, last - first};
     }
@@ -163,10 +163,10 @@ public:
         });
     }
     // The pairs of neighbour lists, such as those that Detector::neighbors finds.
-    static Exclusions rows(const Neighbors &lists) {
+    static Exclusions from_csr(const Neighbors &lists) {
         if (lists.offsets.empty()) detail::fail(LAZYGRID_ERROR_INPUT, "the lists have no offsets; give one and the last");
         return Exclusions([&](auto **made) {
-            return lazygrid_exclusions_of_rows(lists.offsets.size() - 1, lists.offsets.data(), lists.indices.data(), made);
+            return lazygrid_exclusions_from_csr(lists.offsets.size() - 1, lists.offsets.data(), lists.indices.data(), made);
         });
     }
     const lazygrid_exclusions *get() const noexcept { return list_.get(); }
@@ -466,11 +466,11 @@ public:
     template <class F> std::uint64_t stream(const Query &of, std::size_t chunk, F &&consume) {
         const lazygrid_query query = of.get();
         Consuming<std::remove_reference_t<F>> consumer{consume, nullptr};
-        std::uint64_t handed = 0;
-        const auto status = lazygrid_stream(get(), &query, chunk, &decltype(consumer)::take, &consumer, &handed);
+        std::uint64_t delivered = 0;
+        const auto status = lazygrid_stream(get(), &query, chunk, &decltype(consumer)::take, &consumer, &delivered);
         if (consumer.thrown) std::rethrow_exception(consumer.thrown);
         detail::check(status, get());
-        return handed;
+        return delivered;
     }
 
     // The report of the last search, as JSON.

@@ -4,22 +4,22 @@ use std::sync::{Mutex, TryLockError};
 use engine::Detector;
 
 use crate::out::check;
-use crate::settings::SettingsOfC;
+use crate::settings::CSettings;
 use crate::status::{
     BUSY, INTERNAL, OK, PANICKED, Status, c_text, guarded, last_without_detector, without_detector,
 };
-use crate::{Failure, Out};
+use crate::{Failure, OutPtr};
 
-/// `lazygrid_detector`: a detector and the texts that were handed out.
+/// `lazygrid_detector`: a detector and the texts that were delivered out.
 ///
 /// The mutex is only ever tried. So a second thread, and the callback of a stream, are refused; and after a panic it is
 /// poisoned, by which the detector is known to be of no further use.
 #[derive(Debug)]
-pub struct Handle(Mutex<Kept>);
+pub struct DetectorHandle(Mutex<HandleState>);
 
 /// The state of a handle.
 #[derive(Debug)]
-pub struct Kept {
+pub struct HandleState {
     pub detector: Detector,
     /// The last report that was asked for.
     pub report: CString,
@@ -30,7 +30,7 @@ pub struct Kept {
 // Handles are used from any thread, by one at a time.
 const _: () = {
     const fn crosses_threads<T: Send + Sync>() {}
-    crosses_threads::<Handle>();
+    crosses_threads::<DetectorHandle>();
 };
 
 /// Runs a call with a detector, and keeps what went wrong.
@@ -38,25 +38,25 @@ const _: () = {
 /// # Safety
 /// The header's conditions: `handle` is NULL or a detector that is not destroyed before this returns.
 pub unsafe fn with_detector(
-    handle: *const Handle,
-    work: impl FnOnce(&mut Kept) -> Result<(), Failure>,
+    handle: *const DetectorHandle,
+    work: impl FnOnce(&mut HandleState) -> Result<(), Failure>,
 ) -> Status {
     if let Err(failure) = check(handle, "detector") {
         return without_detector(|| Err(failure));
     }
     // SAFETY: `lazygrid_create` made it, and no code has a `&mut` to it: all go through its mutex.
-    let Handle(kept) = unsafe { &*handle };
+    let DetectorHandle(state) = unsafe { &*handle };
     guarded(|| {
-        let mut kept = match kept.try_lock() {
-            Ok(kept) => kept,
+        let mut state = match state.try_lock() {
+            Ok(state) => state,
             Err(TryLockError::WouldBlock) => return BUSY,
             Err(TryLockError::Poisoned(_)) => return INTERNAL,
         };
-        let (status, message) = match work(&mut kept) {
+        let (status, message) = match work(&mut state) {
             Ok(()) => (OK, CString::default()),
             Err(failure) => (failure.status, c_text(failure.message)),
         };
-        kept.message = message;
+        state.message = message;
         status
     })
 }
@@ -66,15 +66,15 @@ pub unsafe fn with_detector(
 /// # Safety
 /// The header's conditions: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_create(settings: *const SettingsOfC, detector: *mut *mut Handle) -> Status {
+pub unsafe extern "C" fn lazygrid_create(settings: *const CSettings, detector: *mut *mut DetectorHandle) -> Status {
     without_detector(|| {
         // SAFETY: this function's own condition.
-        let out = unsafe { Out::new(detector, "detector", std::ptr::null_mut()) }?;
+        let out = unsafe { OutPtr::new(detector, "detector", std::ptr::null_mut()) }?;
         // SAFETY: this function's own condition.
-        let config = unsafe { SettingsOfC::config(settings) }?;
+        let config = unsafe { CSettings::config(settings) }?;
         let detector = Detector::new(config)?;
-        let kept = Kept { detector, report: CString::default(), message: CString::default() };
-        out.put(Box::into_raw(Box::new(Handle(Mutex::new(kept)))));
+        let state = HandleState { detector, report: CString::default(), message: CString::default() };
+        out.put(Box::into_raw(Box::new(DetectorHandle(Mutex::new(state)))));
         Ok(())
     })
 }
@@ -85,7 +85,7 @@ pub unsafe extern "C" fn lazygrid_create(settings: *const SettingsOfC, detector:
 /// The header's conditions: `detector` is NULL or a detector that no thread uses from now on, unless a search is running, which is
 /// then refused.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_destroy(detector: *mut Handle) -> Status {
+pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Status {
     guarded(|| {
         if detector.is_null() {
             return OK;
@@ -106,13 +106,13 @@ pub unsafe extern "C" fn lazygrid_destroy(detector: *mut Handle) -> Status {
 /// # Safety
 /// The header's conditions: `detector` is NULL or a detector that is not destroyed before this returns.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_last_error(detector: *const Handle) -> *const c_char {
+pub unsafe extern "C" fn lazygrid_last_error(detector: *const DetectorHandle) -> *const c_char {
     if detector.is_null() {
         return last_without_detector();
     }
     // SAFETY: `lazygrid_create` made it, and no code has a `&mut` to it.
     match unsafe { &*detector }.0.try_lock() {
-        Ok(kept) => kept.message.as_ptr(),
+        Ok(state) => state.message.as_ptr(),
         Err(TryLockError::WouldBlock) => c"the detector is in use; wait until its call has returned".as_ptr(),
         Err(TryLockError::Poisoned(_)) => PANICKED.as_ptr(),
     }

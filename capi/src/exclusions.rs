@@ -3,21 +3,21 @@ use engine::{Exclusions, InputError, Pair};
 use crate::input::array;
 use crate::out::check;
 use crate::status::{Status, guarded, without_detector};
-use crate::{Failure, Out};
+use crate::{Failure, OutPtr};
 
 /// `lazygrid_exclusions`: pairs that are never reported.
 #[derive(Debug)]
-pub struct List(pub Exclusions);
+pub struct ExclusionsHandle(pub Exclusions);
 
 /// Hands a list to C, in the place where it wants it.
 ///
 /// # Safety
 /// The header's conditions: `exclusions` is NULL or can be written to.
-unsafe fn create(exclusions: *mut *mut List, list: impl FnOnce() -> Result<Exclusions, Failure>) -> Status {
+unsafe fn create(exclusions: *mut *mut ExclusionsHandle, list: impl FnOnce() -> Result<Exclusions, Failure>) -> Status {
     without_detector(|| {
         // SAFETY: this function's own condition.
-        let out = unsafe { Out::new(exclusions, "exclusions", std::ptr::null_mut()) }?;
-        out.put(Box::into_raw(Box::new(List(list()?))));
+        let out = unsafe { OutPtr::new(exclusions, "exclusions", std::ptr::null_mut()) }?;
+        out.put(Box::into_raw(Box::new(ExclusionsHandle(list()?))));
         Ok(())
     })
 }
@@ -43,7 +43,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
     count_of_spheres: usize,
     pairs_at: *const Pair,
     count: usize,
-    exclusions: *mut *mut List,
+    exclusions: *mut *mut ExclusionsHandle,
 ) -> Status {
     // SAFETY: this function's own condition, for both.
     let list = || Ok(Exclusions::new(count_of_spheres, unsafe { pairs(pairs_at, count) }?)?);
@@ -61,7 +61,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
     second: usize,
     pairs_at: *const Pair,
     count: usize,
-    exclusions: *mut *mut List,
+    exclusions: *mut *mut ExclusionsHandle,
 ) -> Status {
     let list = || {
         let (first, second) = (first, second);
@@ -78,11 +78,11 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
 /// The header's conditions: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to as
 /// many as the last of them says, `exclusions` is NULL or can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
+pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
     count_of_spheres: usize,
     offsets: *const u64,
     indices: *const u32,
-    exclusions: *mut *mut List,
+    exclusions: *mut *mut ExclusionsHandle,
 ) -> Status {
     let list = || {
         if count_of_spheres >= isize::MAX as usize / size_of::<u64>() {
@@ -110,7 +110,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
 /// # Safety
 /// The header's conditions: `exclusions` is NULL or a list that no thread uses from now on.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut List) {
+pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut ExclusionsHandle) {
     guarded(|| {
         if !exclusions.is_null() {
             // SAFETY: `create` made it by `Box::into_raw`, and it is given back once.
@@ -127,7 +127,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut List) {
 ///
 /// # Safety
 /// The header's conditions: `exclusions` is NULL or a list that is not destroyed for as long as the result lives.
-pub unsafe fn borrow<'a>(exclusions: *const List) -> Result<Option<&'a Exclusions>, Failure> {
+pub unsafe fn borrow<'a>(exclusions: *const ExclusionsHandle) -> Result<Option<&'a Exclusions>, Failure> {
     if exclusions.is_null() {
         return Ok(None);
     }

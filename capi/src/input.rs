@@ -5,9 +5,9 @@ use std::slice;
 use engine::{InputError, MAX_SPHERES, Query, Real, Sphere, Spheres, Strided};
 
 use crate::Failure;
-use crate::exclusions::{self, List};
+use crate::exclusions::{self, ExclusionsHandle};
 use crate::out::check;
-use crate::sized::{self, Growing};
+use crate::sized::{self, VersionedStruct};
 
 /// `LAZYGRID_F32`.
 pub const F32: i32 = 0;
@@ -17,7 +17,7 @@ pub const F64: i32 = 1;
 /// `lazygrid_spheres`: a set of spheres in memory of the caller.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub struct SpheresOfC {
+pub struct CSpheres {
     pub size: usize,
     pub count: usize,
     pub x: *const c_void,
@@ -33,7 +33,7 @@ pub struct SpheresOfC {
 }
 
 // SAFETY: the size is the first field, and all are numbers and pointers, which any bits are.
-unsafe impl Growing for SpheresOfC {
+unsafe impl VersionedStruct for CSpheres {
     const FIRST_SIZE: usize = size_of::<Self>();
     const REMEDY: &'static str =
         "set it to sizeof(lazygrid_spheres), or make the spheres by lazygrid_rows or its like";
@@ -42,15 +42,15 @@ unsafe impl Growing for SpheresOfC {
 /// `lazygrid_query`: one set or two, and the pairs that are excluded.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub struct QueryOfC {
+pub struct CQuery {
     pub size: usize,
-    pub first: *const SpheresOfC,
-    pub second: *const SpheresOfC,
-    pub exclusions: *const List,
+    pub first: *const CSpheres,
+    pub second: *const CSpheres,
+    pub exclusions: *const ExclusionsHandle,
 }
 
 // SAFETY: the size is the first field, and all others are pointers, which any bits are.
-unsafe impl Growing for QueryOfC {
+unsafe impl VersionedStruct for CQuery {
     const FIRST_SIZE: usize = size_of::<Self>();
     const REMEDY: &'static str =
         "set it to sizeof(lazygrid_query), or make the query by lazygrid_among or lazygrid_across";
@@ -65,16 +65,16 @@ unsafe impl Growing for QueryOfC {
 /// # Safety
 /// The header's conditions: `query` is NULL or points to such a structure, whose pointers are NULL or point to what it says, which
 /// does not change for as long as the result lives.
-pub unsafe fn borrow<'a>(query: *const QueryOfC) -> Result<Query<'a>, Failure> {
+pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
     // SAFETY: this function's own condition.
-    let QueryOfC { first, second, exclusions, .. } = unsafe { sized::read(query, "query") }?;
+    let CQuery { first, second, exclusions, .. } = unsafe { sized::read(query, "query") }?;
     // SAFETY: this function's own condition.
-    let first = unsafe { SpheresOfC::borrow(first, "query.first") }?;
+    let first = unsafe { CSpheres::borrow(first, "query.first") }?;
     let query = if second.is_null() {
         Query::new(first)
     } else {
         // SAFETY: this function's own condition.
-        let second = unsafe { SpheresOfC::borrow(second, "query.second") }.map_err(of_second)?;
+        let second = unsafe { CSpheres::borrow(second, "query.second") }.map_err(of_second)?;
         Query::new((first, second))
     };
     // SAFETY: a list or NULL, by this function's condition.
@@ -87,7 +87,7 @@ fn of_second(Failure { status, message }: Failure) -> Failure {
     Failure { status, message: format!("of the second set, {message}") }
 }
 
-impl SpheresOfC {
+impl CSpheres {
     /// The spheres at `at`, which messages call `name`.
     ///
     /// # Errors

@@ -2,11 +2,11 @@ use engine::{Interaction, Interactions};
 
 use crate::out::check;
 use crate::status::{Status, guarded, without_detector};
-use crate::{Failure, Out};
+use crate::{Failure, OutPtr};
 
 /// `lazygrid_interactions`: a table of species.
 #[derive(Debug)]
-pub struct Table(pub Interactions);
+pub struct InteractionsHandle(pub Interactions);
 
 /// The interaction that C means by a kind and a distance.
 fn interaction(kind: i32, distance: f64) -> Result<Interaction, Failure> {
@@ -29,13 +29,13 @@ pub unsafe extern "C" fn lazygrid_interactions_create(
     species: u32,
     kind: i32,
     distance: f64,
-    interactions: *mut *mut Table,
+    interactions: *mut *mut InteractionsHandle,
 ) -> Status {
     without_detector(|| {
         // SAFETY: this function's own condition.
-        let out = unsafe { Out::new(interactions, "interactions", std::ptr::null_mut()) }?;
+        let out = unsafe { OutPtr::new(interactions, "interactions", std::ptr::null_mut()) }?;
         let table = Interactions::new(species, interaction(kind, distance)?)?;
-        out.put(Box::into_raw(Box::new(Table(table))));
+        out.put(Box::into_raw(Box::new(InteractionsHandle(table))));
         Ok(())
     })
 }
@@ -46,7 +46,7 @@ pub unsafe extern "C" fn lazygrid_interactions_create(
 /// The header's conditions: `interactions` is NULL or a table that no other thread uses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_set(
-    interactions: *mut Table,
+    interactions: *mut InteractionsHandle,
     a: u32,
     b: u32,
     kind: i32,
@@ -55,7 +55,7 @@ pub unsafe extern "C" fn lazygrid_interactions_set(
     without_detector(|| {
         check(interactions, "interactions")?;
         // SAFETY: a table that `lazygrid_interactions_create` made, used by this thread alone.
-        let Table(table) = unsafe { &mut *interactions };
+        let InteractionsHandle(table) = unsafe { &mut *interactions };
         Ok(table.set(a, b, interaction(kind, distance)?)?)
     })
 }
@@ -65,7 +65,7 @@ pub unsafe extern "C" fn lazygrid_interactions_set(
 /// # Safety
 /// The header's conditions: `interactions` is NULL or a table that no thread uses from now on.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_interactions_destroy(interactions: *mut Table) {
+pub unsafe extern "C" fn lazygrid_interactions_destroy(interactions: *mut InteractionsHandle) {
     guarded(|| {
         if !interactions.is_null() {
             // SAFETY: `lazygrid_interactions_create` made it by `Box::into_raw`, and it is given back once.

@@ -1,6 +1,6 @@
 //! lazygrid for C and C++. `include/lazygrid.h` is the documentation; a test compares it with what is here.
 //!
-//! Every function that C calls follows one pattern. Its pointers become references, slices and [`Out`]s first, each
+//! Every function that C calls follows one pattern. Its pointers become references, slices and [`OutPtr`]s first, each
 //! behind a check for what can be checked; what is left to the caller is what the header asks for. The work runs inside
 //! [`status::guarded`], so that a panic ends as a status. A detector sits in a mutex that is only ever tried, so that a
 //! second thread, or a callback, is refused instead of let in.
@@ -27,5 +27,5 @@ mod status;
 #[cfg(test)]
 mod tests;
 
-use out::Out;
+use out::OutPtr;
 use status::Failure;

@@ -2,16 +2,16 @@ use std::ptr;
 
 use engine::{ListOptions, NeighborList, Pair};
 
-use crate::detector::{Handle, Kept};
-use crate::input::{self, QueryOfC};
+use crate::detector::{DetectorHandle, HandleState};
+use crate::input::{self, CQuery};
 use crate::search::search;
 use crate::status::Status;
-use crate::{Failure, Out};
+use crate::{Failure, OutPtr};
 
 /// `lazygrid_list`: a neighbor list with geometry.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub struct ListOfC {
+pub struct CNeighborList {
     pub length: u64,
     pub offsets: *const u64,
     pub pairs: *const Pair,
@@ -48,7 +48,7 @@ fn options(bits: u32) -> Result<ListOptions, Failure> {
     Ok(options)
 }
 
-impl ListOfC {
+impl CNeighborList {
     const EMPTY: Self = Self {
         length: 0,
         offsets: ptr::null(),
@@ -80,19 +80,19 @@ impl ListOfC {
 /// The header's conditions: `detector` and `query` are what they are called or NULL, `list` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbor_list(
-    detector: *mut Handle,
-    query: *const QueryOfC,
+    detector: *mut DetectorHandle,
+    query: *const CQuery,
     options_of_list: u32,
-    list: *mut ListOfC,
+    list: *mut CNeighborList,
 ) -> Status {
     // SAFETY: this function's own condition.
-    let list = unsafe { Out::new(list, "list", ListOfC::EMPTY) };
-    let work = |kept: &mut Kept| {
+    let list = unsafe { OutPtr::new(list, "list", CNeighborList::EMPTY) };
+    let work = |state: &mut HandleState| {
         let (list, options) = (list?, options(options_of_list)?);
         // SAFETY: this function's own condition.
         let query = unsafe { input::borrow(query) }?;
-        let found = kept.detector.neighbor_list(query, options)?;
-        list.put(ListOfC::new(&found, options_of_list));
+        let found = state.detector.neighbor_list(query, options)?;
+        list.put(CNeighborList::new(&found, options_of_list));
         Ok(())
     };
     // SAFETY: this function's own condition.

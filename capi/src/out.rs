@@ -1,9 +1,9 @@
 use crate::Failure;
 
 /// A place where the caller wants a value.
-pub struct Out<T>(*mut T);
+pub struct OutPtr<T>(*mut T);
 
-impl<T> Out<T> {
+impl<T> OutPtr<T> {
     /// The place `at`, which holds `empty` from now on, so that a call that fails leaves that.
     ///
     /// # Errors

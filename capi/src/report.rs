@@ -4,8 +4,8 @@ use std::ptr;
 use engine::{InputError, Kept as Candidates, MAX_SPHERES, Report};
 use serde_json::{Map, Value, json};
 
-use crate::Out;
-use crate::detector::{Handle, Kept, with_detector};
+use crate::OutPtr;
+use crate::detector::{DetectorHandle, HandleState, with_detector};
 use crate::status::{Status, c_text};
 
 /// The object of a report, with the names that `lazygrid detect --json` uses.
@@ -19,10 +19,10 @@ fn object(report: &Report) -> Value {
     })
 }
 
-fn candidates(kept: &Candidates) -> Value {
+fn candidates(list: &Candidates) -> Value {
     json!({
-        "count": kept.count, "age": kept.age, "moved": kept.moved,
-        "rebuilt": kept.rebuilt.map(|why| why.to_string()),
+        "count": list.count, "age": list.age, "moved": list.moved,
+        "rebuilt": list.rebuilt.map(|why| why.to_string()),
     })
 }
 
@@ -46,13 +46,13 @@ fn cost(_: &Report) -> Value {
 /// # Safety
 /// The header's conditions: `detector` is NULL or a detector, `json` is NULL or can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_report_json(detector: *mut Handle, json: *mut *const c_char) -> Status {
+pub unsafe extern "C" fn lazygrid_report_json(detector: *mut DetectorHandle, json: *mut *const c_char) -> Status {
     // SAFETY: this function's own condition.
-    let json = unsafe { Out::new(json, "json", ptr::null()) };
-    let work = |kept: &mut Kept| {
+    let json = unsafe { OutPtr::new(json, "json", ptr::null()) };
+    let work = |state: &mut HandleState| {
         let json = json?;
-        kept.report = c_text(object(&kept.detector.report()).to_string());
-        json.put(kept.report.as_ptr());
+        state.report = c_text(object(&state.detector.report()).to_string());
+        json.put(state.report.as_ptr());
         Ok(())
     };
     // SAFETY: this function's own condition.
@@ -64,15 +64,15 @@ pub unsafe extern "C" fn lazygrid_report_json(detector: *mut Handle, json: *mut 
 /// # Safety
 /// The header's conditions: `detector` is NULL or a detector, `bytes` is NULL or can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_memory_for(detector: *mut Handle, spheres: u64, bytes: *mut u64) -> Status {
+pub unsafe extern "C" fn lazygrid_memory_for(detector: *mut DetectorHandle, spheres: u64, bytes: *mut u64) -> Status {
     // SAFETY: this function's own condition.
-    let bytes = unsafe { Out::new(bytes, "bytes", 0) };
-    let work = |kept: &mut Kept| {
+    let bytes = unsafe { OutPtr::new(bytes, "bytes", 0) };
+    let work = |state: &mut HandleState| {
         let bytes = bytes?;
         if spheres > MAX_SPHERES {
             return Err(InputError::TooManySpheres { count: spheres }.into());
         }
-        bytes.put(kept.detector.memory_for(spheres));
+        bytes.put(state.detector.memory_for(spheres));
         Ok(())
     };
     // SAFETY: this function's own condition.

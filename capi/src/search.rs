@@ -5,10 +5,10 @@ use std::ptr;
 
 use engine::{Error, Neighbors, Pair};
 
-use crate::detector::{Handle, Kept, with_detector};
-use crate::input::{self, QueryOfC};
+use crate::detector::{DetectorHandle, HandleState, with_detector};
+use crate::input::{self, CQuery};
 use crate::status::{BUSY, Status};
-use crate::{Failure, Out};
+use crate::{Failure, OutPtr};
 
 thread_local! {
     /// Whether this thread is inside a callback.
@@ -20,7 +20,7 @@ thread_local! {
 ///
 /// # Safety
 /// The same as [`with_detector`].
-pub unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Result<(), Failure>) -> Status {
+pub unsafe fn search(detector: *const DetectorHandle, work: impl FnOnce(&mut HandleState) -> Result<(), Failure>) -> Status {
     if IS_TAKING.get() {
         return BUSY;
     }
@@ -34,18 +34,18 @@ pub unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Re
 /// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_pairs(
-    detector: *mut Handle,
-    query: *const QueryOfC,
+    detector: *mut DetectorHandle,
+    query: *const CQuery,
     pairs: *mut *const Pair,
     count: *mut u64,
 ) -> Status {
     // SAFETY: this function's own condition, for both.
-    let (pairs, count) = unsafe { (Out::new(pairs, "pairs", ptr::null()), Out::new(count, "count", 0)) };
-    let work = |kept: &mut Kept| {
+    let (pairs, count) = unsafe { (OutPtr::new(pairs, "pairs", ptr::null()), OutPtr::new(count, "count", 0)) };
+    let work = |state: &mut HandleState| {
         let (pairs, count) = (pairs?, count?);
         // SAFETY: this function's own condition.
         let query = unsafe { input::borrow(query) }?;
-        put_pairs(kept.detector.pairs(query), &pairs, &count)
+        put_pairs(state.detector.pairs(query), &pairs, &count)
     };
     // SAFETY: this function's own condition.
     unsafe { search(detector, work) }
@@ -54,8 +54,8 @@ pub unsafe extern "C" fn lazygrid_pairs(
 /// Writes where the pairs are and how many; of too many, how many.
 fn put_pairs(
     found: Result<&[Pair], Error>,
-    pairs: &Out<*const Pair>,
-    count: &Out<u64>,
+    pairs: &OutPtr<*const Pair>,
+    count: &OutPtr<u64>,
 ) -> Result<(), Failure> {
     let found = found.inspect_err(|error| {
         if let Error::TooManyPairs { found, .. } = error {
@@ -73,17 +73,17 @@ fn put_pairs(
 /// The header's conditions: `detector` and `query` are what they are called or NULL, `count` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_count(
-    detector: *mut Handle,
-    query: *const QueryOfC,
+    detector: *mut DetectorHandle,
+    query: *const CQuery,
     count: *mut u64,
 ) -> Status {
     // SAFETY: this function's own condition.
-    let count = unsafe { Out::new(count, "count", 0) };
-    let work = |kept: &mut Kept| {
+    let count = unsafe { OutPtr::new(count, "count", 0) };
+    let work = |state: &mut HandleState| {
         let count = count?;
         // SAFETY: this function's own condition.
         let query = unsafe { input::borrow(query) }?;
-        count.put(kept.detector.count(query)?);
+        count.put(state.detector.count(query)?);
         Ok(())
     };
     // SAFETY: this function's own condition.
@@ -96,19 +96,19 @@ pub unsafe extern "C" fn lazygrid_count(
 /// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbors(
-    detector: *mut Handle,
-    query: *const QueryOfC,
+    detector: *mut DetectorHandle,
+    query: *const CQuery,
     offsets: *mut *const u64,
     indices: *mut *const u32,
 ) -> Status {
     // SAFETY: this function's own condition, for both.
     let (offsets, indices) =
-        unsafe { (Out::new(offsets, "offsets", ptr::null()), Out::new(indices, "indices", ptr::null())) };
-    let work = |kept: &mut Kept| {
+        unsafe { (OutPtr::new(offsets, "offsets", ptr::null()), OutPtr::new(indices, "indices", ptr::null())) };
+    let work = |state: &mut HandleState| {
         let (offsets, indices) = (offsets?, indices?);
         // SAFETY: this function's own condition.
         let query = unsafe { input::borrow(query) }?;
-        put_lists(&kept.detector.neighbors(query)?, &offsets, &indices);
+        put_lists(&state.detector.neighbors(query)?, &offsets, &indices);
         Ok(())
     };
     // SAFETY: this function's own condition.
@@ -116,17 +116,17 @@ pub unsafe extern "C" fn lazygrid_neighbors(
 }
 
 /// Writes where the lists are.
-fn put_lists(lists: &Neighbors<'_>, offsets: &Out<*const u64>, indices: &Out<*const u32>) {
+fn put_lists(lists: &Neighbors<'_>, offsets: &OutPtr<*const u64>, indices: &OutPtr<*const u32>) {
     offsets.put(lists.offsets().as_ptr());
     indices.put(lists.indices().as_ptr());
 }
 
-/// `lazygrid_consume`: takes pairs, and returns 0 to go on.
-pub type Consume = unsafe extern "C" fn(context: *mut c_void, pairs: *const Pair, count: usize) -> i32;
+/// `lazygrid_pair_callback`: takes pairs, and returns 0 to go on.
+pub type PairCallback = unsafe extern "C" fn(context: *mut c_void, pairs: *const Pair, count: usize) -> i32;
 
 /// The consumer of a stream's pairs.
 struct Consumer {
-    consume: Consume,
+    consume: PairCallback,
     context: *mut c_void,
 }
 
@@ -137,7 +137,7 @@ unsafe impl Send for Consumer {}
 impl Consumer {
     /// # Errors
     /// If there is no function, or chunks would be empty.
-    fn new(consume: Option<Consume>, context: *mut c_void, chunk: usize) -> Result<Self, Failure> {
+    fn new(consume: Option<PairCallback>, context: *mut c_void, chunk: usize) -> Result<Self, Failure> {
         let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; give a function"))?;
         if chunk == 0 {
             return Err(Failure::argument("`chunk` is 0; it must be at least 1"));
@@ -160,25 +160,25 @@ impl Consumer {
 /// Hands the pairs over in chunks.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, `handed` is NULL or can be written to,
+/// The header's conditions: `detector` and `query` are what they are called or NULL, `delivered` is NULL or can be written to,
 /// `consume` is NULL or may be called with `context` from any thread, and returns.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_stream(
-    detector: *mut Handle,
-    query: *const QueryOfC,
+    detector: *mut DetectorHandle,
+    query: *const CQuery,
     chunk: usize,
-    consume: Option<Consume>,
+    consume: Option<PairCallback>,
     context: *mut c_void,
-    handed: *mut u64,
+    delivered: *mut u64,
 ) -> Status {
     // SAFETY: this function's own condition.
-    let handed = unsafe { Out::new(handed, "handed", 0) };
-    let work = |kept: &mut Kept| {
-        let handed = handed?;
+    let delivered = unsafe { OutPtr::new(delivered, "delivered", 0) };
+    let work = |state: &mut HandleState| {
+        let delivered = delivered?;
         // SAFETY: this function's own condition.
         let query = unsafe { input::borrow(query) }?;
         let mut consumer = Consumer::new(consume, context, chunk)?;
-        handed.put(kept.detector.stream(query, chunk, move |pairs| consumer.take(pairs))?);
+        delivered.put(state.detector.stream(query, chunk, move |pairs| consumer.take(pairs))?);
         Ok(())
     };
     // SAFETY: this function's own condition.

@@ -4,15 +4,15 @@ use engine::{Algorithm, Backend, Config, Order, Skin, Space};
 
 use crate::Failure;
 use crate::input::array;
-use crate::interactions::Table;
+use crate::interactions::InteractionsHandle;
 use crate::out::check;
-use crate::sized::{self, Growing};
+use crate::sized::{self, VersionedStruct};
 use crate::status::{Status, without_detector};
 
 /// `lazygrid_settings`. New fields come at the end, and 0 means their default.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub struct SettingsOfC {
+pub struct CSettings {
     pub size: usize,
     pub backend: i32,
     pub algorithm: i32,
@@ -24,12 +24,12 @@ pub struct SettingsOfC {
     pub skin: i32,
     pub skin_distance: f64,
     pub adapter: *const c_char,
-    pub interactions: *const Table,
+    pub interactions: *const InteractionsHandle,
     pub edges: *const f64,
 }
 
 // SAFETY: the size is the first field, and all are numbers and pointers, which any bits are.
-unsafe impl Growing for SettingsOfC {
+unsafe impl VersionedStruct for CSettings {
     const FIRST_SIZE: usize = size_of::<Self>();
     const REMEDY: &'static str = "set it by lazygrid_settings_init";
 }
@@ -52,7 +52,7 @@ pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 /// The skins by their number, each with what a distance makes of it.
 pub const SKINS: [fn(f64) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
 
-impl SettingsOfC {
+impl CSettings {
     /// All fields 0, which is their default.
     #[cfg(test)]
     pub const fn defaults() -> Self {
@@ -165,7 +165,7 @@ impl SettingsOfC {
         #[cfg(not(feature = "gpu"))]
         Err(Failure {
             message: format!("adapter '{name}': {}", engine::Error::WithoutGpu),
-            status: crate::status::GPU,
+            status: crate::status::GPU_UNAVAILABLE,
         })
     }
 }
@@ -184,10 +184,10 @@ fn meant<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> 
 /// # Safety
 /// The header's conditions: `settings` is NULL or this number of its bytes can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut SettingsOfC, size: usize) -> Status {
+pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut CSettings, size: usize) -> Status {
     without_detector(|| {
         check(settings, "settings")?;
-        let first = SettingsOfC::FIRST_SIZE;
+        let first = CSettings::FIRST_SIZE;
         if size < first {
             let message = format!("a size of {size} is less than {first}; give sizeof(lazygrid_settings)");
             return Err(Failure::argument(message));

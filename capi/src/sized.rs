@@ -11,7 +11,7 @@ const MAX_SIZE: usize = 1 << 16;
 ///
 /// # Safety
 /// The first field is the size, a `usize`, and any bits, zeros too, are values of all fields.
-pub unsafe trait Growing: Copy {
+pub unsafe trait VersionedStruct: Copy {
     /// The size of the first version.
     const FIRST_SIZE: usize;
     /// The expression by which a program sets the size.
@@ -26,7 +26,7 @@ pub unsafe trait Growing: Copy {
 ///
 /// # Safety
 /// The header's conditions: `at` is NULL, or points to a size, and as many initialized bytes are there.
-pub unsafe fn read<T: Growing>(at: *const T, name: &str) -> Result<T, Failure> {
+pub unsafe fn read<T: VersionedStruct>(at: *const T, name: &str) -> Result<T, Failure> {
     check(at, name)?;
     // SAFETY: a size is there, by this function's condition; NULL and misaligned pointers were refused.
     let size = unsafe { at.cast::<usize>().read() };

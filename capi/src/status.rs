@@ -14,9 +14,9 @@ pub const SETTING: Status = 3;
 pub const TOO_MANY_PAIRS: Status = 4;
 pub const OUT_OF_MEMORY: Status = 5;
 pub const THREADS: Status = 6;
-pub const GPU: Status = 7;
-pub const LIMIT: Status = 8;
-pub const DEVICE: Status = 9;
+pub const GPU_UNAVAILABLE: Status = 7;
+pub const DEVICE_LIMIT: Status = 8;
+pub const DEVICE_LOST: Status = 9;
 pub const TIMEOUT: Status = 10;
 pub const BUSY: Status = 11;
 pub const INTERNAL: Status = 12;
@@ -30,9 +30,9 @@ pub const NAMES: [&CStr; 13] = [
     c"LAZYGRID_ERROR_TOO_MANY_PAIRS",
     c"LAZYGRID_ERROR_OUT_OF_MEMORY",
     c"LAZYGRID_ERROR_THREADS",
-    c"LAZYGRID_ERROR_GPU",
-    c"LAZYGRID_ERROR_LIMIT",
-    c"LAZYGRID_ERROR_DEVICE",
+    c"LAZYGRID_ERROR_GPU_UNAVAILABLE",
+    c"LAZYGRID_ERROR_DEVICE_LIMIT",
+    c"LAZYGRID_ERROR_DEVICE_LOST",
     c"LAZYGRID_ERROR_TIMEOUT",
     c"LAZYGRID_ERROR_BUSY",
     c"LAZYGRID_ERROR_INTERNAL",
@@ -68,9 +68,9 @@ impl From<Error> for Failure {
             | Error::WithoutGpu
             | Error::NoAdapter { .. }
             | Error::UnknownAdapter { .. }
-            | Error::NoDevice { .. } => GPU,
-            Error::LimitExceeded { .. } => LIMIT,
-            Error::DeviceLost { .. } | Error::Validation { .. } => DEVICE,
+            | Error::NoDevice { .. } => GPU_UNAVAILABLE,
+            Error::LimitExceeded { .. } => DEVICE_LIMIT,
+            Error::DeviceLost { .. } | Error::Validation { .. } => DEVICE_LOST,
             Error::Timeout { .. } => TIMEOUT,
             // Buffers and calls in flight that only Rust programs have, and errors that are newer than this list.
             _ => INTERNAL,

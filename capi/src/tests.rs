@@ -8,47 +8,47 @@ use std::process::Command;
 
 use engine::{Pair, Spheres};
 
-use crate::detector::{Handle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector};
+use crate::detector::{DetectorHandle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector};
 use crate::exclusions::{
-    List, lazygrid_exclusions_across, lazygrid_exclusions_create, lazygrid_exclusions_destroy,
-    lazygrid_exclusions_of_rows,
+    ExclusionsHandle, lazygrid_exclusions_across, lazygrid_exclusions_create, lazygrid_exclusions_destroy,
+    lazygrid_exclusions_from_csr,
 };
-use crate::input::{F32, F64, QueryOfC, SpheresOfC};
+use crate::input::{F32, F64, CQuery, CSpheres};
 use crate::interactions::{
-    Table, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
+    InteractionsHandle, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
 };
-use crate::list::{ListOfC, OPTIONS, lazygrid_neighbor_list};
+use crate::list::{CNeighborList, OPTIONS, lazygrid_neighbor_list};
 use crate::report::{lazygrid_memory_for, lazygrid_report_json};
-use crate::search::{Consume, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
-use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SKINS, SettingsOfC, lazygrid_settings_init};
+use crate::search::{PairCallback, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
+use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SKINS, CSettings, lazygrid_settings_init};
 use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygrid_version};
 
 const HEADER: &str = include_str!("../include/lazygrid.h");
 
 /// A type as C writes it, with `const` behind what it holds for.
-trait InC {
+trait CType {
     fn name() -> String;
 }
 
-macro_rules! in_c {
-    ($($rust:ty => $c:literal),* $(,)?) => { $(impl InC for $rust { fn name() -> String { $c.to_owned() } })* };
+macro_rules! c_types {
+    ($($rust:ty => $c:literal),* $(,)?) => { $(impl CType for $rust { fn name() -> String { $c.to_owned() } })* };
 }
 
-in_c! {
+c_types! {
     () => "void", c_void => "void", c_char => "char", i32 => "int32_t", u32 => "uint32_t", u64 => "uint64_t",
-    usize => "size_t", f64 => "double", Pair => "lazygrid_pair", Handle => "lazygrid_detector",
-    Table => "lazygrid_interactions", SettingsOfC => "lazygrid_settings", QueryOfC => "lazygrid_query",
-    ListOfC => "lazygrid_list",
-    List => "lazygrid_exclusions", Option<Consume> => "lazygrid_consume",
+    usize => "size_t", f64 => "double", Pair => "lazygrid_pair", DetectorHandle => "lazygrid_detector",
+    InteractionsHandle => "lazygrid_interactions", CSettings => "lazygrid_settings", CQuery => "lazygrid_query",
+    CNeighborList => "lazygrid_list",
+    ExclusionsHandle => "lazygrid_exclusions", Option<PairCallback> => "lazygrid_pair_callback",
 }
 
-impl<T: InC> InC for *const T {
+impl<T: CType> CType for *const T {
     fn name() -> String {
         format!("{} const *", T::name())
     }
 }
 
-impl<T: InC> InC for *mut T {
+impl<T: CType> CType for *mut T {
     fn name() -> String {
         format!("{} *", T::name())
     }
@@ -61,7 +61,7 @@ trait Declared {
 
 macro_rules! declared {
     ($(($($argument:ident)*))*) => { $(
-        impl<R: InC $(, $argument: InC)*> Declared for unsafe extern "C" fn($($argument),*) -> R {
+        impl<R: CType $(, $argument: CType)*> Declared for unsafe extern "C" fn($($argument),*) -> R {
             fn declaration(&self, name: &str) -> String {
                 let arguments: Vec<String> = vec![$($argument::name()),*];
                 let arguments = if arguments.is_empty() { "void".to_owned() } else { arguments.join(", ") };
@@ -91,7 +91,7 @@ fn declarations() -> Vec<(&'static str, String)> {
         lazygrid_interactions_destroy: unsafe extern "C" fn(_) -> _,
         lazygrid_exclusions_create: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_exclusions_across: unsafe extern "C" fn(_, _, _, _, _) -> _,
-        lazygrid_exclusions_of_rows: unsafe extern "C" fn(_, _, _, _) -> _,
+        lazygrid_exclusions_from_csr: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_exclusions_destroy: unsafe extern "C" fn(_) -> _,
         lazygrid_create: unsafe extern "C" fn(_, _) -> _,
         lazygrid_destroy: unsafe extern "C" fn(_) -> _,
@@ -127,11 +127,11 @@ fn equal(what: &str, number: usize) -> String {
 
 fn layouts() -> String {
     layout!(Pair as "lazygrid_pair", i, j)
-        + &layout!(SpheresOfC as "lazygrid_spheres", size, count, x, y, z, r, step, r_step, r#type, zero, species, groups)
-        + &layout!(QueryOfC as "lazygrid_query", size, first, second, exclusions)
-        + &layout!(ListOfC as "lazygrid_list", length, offsets, pairs, shifts, vectors, distances)
+        + &layout!(CSpheres as "lazygrid_spheres", size, count, x, y, z, r, step, r_step, r#type, zero, species, groups)
+        + &layout!(CQuery as "lazygrid_query", size, first, second, exclusions)
+        + &layout!(CNeighborList as "lazygrid_list", length, offsets, pairs, shifts, vectors, distances)
         + &layout!(
-            SettingsOfC as "lazygrid_settings",
+            CSettings as "lazygrid_settings",
             size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, skin, skin_distance, adapter,
             interactions, edges
         )
@@ -224,7 +224,7 @@ fn nothing_in_the_header_is_left_out() {
 
 #[test]
 fn a_panic_ends_as_a_status_and_spoils_its_detector_only() {
-    let settings = SettingsOfC { backend: 1, ..SettingsOfC::defaults() };
+    let settings = CSettings { backend: 1, ..CSettings::defaults() };
     let (mut spoilt, mut other) = (std::ptr::null_mut(), std::ptr::null_mut());
     // SAFETY: all pointers are to what they are called, and detectors are destroyed once, at the end.
     unsafe {

@@ -108,19 +108,19 @@ static void streams_come_in_chunks_and_can_be_ended(void) {
         lazygrid_settings settings = on_cpu();
         lazygrid_detector *detector, *other = detector_of(&settings);
         taker all = {NULL, NULL, 0, 0, 0, UINT64_MAX, 0}, some = {NULL, NULL, 0, 0, 0, 250, 0};
-        uint64_t handed;
+        uint64_t delivered;
         settings.order = order;
         settings.threads = 2;
         detector = detector_of(&settings);
         all.detector = some.detector = detector;
         all.other = some.other = other;
-        CHECK(lazygrid_stream(detector, &query, CHUNK, take, &all, &handed) == LAZYGRID_OK);
-        CHECK(handed == COUNT - 1 && all.pairs == COUNT - 1 && all.largest <= CHUNK && all.is_refused);
-        CHECK(lazygrid_stream(detector, &query, CHUNK, take, &some, &handed) == LAZYGRID_OK);
-        CHECK(handed == some.pairs && handed >= 250 && handed < COUNT - 1);
-        CHECK(lazygrid_stream(detector, &query, 0, take, &all, &handed) == LAZYGRID_ERROR_ARGUMENT);
-        CHECK(lazygrid_stream(detector, &query, CHUNK, NULL, NULL, &handed) == LAZYGRID_ERROR_ARGUMENT);
-        CHECK(lazygrid_count(other, &query, &handed) == LAZYGRID_OK && handed == COUNT - 1);
+        CHECK(lazygrid_stream(detector, &query, CHUNK, take, &all, &delivered) == LAZYGRID_OK);
+        CHECK(delivered == COUNT - 1 && all.pairs == COUNT - 1 && all.largest <= CHUNK && all.is_refused);
+        CHECK(lazygrid_stream(detector, &query, CHUNK, take, &some, &delivered) == LAZYGRID_OK);
+        CHECK(delivered == some.pairs && delivered >= 250 && delivered < COUNT - 1);
+        CHECK(lazygrid_stream(detector, &query, 0, take, &all, &delivered) == LAZYGRID_ERROR_ARGUMENT);
+        CHECK(lazygrid_stream(detector, &query, CHUNK, NULL, NULL, &delivered) == LAZYGRID_ERROR_ARGUMENT);
+        CHECK(lazygrid_count(other, &query, &delivered) == LAZYGRID_OK && delivered == COUNT - 1);
         CHECK(lazygrid_destroy(other) == LAZYGRID_OK);
         CHECK(lazygrid_destroy(detector) == LAZYGRID_OK);
     }

@@ -203,7 +203,7 @@ static void what_is_left_out_is_no_pair(const double *edges) {
         const uint32_t *indices;
         query.exclusions = NULL;
         CHECK(lazygrid_neighbors(detector, &query, &offsets, &indices) == LAZYGRID_OK);
-        CHECK(lazygrid_exclusions_of_rows(COUNT, offsets, indices, &exclusions) == LAZYGRID_OK);
+        CHECK(lazygrid_exclusions_from_csr(COUNT, offsets, indices, &exclusions) == LAZYGRID_OK);
         query.exclusions = exclusions;
         each_result_is(detector, &query, expected, 0);
         lazygrid_exclusions_destroy(exclusions);
@@ -278,9 +278,9 @@ static void lists_are_refused(void) {
     CHECK(lazygrid_exclusions_create(2, beyond, (size_t)-1, &list) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_exclusions_create((size_t)-1, NULL, 0, &list) == LAZYGRID_ERROR_INPUT);
     CHECK(lazygrid_exclusions_across(1, 1, beyond, 1, &list) == LAZYGRID_ERROR_INPUT);
-    CHECK(lazygrid_exclusions_of_rows(2, falling, indices, &list) == LAZYGRID_ERROR_INPUT && list == NULL);
-    CHECK(lazygrid_exclusions_of_rows(2, far, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(lazygrid_exclusions_of_rows(2, NULL, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(lazygrid_exclusions_from_csr(2, falling, indices, &list) == LAZYGRID_ERROR_INPUT && list == NULL);
+    CHECK(lazygrid_exclusions_from_csr(2, far, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(lazygrid_exclusions_from_csr(2, NULL, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
     /* Made for others than the call has. */
     CHECK(lazygrid_exclusions_create(3, beyond, 2, &list) == LAZYGRID_OK);
     query.exclusions = list;

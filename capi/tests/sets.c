@@ -43,7 +43,7 @@ static uint64_t expected_across(const float *a, const float *b, float length, la
     return count;
 }
 
-/* What a stream handed over so far. */
+/* What a stream delivered over so far. */
 typedef struct {
     lazygrid_pair pairs[FIRST * SECOND];
     uint64_t count, largest, until;

@@ -102,7 +102,7 @@ void views_are_ranges() {
     for (const lazygrid::Pair &pair : detector.pairs(spheres)) seen += pair.j - pair.i;
     CHECK(seen == 99);
     const lazygrid::Neighbors neighbors = detector.neighbors(spheres);
-    CHECK(neighbors.of(0).size() == 1 && neighbors.of(50).size() == 2 && neighbors.of(50)[0] == 49);
+    CHECK(neighbors.neighbors_of(0).size() == 1 && neighbors.neighbors_of(50).size() == 2 && neighbors.neighbors_of(50)[0] == 49);
 #if __cplusplus >= 202002L
     const std::span<const lazygrid::Pair> span = detector.pairs(spheres);
     CHECK(span.size() == 99 && span.back().j == 99);
@@ -178,7 +178,7 @@ void two_sets() {
     const auto pairs = detector.pairs({some, all});
     CHECK(pairs.size() == 60 && pairs[0].i == 0 && pairs[0].j == 49 && pairs[59].i == 19 && pairs[59].j == 70);
     const lazygrid::Neighbors neighbors = detector.neighbors({some, all});
-    CHECK(neighbors.offsets.size() == 21 && neighbors.of(7).size() == 3 && neighbors.of(7)[0] == 56);
+    CHECK(neighbors.offsets.size() == 21 && neighbors.neighbors_of(7).size() == 3 && neighbors.neighbors_of(7)[0] == 56);
     std::size_t seen = 0;
     const auto count = [&](lazygrid::View<lazygrid::Pair> chunk) { seen += chunk.size(); };
     CHECK(detector.stream({some, all}, 16, count) == 60 && seen == 60);
@@ -238,7 +238,7 @@ void boxes_that_lean_and_what_is_left_out() {
     const std::vector<std::uint32_t> molecules = {7, 7, lazygrid::no_group};
     CHECK(detector.count(all.with_groups(molecules)) == 1);
     CHECK(detector.count(lazygrid::Query(all.with_groups(molecules)).without(bonds)) == 0);
-    CHECK(detector.count(lazygrid::Query(all).without(lazygrid::Exclusions::rows(detector.neighbors(all)))) == 0);
+    CHECK(detector.count(lazygrid::Query(all).without(lazygrid::Exclusions::from_csr(detector.neighbors(all)))) == 0);
     const auto across = lazygrid::Exclusions::across(3, 3, std::vector<lazygrid::Pair>{{0, 0}, {1, 1}, {0, 1}});
     CHECK(detector.count(lazygrid::Query(all, all).without(across)) == 4);
     CHECK(throws<lazygrid::InputError>([&] { detector.count(lazygrid::Query(all).without(across)); }, "3"));

@@ -14,7 +14,7 @@ final class Simulator {
     private Simulator() {}
 
     public static void main(String[] arguments) {
-        Particles particles = new Particles(PARTICLES, EDGE, Spheres.floats(4 * PARTICLES), 1);
+        Particles particles = new Particles(PARTICLES, EDGE, Spheres.allocateFloats(4 * PARTICLES), 1);
         Random random = new Random(2);
         try (NeighborSearch octree = new Octree(); NeighborSearch lazygrid = new Lazygrid()) {
             for (int step = 0; step < STEPS; step++) {

@@ -11,8 +11,8 @@ use std::thread;
 use lazygrid::{Error, Exclusions, Pair, Query, Sphere, Spheres};
 use pyo3::prelude::*;
 
-use crate::call::GLANCE;
-use crate::engines::{Lease, Stopper};
+use crate::interruptible::SIGNAL_POLL;
+use crate::pool::{DetectorLease, StreamStopper};
 use crate::spheres::BorrowedQuery;
 use crate::{arrays, error};
 
@@ -28,12 +28,12 @@ type Sent = Result<Vec<Pair>, Error>;
 pub(crate) struct Chunks {
     /// `None` once there will be no more.
     chunks: Mutex<Option<Receiver<Sent>>>,
-    stopper: Stopper,
+    stopper: StreamStopper,
 }
 
 impl Chunks {
     /// Begins the search.
-    pub(crate) fn start(lease: Lease, borrowed: &BorrowedQuery<'_>, chunk: usize) -> PyResult<Self> {
+    pub(crate) fn start(mut lease: DetectorLease, borrowed: &BorrowedQuery<'_>, chunk: usize) -> PyResult<Self> {
         let query = borrowed.query()?;
         let owned = OwnedQuery::new(&query, borrowed.exclusions()).map_err(error::engine)?;
         lease.keep_report();
@@ -50,7 +50,7 @@ impl Chunks {
     fn take(&self) -> Option<Option<Sent>> {
         let mut chunks = self.chunks.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(receiver) = &*chunks else { return Some(None) };
-        match receiver.recv_timeout(GLANCE) {
+        match receiver.recv_timeout(SIGNAL_POLL) {
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => {
                 *chunks = None;
@@ -180,7 +180,7 @@ fn collected<T>(values: impl ExactSizeIterator<Item = T>, what: &'static str) ->
 }
 
 /// Sends the pairs, and at the end the error if there is one.
-fn search(mut lease: Lease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
+fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {
         let sent = collected(pairs.iter().copied(), "a chunk of pairs").map(|own| to.send(Ok(own)).is_ok());

@@ -6,9 +6,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
-use crate::call::call;
+use crate::interruptible::interruptible;
 use crate::chunks::Chunks;
-use crate::engines::Engines;
+use crate::pool::DetectorPool;
 use crate::exclusions::Exclusions;
 use crate::interactions::Interactions;
 use crate::settings::Settings;
@@ -66,7 +66,7 @@ use crate::{error, report};
 ///     If ``backend="gpu"`` and no GPU can be used.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Detector {
-    engines: Arc<Engines>,
+    pool: Arc<DetectorPool>,
 }
 
 #[pymethods]
@@ -99,8 +99,8 @@ impl Detector {
             Some(adapter) => config.adapter(crate::settings::adapter(adapter)?),
         };
         // Here the backend is chosen, for which a driver may need some time.
-        let engines = py.detach(|| Engines::new(config, threads == Some(1))).map_err(error::engine)?;
-        Ok(Self { engines })
+        let pool = py.detach(|| DetectorPool::new(config, threads == Some(1))).map_err(error::engine)?;
+        Ok(Self { pool })
     }
 
     /// Return the overlapping pairs, each once, in the order of the detector.
@@ -161,9 +161,9 @@ impl Detector {
         let py = spheres.py();
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let query = borrowed.query()?;
-        let mut lease = self.engines.lease()?;
-        let (detector, stop) = lease.parts();
-        let found = call(py, query.len(), stop, || detector.pairs(query))?.map_err(error::engine)?;
+        let mut lease = self.pool.lease()?;
+        let (detector, cancel) = lease.parts();
+        let found = interruptible(py, query.len(), cancel, || detector.pairs(query))?.map_err(error::engine)?;
         arrays::pairs(py, found, out)
     }
 
@@ -200,9 +200,9 @@ impl Detector {
         let py = spheres.py();
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let query = borrowed.query()?;
-        let mut lease = self.engines.lease()?;
-        let (detector, stop) = lease.parts();
-        let lists = call(py, query.len(), stop, || detector.neighbors(query))?.map_err(error::engine)?;
+        let mut lease = self.pool.lease()?;
+        let (detector, cancel) = lease.parts();
+        let lists = interruptible(py, query.len(), cancel, || detector.neighbors(query))?.map_err(error::engine)?;
         let (offsets, indices) = (arrays::copied(py, lists.offsets())?, arrays::copied(py, lists.indices())?);
         Ok((offsets.into_any(), indices.into_any()))
     }
@@ -231,9 +231,9 @@ impl Detector {
         let py = spheres.py();
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let query = borrowed.query()?;
-        let mut lease = self.engines.lease()?;
-        let (detector, stop) = lease.parts();
-        call(py, query.len(), stop, || detector.count(query))?.map_err(error::engine)
+        let mut lease = self.pool.lease()?;
+        let (detector, cancel) = lease.parts();
+        interruptible(py, query.len(), cancel, || detector.count(query))?.map_err(error::engine)
     }
 
     /// Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.
@@ -272,24 +272,24 @@ impl Detector {
             return Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk"));
         }
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
-        let lease = self.engines.lease()?;
+        let lease = self.pool.lease()?;
         Chunks::start(lease, &borrowed, chunk)
     }
 
     /// Return an estimate of the bytes that the detector holds for this number of spheres, besides the result.
     fn memory_for(&self, spheres: u64) -> PyResult<u64> {
-        let mut lease = self.engines.lease()?;
+        let mut lease = self.pool.lease()?;
         Ok(lease.parts().0.memory_for(spheres))
     }
 
     /// What the call that ended last did and why; before the first call, what is known by then. Times are in seconds.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report::dict(py, &self.engines.report())
+        report::dict(py, &self.pool.report())
     }
 
     fn __repr__(&self) -> String {
-        let report = self.engines.report();
+        let report = self.pool.report();
         format!("<lazygrid.Detector: {} on {}>", report.algorithm, report.adapter.as_deref().unwrap_or("cpu"))
     }
 }

@@ -89,7 +89,7 @@ impl Exclusions {
     /// InputError
     ///     As the class, and for offsets that do not begin with 0, fall, or do not end with the number of indices.
     #[staticmethod]
-    fn rows(py: Python<'_>, offsets: &Bound<'_, PyAny>, indices: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn from_csr(py: Python<'_>, offsets: &Bound<'_, PyAny>, indices: &Bound<'_, PyAny>) -> PyResult<Self> {
         let offsets = arrays::offsets(offsets, "offsets")?;
         let indices = arrays::whole(indices, "indices")?;
         let mut starts = Vec::with_capacity(offsets.len());

@@ -4,11 +4,11 @@
 //! Python programmers read is in `package/lazygrid/_lazygrid.pyi`.
 
 mod arrays;
-mod call;
+mod interruptible;
 mod chunks;
 mod command;
 mod detector;
-mod engines;
+mod pool;
 mod error;
 mod exclusions;
 mod floats;

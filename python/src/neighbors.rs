@@ -17,11 +17,11 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{empty, same_length};
-use crate::call::call;
+use crate::interruptible::interruptible;
 use crate::{error, fork};
 
 /// Entries per piece of work.
-const PIECE: usize = 1 << 14;
+const CHUNK_ENTRIES: usize = 1 << 14;
 
 /// Atoms are neighbors if they are nearer than this.
 enum Cutoffs<'a> {
@@ -124,21 +124,21 @@ impl<'py> Arrays<'py> {
 /// Writes a quantity of all entries, if there is an array for it.
 fn put<T: Send, U: Sync>(array: Option<&mut [T]>, values: &[U], value: impl Fn(&U) -> T + Sync) {
     let Some(array) = array else { return };
-    array.par_chunks_mut(PIECE).zip(values.par_chunks(PIECE)).for_each(|(array, values)| {
+    array.par_chunks_mut(CHUNK_ENTRIES).zip(values.par_chunks(CHUNK_ENTRIES)).for_each(|(array, values)| {
         array.iter_mut().zip(values).for_each(|(slot, from)| *slot = value(from));
     });
 }
 
 /// Cutoffs as Python gives them: a number, a radius for each atom, or a kind for each atom and a table for two kinds.
 #[derive(FromPyObject)]
-pub(crate) enum GivenCutoffs<'py> {
+pub(crate) enum CutoffArg<'py> {
     Radii(PyReadonlyArray1<'py, f64>),
     Kinds(PyReadonlyArray1<'py, u32>, PyReadonlyArray2<'py, f64>),
     /// The last, since an array of one number is a number too.
     One(f64),
 }
 
-impl GivenCutoffs<'_> {
+impl CutoffArg<'_> {
     fn cutoffs(&self, atoms: usize) -> PyResult<Cutoffs<'_>> {
         match self {
             Self::One(cutoff) => Ok(Cutoffs::One(*cutoff)),
@@ -176,7 +176,7 @@ pub(crate) fn neighbors_within<'py>(
     py: Python<'py>,
     quantities: &str,
     positions: PyReadonlyArray2<'py, f64>,
-    cutoffs: GivenCutoffs<'py>,
+    cutoffs: CutoffArg<'py>,
     cell: [[f64; 3]; 3],
     with_itself: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -190,7 +190,7 @@ pub(crate) fn neighbors_within<'py>(
     let spheres = cutoffs.spheres(positions).map_err(error::input)?;
     let mut detector = cutoffs.detector(space.map_err(error::input)?, stop.clone()).map_err(error::engine)?;
     let options = options(quantities, with_itself);
-    let found = call(py, positions.len(), &stop, || detector.neighbor_list(spheres, options))?;
+    let found = interruptible(py, positions.len(), &stop, || detector.neighbor_list(spheres, options))?;
     let list = found.map_err(error::engine)?;
     let arrays = Arrays::new(py, quantities, list.len())?;
     arrays.fill(py, &list)?;

@@ -42,14 +42,14 @@ pub(crate) struct Frame {
     step: Option<i64>,
     /// The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in
     /// unbounded space.
-    periodic: Option<(Option<Edge>, Option<Edge>, Option<Edge>)>,
+    periodic: Option<(Option<CellVector>, Option<CellVector>, Option<CellVector>)>,
 }
 
 /// A period of space: a length along an axis, or a cell vector.
 #[derive(Clone, Copy, IntoPyObject, IntoPyObjectRef)]
-enum Edge {
+enum CellVector {
     Length(f64),
-    Edge((f64, f64, f64)),
+    Vector((f64, f64, f64)),
 }
 
 #[pymethods]
@@ -114,11 +114,11 @@ impl Frames {
 
 impl Frame {
     fn new(py: Python<'_>, frame: read::Frame, names: Vec<String>) -> PyResult<Self> {
-        let is_sheared = frame.space.shear().is_some();
+        let is_triclinic = frame.space.shear().is_some();
         let (lengths, edges) = (frame.space.lengths(), frame.space.edges());
-        let [x, y, z] = [0, 1, 2].map(|k| match is_sheared {
-            false => lengths[k].map(Edge::Length),
-            true => edges[k].map(|edge| Edge::Edge(edge.into())),
+        let [x, y, z] = [0, 1, 2].map(|k| match is_triclinic {
+            false => lengths[k].map(CellVector::Length),
+            true => edges[k].map(|edge| CellVector::Vector(edge.into())),
         });
         let species = frame.species.map(|ids| PyArray1::from_vec(py, ids).unbind());
         Ok(Self {

@@ -15,7 +15,7 @@ use pyo3::types::{PyBool, PyDict};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::arrays;
-use crate::call::GLANCE;
+use crate::interruptible::SIGNAL_POLL;
 use crate::{error, fork};
 
 /// What is run: a file, its text, or the same as a dictionary.
@@ -88,7 +88,7 @@ impl Run {
     /// Does steps until it is time to look for signals.
     fn some_steps(&mut self) -> Result<(), Error> {
         let began = Instant::now();
-        while self.simulation.step_count() < self.scenario.steps && began.elapsed() < GLANCE {
+        while self.simulation.step_count() < self.scenario.steps && began.elapsed() < SIGNAL_POLL {
             let step = self.simulation.step_count();
             let due = |every: u32| every - step % every;
             let most = due(self.every).min(self.frames_every.map_or(u32::MAX, due));

@@ -55,7 +55,7 @@ def test_what_is_left_out_is_no_pair(algorithm: Any, periodic: Any) -> None:
     each_result_is(detector, rows, grouped, groups=groups.astype(np.int64).tolist())
     each_result_is(detector, rows, without(all_pairs, gone), exclusions=bonds)
     each_result_is(detector, rows, without(grouped, gone), groups=groups, exclusions=bonds)
-    every = Exclusions.rows(*detector.neighbors(rows))
+    every = Exclusions.from_csr(*detector.neighbors(rows))
     each_result_is(detector, rows, all_pairs[:0], exclusions=every)
     each_result_is(detector, rows, all_pairs)
 
@@ -135,9 +135,9 @@ def test_what_is_wrong_is_named(spheres: Rows) -> None:
     with pytest.raises(TypeError, match="whole numbers"):
         Exclusions(count, [(0.5, 1.0)])
     with pytest.raises(lazygrid.InputError, match="offset 2 .* is 1"):
-        Exclusions.rows([0, 2, 1, 2], [1, 2])
+        Exclusions.from_csr([0, 2, 1, 2], [1, 2])
     with pytest.raises(lazygrid.InputError, match=r"where \(n \+ 1,\)"):
-        Exclusions.rows([[0]], [])
+        Exclusions.from_csr([[0]], [])
     assert len(Exclusions(count, [])) == 0 and repr(Exclusions(count, [])).endswith("0 pairs of 200 spheres>")
     bonds = Exclusions(count - 1, [(0, 1)])
     with pytest.raises(lazygrid.InputError, match="199"):

@@ -304,7 +304,7 @@ class Exclusions:
         """
 
     @staticmethod
-    def rows(offsets: npt.ArrayLike, indices: npt.ArrayLike) -> Exclusions:
+    def from_csr(offsets: npt.ArrayLike, indices: npt.ArrayLike) -> Exclusions:
         """Return the pairs of compressed rows, as :meth:`Detector.neighbors` returns them.
 
         Parameters

@@ -12,7 +12,7 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * Finds overlapping spheres, call after call, reusing its memory.
  *
  * <pre>{@code
- * FloatBuffer rows = Spheres.floats(4 * n);                  // x, y, z, r of each sphere
+ * FloatBuffer rows = Spheres.allocateFloats(4 * n);                  // x, y, z, r of each sphere
  * Spheres spheres = Spheres.rows(rows);
  * try (Detector detector = new Detector()) {
  *     for (int step = 0; step < steps; step++) {
@@ -27,7 +27,7 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * themselves do.
  *
  * <p>Buffers that come out of a search lie in the detector's memory. They must not be used after the next search with
- * it, nor after it is closed: what is read then is anything, or ends the process. {@link #pairsCopied} has no such
+ * it, nor after it is closed: what is read then is anything, or ends the process. {@link #pairsAsArray} has no such
  * rule.
  *
  * <p>Any thread may call, one at a time: a second one, and a consumer that calls back, get
@@ -39,7 +39,7 @@ public final class Detector implements AutoCloseable {
 
     /** The query of a search, and what the library writes. Allocated once, since a step must not allocate memory. */
     private final ByteBuffer places = ByteBuffer.allocateDirect(OUT + 48).order(ByteOrder.nativeOrder());
-    private final long question = Library.address(places, 1);
+    private final long question = NativeApi.address(places, 1);
     private final long first = question + OUT;
     private final long second = first + Long.BYTES;
     private final AtomicBoolean isInUse = new AtomicBoolean();
@@ -60,11 +60,11 @@ public final class Detector implements AutoCloseable {
      *
      * @param settings what it is asked to do
      * @throws LazygridException {@link Status#SETTING} or {@link Status#INPUT} for a setting out of range,
-     *     {@link Status#GPU} where a GPU is asked for and cannot be used
+     *     {@link Status#GPU_UNAVAILABLE} where a GPU is asked for and cannot be used
      */
     public Detector(Settings settings) {
         try (NativeSettings given = new NativeSettings(settings)) {
-            check(Library.create(given.address(), first), 0);
+            check(NativeApi.create(given.address(), first), 0);
         }
         detector = result(0);
     }
@@ -75,7 +75,7 @@ public final class Detector implements AutoCloseable {
      * @return as "0.1.0"
      */
     public static String version() {
-        return Library.version();
+        return NativeApi.version();
     }
 
     /**
@@ -86,16 +86,16 @@ public final class Detector implements AutoCloseable {
      * @return the pairs, read-only, in the detector's memory
      * @throws TooManyPairsException for more than {@link Settings#maxPairs(long)}, with their exact number
      * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown
-     *     species and exclusions of other spheres; {@link Status#LIMIT} for more than 2<sup>28</sup> - 1 pairs, which a
+     *     species and exclusions of other spheres; {@link Status#DEVICE_LIMIT} for more than 2<sup>28</sup> - 1 pairs, which a
      *     buffer of 2 GiB cannot hold
      */
     public IntBuffer pairs(Query query) {
         enter(query);
         try {
-            int status = Library.pairs(detector, question, first, second);
+            int status = NativeApi.pairs(detector, question, first, second);
             query.keep();
             if (status == Status.TOO_MANY_PAIRS.ordinal()) {
-                throw new TooManyPairsException(Library.lastError(detector), result(1));
+                throw new TooManyPairsException(NativeApi.lastError(detector), result(1));
             }
             check(status, detector);
             return integers(result(0), 2 * result(1));
@@ -122,7 +122,7 @@ public final class Detector implements AutoCloseable {
      * @return i and j of each pair, one after the other
      * @throws LazygridException as {@link #pairs(Query)}
      */
-    public int[] pairsCopied(Query query) {
+    public int[] pairsAsArray(Query query) {
         IntBuffer pairs = pairs(query);
         int[] copy = new int[pairs.remaining()];
         pairs.get(copy);
@@ -136,8 +136,8 @@ public final class Detector implements AutoCloseable {
      * @return i and j of each pair, one after the other
      * @throws LazygridException as {@link #pairs(Query)}
      */
-    public int[] pairsCopied(Spheres spheres) {
-        return pairsCopied(Query.of(spheres));
+    public int[] pairsAsArray(Spheres spheres) {
+        return pairsAsArray(Query.of(spheres));
     }
 
     /**
@@ -150,7 +150,7 @@ public final class Detector implements AutoCloseable {
     public long count(Query query) {
         enter(query);
         try {
-            int status = Library.count(detector, question, first);
+            int status = NativeApi.count(detector, question, first);
             query.keep();
             check(status, detector);
             return result(0);
@@ -180,7 +180,7 @@ public final class Detector implements AutoCloseable {
     public Neighbors neighbors(Query query) {
         enter(query);
         try {
-            int status = Library.neighbors(detector, question, first, second);
+            int status = NativeApi.neighbors(detector, question, first, second);
             query.keep();
             check(status, detector);
             LongBuffer offsets = offsets(result(0), query);
@@ -209,13 +209,13 @@ public final class Detector implements AutoCloseable {
      * @param query which spheres, where they are now
      * @param options what is wanted; an empty set: the pairs of a full list
      * @return the list, in the detector's memory
-     * @throws LazygridException as {@link #neighbors(Query)}; {@link Status#LIMIT} for a buffer of 2 GiB or more
+     * @throws LazygridException as {@link #neighbors(Query)}; {@link Status#DEVICE_LIMIT} for a buffer of 2 GiB or more
      */
     public NeighborList neighborList(Query query, Set<ListOption> options) {
         int bits = options.stream().mapToInt(ListOption::bit).sum();
         enter(query);
         try {
-            int status = Library.neighborList(detector, question, bits, first);
+            int status = NativeApi.neighborList(detector, question, bits, first);
             query.keep();
             check(status, detector);
             long length = result(0);
@@ -258,7 +258,7 @@ public final class Detector implements AutoCloseable {
         try {
             // Written by whichever thread of the library, read when all have ended.
             Throwable[] thrown = new Throwable[1];
-            int status = Library.stream(detector, question, chunk, (pairs, count) -> {
+            int status = NativeApi.stream(detector, question, chunk, (pairs, count) -> {
                 try {
                     return consumer.take(integers(pairs, 2 * count)) ? 0 : 1;
                 } catch (Throwable any) {
@@ -299,8 +299,8 @@ public final class Detector implements AutoCloseable {
     public String reportJson() {
         enter();
         try {
-            check(Library.reportJson(detector, first), detector);
-            return Library.text(result(0));
+            check(NativeApi.reportJson(detector, first), detector);
+            return NativeApi.text(result(0));
         } finally {
             leave();
         }
@@ -315,7 +315,7 @@ public final class Detector implements AutoCloseable {
     public long memoryFor(long spheres) {
         enter();
         try {
-            check(Library.memoryFor(detector, spheres, first), detector);
+            check(NativeApi.memoryFor(detector, spheres, first), detector);
             return result(0);
         } finally {
             leave();
@@ -331,7 +331,7 @@ public final class Detector implements AutoCloseable {
     public void close() {
         if (!isInUse.compareAndSet(false, true)) throw busy();
         try {
-            if (detector != 0) check(Library.destroy(detector), 0);
+            if (detector != 0) check(NativeApi.destroy(detector), 0);
             detector = 0;
         } finally {
             leave();
@@ -365,7 +365,7 @@ public final class Detector implements AutoCloseable {
     static void check(int status, long detector) {
         // What is busy has no message of its own.
         if (status == Status.BUSY.ordinal()) throw busy();
-        if (status != 0) throw new LazygridException(Status.of(status), Library.lastError(detector));
+        if (status != 0) throw new LazygridException(Status.of(status), NativeApi.lastError(detector));
     }
 
     /** One of the numbers or addresses that the library has written. */
@@ -384,11 +384,11 @@ public final class Detector implements AutoCloseable {
     /** {@code count} values of {@code size} bytes in the detector's memory. */
     private static ByteBuffer view(long address, long count, int size) {
         if (count > Integer.MAX_VALUE / size) throw tooLarge(count);
-        return Library.view(address, (int) count * size);
+        return NativeApi.view(address, (int) count * size);
     }
 
     private static LazygridException tooLarge(long count) {
         return new LazygridException(
-            Status.LIMIT, count + " numbers are more than a buffer of 2 GiB holds; stream the pairs, or count them");
+            Status.DEVICE_LIMIT, count + " numbers are more than a buffer of 2 GiB holds; stream the pairs, or count them");
     }
 }

@@ -23,11 +23,11 @@ public final class Exclusions {
     /** A list that {@code create} makes and writes the address of. */
     private Exclusions(LongToIntFunction create) {
         ByteBuffer out = ByteBuffer.allocateDirect(Long.BYTES).order(ByteOrder.nativeOrder());
-        Detector.check(create.applyAsInt(Library.address(out, 1)), 0);
+        Detector.check(create.applyAsInt(NativeApi.address(out, 1)), 0);
         long made = out.getLong(0);
         Reference.reachabilityFence(out);
         address = made;
-        CLEANER.register(this, () -> Library.exclusionsDestroy(made));
+        CLEANER.register(this, () -> NativeApi.exclusionsDestroy(made));
     }
 
     /**
@@ -43,7 +43,7 @@ public final class Exclusions {
         check(spheres, "spheres");
         IntBuffer given = direct(pairs);
         return new Exclusions(out -> {
-            int status = Library.exclusionsCreate(spheres, Library.address(given, Integer.BYTES), pairs.length / 2, out);
+            int status = NativeApi.exclusionsCreate(spheres, NativeApi.address(given, Integer.BYTES), pairs.length / 2, out);
             Reference.reachabilityFence(given);
             return status;
         });
@@ -64,8 +64,8 @@ public final class Exclusions {
         check(second, "second");
         IntBuffer given = direct(pairs);
         return new Exclusions(out -> {
-            long at = Library.address(given, Integer.BYTES);
-            int status = Library.exclusionsAcross(first, second, at, pairs.length / 2, out);
+            long at = NativeApi.address(given, Integer.BYTES);
+            int status = NativeApi.exclusionsAcross(first, second, at, pairs.length / 2, out);
             Reference.reachabilityFence(given);
             return status;
         });
@@ -81,7 +81,7 @@ public final class Exclusions {
      * @throws IllegalArgumentException for another kind of buffer, and where the last offset is not the number of indices
      * @throws LazygridException {@link Status#INPUT} for other offsets that fall, and an index that is of no sphere
      */
-    public static Exclusions rows(LongBuffer offsets, IntBuffer indices) {
+    public static Exclusions fromCsr(LongBuffer offsets, IntBuffer indices) {
         LongBuffer starts = offsets.duplicate();
         IntBuffer others = indices.duplicate();
         Spheres.check(starts, "offsets");
@@ -92,8 +92,8 @@ public final class Exclusions {
                 "the last offset must be there and be the number of indices, " + others.remaining());
         }
         return new Exclusions(out -> {
-            long at = Library.address(starts, Long.BYTES);
-            int status = Library.exclusionsOfRows(rows, at, Library.address(others, Integer.BYTES), out);
+            long at = NativeApi.address(starts, Long.BYTES);
+            int status = NativeApi.exclusionsFromCsr(rows, at, NativeApi.address(others, Integer.BYTES), out);
             Reference.reachabilityFence(starts);
             Reference.reachabilityFence(others);
             return status;
@@ -113,6 +113,6 @@ public final class Exclusions {
         if (pairs.length % 2 != 0) {
             throw new IllegalArgumentException("pairs have " + pairs.length + " indices; give 2 for each");
         }
-        return Spheres.ints(pairs.length).put(0, pairs);
+        return Spheres.allocateInts(pairs.length).put(0, pairs);
     }
 }

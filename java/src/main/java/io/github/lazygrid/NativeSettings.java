@@ -28,7 +28,7 @@ final class NativeSettings implements AutoCloseable {
 
     /** Throws {@link LazygridException} for a table that is refused. */
     NativeSettings(Settings settings) {
-        Detector.check(Library.settingsInit(address(), SIZE), 0);
+        Detector.check(NativeApi.settingsInit(address(), SIZE), 0);
         structure.putInt(BACKEND, settings.backend.ordinal());
         structure.putInt(ALGORITHM, settings.algorithm.ordinal());
         structure.putInt(ORDER, settings.order.ordinal());
@@ -43,22 +43,22 @@ final class NativeSettings implements AutoCloseable {
         edges = settings.edges == null ? null : direct(9 * Double.BYTES);
         if (edges != null) {
             for (int k = 0; k < 9; k++) edges.putDouble(Double.BYTES * k, settings.edges[k / 3][k % 3]);
-            structure.putLong(EDGES, Library.address(edges, 1));
+            structure.putLong(EDGES, NativeApi.address(edges, 1));
         }
         adapter = settings.adapter == null ? null : text(settings.adapter);
-        if (adapter != null) structure.putLong(ADAPTER, Library.address(adapter, 1));
+        if (adapter != null) structure.putLong(ADAPTER, NativeApi.address(adapter, 1));
         interactions = settings.interactions == null ? 0 : table(settings.interactions);
         structure.putLong(INTERACTIONS, interactions);
     }
 
     /** Where the structure is, until this is closed. */
     long address() {
-        return Library.address(structure, 1);
+        return NativeApi.address(structure, 1);
     }
 
     @Override
     public void close() {
-        if (interactions != 0) Library.interactionsDestroy(interactions);
+        if (interactions != 0) NativeApi.interactionsDestroy(interactions);
         Reference.reachabilityFence(adapter);
         Reference.reachabilityFence(edges);
         Reference.reachabilityFence(structure);
@@ -69,16 +69,16 @@ final class NativeSettings implements AutoCloseable {
         Interaction all = interactions.all();
         int species = interactions.species();
         Detector.check(
-            Library.interactionsCreate(species, all.kind().ordinal(), all.distance(), Library.address(out, 1)), 0);
+            NativeApi.interactionsCreate(species, all.kind().ordinal(), all.distance(), NativeApi.address(out, 1)), 0);
         long table = out.getLong(0);
         try {
             for (Interactions.Entry entry : interactions.entries()) {
                 Interaction set = entry.interaction();
                 int kind = set.kind().ordinal();
-                Detector.check(Library.interactionsSet(table, entry.a(), entry.b(), kind, set.distance()), 0);
+                Detector.check(NativeApi.interactionsSet(table, entry.a(), entry.b(), kind, set.distance()), 0);
             }
         } catch (LazygridException refused) {
-            Library.interactionsDestroy(table);
+            NativeApi.interactionsDestroy(table);
             throw refused;
         }
         return table;

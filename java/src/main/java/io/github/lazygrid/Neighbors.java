@@ -21,7 +21,7 @@ public record Neighbors(LongBuffer offsets, IntBuffer indices) {
      * @param k the index of the sphere
      * @return its neighbors, in the same memory
      */
-    public IntBuffer of(int k) {
+    public IntBuffer neighborsOf(int k) {
         int first = (int) offsets.get(k);
         return indices.slice(first, (int) offsets.get(k + 1) - first);
     }

@@ -54,7 +54,7 @@ public final class Spheres {
     /** The caller's buffers, which live as long as their addresses are known. */
     private final List<Buffer> kept;
     private final ByteBuffer structure = ByteBuffer.allocateDirect(SIZE).order(ByteOrder.nativeOrder());
-    private final long address = Library.address(structure, 1);
+    private final long address = NativeApi.address(structure, 1);
 
     /** Steps are in numbers. */
     private Spheres(int count, Precision precision, long[] xyzr, int step, int radiusStep, List<Buffer> kept) {
@@ -68,7 +68,7 @@ public final class Spheres {
     /** The same spheres with a buffer in one place of the structure. */
     private Spheres(Spheres same, int place, IntBuffer values) {
         count = same.count;
-        structure.put(0, same.structure, 0, SIZE).putLong(place, Library.address(values, Integer.BYTES));
+        structure.put(0, same.structure, 0, SIZE).putLong(place, NativeApi.address(values, Integer.BYTES));
         kept = new ArrayList<>(same.kept);
         kept.add(values);
     }
@@ -98,7 +98,7 @@ public final class Spheres {
     private static Spheres ofRows(Buffer given) {
         Buffer rows = interleaved(given, "rows", 4);
         Precision precision = Precision.of(rows);
-        long x = Library.address(rows, precision.size);
+        long x = NativeApi.address(rows, precision.size);
         long[] xyzr = {x, x + precision.size, x + 2L * precision.size, x + 3L * precision.size};
         return new Spheres(rows.remaining() / 4, precision, xyzr, 4, 4, List.of(rows));
     }
@@ -140,7 +140,7 @@ public final class Spheres {
             check(given[k], name);
             sameLength(name, given[k].remaining(), given[0].remaining());
             columns[k] = given[k].duplicate();
-            xyzr[k] = Library.address(columns[k], precision.size);
+            xyzr[k] = NativeApi.address(columns[k], precision.size);
         }
         return new Spheres(given[0].remaining(), precision, xyzr, 1, 1, List.of(columns));
     }
@@ -154,7 +154,7 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 3 does not divide
      */
     public static Spheres points(FloatBuffer centers, float radius) {
-        return ofPoints(centers, floats(1).put(0, radius));
+        return ofPoints(centers, allocateFloats(1).put(0, radius));
     }
 
     /**
@@ -166,14 +166,14 @@ public final class Spheres {
      * @throws IllegalArgumentException as {@link #points(FloatBuffer, float)}
      */
     public static Spheres points(DoubleBuffer centers, double radius) {
-        return ofPoints(centers, doubles(1).put(0, radius));
+        return ofPoints(centers, allocateDoubles(1).put(0, radius));
     }
 
     private static Spheres ofPoints(Buffer given, Buffer radius) {
         Buffer centers = interleaved(given, "centers", 3);
         Precision precision = Precision.of(centers);
-        long x = Library.address(centers, precision.size);
-        long[] xyzr = {x, x + precision.size, x + 2L * precision.size, Library.address(radius, precision.size)};
+        long x = NativeApi.address(centers, precision.size);
+        long[] xyzr = {x, x + precision.size, x + 2L * precision.size, NativeApi.address(radius, precision.size)};
         return new Spheres(centers.remaining() / 3, precision, xyzr, 3, 0, List.of(centers, radius));
     }
 
@@ -222,7 +222,7 @@ public final class Spheres {
      * @param length how many values it has
      * @return the buffer, all zeros
      */
-    public static FloatBuffer floats(int length) {
+    public static FloatBuffer allocateFloats(int length) {
         return direct(length, Float.BYTES).asFloatBuffer();
     }
 
@@ -232,7 +232,7 @@ public final class Spheres {
      * @param length how many values it has
      * @return the buffer, all zeros
      */
-    public static DoubleBuffer doubles(int length) {
+    public static DoubleBuffer allocateDoubles(int length) {
         return direct(length, Double.BYTES).asDoubleBuffer();
     }
 
@@ -242,7 +242,7 @@ public final class Spheres {
      * @param length how many values it has
      * @return the buffer, all zeros
      */
-    public static IntBuffer ints(int length) {
+    public static IntBuffer allocateInts(int length) {
         return direct(length, Integer.BYTES).asIntBuffer();
     }
 
@@ -277,7 +277,7 @@ public final class Spheres {
     static void check(Buffer buffer, String name) {
         if (!buffer.isDirect() || order(buffer) != ByteOrder.nativeOrder()) {
             throw new IllegalArgumentException(name + " must be a direct buffer in native order; "
-                + "Spheres.floats, Spheres.doubles and Spheres.ints make them");
+                + "Spheres.allocateFloats, Spheres.allocateDoubles and Spheres.allocateInts make them");
         }
     }
 

@@ -17,11 +17,11 @@ public enum Status {
     /** The system refused threads. */
     THREADS,
     /** A GPU was asked for and cannot be used. */
-    GPU,
+    GPU_UNAVAILABLE,
     /** Something does not fit the GPU, or a Java buffer. */
-    LIMIT,
+    DEVICE_LIMIT,
     /** The GPU was lost or refused a call; make another detector. */
-    DEVICE,
+    DEVICE_LOST,
     /** The GPU did not finish in time. */
     TIMEOUT,
     /** The detector is in use by another thread, or a consumer of pairs searches. */

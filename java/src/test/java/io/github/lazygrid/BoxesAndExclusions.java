@@ -38,7 +38,7 @@ final class BoxesAndExclusions {
     /** Whole thirty-seconds, so that the plain loop is exact. */
     private static FloatBuffer scene(int seed) {
         Random random = new Random(seed);
-        FloatBuffer rows = Spheres.floats(4 * COUNT);
+        FloatBuffer rows = Spheres.allocateFloats(4 * COUNT);
         for (int k = 0; k < 4 * COUNT; k++) rows.put(k, random.nextInt(k % 4 == 3 ? 24 : 128) / 32f);
         return rows;
     }
@@ -81,7 +81,7 @@ final class BoxesAndExclusions {
     }
 
     private static void same(Detector detector, Query query, List<int[]> expected, String what) {
-        check(Arrays.equals(detector.pairsCopied(query), flat(expected)), what + ": pairs");
+        check(Arrays.equals(detector.pairsAsArray(query), flat(expected)), what + ": pairs");
         check(detector.count(query) == expected.size(), what + ": count");
         check(detector.neighbors(query).indices().remaining() == 2 * expected.size(), what + ": lists");
         check(detector.stream(query, 8, pairs -> true) == expected.size(), what + ": stream");
@@ -107,7 +107,7 @@ final class BoxesAndExclusions {
         for (double[][] edges : new double[][][] {null, TRICLINIC}) {
             FloatBuffer rows = scene(2);
             List<int[]> all = plainLoop(rows, edges), apart = new ArrayList<>(), rest = new ArrayList<>();
-            IntBuffer groups = Spheres.ints(COUNT);
+            IntBuffer groups = Spheres.allocateInts(COUNT);
             for (int k = 0; k < COUNT; k++) groups.put(k, k % 5 == 4 ? Spheres.NO_GROUP : k % 5);
             List<int[]> listed = new ArrayList<>();
             for (int[] pair : all) {
@@ -128,7 +128,7 @@ final class BoxesAndExclusions {
                 same(detector, Query.of(grouped).without(exclusions), rest, "groups and pairs");
                 same(detector, Query.of(grouped).without(exclusions).without(null), apart, "no pairs again");
                 Neighbors lists = detector.neighbors(spheres);
-                Exclusions every = Exclusions.rows(lists.offsets(), lists.indices());
+                Exclusions every = Exclusions.fromCsr(lists.offsets(), lists.indices());
                 same(detector, Query.of(spheres).without(every), List.of(), "all that touch");
                 same(detector, spheres, all, "as before");
             }
@@ -137,7 +137,7 @@ final class BoxesAndExclusions {
 
     private static void twoSets() {
         FloatBuffer rows = scene(3);
-        IntBuffer groups = Spheres.ints(COUNT);
+        IntBuffer groups = Spheres.allocateInts(COUNT);
         for (int k = 0; k < COUNT; k++) groups.put(k, k % 4 == 3 ? Spheres.NO_GROUP : k % 4);
         List<int[]> expected = new ArrayList<>(), listed = new ArrayList<>();
         for (int i = 0; i < SPLIT; i++) {
@@ -159,7 +159,7 @@ final class BoxesAndExclusions {
         for (Algorithm algorithm : CPU) {
             Settings settings = onCpu().algorithm(algorithm).edges(TRICLINIC[0], TRICLINIC[1], TRICLINIC[2]);
             try (Detector detector = new Detector(settings)) {
-                check(Arrays.equals(detector.pairsCopied(across), flat(expected)), "across, " + algorithm);
+                check(Arrays.equals(detector.pairsAsArray(across), flat(expected)), "across, " + algorithm);
                 check(detector.count(across) == expected.size(), "count across, " + algorithm);
                 check(detector.stream(across, 8, pairs -> true) == expected.size(), "stream across, " + algorithm);
                 Neighbors lists = detector.neighbors(across);
@@ -199,14 +199,14 @@ final class BoxesAndExclusions {
         throwing(IllegalArgumentException.class, e -> true, () -> onCpu().edges(new double[2], null, null), "edge");
         Spheres spheres = Spheres.rows(scene(5));
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("groups has 2"),
-            () -> spheres.withGroups(Spheres.ints(2)), "groups");
+            () -> spheres.withGroups(Spheres.allocateInts(2)), "groups");
         throwing(IllegalArgumentException.class, e -> true,
-            () -> Exclusions.rows(LongBuffer.allocate(1), Spheres.ints(0)), "heap");
-        IntBuffer two = Spheres.ints(2);
+            () -> Exclusions.fromCsr(LongBuffer.allocate(1), Spheres.allocateInts(0)), "heap");
+        IntBuffer two = Spheres.allocateInts(2);
         LongBuffer offsets =
             ByteBuffer.allocateDirect(24).order(ByteOrder.nativeOrder()).asLongBuffer();
-        throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.rows(offsets, two), "last offset");
+        throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.fromCsr(offsets, two), "last offset");
         offsets.put(1, 5).put(2, 2);
-        failing(Status.INPUT, "", () -> Exclusions.rows(offsets, two));
+        failing(Status.INPUT, "", () -> Exclusions.fromCsr(offsets, two));
     }
 }

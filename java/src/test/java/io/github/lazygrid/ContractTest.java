@@ -19,7 +19,7 @@ import java.util.regex.Matcher;
 import java.util.regex.Pattern;
 
 /**
- * What the documentation promises, on whichever way this Java calls the library. Arguments: that way, {@code JNA} or
+ * What the documentation promises, on whichever callMethod this Java calls the library. Arguments: that callMethod, {@code JNA} or
  * {@code java.lang.foreign}, and the path of {@code lazygrid.h}. Ends with 0 and "N passed, 0 failed".
  */
 public final class ContractTest {
@@ -59,19 +59,19 @@ public final class ContractTest {
 
     /** Each touches the next. */
     static FloatBuffer line(int count) {
-        FloatBuffer rows = Spheres.floats(4 * count);
+        FloatBuffer rows = Spheres.allocateFloats(4 * count);
         for (int k = 0; k < count; k++) rows.put(4 * k, 0.5f * k).put(4 * k + 3, 0.3f);
         return rows;
     }
 
     private static FloatBuffer direct(float... values) {
-        return Spheres.floats(values.length).put(0, values);
+        return Spheres.allocateFloats(values.length).put(0, values);
     }
 
     private static void inputs() {
         try (Detector detector = new Detector(onCpu())) {
             FloatBuffer rows = direct(0, 0, 0, 1, 1.5f, 0, 0, 1, 9, 0, 0, 0.1f);
-            int[] pairs = detector.pairsCopied(Spheres.rows(rows));
+            int[] pairs = detector.pairsAsArray(Spheres.rows(rows));
             check(Arrays.equals(pairs, new int[] {0, 1}), "rows: " + Arrays.toString(pairs));
             FloatBuffer zero = direct(0, 0, 0);
             Spheres columns = Spheres.columns(direct(0, 1.5f, 9), zero, zero, direct(1, 1, 0.1f));
@@ -81,17 +81,17 @@ public final class ContractTest {
             check(last.count() == 2 && detector.count(last) == 0, "a position counts");
             rows.put(8, 1.6f);
             check(detector.count(last) == 1, "what was written since is read");
-            Spheres none = Spheres.rows(Spheres.floats(0));
+            Spheres none = Spheres.rows(Spheres.allocateFloats(0));
             check(detector.count(none) == 0 && detector.pairs(none).remaining() == 0, "no spheres");
             check(detector.neighbors(none).offsets().remaining() == 1, "no lists");
         }
         throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(FloatBuffer.allocate(4)), "heap");
         throwing(IllegalArgumentException.class, e -> true,
             () -> Spheres.rows(ByteBuffer.allocateDirect(16).asFloatBuffer()), "other order");
-        throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(Spheres.floats(5)), "no rows");
-        FloatBuffer two = Spheres.floats(2);
+        throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(Spheres.allocateFloats(5)), "no rows");
+        FloatBuffer two = Spheres.allocateFloats(2);
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("z has 3"),
-            () -> Spheres.columns(two, two, Spheres.floats(3), two), "lengths");
+            () -> Spheres.columns(two, two, Spheres.allocateFloats(3), two), "lengths");
     }
 
     private static void results() {
@@ -102,8 +102,8 @@ public final class ContractTest {
             check(pairs.remaining() == 2 * (count - 1) && pairs.isReadOnly(), "pairs");
             check(pairs.get(0) == 0 && pairs.get(1) == 1 && pairs.get(2 * count - 3) == count - 1, "canonical");
             Neighbors neighbors = detector.neighbors(spheres);
-            check(neighbors.of(0).remaining() == 1 && neighbors.of(7).get(0) == 6, "neighbors");
-            check(neighbors.of(7).get(1) == 8, "ascending");
+            check(neighbors.neighborsOf(0).remaining() == 1 && neighbors.neighborsOf(7).get(0) == 6, "neighbors");
+            check(neighbors.neighborsOf(7).get(1) == 8, "ascending");
             check(detector.reportJson().contains("\"pairs\":" + (count - 1)), "report");
             check(detector.memoryFor(1000) > 0, "memory");
             failing(Status.INPUT, "", () -> detector.memoryFor(-1));
@@ -117,7 +117,7 @@ public final class ContractTest {
         try (Detector detector = new Detector(onCpu())) {
             for (int turn = 0; turn < 20; turn++) {
                 int count = random.nextInt(300);
-                FloatBuffer rows = Spheres.floats(4 * count);
+                FloatBuffer rows = Spheres.allocateFloats(4 * count);
                 for (int k = 0; k < 4 * count; k++) rows.put(k, random.nextFloat() * (k % 4 == 3 ? 0.2f : 3));
                 StringBuilder expected = new StringBuilder();
                 for (int i = 0; i < count; i++) {
@@ -126,7 +126,7 @@ public final class ContractTest {
                     }
                 }
                 StringBuilder found = new StringBuilder();
-                for (int index : detector.pairsCopied(Spheres.rows(rows))) found.append(index).append(' ');
+                for (int index : detector.pairsAsArray(Spheres.rows(rows))) found.append(index).append(' ');
                 check(found.compareTo(expected) == 0, "scene " + turn);
             }
         }
@@ -195,16 +195,16 @@ public final class ContractTest {
         int acid = 0, base = 1;
         Interactions reactions = new Interactions(2, Interaction.NEVER).set(acid, base, Interaction.within(0.5));
         FloatBuffer rows = direct(0.1f, 0, 0, 0, 9.8f, 0, 0, 0, 9.9f, 0, 0, 0);
-        IntBuffer species = Spheres.ints(3).put(0, new int[] {acid, base, acid});
+        IntBuffer species = Spheres.allocateInts(3).put(0, new int[] {acid, base, acid});
         try (Detector detector = new Detector(onCpu().interactions(reactions).periodic(10, 0, 0))) {
-            int[] pairs = detector.pairsCopied(Spheres.rows(rows).withSpecies(species));
+            int[] pairs = detector.pairsAsArray(Spheres.rows(rows).withSpecies(species));
             check(Arrays.equals(pairs, new int[] {0, 1, 1, 2}), Arrays.toString(pairs));
             failing(Status.INPUT, "no species ids", () -> detector.count(Spheres.rows(rows)));
         }
         reactions.set(0, 2, Interaction.TOUCH);
         failing(Status.INPUT, "species id 2", () -> new Detector(onCpu().interactions(reactions)).close());
         throwing(IllegalArgumentException.class, e -> true,
-            () -> Spheres.rows(rows).withSpecies(Spheres.ints(2)), "species");
+            () -> Spheres.rows(rows).withSpecies(Spheres.allocateInts(2)), "species");
     }
 
     private static void threads() throws InterruptedException {
@@ -271,7 +271,7 @@ public final class ContractTest {
      * @throws Exception where a test cannot run
      */
     public static void main(String[] arguments) throws Exception {
-        check(Library.way().equals(arguments[0]), "called through " + Library.way());
+        check(NativeApi.callMethod().equals(arguments[0]), "called through " + NativeApi.callMethod());
         header(Path.of(arguments[1]));
         inputs();
         results();

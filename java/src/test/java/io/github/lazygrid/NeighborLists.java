@@ -30,7 +30,7 @@ final class NeighborLists {
         int count = 300;
         double length = 10.1;
         Random random = new Random(21);
-        DoubleBuffer rows = Spheres.doubles(4 * count);
+        DoubleBuffer rows = Spheres.allocateDoubles(4 * count);
         for (int k = 0; k < 4 * count; k++) rows.put(k, random.nextDouble() * (k % 4 == 3 ? 0.8 : length));
         Spheres spheres = Spheres.rows(rows);
         try (Detector detector = new Detector(onCpu().periodic(length, length, length))) {
@@ -60,7 +60,7 @@ final class NeighborLists {
 
     private static void options() {
         // The first two touch, the last two overlap.
-        FloatBuffer rows = Spheres.floats(12);
+        FloatBuffer rows = Spheres.allocateFloats(12);
         rows.put(0, new float[] {0, 0, 0, 0.5f, 1, 0, 0, 0.5f, 1.5f, 0, 0, 0.25f});
         Spheres spheres = Spheres.rows(rows);
         try (Detector detector = new Detector(onCpu())) {
@@ -75,7 +75,7 @@ final class NeighborLists {
             check(detector.neighborList(spheres, Set.of(ListOption.SELF)).length() == 7, "with self");
             Query query = Query.of(spheres).without(Exclusions.of(3, 2, 1));
             check(detector.neighborList(query, Set.of()).length() == 2, "without a pair");
-            NeighborList none = detector.neighborList(Spheres.rows(Spheres.floats(0)), GEOMETRY);
+            NeighborList none = detector.neighborList(Spheres.rows(Spheres.allocateFloats(0)), GEOMETRY);
             check(none.length() == 0 && none.offsets().remaining() == 1, "no spheres");
             check(none.vectors().capacity() == 0 && none.shifts().capacity() == 0, "no geometry");
             rows.put(4, Float.NaN);
@@ -88,7 +88,7 @@ final class NeighborLists {
 
     /** A sphere in a box that is smaller than the reach is the neighbor of its own images. */
     private static void smallBox() {
-        Spheres one = Spheres.points(Spheres.doubles(3), 1.0);
+        Spheres one = Spheres.points(Spheres.allocateDoubles(3), 1.0);
         try (Detector detector = new Detector(onCpu().periodic(1, 0, 0))) {
             NeighborList list = detector.neighborList(one, GEOMETRY);
             check(list.length() == 4, "images: " + list.length());
@@ -101,7 +101,7 @@ final class NeighborLists {
     }
 
     private static void twoSets() {
-        Spheres a = Spheres.rows(line(10)), b = Spheres.points(Spheres.doubles(3), 0.3);
+        Spheres a = Spheres.rows(line(10)), b = Spheres.points(Spheres.allocateDoubles(3), 0.3);
         try (Detector detector = new Detector(onCpu())) {
             NeighborList list = detector.neighborList(Query.across(a, b), GEOMETRY);
             check(list.length() == 2 && list.offsets().remaining() == 11, "across");

@@ -37,18 +37,18 @@ final class Precisions {
     }
 
     private static DoubleBuffer direct(double... values) {
-        return Spheres.doubles(values.length).put(0, values);
+        return Spheres.allocateDoubles(values.length).put(0, values);
     }
 
     private static DoubleBuffer doubles(FloatBuffer floats) {
-        DoubleBuffer doubles = Spheres.doubles(floats.remaining());
+        DoubleBuffer doubles = Spheres.allocateDoubles(floats.remaining());
         for (int k = 0; k < floats.remaining(); k++) doubles.put(k, floats.get(floats.position() + k));
         return doubles;
     }
 
     /** Column {@code axis} of rows. */
     private static DoubleBuffer column(DoubleBuffer rows, int axis) {
-        DoubleBuffer column = Spheres.doubles(rows.remaining() / 4);
+        DoubleBuffer column = Spheres.allocateDoubles(rows.remaining() / 4);
         for (int k = 0; k < column.capacity(); k++) column.put(k, rows.get(4 * k + axis));
         return column;
     }
@@ -60,7 +60,7 @@ final class Precisions {
     /** Random spheres {@code offset} away from the origin in multiples of 1/64, so that the plain loop is exact. */
     private static DoubleBuffer scene(int seed, int count, double offset) {
         Random random = new Random(seed);
-        DoubleBuffer rows = Spheres.doubles(4 * count);
+        DoubleBuffer rows = Spheres.allocateDoubles(4 * count);
         for (int k = 0; k < 4 * count; k++) {
             rows.put(k, k % 4 == 3 ? random.nextInt(24) / 64.0 : offset + random.nextInt(256) / 64.0);
         }
@@ -91,14 +91,14 @@ final class Precisions {
         DoubleBuffer rows = scene(11, 400, FAR);
         int[] expected = plainLoop(rows, rows);
         check(expected.length > 100, "some pairs");
-        DoubleBuffer shifted = Spheres.doubles(4 * 400 + 4);
+        DoubleBuffer shifted = Spheres.allocateDoubles(4 * 400 + 4);
         for (int k = 0; k < 4 * 400; k++) shifted.put(k + 4, rows.get(k));
         shifted.position(4);
         for (Algorithm algorithm : CPU) {
             try (Detector detector = new Detector(onCpu().algorithm(algorithm))) {
-                check(Arrays.equals(detector.pairsCopied(Spheres.rows(rows)), expected), "rows, " + algorithm);
-                check(Arrays.equals(detector.pairsCopied(columns(rows)), expected), "columns, " + algorithm);
-                check(Arrays.equals(detector.pairsCopied(Spheres.rows(shifted)), expected), "position, " + algorithm);
+                check(Arrays.equals(detector.pairsAsArray(Spheres.rows(rows)), expected), "rows, " + algorithm);
+                check(Arrays.equals(detector.pairsAsArray(columns(rows)), expected), "columns, " + algorithm);
+                check(Arrays.equals(detector.pairsAsArray(Spheres.rows(shifted)), expected), "position, " + algorithm);
             }
         }
     }
@@ -126,7 +126,7 @@ final class Precisions {
         for (Algorithm algorithm : CPU) {
             try (Detector detector = new Detector(onCpu().algorithm(algorithm))) {
                 Query query = Query.across(Spheres.rows(one), columns(other));
-                check(Arrays.equals(detector.pairsCopied(query), expected), "across, " + algorithm);
+                check(Arrays.equals(detector.pairsAsArray(query), expected), "across, " + algorithm);
                 check(detector.count(query) == expected.length / 2, "count across, " + algorithm);
                 check(detector.neighbors(query).indices().remaining() == expected.length / 2, "lists, " + algorithm);
                 // Each touches itself and its neighbors, whichever precision the sets have.
@@ -162,7 +162,7 @@ final class Precisions {
     /** Distances of interactions are not rounded either. */
     private static void distances() {
         double distance = 0.1;
-        Spheres spheres = Spheres.points(direct(0, 0, 0, distance, 0, 0), 0.0).withSpecies(Spheres.ints(2));
+        Spheres spheres = Spheres.points(direct(0, 0, 0, distance, 0, 0), 0.0).withSpecies(Spheres.allocateInts(2));
         for (double within : new double[] {distance, Math.nextDown(distance)}) {
             Interactions table = new Interactions(1, Interaction.within(within));
             try (Detector detector = new Detector(onCpu().interactions(table))) {
@@ -173,14 +173,14 @@ final class Precisions {
 
     private static void points() {
         DoubleBuffer centers = direct(FAR, 0, 0, FAR + 0.5, 0, 0, FAR + 1.25, 0, 0);
-        FloatBuffer few = Spheres.floats(9).put(3, 0.5f).put(6, 1.25f);
+        FloatBuffer few = Spheres.allocateFloats(9).put(3, 0.5f).put(6, 1.25f);
         try (Detector detector = new Detector(onCpu())) {
-            int[] pairs = detector.pairsCopied(Spheres.points(centers, 0.25));
+            int[] pairs = detector.pairsAsArray(Spheres.points(centers, 0.25));
             check(Arrays.equals(pairs, new int[] {0, 1}), "points: " + Arrays.toString(pairs));
             check(detector.count(Spheres.points(centers, 0.375)) == 2, "a larger radius");
             check(detector.count(Spheres.points(few, 0.25f)) == 1, "points of floats");
-            check(detector.count(Spheres.points(Spheres.doubles(0), 1)) == 0, "no points");
-            check(detector.count(Spheres.rows(Spheres.doubles(0))) == 0, "no rows");
+            check(detector.count(Spheres.points(Spheres.allocateDoubles(0), 1)) == 0, "no points");
+            check(detector.count(Spheres.rows(Spheres.allocateDoubles(0))) == 0, "no rows");
             Spheres moving = Spheres.points(centers, 0.25);
             centers.put(6, FAR + 1);
             check(detector.count(moving) == 2, "what was written since is read");
@@ -189,18 +189,18 @@ final class Precisions {
     }
 
     private static void refused() {
-        throwing(IllegalArgumentException.class, e -> e.getMessage().contains("Spheres.doubles"),
+        throwing(IllegalArgumentException.class, e -> e.getMessage().contains("Spheres.allocateDoubles"),
             () -> Spheres.rows(DoubleBuffer.allocate(4)), "heap");
         ByteOrder other =
             ByteOrder.nativeOrder() == ByteOrder.LITTLE_ENDIAN ? ByteOrder.BIG_ENDIAN : ByteOrder.LITTLE_ENDIAN;
         throwing(IllegalArgumentException.class, e -> true,
             () -> Spheres.rows(ByteBuffer.allocateDirect(32).order(other).asDoubleBuffer()), "other order");
-        throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(Spheres.doubles(5)), "no rows");
+        throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(Spheres.allocateDoubles(5)), "no rows");
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("give 3"),
-            () -> Spheres.points(Spheres.doubles(4), 1), "no centers");
-        DoubleBuffer two = Spheres.doubles(2);
+            () -> Spheres.points(Spheres.allocateDoubles(4), 1), "no centers");
+        DoubleBuffer two = Spheres.allocateDoubles(2);
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("r has 1"),
-            () -> Spheres.columns(two, two, two, Spheres.doubles(1)), "lengths");
+            () -> Spheres.columns(two, two, two, Spheres.allocateDoubles(1)), "lengths");
         DoubleBuffer bad = scene(14, 3, 0).put(8, Double.NaN);
         try (Detector detector = new Detector(onCpu())) {
             failing(Status.INPUT, "sphere 2", () -> detector.count(Spheres.rows(bad)));

@@ -26,7 +26,7 @@ final class SetsAndSkins {
     }
 
     private static FloatBuffer scene(Random random, int count) {
-        FloatBuffer rows = Spheres.floats(4 * count);
+        FloatBuffer rows = Spheres.allocateFloats(4 * count);
         for (int k = 0; k < 4 * count; k++) rows.put(k, random.nextFloat() * (k % 4 == 3 ? 0.3f : 3));
         return rows;
     }
@@ -68,7 +68,7 @@ final class SetsAndSkins {
     private static void species() {
         int count = 400, split = 150;
         FloatBuffer rows = scene(new Random(3), count);
-        IntBuffer ids = Spheres.ints(count);
+        IntBuffer ids = Spheres.allocateInts(count);
         for (int k = 0; k < count; k++) ids.put(k, k % 2);
         Interactions table = new Interactions(2, Interaction.TOUCH).set(0, 1, Interaction.within(0.5f));
         Spheres all = Spheres.rows(rows).withSpecies(ids);
@@ -76,11 +76,11 @@ final class SetsAndSkins {
         Spheres bare = Spheres.rows(rows.duplicate().position(4 * split));
         Spheres b = bare.withSpecies(ids.duplicate().position(split));
         try (Detector detector = new Detector(onCpu().interactions(table))) {
-            int[] pairs = detector.pairsCopied(all);
+            int[] pairs = detector.pairsAsArray(all);
             int[] across = IntStream.range(0, pairs.length / 2)
                 .filter(k -> pairs[2 * k] < split && pairs[2 * k + 1] >= split)
                 .flatMap(k -> IntStream.of(pairs[2 * k], pairs[2 * k + 1] - split)).toArray();
-            check(across.length > 0 && Arrays.equals(detector.pairsCopied(Query.across(a, b)), across), "species across");
+            check(across.length > 0 && Arrays.equals(detector.pairsAsArray(Query.across(a, b)), across), "species across");
             failing(Status.INPUT, "of the second set, ", () -> detector.count(Query.across(a, bare)));
         }
     }
@@ -117,10 +117,10 @@ final class SetsAndSkins {
         try (Detector off = new Detector(onCpu().skin(Skin.OFF)); Detector auto = new Detector(onCpu().skin(Skin.AUTO));
                 Detector fixed = new Detector(onCpu().skin(Skin.fixed(0.2)))) {
             for (int step = 0; step < 12; step++) {
-                int[] expected = off.pairsCopied(spheres);
+                int[] expected = off.pairsAsArray(spheres);
                 check(expected.length > 100 && off.reportJson().contains("\"candidates\":null"), "off");
-                check(Arrays.equals(auto.pairsCopied(spheres), expected), "auto, step " + step);
-                check(Arrays.equals(fixed.pairsCopied(spheres), expected), "fixed, step " + step);
+                check(Arrays.equals(auto.pairsAsArray(spheres), expected), "auto, step " + step);
+                check(Arrays.equals(fixed.pairsAsArray(spheres), expected), "fixed, step " + step);
                 if (fixed.reportJson().contains("\"rebuilt\":null")) kept++;
                 for (int k = 0; k < 4 * count; k++) {
                     if (k % 4 != 3) rows.put(k, rows.get(k) + 0.02f * (random.nextFloat() - 0.5f));

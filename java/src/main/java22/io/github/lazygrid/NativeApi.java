@@ -21,14 +21,14 @@ import java.nio.ByteOrder;
  * The functions of {@code lazygrid.h}, called through {@code java.lang.foreign}: what Java 22 and later take in place
  * of the class of this name that calls through JNA. Pointers are numbers, which on 64-bit machines are passed alike.
  */
-final class Library {
+final class NativeApi {
     /** What takes chunks of a stream: the address of pairs and their number; returns 0 to go on. It throws nothing. */
     interface Consumer {
         int take(long pairs, long count);
     }
 
     private static final Linker LINKER = Linker.nativeLinker();
-    private static final SymbolLookup SYMBOLS = SymbolLookup.libraryLookup(NativeFile.LOCATION, Arena.global());
+    private static final SymbolLookup SYMBOLS = SymbolLookup.libraryLookup(NativeLoader.LOCATION, Arena.global());
 
     private static final MethodHandle VERSION = function("version", JAVA_LONG);
     private static final MethodHandle LAST_ERROR = function("last_error", JAVA_LONG, JAVA_LONG);
@@ -42,8 +42,8 @@ final class Library {
         function("exclusions_create", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle EXCLUSIONS_ACROSS =
         function("exclusions_across", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
-    private static final MethodHandle EXCLUSIONS_OF_ROWS =
-        function("exclusions_of_rows", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle EXCLUSIONS_FROM_CSR =
+        function("exclusions_from_csr", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle EXCLUSIONS_DESTROY = function("exclusions_destroy", null, JAVA_LONG);
     private static final MethodHandle CREATE = function("create", JAVA_INT, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle DESTROY = function("destroy", JAVA_INT, JAVA_LONG);
@@ -61,23 +61,23 @@ final class Library {
         function("memory_for", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
 
     /** What C calls for a chunk: context, pairs and their number. */
-    private static final FunctionDescriptor CONSUME =
+    private static final FunctionDescriptor PAIR_CALLBACK =
         FunctionDescriptor.of(JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle TAKE;
 
     static {
         try {
             MethodType type = MethodType.methodType(int.class, Consumer.class, long.class, long.class, long.class);
-            TAKE = MethodHandles.lookup().findStatic(Library.class, "take", type);
+            TAKE = MethodHandles.lookup().findStatic(NativeApi.class, "take", type);
         } catch (ReflectiveOperationException impossible) {
             throw new ExceptionInInitializerError(impossible);
         }
     }
 
-    private Library() {}
+    private NativeApi() {}
 
-    /** Which way the library is called. */
-    static String way() {
+    /** Which callMethod the library is called. */
+    static String callMethod() {
         return "java.lang.foreign";
     }
 
@@ -85,7 +85,7 @@ final class Library {
         FunctionDescriptor type =
             result == null ? FunctionDescriptor.ofVoid(arguments) : FunctionDescriptor.of(result, arguments);
         MemorySegment symbol = SYMBOLS.find("lazygrid_" + name).orElseThrow(
-            () -> new UnsatisfiedLinkError(NativeFile.LOCATION + " has no function lazygrid_" + name));
+            () -> new UnsatisfiedLinkError(NativeLoader.LOCATION + " has no function lazygrid_" + name));
         return LINKER.downcallHandle(symbol, type);
     }
 
@@ -177,9 +177,9 @@ final class Library {
         }
     }
 
-    static int exclusionsOfRows(long spheres, long offsets, long indices, long exclusions) {
+    static int exclusionsFromCsr(long spheres, long offsets, long indices, long exclusions) {
         try {
-            return (int) EXCLUSIONS_OF_ROWS.invokeExact(spheres, offsets, indices, exclusions);
+            return (int) EXCLUSIONS_FROM_CSR.invokeExact(spheres, offsets, indices, exclusions);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }
@@ -233,10 +233,10 @@ final class Library {
         }
     }
 
-    static int stream(long detector, long query, long chunk, Consumer consumer, long handed) {
+    static int stream(long detector, long query, long chunk, Consumer consumer, long delivered) {
         // Closed when C has returned, and with it all threads that call.
         try (Arena arena = Arena.ofConfined()) {
-            return (int) STREAM.invokeExact(detector, query, chunk, stub(consumer, arena), 0L, handed);
+            return (int) STREAM.invokeExact(detector, query, chunk, stub(consumer, arena), 0L, delivered);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }
@@ -252,7 +252,7 @@ final class Library {
 
     /** The address of a function for C that calls the consumer, until the arena is closed. */
     private static long stub(Consumer consumer, Arena arena) {
-        return LINKER.upcallStub(TAKE.bindTo(consumer), CONSUME, arena).address();
+        return LINKER.upcallStub(TAKE.bindTo(consumer), PAIR_CALLBACK, arena).address();
     }
 
     static int reportJson(long detector, long json) {

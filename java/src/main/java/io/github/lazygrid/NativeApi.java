@@ -13,31 +13,31 @@ import java.nio.ByteOrder;
  * The functions of {@code lazygrid.h}, called through JNA. From Java 22 on another class of this name takes its place,
  * which calls them through {@code java.lang.foreign}. Pointers are numbers, which on 64-bit machines are passed alike.
  */
-final class Library {
+final class NativeApi {
     /** What takes chunks of a stream: the address of pairs and their number; returns 0 to go on. It throws nothing. */
     interface Consumer {
         int take(long pairs, long count);
     }
 
     /** The same as C calls it. */
-    interface Consume extends Callback {
+    interface PairCallback extends Callback {
         int take(Pointer context, Pointer pairs, long count);
     }
 
     /** All views without a value, which need no address. */
     private static final ByteBuffer EMPTY = ByteBuffer.allocateDirect(0);
 
-    private Library() {}
+    private NativeApi() {}
 
-    /** Which way the library is called. */
-    static String way() {
+    /** Which callMethod the library is called. */
+    static String callMethod() {
         return "JNA";
     }
 
     /** The functions themselves; separate, so that {@link #ensureJna} runs first. */
     private static final class Functions {
         static {
-            Native.register(Functions.class, NativeLibrary.getInstance(NativeFile.LOCATION));
+            Native.register(Functions.class, NativeLibrary.getInstance(NativeLoader.LOCATION));
         }
 
         static native String lazygrid_version();
@@ -57,7 +57,7 @@ final class Library {
         static native int lazygrid_exclusions_across(
             long first, long second, long pairs, long count, long exclusions);
 
-        static native int lazygrid_exclusions_of_rows(long spheres, long offsets, long indices, long exclusions);
+        static native int lazygrid_exclusions_from_csr(long spheres, long offsets, long indices, long exclusions);
 
         static native void lazygrid_exclusions_destroy(long exclusions);
 
@@ -72,7 +72,7 @@ final class Library {
         static native int lazygrid_neighbors(long detector, long query, long offsets, long indices);
 
         static native int lazygrid_stream(
-            long detector, long query, long chunk, Consume consume, long context, long handed);
+            long detector, long query, long chunk, PairCallback consume, long context, long delivered);
 
         static native int lazygrid_neighbor_list(long detector, long query, int options, long list);
 
@@ -144,8 +144,8 @@ final class Library {
         return Functions.lazygrid_exclusions_across(first, second, pairs, count, exclusions);
     }
 
-    static int exclusionsOfRows(long spheres, long offsets, long indices, long exclusions) {
-        return Functions.lazygrid_exclusions_of_rows(spheres, offsets, indices, exclusions);
+    static int exclusionsFromCsr(long spheres, long offsets, long indices, long exclusions) {
+        return Functions.lazygrid_exclusions_from_csr(spheres, offsets, indices, exclusions);
     }
 
     static void exclusionsDestroy(long exclusions) {
@@ -172,9 +172,9 @@ final class Library {
         return Functions.lazygrid_neighbors(detector, query, offsets, indices);
     }
 
-    static int stream(long detector, long query, long chunk, Consumer consumer, long handed) {
-        Consume consume = consume(consumer);
-        int status = Functions.lazygrid_stream(detector, query, chunk, consume, 0, handed);
+    static int stream(long detector, long query, long chunk, Consumer consumer, long delivered) {
+        PairCallback consume = consume(consumer);
+        int status = Functions.lazygrid_stream(detector, query, chunk, consume, 0, delivered);
         Reference.reachabilityFence(consume);
         return status;
     }
@@ -183,7 +183,7 @@ final class Library {
         return Functions.lazygrid_neighbor_list(detector, query, options, list);
     }
 
-    private static Consume consume(Consumer consumer) {
+    private static PairCallback consume(Consumer consumer) {
         return (context, pairs, count) -> consumer.take(Pointer.nativeValue(pairs), count);
     }
 

@@ -9,17 +9,17 @@ import java.nio.file.StandardCopyOption;
 import java.util.Locale;
 
 /** Where the library is: named by a property, inside the jar, or installed. */
-final class NativeFile {
+final class NativeLoader {
     /** A path, or a name for the system to look up. */
     static final String LOCATION = locate();
 
-    private NativeFile() {}
+    private NativeLoader() {}
 
     private static String locate() {
         String named = System.getProperty("lazygrid.library");
         if (named != null) return Path.of(named).toAbsolutePath().toString();
         String file = System.mapLibraryName("lazygrid");
-        try (InputStream inside = NativeFile.class.getResourceAsStream("/native/" + platform() + "/" + file)) {
+        try (InputStream inside = NativeLoader.class.getResourceAsStream("/native/" + platform() + "/" + file)) {
             return inside == null ? file : extract(inside, file);
         } catch (IOException error) {
             throw new UncheckedIOException("the library in the jar could not be written to a temporary file", error);

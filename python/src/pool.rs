@@ -1,0 +1,139 @@
+//! The detectors of one Python object. Each call leases one of them, so that several threads can use the object at a time,
+//! and a thread that iterates over chunks can call it again. A returned detector keeps its buffers for the next call.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use lazygrid::{Config, Error, Report};
+use pyo3::PyResult;
+
+use crate::{error, fork};
+
+/// A detector, and the flag that ends its search.
+struct PooledDetector {
+    detector: lazygrid::Detector,
+    cancel: Arc<AtomicBool>,
+}
+
+/// Detectors of one configuration.
+pub(crate) struct DetectorPool {
+    config: Config,
+    /// `true` if calls use the calling thread alone.
+    is_single_threaded: bool,
+    idle: Mutex<Idle>,
+}
+
+struct Idle {
+    detectors: Vec<Box<PooledDetector>>,
+    /// The report of the call that ended last, if its detector is leased again.
+    report: Report,
+}
+
+impl DetectorPool {
+    /// Creates a pool with one detector.
+    ///
+    /// # Errors
+    /// As `lazygrid::Detector::new`.
+    pub(crate) fn new(config: Config, is_single_threaded: bool) -> Result<Arc<Self>, Error> {
+        let first = PooledDetector::new(&config)?;
+        let idle = Idle { report: first.detector.report(), detectors: vec![first] };
+        Ok(Arc::new(Self { config, is_single_threaded, idle: Mutex::new(idle) }))
+    }
+
+    /// Leases an idle detector, or a new one.
+    ///
+    /// # Errors
+    /// As `lazygrid::Detector::new`; `Error` in a forked process.
+    pub(crate) fn lease(self: &Arc<Self>) -> PyResult<DetectorLease> {
+        if !self.is_single_threaded {
+            fork::use_threads()?;
+        }
+        let idle = self.idle().detectors.pop();
+        let detector = idle.map_or_else(|| PooledDetector::new(&self.config).map_err(error::engine), Ok)?;
+        Ok(DetectorLease { pool: self.clone(), detector: Some(detector), stream: None })
+    }
+
+    /// Returns the report of the call that ended last.
+    pub(crate) fn report(&self) -> Report {
+        let idle = self.idle();
+        idle.detectors.last().map_or_else(|| idle.report.clone(), |last| last.detector.report())
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Idle> {
+        // No code panics while it holds the lock.
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl PooledDetector {
+    fn new(config: &Config) -> Result<Box<Self>, Error> {
+        let cancel = Arc::new(AtomicBool::new(false));
+        let detector = lazygrid::Detector::new(config.clone().stop(cancel.clone()))?;
+        Ok(Box::new(Self { detector, cancel }))
+    }
+}
+
+/// A detector for the time of a call.
+pub(crate) struct DetectorLease {
+    pool: Arc<DetectorPool>,
+    /// `None` only while the lease ends.
+    detector: Option<Box<PooledDetector>>,
+    /// The flag of a [`StreamStopper`], if there is one: `true` until the lease ends.
+    stream: Option<Arc<AtomicBool>>,
+}
+
+impl DetectorLease {
+    /// The detector, and the flag that ends its search.
+    pub(crate) fn parts(&mut self) -> (&mut lazygrid::Detector, &AtomicBool) {
+        match self.detector.as_deref_mut() {
+            Some(PooledDetector { detector, cancel }) => (detector, cancel),
+            None => unreachable!("a detector is returned when its lease ends"),
+        }
+    }
+
+    /// Returns a handle by which another thread ends the search.
+    pub(crate) fn stopper(&mut self) -> StreamStopper {
+        let is_leased = self.stream.get_or_insert_with(|| Arc::new(AtomicBool::new(true))).clone();
+        let cancel = self.detector.as_ref().map(|leased| leased.cancel.clone()).unwrap_or_default();
+        StreamStopper { pool: self.pool.clone(), is_leased, cancel }
+    }
+
+    /// Stores the report of the last call in the pool until the detector is returned.
+    pub(crate) fn keep_report(&self) {
+        if let Some(leased) = &self.detector {
+            let report = leased.detector.report();
+            self.pool.idle().report = report;
+        }
+    }
+}
+
+impl Drop for DetectorLease {
+    fn drop(&mut self) {
+        let mut idle = self.pool.idle();
+        if let Some(is_leased) = &self.stream {
+            is_leased.store(false, Ordering::Relaxed);
+        }
+        if let Some(leased) = self.detector.take() {
+            leased.cancel.store(false, Ordering::Relaxed);
+            idle.detectors.push(leased);
+        }
+    }
+}
+
+/// Ends the search of one lease.
+pub(crate) struct StreamStopper {
+    pool: Arc<DetectorPool>,
+    is_leased: Arc<AtomicBool>,
+    cancel: Arc<AtomicBool>,
+}
+
+impl StreamStopper {
+    /// Ends the search, unless its lease has ended: the detector may then serve another call.
+    pub(crate) fn stop(&self) {
+        // Leases end under this lock.
+        let _idle = self.pool.idle();
+        if self.is_leased.load(Ordering::Relaxed) {
+            self.cancel.store(true, Ordering::Relaxed);
+        }
+    }
+}
