@@ -39,7 +39,7 @@ has_vulkan() {
 swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
 on_swiftshader() {
     say "on SwiftShader:"
-    export VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_SUBJECTS=gpu PROPTEST_CASES=2
+    export VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_TEST_VARIANTS=gpu PROPTEST_CASES=2
     cargo test --workspace --test gpu_kernels --test gpu_skin
     cargo test --workspace --test suite -- properties:: interactions:: results::
 }

@@ -8,7 +8,7 @@ use std::error::Error;
 
 use clap::Parser;
 use lazygrid_bench::measure::{Spread, markdown, provenance};
-use lazygrid_check::bandwidth::{GpuTimer, Measured};
+use lazygrid_check::timing::bandwidth::{GpuTimer, Measured};
 
 #[derive(Parser)]
 #[command(about = "Radix sort and prefix scan compared with the copy bandwidth of the device")]

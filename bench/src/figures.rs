@@ -5,19 +5,19 @@
 
 mod burst;
 pub mod compare;
-mod engine;
+mod comparison;
+mod contender;
 mod environment;
 mod figure;
 mod fit;
-mod judge;
 mod memory;
 mod plan;
-mod race;
 mod report;
 mod row;
 mod run;
+mod verify;
 
-pub use engine::Contender;
+pub use contender::Contender;
 pub use environment::{Adapter, Environment};
 pub use figure::Figure;
 pub use memory::{Sample, measure as measure_memory};

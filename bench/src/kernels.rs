@@ -108,9 +108,9 @@ pub struct Wanted {
     /// Names of the kernels to compile; empty for all.
     pub only: Vec<String>,
     /// `true` if to include variants for devices without subgroup operations or with little workgroup memory.
-    pub other_devices: bool,
+    pub all_variants: bool,
     /// `true` if to include representations such as assembly.
-    pub texts: bool,
+    pub disassembly: bool,
 }
 
 /// Compiles the kernels for an adapter, as the engine does.
@@ -125,10 +125,10 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
     let is_wanted =
         |kernel: &&&Kernel| wanted.only.is_empty() || wanted.only.iter().any(|name| name == kernel.name);
     for kernel in KERNELS.iter().filter(is_wanted) {
-        for variant in variants(kernel, own, wanted.other_devices) {
+        for variant in variants(kernel, own, wanted.all_variants) {
             // Logged before compiling, as a driver may crash the process.
             log::info!("{}: {}, {}", adapter.name, kernel.name, label(variant, kernel.reduced(own)));
-            compiled.push(compile_one(&compiler, kernel, (variant, own), wanted.texts));
+            compiled.push(compile_one(&compiler, kernel, (variant, own), wanted.disassembly));
         }
     }
     let (name, driver) = (adapter.name.clone(), adapter.driver.clone());
@@ -136,9 +136,9 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
 }
 
 /// The distinct variants of a kernel for calls of all kinds, on a device with variant `own`.
-fn variants(kernel: &Kernel, own: Variant, other_devices: bool) -> Vec<Variant> {
+fn variants(kernel: &Kernel, own: Variant, all_variants: bool) -> Vec<Variant> {
     let mut bases = vec![own];
-    if other_devices {
+    if all_variants {
         bases.extend([Variant { subgroups: None, ..own }, Variant { wide: false, ..own }]);
     }
     let mut found = Vec::new();

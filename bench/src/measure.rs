@@ -166,7 +166,7 @@ pub struct Plan {
     /// The number of steps of each contender in each round, at least one.
     pub steps: usize,
     /// The displacement of each sphere per step, in radii.
-    pub moves: f32,
+    pub step_length: f32,
     /// `true` if each step creates a new search, without state of earlier steps.
     pub fresh: bool,
 }
@@ -265,7 +265,7 @@ pub fn turns(count: usize, seed: u64) -> Vec<usize> {
 /// The spheres at consecutive steps.
 struct MovingScene {
     seed: u64,
-    moves: f32,
+    step_length: f32,
     step: u32,
     frames: Vec<Vec<Sphere>>,
 }
@@ -273,14 +273,19 @@ struct MovingScene {
 impl MovingScene {
     fn new(plan: &Plan) -> Self {
         let start = plan.scene.spheres(plan.n, plan.seed);
-        Self { seed: plan.seed, moves: plan.moves, step: 0, frames: vec![start; plan.steps.max(1)] }
+        Self {
+            seed: plan.seed,
+            step_length: plan.step_length,
+            step: 0,
+            frames: vec![start; plan.steps.max(1)],
+        }
     }
 
     /// The frames of the next round. The last one is the start of the round after it.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {
-            Scene::advance_by(self.moves, &mut last, self.seed, self.step);
+            Scene::advance_by(self.step_length, &mut last, self.seed, self.step);
             self.step += 1;
             frame.copy_from_slice(&last);
         }
@@ -319,16 +324,16 @@ impl<'a> ContenderRun<'a> {
             let found = black_box(self.search.run(black_box(now))?);
             let time = start.elapsed();
             let digest = Digest::of(&found);
-            let judge = expected[k].get_or_insert(digest);
-            if !digest.agrees(judge) {
+            let reference = expected[k].get_or_insert(digest);
+            if !digest.agrees(reference) {
                 return Err(format!(
-                    "{} found {digest:?} where {judge:?} was found before it: {} of {}, step {k} of a round",
+                    "{} found {digest:?} where {reference:?} was found before it: {} of {}, step {k} of a round",
                     self.timing.name, plan.scene, plan.n
                 )
                 .into());
             }
-            if judge.sum.is_none() {
-                *judge = digest;
+            if reference.sum.is_none() {
+                *reference = digest;
             }
             self.timing.pairs = digest.pairs;
             total += time;
@@ -360,8 +365,15 @@ mod tests {
         ContenderFactory::new("fixed", || Ok(Fixed(pairs.iter().map(|&[i, j]| Pair::new(i, j)).collect())))
     }
 
-    const PLAN: Plan =
-        Plan { scene: Scene::Equal, n: 10, seed: 1, rounds: 3, steps: 2, moves: Scene::STEP, fresh: false };
+    const PLAN: Plan = Plan {
+        scene: Scene::Equal,
+        n: 10,
+        seed: 1,
+        rounds: 3,
+        steps: 2,
+        step_length: Scene::STEP,
+        fresh: false,
+    };
 
     #[test]
     fn answers_are_compared_as_sets() {

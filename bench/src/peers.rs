@@ -5,11 +5,11 @@
 #[cfg(feature = "bullet")]
 pub mod bullet;
 pub mod cell_list;
-mod class;
 pub mod lammps;
 pub mod octree;
 pub mod parry;
-pub mod sweep;
+mod size_class_grid;
+pub mod sweep_and_prune;
 pub mod verlet;
 
 use lazygrid::Sphere;

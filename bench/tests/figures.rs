@@ -30,7 +30,7 @@ fn path(folder: &Path) -> &str {
 #[test]
 fn smallest_figures_are_right() {
     let folder = tempfile::tempdir().unwrap();
-    let run = bench(["figures", "--smallest", "--out", path(folder.path())]).succeeds();
+    let run = bench(["figures", "--smoke", "--out", path(folder.path())]).succeeds();
     assert!(run.out.contains("0 with a wrong answer"), "{}", run.out);
 
     let results = results(folder.path());
@@ -39,7 +39,7 @@ fn smallest_figures_are_right() {
         "3a",
         "3b",
         "4",
-        "moves",
+        "step-length",
         "5a",
         "5b",
         "transceivers",
@@ -77,7 +77,7 @@ fn smallest_figures_are_right() {
     let text = read(folder.path(), "RESULTS.md");
     assert!(text.contains("| engine |"));
     // The complete command that was run.
-    assert!(text.contains(&format!("figures --smallest --out {}\n```", path(folder.path()))), "{text}");
+    assert!(text.contains(&format!("figures --smoke --out {}\n```", path(folder.path()))), "{text}");
     assert!(!page.contains('`'), "Markdown in HTML");
     for plot in [
         "figure-3a",
@@ -94,7 +94,7 @@ fn smallest_figures_are_right() {
 fn interrupted_run_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {
-        bench(["figures", "--smallest", "--only", only, "--out", path(folder.path())]).succeeds();
+        bench(["figures", "--smoke", "--only", only, "--out", path(folder.path())]).succeeds();
         results(folder.path())["rows"].as_array().unwrap().clone()
     };
     let first = run("point,tau");
@@ -112,7 +112,7 @@ fn interrupted_run_resumes() {
 fn compare_reports_slower_measurements() {
     let folder = tempfile::tempdir().unwrap();
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
-    bench(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
+    bench(["figures", "--smoke", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
     let same = bench(["compare", path(&old), path(&old)]).succeeds();
     assert!(same.out.contains("0 broken, 0 lost, 0 slower, 0 faster"), "{}", same.out);
 
@@ -137,7 +137,7 @@ fn compare_reports_slower_measurements() {
 #[test]
 fn wrong_answer_is_an_error_with_closed_output() {
     let folder = tempfile::tempdir().unwrap();
-    let args = ["figures", "--smallest", "--only", "point", "--out", path(folder.path())];
+    let args = ["figures", "--smoke", "--only", "point", "--out", path(folder.path())];
     bench(args).succeeds();
     let point = fs::read_dir(folder.path().join("points")).unwrap().next().unwrap().unwrap().path();
     let mut kept: Value = serde_json::from_str(&fs::read_to_string(&point).unwrap()).unwrap();
@@ -150,6 +150,6 @@ fn wrong_answer_is_an_error_with_closed_output() {
 #[test]
 fn wrong_usage_is_refused() {
     assert_eq!(bench(["figures", "--only", "6"]).code, Some(2));
-    assert_eq!(bench(["figures", "--quick", "--smallest"]).code, Some(2));
+    assert_eq!(bench(["figures", "--quick", "--smoke"]).code, Some(2));
     assert_eq!(bench(["compare", "/nowhere", "/nowhere"]).code, Some(1));
 }

@@ -28,7 +28,7 @@ fn amd_compiler_accepts_all_kernels() {
         return;
     };
     let run = Command::new(env!("CARGO_BIN_EXE_lazygrid-bench"))
-        .args(["kernels", "--other-devices", "--json"])
+        .args(["kernels", "--all-variants", "--json"])
         .env("VK_DRIVER_FILES", &driver)
         .env("VK_ICD_FILENAMES", &driver)
         .env("RADV_FORCE_FAMILY", "navi21")

@@ -66,7 +66,10 @@ pub unsafe fn with_detector(
 /// # Safety
 /// The header's conditions: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_create(settings: *const CSettings, detector: *mut *mut DetectorHandle) -> Status {
+pub unsafe extern "C" fn lazygrid_create(
+    settings: *const CSettings,
+    detector: *mut *mut DetectorHandle,
+) -> Status {
     without_detector(|| {
         // SAFETY: this function's own condition.
         let out = unsafe { OutPtr::new(detector, "detector", std::ptr::null_mut()) }?;

@@ -13,7 +13,10 @@ pub struct ExclusionsHandle(pub Exclusions);
 ///
 /// # Safety
 /// The header's conditions: `exclusions` is NULL or can be written to.
-unsafe fn create(exclusions: *mut *mut ExclusionsHandle, list: impl FnOnce() -> Result<Exclusions, Failure>) -> Status {
+unsafe fn create(
+    exclusions: *mut *mut ExclusionsHandle,
+    list: impl FnOnce() -> Result<Exclusions, Failure>,
+) -> Status {
     without_detector(|| {
         // SAFETY: this function's own condition.
         let out = unsafe { OutPtr::new(exclusions, "exclusions", std::ptr::null_mut()) }?;

@@ -46,7 +46,10 @@ fn cost(_: &Report) -> Value {
 /// # Safety
 /// The header's conditions: `detector` is NULL or a detector, `json` is NULL or can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_report_json(detector: *mut DetectorHandle, json: *mut *const c_char) -> Status {
+pub unsafe extern "C" fn lazygrid_report_json(
+    detector: *mut DetectorHandle,
+    json: *mut *const c_char,
+) -> Status {
     // SAFETY: this function's own condition.
     let json = unsafe { OutPtr::new(json, "json", ptr::null()) };
     let work = |state: &mut HandleState| {
@@ -64,7 +67,11 @@ pub unsafe extern "C" fn lazygrid_report_json(detector: *mut DetectorHandle, jso
 /// # Safety
 /// The header's conditions: `detector` is NULL or a detector, `bytes` is NULL or can be written to.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_memory_for(detector: *mut DetectorHandle, spheres: u64, bytes: *mut u64) -> Status {
+pub unsafe extern "C" fn lazygrid_memory_for(
+    detector: *mut DetectorHandle,
+    spheres: u64,
+    bytes: *mut u64,
+) -> Status {
     // SAFETY: this function's own condition.
     let bytes = unsafe { OutPtr::new(bytes, "bytes", 0) };
     let work = |state: &mut HandleState| {

@@ -20,7 +20,10 @@ thread_local! {
 ///
 /// # Safety
 /// The same as [`with_detector`].
-pub unsafe fn search(detector: *const DetectorHandle, work: impl FnOnce(&mut HandleState) -> Result<(), Failure>) -> Status {
+pub unsafe fn search(
+    detector: *const DetectorHandle,
+    work: impl FnOnce(&mut HandleState) -> Result<(), Failure>,
+) -> Status {
     if IS_TAKING.get() {
         return BUSY;
     }
@@ -40,7 +43,8 @@ pub unsafe extern "C" fn lazygrid_pairs(
     count: *mut u64,
 ) -> Status {
     // SAFETY: this function's own condition, for both.
-    let (pairs, count) = unsafe { (OutPtr::new(pairs, "pairs", ptr::null()), OutPtr::new(count, "count", 0)) };
+    let (pairs, count) =
+        unsafe { (OutPtr::new(pairs, "pairs", ptr::null()), OutPtr::new(count, "count", 0)) };
     let work = |state: &mut HandleState| {
         let (pairs, count) = (pairs?, count?);
         // SAFETY: this function's own condition.
@@ -102,8 +106,9 @@ pub unsafe extern "C" fn lazygrid_neighbors(
     indices: *mut *const u32,
 ) -> Status {
     // SAFETY: this function's own condition, for both.
-    let (offsets, indices) =
-        unsafe { (OutPtr::new(offsets, "offsets", ptr::null()), OutPtr::new(indices, "indices", ptr::null())) };
+    let (offsets, indices) = unsafe {
+        (OutPtr::new(offsets, "offsets", ptr::null()), OutPtr::new(indices, "indices", ptr::null()))
+    };
     let work = |state: &mut HandleState| {
         let (offsets, indices) = (offsets?, indices?);
         // SAFETY: this function's own condition.

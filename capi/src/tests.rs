@@ -8,19 +8,22 @@ use std::process::Command;
 
 use engine::{Pair, Spheres};
 
-use crate::detector::{DetectorHandle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector};
+use crate::detector::{
+    DetectorHandle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector,
+};
 use crate::exclusions::{
     ExclusionsHandle, lazygrid_exclusions_across, lazygrid_exclusions_create, lazygrid_exclusions_destroy,
     lazygrid_exclusions_from_csr,
 };
-use crate::input::{F32, F64, CQuery, CSpheres};
+use crate::input::{CQuery, CSpheres, F32, F64};
 use crate::interactions::{
-    InteractionsHandle, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
+    InteractionsHandle, lazygrid_interactions_create, lazygrid_interactions_destroy,
+    lazygrid_interactions_set,
 };
 use crate::list::{CNeighborList, OPTIONS, lazygrid_neighbor_list};
 use crate::report::{lazygrid_memory_for, lazygrid_report_json};
 use crate::search::{PairCallback, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
-use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SKINS, CSettings, lazygrid_settings_init};
+use crate::settings::{ALGORITHMS, BACKENDS, CSettings, ORDERS, SKINS, lazygrid_settings_init};
 use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygrid_version};
 
 const HEADER: &str = include_str!("../include/lazygrid.h");

@@ -1,50 +1,20 @@
 //! Correctness and speed checks of lazygrid on the machine at hand, for `lazygrid check` and for the tests:
 //!
-//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
-//!   over pairs (and over all images within the cutoff in triclinic cells).
-//! * [`adversary`], [`periodic`], [`sheared`]: families of scenes that are hard on grids, made from a [`SceneSeed`] so
-//!   that they shrink.
-//! * [`scenes`]: single hard scenes.
-//! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
-//! * [`DetectorVariant`], [`compare`]: runs each algorithm on each target and compares it with the expected pairs;
-//!   [`shrink`] minimizes failing scenes.
-//! * [`fuzz`]: random scenes, settings and calls.
+//! * [`oracle`]: [`TestInput`], which is spheres, species, space and exclusions; its [pairs](TestInput::oracle) by a plain
+//!   double loop (and over all images within the cutoff in triclinic cells); [`difference`], which explains the first
+//!   wrong pair; [`shrink`], which minimizes failing scenes.
+//! * [`scenes`]: single hard scenes, and families of scenes that are made from a [`SceneSeed`] so that they shrink.
+//! * [`detectors`]: runs each [`DetectorVariant`] and compares it with the expected pairs, on fixed scenes, on random
+//!   rounds and on random sequences of calls.
 //! * [`kernels`]: each GPU kernel against a sequential function.
-//! * [`bandwidth`], [`speed`]: times of copies, of the building blocks and of each algorithm.
+//! * [`timing`]: times of copies, of the building blocks and of each algorithm.
 
-pub mod adversary;
-pub mod bandwidth;
-pub mod compare;
+pub mod detectors;
 pub mod device;
-pub mod fuzz;
 pub mod kernels;
-pub mod periodic;
-pub mod primitives;
+pub mod oracle;
 pub mod scenes;
-pub mod sequence;
-pub mod sheared;
-pub mod speed;
-
-mod axes;
-mod calls;
-mod cells;
-mod choices;
-mod difference;
-mod division;
-mod grid;
-mod homes;
-mod images;
-mod left_out;
-mod list;
-pub mod motion;
-mod nested;
-mod random;
-mod runs;
-mod scenario;
-mod shares;
-mod shrink;
-mod skin;
-mod way;
+pub mod timing;
 
 /// The effort of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,10 +27,8 @@ pub enum Effort {
     Full,
 }
 
-pub use choices::{ElementSeed, SceneSeed, SeedReader};
-pub use difference::{Tolerance, checksum, difference};
-pub use left_out::{EXCLUSION_WORDS, ExclusionCase};
-pub use random::Random;
-pub use scenario::{SpeciesSetup, TestInput};
-pub use shrink::shrink;
-pub use way::{DetectorVariant, Gpu, TargetDevice, catch_panic};
+pub use detectors::{DetectorVariant, Gpu, TargetDevice, catch_panic};
+pub use oracle::{
+    EXCLUSION_WORDS, ExclusionCase, SpeciesSetup, TestInput, Tolerance, checksum, difference, shrink,
+};
+pub use scenes::{ElementSeed, Random, SceneSeed, SeedReader};

@@ -3,7 +3,7 @@
 mod common;
 
 use bytemuck::Zeroable;
-use common::scenes::{cloud, detect, detect_with, judge, scenes, settings, touching};
+use common::scenes::{cloud, detect, detect_with, scenes, settings, touching, verify};
 use common::{Random, device, download, upload};
 use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSpheres, Outcome, wgpu};
 use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Space, Sphere};
@@ -28,7 +28,7 @@ fn every_scene_agrees_with_all_pairs() {
                 assert_eq!(found.outcome.overflow & !Outcome::PAIRS, 0, "{scene}");
                 assert_eq!(found.outcome.quarantined, 0, "{scene}");
                 if found.outcome.overflow == 0 {
-                    judge(&scene, &spheres, &found.pairs, touching(&spheres));
+                    verify(&scene, &spheres, &found.pairs, touching(&spheres));
                 } else {
                     let n = spheres.len() as u64;
                     assert_eq!(found.outcome.found(), n * (n - 1) / 2, "{scene}");
@@ -49,7 +49,7 @@ fn grid_of_few_cells_finds_each_pair_once() {
         let sphere = |radius| Sphere::new(widths.map(&mut place), radius);
         let spheres: Vec<Sphere> = (0..300).map(|k| [0.5, 0.3][k % 2]).map(sphere).collect();
         let found = detect(&own, &mut detector, &spheres);
-        judge(&format!("{widths:?}"), &spheres, &found.pairs, touching(&spheres));
+        verify(&format!("{widths:?}"), &spheres, &found.pairs, touching(&spheres));
     }
 }
 
@@ -73,7 +73,7 @@ fn small_spheres_below_the_lowest_center_are_found() {
         }
         spheres.extend((0..600).map(|_| Sphere::new([(); 3].map(|()| 5.0 + 0.4 * random.unit()), 0.02)));
         let found = detect(&own, &mut detector, &spheres);
-        judge(&format!("{spacing} apart"), &spheres, &found.pairs, touching(&spheres));
+        verify(&format!("{spacing} apart"), &spheres, &found.pairs, touching(&spheres));
     }
 }
 
@@ -121,7 +121,7 @@ fn bad_spheres_are_quarantined_and_counted() {
             .iter()
             .map(|p| Pair { i: p.i - bad.len() as u32, j: p.j - bad.len() as u32 })
             .collect();
-        judge("quarantine", &good, &shifted, touching(&good));
+        verify("quarantine", &good, &shifted, touching(&good));
         let all_bad = detect(&own, &mut detector, &bad.map(Sphere::from));
         assert_eq!((all_bad.outcome.found(), all_bad.outcome.quarantined), (0, bad.len() as u32));
     }
@@ -140,7 +140,7 @@ fn sphere_count_is_read_from_a_buffer() {
             let input = GpuSpheres::new(&buffer, count);
             let found = detect_with(&own, &mut detector, &input);
             let part = &spheres[..n as usize];
-            judge("count from a buffer", part, &found.pairs, touching(part));
+            verify("count from a buffer", part, &found.pairs, touching(part));
             assert_eq!((found.outcome.spheres, found.outcome.overflow), (n, 0));
         }
         let count = upload(&own, &[4000_u32]);
@@ -169,7 +169,7 @@ fn interactions_determine_pairs() {
             let mut detector = GpuDetector::new(&own.device, settings).expect("made");
             let found = detect_with(&own, &mut detector, &input);
             assert!(found.pairs.len() > 100, "{}", found.pairs.len());
-            judge("interactions", &spheres, &found.pairs, |i, j| match table.get(species[i], species[j]) {
+            verify("interactions", &spheres, &found.pairs, |i, j| match table.get(species[i], species[j]) {
                 Interaction::Never => None,
                 Interaction::Touch => Some(f64::from(spheres[i].radius) + f64::from(spheres[j].radius)),
                 Interaction::Within(distance) => Some(distance),
@@ -196,7 +196,7 @@ fn sign_of_zero_is_ignored() {
     for &algorithm in ALGORITHMS {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
         let found = detect(&own, &mut detector, &spheres);
-        judge(&format!("zeroes, {algorithm}"), &spheres, &found.pairs, touching(&spheres));
+        verify(&format!("zeroes, {algorithm}"), &spheres, &found.pairs, touching(&spheres));
         for (table, last) in [(&touch, 0), (&within, 1)] {
             alike[1500] = last;
             let species = upload(&own, &alike);
@@ -205,7 +205,7 @@ fn sign_of_zero_is_ignored() {
             let input = GpuSpheres::new(&buffer, 1501).with_species(&species);
             let found = detect_with(&own, &mut detector, &input);
             let scene = format!("zeroes, {algorithm}, the last of species {last}");
-            judge(&scene, &spheres, &found.pairs, |i, j| match table.get(alike[i], alike[j]) {
+            verify(&scene, &spheres, &found.pairs, |i, j| match table.get(alike[i], alike[j]) {
                 Interaction::Within(distance) => Some(distance),
                 _ => Some(f64::from(spheres[i].radius) + f64::from(spheres[j].radius)),
             });
@@ -234,7 +234,7 @@ fn calls_of_changing_size_reuse_buffers() {
     for n in [10, 6000, 300, 5999, 1] {
         let spheres = cloud(n as u64, n, 15.0, |_| 0.4);
         let found = detect(&own, &mut detector, &spheres);
-        judge("changing size", &spheres, &found.pairs, touching(&spheres));
+        verify("changing size", &spheres, &found.pairs, touching(&spheres));
         assert_eq!(detector.reserve(n as u32).as_ref(), Ok(&reserved), "nothing is allocated anew");
     }
 }
@@ -276,7 +276,7 @@ fn windows_partition_the_result() {
             assert!(found.pairs.iter().all(|pair| window.contains(&pair.i)));
             all.extend(found.pairs);
         }
-        judge("windows", &spheres, &all, touching(&spheres));
+        verify("windows", &spheres, &all, touching(&spheres));
     }
 }
 
@@ -313,7 +313,7 @@ fn default_limits_without_features_are_sufficient() {
         let mut detector = GpuDetector::new(&device, settings).expect("made");
         assert!(detector.ticks().is_none(), "timestamps were not requested");
         let found = detect(&lent, &mut detector, &spheres);
-        judge("default limits", &spheres, &found.pairs, touching(&spheres));
+        verify("default limits", &spheres, &found.pairs, touching(&spheres));
     }
     let table = Interactions::new(2, Interaction::Touch).expect("small");
     let settings = settings(Algorithm::ArrayGrid, true).interactions(Some(table));

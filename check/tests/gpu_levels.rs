@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::scenes::{Found, detect, judge, scenes, settings, touching};
+use common::scenes::{Found, detect, scenes, settings, touching, verify};
 use common::{Random, device};
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Sphere, Spheres};
@@ -24,7 +24,7 @@ fn every_scene_agrees_for_any_tau() {
         for (name, spheres) in scenes() {
             let found = detect_in_session(&own, settings.clone(), &spheres);
             let scene = format!("{name}, tau {tau}, ratio {raster_ratio}");
-            judge(&scene, &spheres, &found.pairs, touching(&spheres));
+            verify(&scene, &spheres, &found.pairs, touching(&spheres));
         }
     }
 }
@@ -42,7 +42,7 @@ fn mixed_refinement_loses_no_pair() {
     spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
     for tau in (0..=350).step_by(10) {
         let found = detect_in_session(&own, settings(Algorithm::LazyGrid, true).tau(tau), &spheres);
-        judge(&format!("tau {tau}"), &spheres, &found.pairs, touching(&spheres));
+        verify(&format!("tau {tau}"), &spheres, &found.pairs, touching(&spheres));
     }
 }
 

@@ -49,7 +49,7 @@ impl Scene {
     }
 
     /// Checks sorted pairs: each occurs once, and only pairs within five ulp of tangency may be missing or extra.
-    fn judge(&self, context: &str, pairs: &[Pair]) -> Result<(), String> {
+    fn verify(&self, context: &str, pairs: &[Pair]) -> Result<(), String> {
         let name = &self.name;
         if !pairs.windows(2).all(|two| two[0] < two[1]) {
             return Err(format!("{name}, {context}: a pair twice"));
@@ -107,7 +107,7 @@ fn check(own: &GpuDevice, scene: &Scene) {
         let context = format!("{algorithm} τ {tau}");
         let (outcome, pairs) = detect(own, scene, settings);
         assert_eq!((outcome.overflow, outcome.quarantined), (0, 0), "{}, {context}", scene.name);
-        failures.extend(scene.judge(&context, &pairs).err());
+        failures.extend(scene.verify(&context, &pairs).err());
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }

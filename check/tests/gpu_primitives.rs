@@ -9,7 +9,7 @@ use Access::{Read, ReadWrite};
 use common::{device, download, limited, submit, upload};
 use lazygrid::gpu::GpuDevice;
 use lazygrid::gpu::wgpu::{self, Limits};
-use lazygrid_check::primitives;
+use lazygrid_check::kernels::primitives;
 use lazygrid_kernels::kernel::{Access, Kernel, RADIX_SCAN, RADIX_SCATTER, SCAN_SPINE, SCAN_TILE, Variant};
 use lazygrid_kernels::layout::Lengths;
 

@@ -110,11 +110,12 @@ fn one_giant_among_a_hundred_thousand_grains() {
     lists_agree(&own, &spheres, &mut detector, &[Algorithm::LazyGrid, Algorithm::CellList]);
 }
 
-/// `LAZYGRID_SOAK` sets the number of steps (20,000 for a release). Counts and lists alternate.
+/// `LAZYGRID_SOAK_STEPS` sets the number of steps (20,000 for a release). Counts and lists alternate.
 #[test]
 fn soak_of_changing_sizes_and_shapes() {
     let Some(own) = device() else { return };
-    let steps = std::env::var("LAZYGRID_SOAK").ok().and_then(|text| text.parse().ok()).unwrap_or(150_u64);
+    let steps =
+        std::env::var("LAZYGRID_SOAK_STEPS").ok().and_then(|text| text.parse().ok()).unwrap_or(150_u64);
     let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");
     session.set_timeout(Duration::from_secs(60));
     let mut detector = cpu();

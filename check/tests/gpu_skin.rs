@@ -30,7 +30,7 @@ fn ask(
     (outcome, download(own, &output.pairs, outcome.found().min(output.capacity.into()) as usize), state)
 }
 
-fn judge(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &TestInput, case: &str) -> SkinState {
+fn verify(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &TestInput, case: &str) -> SkinState {
     let (outcome, pairs, state) = ask(own, detector, scenario);
     assert_eq!(outcome.overflow, 0, "{case}: {outcome:?}");
     let valid = scenario.only(|k| scenario.spheres[k].is_valid());
@@ -89,7 +89,7 @@ fn candidate_lists_never_change_an_answer() {
         let mut random = Random(4);
         let (mut served, mut rebuilt) = (0, 0);
         for step in 0..16 {
-            let state = judge(&own, &mut detector, &scenario, &format!("{case}, step {step}"));
+            let state = verify(&own, &mut detector, &scenario, &format!("{case}, step {step}"));
             *if state.rebuilt == 0 { &mut served } else { &mut rebuilt } += 1;
             walk(&mut scenario.spheres, if step == 12 { 3.0 } else { 0.1 }, &mut random);
         }
@@ -111,7 +111,7 @@ fn displacement_within_the_limit_keeps_the_list() {
         for step in 0..40 {
             // They touch in the end, just before either reaches the displacement limit.
             let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
-            let state = judge(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
+            let state = verify(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
             served += u32::from(state.rebuilt == 0);
         }
         assert!(served == 39, "{radius}, {skin}: {served} served");
@@ -129,7 +129,7 @@ fn displacement_beyond_the_limit_rebuilds_the_list() {
             let x = radius + 0.502 * skin - gone;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
             let case = format!("{radius}, {skin}, gone {gone}");
-            let state = judge(&own, &mut detector, &TestInput::from(spheres.to_vec()), &case);
+            let state = verify(&own, &mut detector, &TestInput::from(spheres.to_vec()), &case);
             assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
         }
     }
@@ -141,7 +141,7 @@ fn changed_spheres_rebuild_the_list() {
     let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), 0.5).expect("made");
     let mut scenario = TestInput::from(cloud(6, 900, 6.0, |_| 0.3));
     let mut ask = |scenario: &TestInput, rebuilt: u32, case: &str| {
-        let state = judge(&own, &mut detector, scenario, case);
+        let state = verify(&own, &mut detector, scenario, case);
         assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
     };
     ask(&scenario, SkinState::FIRST, "the first");
@@ -183,7 +183,7 @@ fn changed_species_rebuild_the_list() {
         if let (Some(k), Some(mixture)) = (change, &mut scenario.mixture) {
             mixture.species[k] = 1 - mixture.species[k];
         }
-        let state = judge(&own, &mut detector, &scenario, &format!("{change:?}"));
+        let state = verify(&own, &mut detector, &scenario, &format!("{change:?}"));
         assert_eq!(state.rebuilt, rebuilt, "{change:?}: {state:?}");
     }
 }
@@ -198,7 +198,7 @@ fn largest_radii_have_no_candidate_list() {
         let mut scenario = TestInput::from(cloud(11, 300, 6.0, |_| 0.3));
         scenario.spheres[7].radius = radius;
         for rebuilt in [SkinState::FIRST, SkinState::CHANGED, SkinState::CHANGED] {
-            let state = judge(&own, &mut detector, &scenario, &format!("{radius:e}"));
+            let state = verify(&own, &mut detector, &scenario, &format!("{radius:e}"));
             assert_eq!(state.rebuilt, rebuilt, "{radius:e}: {state:?}");
         }
     }
@@ -217,8 +217,8 @@ fn candidate_overflow_reports_the_needed_capacity() {
         assert_eq!((outcome.overflow, outcome.entries()), (Outcome::CANDIDATES, 499_500), "{outcome:?}");
     }
     detector.set_candidate_capacity(500_000);
-    assert_eq!(judge(&own, &mut detector, &scenario, "with room").rebuilt, SkinState::FIRST);
-    assert_eq!(judge(&own, &mut detector, &scenario, "kept").rebuilt, 0);
+    assert_eq!(verify(&own, &mut detector, &scenario, "with room").rebuilt, SkinState::FIRST);
+    assert_eq!(verify(&own, &mut detector, &scenario, "kept").rebuilt, 0);
 }
 
 #[test]

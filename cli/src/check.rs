@@ -8,10 +8,10 @@ use std::time::{Instant, SystemTime};
 use indicatif::ProgressBar;
 use lazygrid::Error;
 use lazygrid::gpu::GpuDevice;
-use lazygrid_check::compare::{self, FailedCase, Pace, SceneCase};
-use lazygrid_check::fuzz::Round;
+use lazygrid_check::detectors::compare::{self, FailedCase, Pace, SceneCase};
+use lazygrid_check::detectors::fuzz::Round;
+use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::kernels::CHECKS;
-use lazygrid_check::sequence::{Sequence, Tally};
 use lazygrid_check::{DetectorVariant, Gpu, catch_panic};
 
 use self::report::Report;

@@ -32,7 +32,7 @@ impl Structure {
 }
 
 /// Below this many spheres of one size class all pairs are tested: sampling, sorting and looking around cost more.
-/// Measured with `cargo bench --bench sweep -- --what crossover`; a wrong value costs some microseconds.
+/// Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs some microseconds.
 pub const NAIVE_BELOW: usize = 400;
 /// The number of further spheres for every size class, since each makes the cell list's plan slower.
 pub const NAIVE_PER_CLASS: usize = 80;

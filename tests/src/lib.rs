@@ -2,23 +2,33 @@
 //!
 //! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
 //!   that `lazygrid check` uses too.
-//! * [`Subject`]: a detector variant; [`Subject::all`] lists all variants, and a new backend is added there.
+//! * [`DetectorVariant`]: a detector variant; [`variants::all`] lists all variants, and [`SuiteVariant`] runs one.
 //! * [`periodic`]: oracles and generators of scenarios in periodic spaces.
-//! * [`sheared`]: generators of scenarios in triclinic cells.
+//! * [`triclinic`]: generators of scenarios in triclinic cells.
 //! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
 //! * [`device`]: a GPU device, if an adapter exists.
 //! * [`command`]: runs built commands.
-//! * [`adversary`]: generators of spheres that are hard on grids, with shrinking.
+//! * [`hard`]: generators of spheres that are hard on grids, with shrinking.
 
-pub mod adversary;
 pub mod command;
+pub mod hard;
 pub mod periodic;
-pub mod sheared;
+pub mod triclinic;
+pub mod variants;
 
 mod adapter;
-mod gpu;
-mod subject;
 
-pub use gpu::device;
-pub use lazygrid_check::{SceneSeed, SeedReader, SpeciesSetup, TestInput, Tolerance, checksum, difference};
-pub use subject::{Subject, THREADS, in_pool};
+use lazygrid::gpu::GpuDevice;
+
+pub use lazygrid_check::{
+    DetectorVariant, SceneSeed, SeedReader, SpeciesSetup, TestInput, Tolerance, checksum, difference,
+};
+pub use variants::{SuiteVariant, THREADS, in_pool};
+
+/// Opens a new device. If no adapter exists, returns `None` and prints that the test is skipped.
+///
+/// # Panics
+/// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.
+pub fn device() -> Option<GpuDevice> {
+    adapter::or_skip(GpuDevice::open(true))
+}

@@ -1,12 +1,12 @@
-//! Scenarios in periodic spaces: reference loops, and the families of [`lazygrid_check::periodic`] as strategies that
+//! Scenarios in periodic spaces: reference loops, and the families of [`lazygrid_check::scenes::periodic`] as strategies that
 //! shrink.
 
 use lazygrid::{Config, Pair};
-use lazygrid_check::periodic as families;
+use lazygrid_check::scenes::periodic as families;
 use proptest::prelude::*;
 
-use crate::adversary::{self, words};
-use crate::{SeedReader, Subject, TestInput, Tolerance};
+use crate::hard::{self, words};
+use crate::{SeedReader, SuiteVariant, TestInput, Tolerance, variants};
 
 /// The pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths. The
 /// reduction uses remainders, which are exact.
@@ -82,12 +82,12 @@ pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
 ///
 /// # Errors
 /// Describes the first wrong result and its variant.
-pub fn judge(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
-    Subject::in_turn(scenario).into_iter().try_for_each(|subject| match subject.tolerance() {
-        Tolerance::Exact => subject.judge(scenario, expected, settings),
+pub fn verify_all(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
+    variants::in_turn(scenario).into_iter().try_for_each(|variant| match variant.tolerance() {
+        Tolerance::Exact => variant.verify(scenario, expected, settings),
         Tolerance::Tangent => {
-            let complain = |text: String| format!("{subject}: {text}");
-            let found = subject.pairs(scenario, settings.clone()).map_err(complain)?;
+            let complain = |text: String| format!("{variant}: {text}");
+            let found = variant.find(scenario, settings.clone()).map_err(complain)?;
             crate::difference(scenario, &found, expected, Tolerance::Tangent).map_err(complain)
         }
     })
@@ -95,7 +95,7 @@ pub fn judge(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Resu
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
-        #[doc = concat!("A strategy for [`lazygrid_check::periodic::", stringify!($name), "`].")]
+        #[doc = concat!("A strategy for [`lazygrid_check::scenes::periodic::", stringify!($name), "`].")]
         pub fn $name() -> impl Strategy<Value = TestInput> {
             words().prop_map(|words| families::$name(&words))
         }
@@ -107,9 +107,8 @@ strategies! { lattice soup corner unwrapped extremes giant }
 /// Spheres that are hard on unbounded grids, in boxes of moderate lengths, with four species and all kinds of
 /// interactions.
 pub fn mixture() -> impl Strategy<Value = TestInput> {
-    let spheres =
-        prop_oneof![adversary::soup(), adversary::lattice(), adversary::clusters(), adversary::duplicates()];
-    (adversary::mixture(spheres.boxed()), any::<[u32; 6]>()).prop_map(|(scenario, words)| {
+    let spheres = prop_oneof![hard::soup(), hard::lattice(), hard::clusters(), hard::duplicates()];
+    (hard::mixture(spheres.boxed()), any::<[u32; 6]>()).prop_map(|(scenario, words)| {
         let lengths = families::lengths(&mut SeedReader::new(&words), &[1.5, 4.0, 8.0, 0.7]);
         TestInput { space: families::space(lengths), ..scenario }
     })

@@ -5,15 +5,15 @@ use std::ops::ControlFlow;
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Interaction, Interactions, Sphere, Spheres,
 };
-use lazygrid_tests::Subject;
+use lazygrid_tests::{SuiteVariant, variants};
 
 /// The error of all variants and all queries for these spheres; all must return the same error.
 fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
     let mut errors = Vec::new();
-    for subject in Subject::all() {
-        let config = config.clone().backend(subject.backend).algorithm(subject.algorithm);
+    for variant in variants::all() {
+        let config = config.clone().backend(variant.backend()).algorithm(variant.algorithm);
         let mut detector = Detector::new(config).expect("a detector");
-        subject.run(|| {
+        variant.run(|| {
             errors.push(detector.pairs(spheres).map(|_| ()).expect_err("pairs"));
             errors.push(detector.count(spheres).map(|_| ()).expect_err("count"));
             errors.push(detector.neighbors(spheres).map(|_| ()).expect_err("neighbors"));
@@ -68,9 +68,9 @@ fn bad_sphere_message_names_index_value_and_count() {
 #[test]
 fn signed_zeros_are_valid() {
     let spheres = [[0.0, -0.0, 0.0, -0.0], [-0.0, 0.0, 0.0, 0.0]];
-    for subject in Subject::all() {
-        let mut detector = Detector::new(subject.config()).expect("a detector");
-        assert_eq!(detector.count(&spheres[..]), Ok(1), "{subject}");
+    for variant in variants::all() {
+        let mut detector = Detector::new(variant.settings()).expect("a detector");
+        assert_eq!(detector.count(&spheres[..]), Ok(1), "{variant}");
     }
 }
 
@@ -124,15 +124,15 @@ fn columns_of_different_lengths_are_refused() {
 #[test]
 fn settings_out_of_range_are_refused() {
     let refused = |config: Config| Detector::new(config.backend(Backend::Cpu)).expect_err("refused");
-    for subject in Subject::each_algorithm() {
-        let with = |ratio| Detector::new(subject.config().raster_ratio(ratio));
+    for variant in variants::each_algorithm() {
+        let with = |ratio| Detector::new(variant.settings().raster_ratio(ratio));
         for ratio in [0.49, 0.1, 16.01, f32::NAN, f32::INFINITY, -1.0] {
-            let Err(error) = with(ratio) else { panic!("{subject}: {ratio} is accepted") };
+            let Err(error) = with(ratio) else { panic!("{variant}: {ratio} is accepted") };
             let known = matches!(error, Error::Setting { name: "raster_ratio", .. });
-            assert!(known && error.to_string().contains(&ratio.to_string()), "{subject}: {error:?}");
+            assert!(known && error.to_string().contains(&ratio.to_string()), "{variant}: {error:?}");
         }
         for ratio in [0.5, 16.0] {
-            assert!(with(ratio).is_ok(), "{subject}: {ratio} is refused");
+            assert!(with(ratio).is_ok(), "{variant}: {ratio} is refused");
         }
     }
     let error = refused(Config::default().threads(0));

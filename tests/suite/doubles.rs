@@ -7,7 +7,7 @@ use lazygrid::{
     Radii, Skin, Space, Sphere, Spheres,
 };
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Subject, in_pool};
+use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
 /// A linear congruential generator.
 struct Random(u64);
@@ -137,13 +137,14 @@ fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
             let expected = oracle(&spheres, &space, None);
             assert!(expected.len() > 60, "{}", expected.len());
             // Subtracting the frame's origin removes the offset before a device sees the spheres.
-            let is_asked = |subject: &Subject| subject.backend == Backend::Cpu || offset == [0.0; 3];
-            for subject in Subject::each_algorithm().into_iter().filter(is_asked) {
-                subject.run(|| {
-                    let config = subject.config().space(space).skin(Skin::Off);
+            let is_asked =
+                |variant: &DetectorVariant| variant.backend() == Backend::Cpu || offset == [0.0; 3];
+            for variant in variants::each_algorithm().into_iter().filter(is_asked) {
+                variant.run(|| {
+                    let config = variant.settings().space(space).skin(Skin::Off);
                     let mut detector = Detector::new(config).expect("a detector");
                     agrees(&mut detector, Query::new(&spheres), &expected)
-                        .unwrap_or_else(|text| panic!("{subject}, space {number}, {offset:?}: {text}"));
+                        .unwrap_or_else(|text| panic!("{variant}, space {number}, {offset:?}: {text}"));
                 });
             }
         }
@@ -162,10 +163,10 @@ fn no_magnitude_overflows_or_underflows() {
         let is_exact = spheres.iter().zip(&base).all(|(scaled, sphere)| {
             scaled.iter().zip(sphere).all(|(scaled, number)| scaled / unit == *number)
         });
-        for subject in Subject::each_algorithm().into_iter().filter(|_| is_exact) {
-            let mut detector = Detector::new(subject.config()).expect("a detector");
-            let found = subject.run(|| detector.pairs(&spheres).map(<[Pair]>::to_vec));
-            assert!(found.as_ref() == Ok(&expected), "{subject}, 2^{exponent}: {:?}", found.map(|f| f.len()));
+        for variant in variants::each_algorithm().into_iter().filter(|_| is_exact) {
+            let mut detector = Detector::new(variant.settings()).expect("a detector");
+            let found = variant.run(|| detector.pairs(&spheres).map(<[Pair]>::to_vec));
+            assert!(found.as_ref() == Ok(&expected), "{variant}, 2^{exponent}: {:?}", found.map(|f| f.len()));
         }
     }
 }
@@ -183,16 +184,16 @@ fn equal_numbers_in_both_precisions_give_equal_pairs() {
         let column = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<_>>();
         let [x, y, z, r] = [0, 1, 2, 3].map(column);
         let centers: Vec<_> = rows.iter().map(|[x, y, z, _]| [*x, *y, *z]).collect();
-        for subject in Subject::each_algorithm() {
-            let mut detector = Detector::new(subject.config()).expect("a detector");
+        for variant in variants::each_algorithm() {
+            let mut detector = Detector::new(variant.settings()).expect("a detector");
             let mut cpu =
                 Detector::new(Config::default().backend(lazygrid::Backend::Cpu)).expect("a detector");
             let expected = cpu.pairs(&narrow).expect("valid");
             let columns = Spheres::columns(&x, &y, &z, &r).expect("one length");
             let points = Spheres::points(&centers, Radii::Each(&r)).expect("one length");
             for spheres in [Spheres::from(&rows), columns, points] {
-                let found = subject.run(|| detector.pairs(spheres).map(<[Pair]>::to_vec));
-                assert!(found.as_ref().is_ok_and(|found| found == expected), "{scene}, {subject}");
+                let found = variant.run(|| detector.pairs(spheres).map(<[Pair]>::to_vec));
+                assert!(found.as_ref().is_ok_and(|found| found == expected), "{scene}, {variant}");
             }
         }
     }
@@ -221,13 +222,13 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
         let [a, b] = [0..80, 80..200].map(|range| {
             Spheres::from(&spheres[range.clone()]).with_species(&species[range]).expect("one each")
         });
-        for subject in Subject::each_algorithm() {
-            let config = subject.config().space(space).interactions(table.clone());
+        for variant in variants::each_algorithm() {
+            let config = variant.settings().space(space).interactions(table.clone());
             let mut detector = Detector::new(config).expect("a detector");
-            subject.run(|| {
+            variant.run(|| {
                 let among = agrees(&mut detector, Query::new(one).without(&exclusions), &kept);
                 let across = agrees(&mut detector, Query::new((a, b)), &across);
-                among.and(across).unwrap_or_else(|text| panic!("{subject}, {space:?}: {text}"));
+                among.and(across).unwrap_or_else(|text| panic!("{variant}, {space:?}: {text}"));
             });
         }
     }
@@ -247,23 +248,23 @@ fn candidates_of_f64_spheres_lose_no_pair() {
                 (0..3).for_each(|axis| sphere[axis] += far * random.signed());
             }
         }
-        for subject in Subject::each_algorithm() {
-            if !matches!(subject.algorithm, lazygrid::Algorithm::CellList | lazygrid::Algorithm::Auto) {
+        for variant in variants::each_algorithm() {
+            if !matches!(variant.algorithm, lazygrid::Algorithm::CellList | lazygrid::Algorithm::Auto) {
                 continue;
             }
-            let config = subject.config().space(space).skin(Skin::Fixed(0.05)).order(Order::Canonical);
+            let config = variant.settings().space(space).skin(Skin::Fixed(0.05)).order(Order::Canonical);
             let mut detector = Detector::new(config).expect("a detector");
             let mut served = 0;
-            in_pool(subject.threads, || {
+            in_pool(variant.threads(), || {
                 for (step, (spheres, expected)) in steps.iter().enumerate() {
                     let found = detector.pairs(spheres).expect("valid");
                     let count = found.len();
-                    assert!(found == expected, "{subject}, step {step}: {count} of {}", expected.len());
+                    assert!(found == expected, "{variant}, step {step}: {count} of {}", expected.len());
                     served +=
                         u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
                 }
             });
-            assert!(served > 4, "{subject}: {served} of 9 calls were served");
+            assert!(served > 4, "{variant}: {served} of 9 calls were served");
         }
     }
 }
@@ -275,11 +276,11 @@ fn calls_of_both_precisions_can_alternate() {
     let space = Space::sheared(edges).expect("edges");
     let narrow = [[0.0_f32, 0.0, 0.0, 0.5], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
     let wide = [[0.0_f64, 0.0, 0.0, 1e300], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
-    for subject in Subject::each_algorithm() {
-        let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+    for variant in variants::each_algorithm() {
+        let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
         for _ in 0..2 {
-            assert_eq!(detector.count(&narrow), Ok(1), "{subject}");
-            assert_eq!(detector.count(&wide), Ok(2), "{subject}");
+            assert_eq!(detector.count(&narrow), Ok(1), "{variant}");
+            assert_eq!(detector.count(&wide), Ok(2), "{variant}");
         }
     }
 }
@@ -289,17 +290,17 @@ fn bad_f64_spheres_are_named_with_their_numbers() {
     let good = [0.1, 0.2, 0.3, 1.0];
     for bad in [[f64::NAN, 0.0, 0.0, 1.0], [0.0, f64::INFINITY, 0.0, 1.0], [0.0, 0.0, 0.0, -1e-320]] {
         let spheres = [good, good, bad, good];
-        for subject in Subject::each_algorithm() {
-            let mut detector = Detector::new(subject.config()).expect("a detector");
+        for variant in variants::each_algorithm() {
+            let mut detector = Detector::new(variant.settings()).expect("a detector");
             for query in [Query::new(&spheres), Query::new((&spheres, &[good]))] {
                 let error = detector.count(query).expect_err("a bad sphere");
                 let Error::Input(InputError::Sphere { index: 2, radius, count: 1, total: 4, .. }) = error
                 else {
-                    panic!("{subject}: {error}")
+                    panic!("{variant}: {error}")
                 };
-                assert_eq!(radius.to_bits(), bad[3].to_bits(), "{subject}");
+                assert_eq!(radius.to_bits(), bad[3].to_bits(), "{variant}");
             }
-            assert_eq!(detector.count(&[good, good]), Ok(1), "{subject}");
+            assert_eq!(detector.count(&[good, good]), Ok(1), "{variant}");
         }
     }
 }

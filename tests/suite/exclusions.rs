@@ -7,10 +7,12 @@ use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Query, Space, Sphere,
     Spheres,
 };
-use lazygrid_check::motion::{skin_of, walk};
+use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_check::{EXCLUSION_WORDS, ExclusionCase};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic, sheared};
+use lazygrid_tests::{
+    DetectorVariant, SuiteVariant, TestInput, difference, hard, in_pool, periodic, triclinic, variants,
+};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -20,41 +22,46 @@ use crate::properties::check;
 /// Scenarios in all kinds of spaces, with exclusions.
 fn cases() -> impl Strategy<Value = TestInput> {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(TestInput::from),
-        1 => adversary::mixture(adversary::any_spheres()),
+        2 => hard::any_spheres().prop_map(TestInput::from),
+        1 => hard::mixture(hard::any_spheres()),
         1 => periodic::lattice(),
         1 => periodic::soup(),
         1 => periodic::mixture(),
-        1 => sheared::soup(),
-        1 => sheared::mixture(),
+        1 => triclinic::soup(),
+        1 => triclinic::mixture(),
     ];
     let words = vec(any::<u32>(), EXCLUSION_WORDS).prop_map(|words| words.try_into().expect("so many"));
     (scenarios, words).prop_map(|(scenario, words)| scenario.with_exclusions(&words))
 }
 
 /// Checks that no excluded pair is found, and that all other pairs are.
-fn same(subject: Subject, scenario: &TestInput, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
+fn same(
+    variant: DetectorVariant,
+    scenario: &TestInput,
+    found: &[Pair],
+    expected: &[Pair],
+) -> Result<(), String> {
     if let Some(pair) = found.iter().find(|pair| scenario.excludes(pair.i as usize, pair.j as usize)) {
-        return Err(format!("{subject}: {pair:?} is left out, and there"));
+        return Err(format!("{variant}: {pair:?} is left out, and there"));
     }
-    difference(scenario, found, expected, subject.tolerance()).map_err(|text| format!("{subject}: {text}"))
+    difference(scenario, found, expected, variant.tolerance()).map_err(|text| format!("{variant}: {text}"))
 }
 
 #[test]
 fn groups_and_lists_on_any_spheres() {
     check(150, cases(), |scenario| {
         let (expected, query) = (scenario.oracle(), scenario.query());
-        Subject::in_turn(&scenario).into_iter().try_for_each(|subject| {
-            let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
-            subject.run(|| {
+        variants::in_turn(&scenario).into_iter().try_for_each(|variant| {
+            let config = scenario.config(variant.settings()).map_err(|error| error.to_string())?;
+            variant.run(|| {
                 let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
                 let found = detector.pairs(query).map_err(|error| error.to_string())?.to_vec();
-                same(subject, &scenario, &found, &expected)?;
+                same(variant, &scenario, &found, &expected)?;
                 let count = detector.count(query).map_err(|error| error.to_string())?;
                 if count == found.len() as u64 {
                     Ok(())
                 } else {
-                    Err(format!("{subject}: {count} are counted"))
+                    Err(format!("{variant}: {count} are counted"))
                 }
             })
         })
@@ -73,17 +80,17 @@ fn all_kinds_of_results_agree() {
     let (expected, query) = (with.oracle(), with.query());
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
     let most = expected.len() as u64;
-    for subject in Subject::each_algorithm() {
+    for variant in variants::each_algorithm() {
         // Excluded pairs do not count toward the limit.
-        let mut detector = Detector::new(subject.config().max_pairs(most)).expect("made");
+        let mut detector = Detector::new(variant.settings().max_pairs(most)).expect("made");
         let found = detector.pairs(query).expect("as many as fit").to_vec();
-        same(subject, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));
-        assert_eq!(found.len() as u64, most, "{subject}");
-        let mut limited = Detector::new(subject.config().max_pairs(most - 1)).expect("made");
+        same(variant, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));
+        assert_eq!(found.len() as u64, most, "{variant}");
+        let mut limited = Detector::new(variant.settings().max_pairs(most - 1)).expect("made");
         let error = limited.pairs(query).expect_err("one too many");
-        assert_eq!(error, Error::TooManyPairs { found: most, limit: most - 1 }, "{subject}");
+        assert_eq!(error, Error::TooManyPairs { found: most, limit: most - 1 }, "{variant}");
         for (order, limit) in [(Order::Canonical, 1 << 20), (Order::Canonical, 7), (Order::Unordered, 7)] {
-            let mut detector = Detector::new(subject.config().order(order).max_pairs(limit)).expect("made");
+            let mut detector = Detector::new(variant.settings().order(order).max_pairs(limit)).expect("made");
             let mut streamed = Vec::new();
             let handed = detector.stream(query, 5, |pairs| {
                 streamed.extend_from_slice(pairs);
@@ -92,20 +99,20 @@ fn all_kinds_of_results_agree() {
             if order == Order::Unordered {
                 streamed.sort_unstable();
             }
-            assert!(handed == Ok(most) && streamed == found, "{subject}: the stream differs");
+            assert!(handed == Ok(most) && streamed == found, "{variant}: the stream differs");
         }
         let lists = detector.neighbors(query).expect("neighbours");
         let listed: usize = (0..2000).map(|i| lists.of(i).len()).sum();
-        assert_eq!(listed, 2 * found.len(), "{subject}");
+        assert_eq!(listed, 2 * found.len(), "{variant}");
         // The same detector without exclusions.
-        assert_eq!(detector.count(without), Ok(all as u64), "{subject}");
+        assert_eq!(detector.count(without), Ok(all as u64), "{variant}");
     }
 }
 
 #[test]
 fn pairs_across_two_sets() {
-    let with = (cases(), 0.0..=1.0_f32, select(Subject::all()));
-    check(150, with, |(scenario, part, subject)| {
+    let with = (cases(), 0.0..=1.0_f32, select(variants::all()));
+    check(150, with, |(scenario, part, variant)| {
         let split = (part * scenario.spheres.len() as f32).round() as usize;
         let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
         let across = |pair: &Pair| (pair.i as usize) < split && pair.j as usize >= split;
@@ -118,15 +125,15 @@ fn pairs_across_two_sets() {
         let [a, b] = [a, b].map(|set| TestInput { excluded: None, ..set });
         let query = Query::new((a.view(), b.view()));
         let query = list.as_ref().map_or(query, |list| query.without(list));
-        let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
-        in_pool(subject.threads, || {
+        let config = scenario.config(variant.settings()).map_err(|error| error.to_string())?;
+        in_pool(variant.threads(), || {
             let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
             let found = detector.pairs(query).map_err(|error| error.to_string())?;
             let found: Vec<Pair> =
                 found.iter().map(|pair| Pair { i: pair.i, j: pair.j + split as u32 }).collect();
-            same(subject, &scenario, &found, &expected)?;
+            same(variant, &scenario, &found, &expected)?;
             let count = detector.count(query).map_err(|error| error.to_string())?;
-            if count == found.len() as u64 { Ok(()) } else { Err(format!("{subject}: {count} are counted")) }
+            if count == found.len() as u64 { Ok(()) } else { Err(format!("{variant}: {count} are counted")) }
         })
     });
 }
@@ -134,17 +141,17 @@ fn pairs_across_two_sets() {
 /// Candidate lists do not depend on exclusions, which may change with each call.
 #[test]
 fn candidate_lists_never_change_a_result() {
-    let mut subjects = Subject::all();
-    subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
+    let mut variants = variants::all();
+    variants.retain(|variant| variant.backend() == Backend::Gpu || variant.algorithm == Algorithm::CellList);
     let moves = select(vec![0.0, 1e-3, 0.3]);
-    check(90, (cases(), moves, select(subjects)), |(mut scenario, moves, subject)| {
-        let config = subject.config().skin(skin_of(&scenario.spheres, 0.3));
+    check(90, (cases(), moves, select(variants)), |(mut scenario, moves, variant)| {
+        let config = variant.settings().skin(skin_of(&scenario.spheres, 0.3));
         let config = scenario.config(config).map_err(|error| error.to_string())?;
-        in_pool(subject.threads, || {
+        in_pool(variant.threads(), || {
             let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
             for step in 0..4 {
                 let found = detector.pairs(scenario.query()).map_err(|error| error.to_string())?.to_vec();
-                same(subject, &scenario, &found, &scenario.oracle())?;
+                same(variant, &scenario, &found, &scenario.oracle())?;
                 walk(&mut scenario.spheres, moves, step);
                 if let Some(groups) = &mut scenario.groups {
                     let one = groups.len().min(1);
@@ -167,9 +174,9 @@ fn exclusions_of_wrong_size_are_refused() {
     let across = Exclusions::across(4, 4, [(0, 1)]).expect("of both");
     let among = Query::new(view);
     let both = Query::new((view, view));
-    for subject in Subject::each_algorithm() {
-        let mut detector = Detector::new(subject.config()).expect("a detector");
-        assert_eq!(detector.count(among.without(&of_four)), Ok(5), "{subject}");
+    for variant in variants::each_algorithm() {
+        let mut detector = Detector::new(variant.settings()).expect("a detector");
+        assert_eq!(detector.count(among.without(&of_four)), Ok(5), "{variant}");
         let error = detector.count(among.without(&of_three)).expect_err("made for three");
         assert!(matches!(error, Error::Input(InputError::ExclusionsOfOthers { .. })), "{error}");
         let error = detector.count(among.without(&across)).expect_err("made for two sets");
@@ -177,8 +184,8 @@ fn exclusions_of_wrong_size_are_refused() {
             error.to_string().contains("sets of 4 and 4 spheres where the call has 4 spheres"),
             "{error}"
         );
-        assert_eq!(detector.count(both.without(&across)), Ok(15), "{subject}");
-        assert!(detector.count(both.without(&of_four)).is_err(), "{subject}");
+        assert_eq!(detector.count(both.without(&across)), Ok(15), "{variant}");
+        assert!(detector.count(both.without(&of_four)).is_err(), "{variant}");
     }
 }
 
@@ -193,7 +200,7 @@ fn sessions_refuse_groups_and_triclinic_cells() {
     let error = session.begin(grouped).expect_err("groups");
     assert!(error.to_string().contains("Detector"), "{error}");
     let space = Space::sheared([Some([1.0, 1.0, 0.0]), None, None]).expect("an edge");
-    let error = GpuSession::new(own(), GpuConfig::default().space(space)).expect_err("sheared");
+    let error = GpuSession::new(own(), GpuConfig::default().space(space)).expect_err("triclinic");
     assert!(error.to_string().contains("Detector"), "{error}");
     assert!(Detector::new(Config::default().backend(Backend::Cpu).space(space)).is_ok());
 }

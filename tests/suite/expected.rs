@@ -2,7 +2,7 @@
 
 use lazygrid::{Backend, Config, Detector, Sphere};
 use lazygrid_io::scenes::{Scene, periodic_box_pairs};
-use lazygrid_tests::Subject;
+use lazygrid_tests::{SuiteVariant, variants};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -10,10 +10,10 @@ const SEEDS: u64 = 5;
 
 #[test]
 fn scenes_have_their_expected_pairs() {
-    let subjects = Subject::each_algorithm();
+    let variants = variants::each_algorithm();
     for scene in Scene::ALL {
-        for subject in &subjects {
-            let n = match (scene, subject.backend) {
+        for variant in &variants {
+            let n = match (scene, variant.backend()) {
                 (_, Backend::Gpu) => 2000,
                 (Scene::Point, _) => 3000,
                 _ => 10_000,
@@ -21,14 +21,14 @@ fn scenes_have_their_expected_pairs() {
             // At one point, each seed gives the same result: all pairs.
             let seeds = if scene == Scene::Point { 1 } else { SEEDS };
             let expected = scene.expected_pairs(n);
-            let mut detector = Detector::new(subject.config()).expect("a detector");
+            let mut detector = Detector::new(variant.settings()).expect("a detector");
             let total: u64 =
                 (0..seeds).map(|seed| detector.count(&scene.spheres(n, 100 + seed)).expect("a count")).sum();
             let (mean, error) = (total as f64 / seeds as f64, (expected.variance / seeds as f64).sqrt());
             let off = (mean - expected.mean).abs();
             assert!(
                 off <= 4.0 * error,
-                "{subject}, {scene}: mean {mean}, {expected:?}, standard error {error}"
+                "{variant}, {scene}: mean {mean}, {expected:?}, standard error {error}"
             );
         }
     }

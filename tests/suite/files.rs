@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lazygrid::Config;
 use lazygrid_io::read::{Format, Frames, Options};
-use lazygrid_tests::{Subject, TestInput, checksum};
+use lazygrid_tests::{SuiteVariant, TestInput, checksum, variants};
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
@@ -24,8 +24,8 @@ fn check(scenario: &TestInput, spheres: usize, pairs: usize, sum: u64) {
     assert_eq!(scenario.spheres.len(), spheres);
     let expected = scenario.oracle();
     assert_eq!((expected.len(), checksum(&expected)), (pairs, sum));
-    for subject in Subject::all() {
-        let verdict = subject.judge(scenario, &expected, &Config::default());
+    for variant in variants::all() {
+        let verdict = variant.verify(scenario, &expected, &Config::default());
         verdict.unwrap_or_else(|text| panic!("{text}"));
     }
 }

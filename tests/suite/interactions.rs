@@ -1,55 +1,51 @@
 //! Species masks and interaction distances.
 
 use lazygrid::{Config, Detector, Interaction, Interactions};
-use lazygrid_tests::{SpeciesSetup, Subject, TestInput, adversary, difference};
+use lazygrid_tests::{SpeciesSetup, SuiteVariant, TestInput, difference, hard, variants};
 
 use crate::properties::{check, one_of_each, settings};
 use proptest::prelude::*;
 
 fn agree(scenario: &TestInput, settings: &Config) -> Result<(), String> {
     let expected = scenario.oracle();
-    let mut subjects = Subject::in_turn(scenario).into_iter();
-    subjects.try_for_each(|subject| subject.judge(scenario, &expected, settings))
+    let mut variants = variants::in_turn(scenario).into_iter();
+    variants.try_for_each(|variant| variant.verify(scenario, &expected, settings))
 }
 
 #[test]
 fn random_tables_on_random_spheres() {
-    check(80, (adversary::mixture(adversary::any_spheres()), settings()), |(scenario, settings)| {
+    check(80, (hard::mixture(hard::any_spheres()), settings()), |(scenario, settings)| {
         agree(&scenario, &settings)
     });
 }
 
 #[test]
 fn random_tables_in_crowded_boxes() {
-    check(96, (adversary::mixture(adversary::soup()), settings()), |(scenario, settings)| {
-        agree(&scenario, &settings)
-    });
+    check(96, (hard::mixture(hard::soup()), settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
 /// Tiny spheres that interact with one other species at a large distance: the effective radius comes from the table,
 /// not from radii.
 #[test]
 fn small_radii_with_large_distances() {
-    let strategy =
-        (adversary::lattice(), 0.0_f32..4.0, 1_usize..40).prop_map(|(spheres, spacings, period)| {
-            let n = spheres.len();
-            let spacing = spheres.iter().map(|s| s.radius).fold(0.0, f32::max);
-            let spheres =
-                spheres.into_iter().map(|s| lazygrid::Sphere::new(s.center, s.radius * 1e-6)).collect();
-            let rows = vec![
-                vec![Interaction::Never],
-                vec![Interaction::Within((spacings * spacing).into()), Interaction::Touch],
-            ];
-            let species = (0..n).map(|k| u32::from(k % period == 0)).collect();
-            TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
-        });
+    let strategy = (hard::lattice(), 0.0_f32..4.0, 1_usize..40).prop_map(|(spheres, spacings, period)| {
+        let n = spheres.len();
+        let spacing = spheres.iter().map(|s| s.radius).fold(0.0, f32::max);
+        let spheres = spheres.into_iter().map(|s| lazygrid::Sphere::new(s.center, s.radius * 1e-6)).collect();
+        let rows = vec![
+            vec![Interaction::Never],
+            vec![Interaction::Within((spacings * spacing).into()), Interaction::Touch],
+        ];
+        let species = (0..n).map(|k| u32::from(k % period == 0)).collect();
+        TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
+    });
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
 /// Species that never pair have no pairs, and huge radii among them lose no pair of other species.
 #[test]
 fn species_that_never_pair() {
-    let strategy = (adversary::any_spheres(), 2_usize..5).prop_map(|(spheres, period)| {
+    let strategy = (hard::any_spheres(), 2_usize..5).prop_map(|(spheres, period)| {
         let rows = vec![vec![Interaction::Touch], vec![Interaction::Never; 2]];
         let species = (0..spheres.len()).map(|k| u32::from(k % period == 0)).collect();
         TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
@@ -60,16 +56,16 @@ fn species_that_never_pair() {
 /// Species ids without a table have no effect.
 #[test]
 fn ids_without_a_table_have_no_effect() {
-    check(32, adversary::any_spheres(), |spheres| {
+    check(32, hard::any_spheres(), |spheres| {
         let scenario = TestInput::from(spheres);
         let ids = vec![7; scenario.spheres.len()];
         let view = scenario.view().with_species(&ids).map_err(|e| e.to_string())?;
         let expected = scenario.oracle();
-        one_of_each(&scenario).try_for_each(|subject| {
-            let mut detector = Detector::new(subject.config()).map_err(|e| e.to_string())?;
-            let found = subject.run(|| detector.pairs(view).map(<[_]>::to_vec)).map_err(|e| e.to_string())?;
-            difference(&scenario, &found, &expected, subject.tolerance())
-                .map_err(|text| format!("{subject}: the ids changed the pairs: {text}"))
+        one_of_each(&scenario).try_for_each(|variant| {
+            let mut detector = Detector::new(variant.settings()).map_err(|e| e.to_string())?;
+            let found = variant.run(|| detector.pairs(view).map(<[_]>::to_vec)).map_err(|e| e.to_string())?;
+            difference(&scenario, &found, &expected, variant.tolerance())
+                .map_err(|text| format!("{variant}: the ids changed the pairs: {text}"))
         })
     });
 }

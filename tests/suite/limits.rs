@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Sphere};
-use lazygrid_tests::Subject;
+use lazygrid_tests::{SuiteVariant, variants};
 
 fn coincident(n: usize) -> Vec<Sphere> {
     vec![Sphere::new([1.0, -2.0, 3.0], 0.5); n]
@@ -34,16 +34,16 @@ fn a_stream_of_half_a_million_coincident_spheres_can_be_stopped() {
 #[test]
 fn list_of_too_many_pairs_is_refused_with_its_count() {
     let limit = 1 << 20;
-    for subject in Subject::each_algorithm() {
-        let (n, found) = match subject.backend {
+    for variant in variants::each_algorithm() {
+        let (n, found) = match variant.backend() {
             Backend::Gpu => (2000, 1_999_000),
             _ => (8000, 31_996_000),
         };
         let spheres = coincident(n);
-        let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
-        assert_eq!(detector.count(&spheres), Ok(found), "{subject}");
-        let Err(error) = detector.pairs(&spheres) else { panic!("{subject}: a list of {found} pairs") };
-        assert_eq!(error, Error::TooManyPairs { found, limit }, "{subject}");
+        let mut detector = Detector::new(variant.settings().max_pairs(limit)).expect("a detector");
+        assert_eq!(detector.count(&spheres), Ok(found), "{variant}");
+        let Err(error) = detector.pairs(&spheres) else { panic!("{variant}: a list of {found} pairs") };
+        assert_eq!(error, Error::TooManyPairs { found, limit }, "{variant}");
         let text = error.to_string();
         for part in [&found.to_string(), "1048576", "max_pairs", "stream"] {
             assert!(text.contains(part), "'{part}' is not in: {text}");
@@ -55,12 +55,12 @@ fn list_of_too_many_pairs_is_refused_with_its_count() {
 #[test]
 fn coincident_points_are_counted_exactly() {
     let spheres = vec![Sphere::new([1e30, 0.0, -1e-30], 0.0); 10_000];
-    for subject in Subject::each_algorithm() {
-        let (n, found) = match subject.backend {
+    for variant in variants::each_algorithm() {
+        let (n, found) = match variant.backend() {
             Backend::Gpu => (2000, 1_999_000),
             _ => (10_000, 49_995_000),
         };
-        let mut detector = Detector::new(subject.config()).expect("a detector");
-        assert_eq!(detector.count(&spheres[..n]), Ok(found), "{subject}");
+        let mut detector = Detector::new(variant.settings()).expect("a detector");
+        assert_eq!(detector.count(&spheres[..n]), Ok(found), "{variant}");
     }
 }

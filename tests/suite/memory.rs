@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use glam::Vec3;
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Subject, in_pool};
+use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
 /// The system allocator with counters.
 struct Counting;
@@ -82,8 +82,8 @@ impl Measurement {
 }
 
 /// Variants whose memory this allocator sees completely: the GPU driver allocates its own.
-fn on_cpu(subjects: Vec<Subject>) -> impl Iterator<Item = Subject> {
-    subjects.into_iter().filter(|subject| subject.backend == Backend::Cpu)
+fn on_cpu(variants: Vec<DetectorVariant>) -> impl Iterator<Item = DetectorVariant> {
+    variants.into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
 /// Bytes that a detector may hold in addition to its estimate, for any number of spheres: reports, plans, padding.
@@ -95,30 +95,30 @@ fn second_call_allocates_nothing_proportional_to_the_input() {
     let mut measurement = Measurement::alone();
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let spheres = scene.spheres(N, 31);
-        for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
+        for variant in variants::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
             // Host allocations for the GPU depend only on the number of spheres, and software adapters are slow.
-            let spheres = match (subject.backend, scene) {
+            let spheres = match (variant.backend(), scene) {
                 (Backend::Gpu, Scene::Equal) => &spheres[..N / 4],
                 (Backend::Gpu, _) => continue,
                 _ => &spheres[..],
             };
-            let mut detector = Detector::new(subject.config()).expect("a detector");
+            let mut detector = Detector::new(variant.settings()).expect("a detector");
             let mut ask = || {
                 detector.neighbors(spheres).expect("neighbors");
                 detector.count(spheres).expect("a count");
                 detector.pairs(spheres).expect("pairs").len()
             };
-            subject.run(&mut ask);
+            variant.run(&mut ask);
             // Calls on the GPU alternate between two input buffers.
-            subject.run(&mut ask);
+            variant.run(&mut ask);
             measurement.start();
-            let pairs = subject.run(&mut ask);
+            let pairs = variant.run(&mut ask);
             let (total, largest) = measurement.total_and_largest();
             let n = spheres.len();
-            assert!(largest < n, "{subject}, {scene}: one allocation of {largest} bytes");
+            assert!(largest < n, "{variant}, {scene}: one allocation of {largest} bytes");
             // Each chunk of work has its own counters.
             let most = 16 * n + 2 * pairs;
-            assert!(total < most, "{subject}, {scene}: {total} bytes in all where {most} are plenty");
+            assert!(total < most, "{variant}, {scene}: {total} bytes in all where {most} are plenty");
         }
     }
 }
@@ -131,16 +131,16 @@ fn memory_for_is_an_upper_bound() {
             // All spheres of these scenes touch each other.
             let n = if ["point", "crowd", "far and fine"].contains(&scene.as_str()) { n / 10 } else { n };
             let spheres = &spheres[..n];
-            for subject in on_cpu(Subject::each_algorithm()) {
-                if subject.algorithm == Algorithm::Naive && n > 10_000 {
+            for variant in on_cpu(variants::each_algorithm()) {
+                if variant.algorithm == Algorithm::Naive && n > 10_000 {
                     continue;
                 }
                 measurement.start();
-                let mut detector = Detector::new(subject.config()).expect("a detector");
-                subject.run(|| detector.count(spheres)).expect("a count");
+                let mut detector = Detector::new(variant.settings()).expect("a detector");
+                variant.run(|| detector.count(spheres)).expect("a count");
                 let peak = measurement.peak();
-                let bound = subject.run(|| detector.memory_for(n as u64)) as usize + FIXED;
-                assert!(peak <= bound, "{subject}, {scene}, {n}: {peak} bytes where {bound} are announced");
+                let bound = variant.run(|| detector.memory_for(n as u64)) as usize + FIXED;
+                assert!(peak <= bound, "{variant}, {scene}, {n}: {peak} bytes where {bound} are announced");
             }
         }
     }
@@ -169,24 +169,24 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
 #[test]
 fn memory_for_exceeds_the_peak_by_at_most_half() {
     let mut measurement = Measurement::alone();
-    for subject in on_cpu(Subject::each_algorithm()) {
-        let n = if subject.algorithm == Algorithm::Naive { 5000 } else { 20_000 };
+    for variant in on_cpu(variants::each_algorithm()) {
+        let n = if variant.algorithm == Algorithm::Naive { 5000 } else { 20_000 };
         let (mut most, mut equal, mut bound) = (0, 0, 0);
         for (scene, spheres) in scenes(n, 34) {
             measurement.start();
             // Candidate lists have their own test.
-            let mut detector = Detector::new(subject.config().skin(Skin::Off)).expect("a detector");
+            let mut detector = Detector::new(variant.settings().skin(Skin::Off)).expect("a detector");
             for _ in 0..3 {
-                subject.run(|| detector.count(&spheres)).expect("a count");
+                variant.run(|| detector.count(&spheres)).expect("a count");
             }
             let peak = measurement.peak();
-            bound = subject.run(|| detector.memory_for(n as u64)) as usize;
+            bound = variant.run(|| detector.memory_for(n as u64)) as usize;
             most = most.max(peak);
             equal = if scene == "equal" { peak } else { equal };
         }
-        assert!(bound * 2 <= most * 3, "{subject}: {bound} bytes announced where {most} are taken");
-        let is_of_one_level = subject.algorithm != Algorithm::RecursiveGrid;
-        assert!(!is_of_one_level || bound <= equal * 2, "{subject}: {bound} bytes announced, {equal} taken");
+        assert!(bound * 2 <= most * 3, "{variant}: {bound} bytes announced where {most} are taken");
+        let is_of_one_level = variant.algorithm != Algorithm::RecursiveGrid;
+        assert!(!is_of_one_level || bound <= equal * 2, "{variant}: {bound} bytes announced, {equal} taken");
     }
 }
 
@@ -194,10 +194,10 @@ fn memory_for_exceeds_the_peak_by_at_most_half() {
 fn memory_for_is_an_upper_bound_for_a_growing_input() {
     let mut measurement = Measurement::alone();
     let spheres = Scene::FiveSizes.spheres(60_000, 33);
-    for subject in on_cpu(Subject::each_algorithm()).filter(|s| s.algorithm != Algorithm::Naive) {
+    for variant in on_cpu(variants::each_algorithm()).filter(|s| s.algorithm != Algorithm::Naive) {
         measurement.start();
-        let mut detector = Detector::new(subject.config()).expect("a detector");
-        let held = subject.run(|| {
+        let mut detector = Detector::new(variant.settings()).expect("a detector");
+        let held = variant.run(|| {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
@@ -205,7 +205,7 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
             measurement.held()
         });
         let bound = detector.memory_for(60_000) as usize + FIXED;
-        assert!(held <= bound, "{subject}: {held} bytes held where {bound} are announced");
+        assert!(held <= bound, "{variant}: {held} bytes held where {bound} are announced");
     }
 }
 
@@ -215,29 +215,29 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
 fn memory_for_includes_candidates() {
     const N: usize = 20_000;
     let mut measurement = Measurement::alone();
-    let cell_list = |s: &Subject| s.algorithm == Algorithm::CellList;
-    for subject in on_cpu(Subject::each_algorithm()).filter(cell_list) {
+    let cell_list = |s: &DetectorVariant| s.algorithm == Algorithm::CellList;
+    for variant in on_cpu(variants::each_algorithm()).filter(cell_list) {
         let mut most = 0;
         for (skin, edge) in [(0.5, 24.0), (0.5, 20.0), (0.5, 12.0), (0.003, 1e-3)] {
             let spheres = cube(N, edge);
             measurement.start();
-            let config = subject.config().skin(Skin::Fixed(skin));
+            let config = variant.settings().skin(Skin::Fixed(skin));
             let mut detector = Detector::new(config).expect("a detector");
             for _ in 0..3 {
-                subject.run(|| detector.count(&spheres)).expect("a count");
+                variant.run(|| detector.count(&spheres)).expect("a count");
             }
             let peak = measurement.peak();
-            let bound = subject.run(|| detector.memory_for(N as u64)) as usize + FIXED;
-            assert!(peak <= bound, "{subject}, {edge}: {peak} bytes where {bound} are announced");
+            let bound = variant.run(|| detector.memory_for(N as u64)) as usize + FIXED;
+            assert!(peak <= bound, "{variant}, {edge}: {peak} bytes where {bound} are announced");
             most = most.max(if detector.report().candidates.is_some() { peak } else { 0 });
         }
-        let bound = subject.run(|| detector_bound(subject, N));
-        assert!(bound <= 2 * most, "{subject}: {bound} bytes announced where {most} are taken");
+        let bound = variant.run(|| detector_bound(variant, N));
+        assert!(bound <= 2 * most, "{variant}: {bound} bytes announced where {most} are taken");
     }
 }
 
-fn detector_bound(subject: Subject, spheres: usize) -> usize {
-    let config = subject.config().skin(Skin::Fixed(0.5));
+fn detector_bound(variant: DetectorVariant, spheres: usize) -> usize {
+    let config = variant.settings().skin(Skin::Fixed(0.5));
     Detector::new(config).expect("a detector").memory_for(spheres as u64) as usize
 }
 
@@ -253,19 +253,19 @@ fn cube(n: usize, edge: f32) -> Vec<Sphere> {
 fn a_stream_needs_no_memory_for_its_pairs() {
     let mut measurement = Measurement::alone();
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 20_000];
-    for subject in on_cpu(Subject::all()) {
+    for variant in on_cpu(variants::all()) {
         measurement.start();
-        let mut detector = Detector::new(subject.config().order(Order::Unordered)).expect("a detector");
+        let mut detector = Detector::new(variant.settings().order(Order::Unordered)).expect("a detector");
         let mut chunks = 0;
-        let handed = subject.run(|| {
+        let handed = variant.run(|| {
             detector.stream(&spheres, 4096, |_| {
                 chunks += 1;
                 if chunks == 800 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             })
         });
-        assert!(handed.expect("a stream") >= 799 * 4096 / 2, "{subject}");
+        assert!(handed.expect("a stream") >= 799 * 4096 / 2, "{variant}");
         let (peak, bound) = (measurement.peak(), detector.memory_for(20_000) as usize + (16 << 20));
-        assert!(peak < bound, "{subject}: {peak} bytes, where {bound} are plenty");
+        assert!(peak < bound, "{variant}: {peak} bytes, where {bound} are plenty");
     }
 }
 
@@ -274,13 +274,13 @@ fn a_refused_list_stays_within_its_limit() {
     let mut measurement = Measurement::alone();
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 8000];
     let limit = 1 << 20;
-    for subject in on_cpu(Subject::all()) {
+    for variant in on_cpu(variants::all()) {
         measurement.start();
-        let mut detector = Detector::new(Config::max_pairs(subject.config(), limit)).expect("a detector");
-        assert!(subject.run(|| detector.pairs(&spheres).is_err()), "{subject}");
+        let mut detector = Detector::new(Config::max_pairs(variant.settings(), limit)).expect("a detector");
+        assert!(variant.run(|| detector.pairs(&spheres).is_err()), "{variant}");
         let bound = detector.memory_for(8000) as usize + 8 * limit as usize + (16 << 20);
         let peak = measurement.peak();
-        assert!(peak < bound, "{subject}: {peak} bytes, where {bound} are plenty");
+        assert!(peak < bound, "{variant}: {peak} bytes, where {bound} are plenty");
     }
 }
 
@@ -291,22 +291,22 @@ fn a_canonical_stream_stays_within_its_limit() {
     let mut measurement = Measurement::alone();
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 2000];
     let (found, limit) = (2000 * 1999 / 2, 1 << 15);
-    for subject in on_cpu(Subject::all()) {
+    for variant in on_cpu(variants::all()) {
         measurement.start();
-        let mut detector = Detector::new(Config::max_pairs(subject.config(), limit)).expect("a detector");
+        let mut detector = Detector::new(Config::max_pairs(variant.settings(), limit)).expect("a detector");
         let (mut last, mut in_order) = (None, true);
-        let handed = subject.run(|| {
+        let handed = variant.run(|| {
             detector.stream(&spheres, 4096, |pairs| {
                 in_order &= last < pairs.first().copied() && pairs.is_sorted();
                 last = pairs.last().copied();
                 ControlFlow::Continue(())
             })
         });
-        assert_eq!(handed, Ok(found), "{subject}");
-        assert!(in_order, "{subject}: not in canonical order");
+        assert_eq!(handed, Ok(found), "{variant}");
+        assert!(in_order, "{variant}: not in canonical order");
         // The found chunks, the pairs before and after sorting, and some chunks for each thread.
         let bound = detector.memory_for(2000) as usize + 40 * limit as usize + (2 << 20);
         let peak = measurement.peak();
-        assert!(peak < bound, "{subject}: {peak} bytes, where {bound} are plenty");
+        assert!(peak < bound, "{variant}: {peak} bytes, where {bound} are plenty");
     }
 }

@@ -4,7 +4,7 @@ use lazygrid::{
     Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, ListOptions, Order, Pair,
     Query, Radii, Space, Spheres,
 };
-use lazygrid_tests::Subject;
+use lazygrid_tests::{SuiteVariant, variants};
 
 /// One entry of a neighbor list.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -140,22 +140,22 @@ fn all_images_within_the_cutoff_are_found() {
                 let full = ListOptions::full();
                 let [full, half] =
                     [full, ListOptions::half()].map(|options| if is_open { options.open() } else { options });
-                for subject in Subject::each_algorithm() {
-                    let config = subject.config().space(space).order(Order::Unordered);
+                for variant in variants::each_algorithm() {
+                    let config = variant.settings().space(space).order(Order::Unordered);
                     let mut detector = Detector::new(config).expect("a detector");
                     let mut ask =
                         |options| entries(&mut detector, Query::new(&spheres), options).expect("a list");
                     let without = || all.iter().filter(|entry| !is_itself(entry)).copied();
-                    assert_eq!(ask(full), without().collect::<Vec<_>>(), "{subject}, {space:?}, {radius}");
+                    assert_eq!(ask(full), without().collect::<Vec<_>>(), "{variant}, {space:?}, {radius}");
                     assert_eq!(
                         ask(half),
                         without().filter(is_half).collect::<Vec<_>>(),
-                        "{subject}, {space:?}"
+                        "{variant}, {space:?}"
                     );
                     // A sphere of radius 0 touches itself in the oracle, but has no self entry, as its cutoff is 0.
                     let own = |entry: &&Entry| !is_itself(entry) || spheres[entry.pair.i as usize][3] > 0.0;
                     let with_self: Vec<Entry> = all.iter().filter(own).copied().collect();
-                    assert_eq!(ask(full.with_self()), with_self, "{subject}, {space:?}, {radius}");
+                    assert_eq!(ask(full.with_self()), with_self, "{variant}, {space:?}, {radius}");
                 }
             }
         }
@@ -169,11 +169,11 @@ fn two_sets_and_their_images() {
         for radius in RADII {
             let [a, b] = [7, 9].map(|count| scene(count, &space, radius, &mut state));
             let expected = oracle((&a, &b), &space, false, |i, j| Some(a[i][3] + b[j][3]));
-            for subject in Subject::each_algorithm() {
-                let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+            for variant in variants::each_algorithm() {
+                let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
                 for options in [ListOptions::full(), ListOptions::half().with_self()] {
                     let found = entries(&mut detector, Query::new((&a, &b)), options).expect("a list");
-                    assert_eq!(found, expected, "{subject}, {space:?}, {radius}");
+                    assert_eq!(found, expected, "{variant}, {space:?}, {radius}");
                 }
                 let none: [[f64; 4]; 0] = [];
                 assert_eq!(
@@ -207,11 +207,11 @@ fn species_groups_and_exclusions_hold_for_all_images() {
         let expected: Vec<Entry> = all.into_iter().filter(|entry| !is_itself(entry)).collect();
         let set = Spheres::from(&spheres).with_species(&species).and_then(|set| set.with_groups(&groups));
         let query = Query::new(set.expect("a set")).without(&excluded);
-        for subject in Subject::each_algorithm() {
-            let config = subject.config().space(space).interactions(table.clone());
+        for variant in variants::each_algorithm() {
+            let config = variant.settings().space(space).interactions(table.clone());
             let mut detector = Detector::new(config).expect("a detector");
             let found = entries(&mut detector, query, ListOptions::full()).expect("a list");
-            assert_eq!(found, expected, "{subject}, {space:?}");
+            assert_eq!(found, expected, "{variant}, {space:?}");
         }
     }
 }

@@ -6,16 +6,16 @@ use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres,
 };
 use lazygrid_io::scenes::periodic_box_pairs;
-use lazygrid_tests::periodic::{self, judge, oracle, oracle_of_images, oracle_of_integers};
-use lazygrid_tests::{Subject, TestInput, Tolerance, difference};
+use lazygrid_tests::periodic::{self, oracle, oracle_of_images, oracle_of_integers, verify_all};
+use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, Tolerance, difference, variants};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::properties::{check, settings};
 
 /// The CPU variants with all numbers of threads.
-fn on_cpu() -> impl Iterator<Item = Subject> {
-    Subject::all().into_iter().filter(|subject| subject.backend == Backend::Cpu)
+fn on_cpu() -> impl Iterator<Item = DetectorVariant> {
+    variants::all().into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
 /// Spheres of these radii in turn, uniform in the cube from the origin to `edge`.
@@ -35,49 +35,49 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
 #[test]
 fn lattices_in_contact_across_the_periodic_boundary() {
     check(80, (periodic::lattice(), settings()), |(spheres, settings)| {
-        judge(&spheres, &oracle(&spheres), &settings)
+        verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
 fn soups_in_any_box() {
     check(96, (periodic::soup(), settings()), |(spheres, settings)| {
-        judge(&spheres, &oracle(&spheres), &settings)
+        verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
 fn crowds_at_the_corner() {
     check(64, (periodic::corner(), settings()), |(spheres, settings)| {
-        judge(&spheres, &oracle(&spheres), &settings)
+        verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
 fn coordinates_far_outside() {
     check(64, (periodic::unwrapped(), settings()), |(spheres, settings)| {
-        judge(&spheres, &oracle_of_integers(&spheres), &settings)
+        verify_all(&spheres, &oracle_of_integers(&spheres), &settings)
     });
 }
 
 #[test]
 fn subnormal_lengths_and_overflowing_squares() {
     check(96, (periodic::extremes(), settings()), |(spheres, settings)| {
-        judge(&spheres, &oracle(&spheres), &settings)
+        verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
 fn giants_in_small_boxes() {
     check(64, (periodic::giant(), settings()), |(spheres, settings)| {
-        judge(&spheres, &oracle(&spheres), &settings)
+        verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
 fn species_in_periodic_boxes() {
     check(64, (periodic::mixture(), settings()), |(spheres, settings)| {
-        judge(&spheres, &oracle(&spheres), &settings)
+        verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
@@ -91,7 +91,7 @@ fn the_oracle_agrees_with_all_images() {
             let periodic = in_box(spheres, lengths);
             let expected = oracle_of_images(&periodic);
             assert_eq!(oracle(&periodic), expected, "{lengths:?}");
-            judge(&periodic, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
+            verify_all(&periodic, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
         }
     }
 }
@@ -103,10 +103,10 @@ fn full_periodic_lattice_has_three_contacts_per_site() {
         let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing);
         let spheres: Vec<_> = (0..k * k * k).map(|at| Sphere::new(place(at), 0.5 * spacing)).collect();
         let space = Space::periodic([Some(f64::from(k as f32 * spacing)); 3]).expect("a box");
-        for subject in on_cpu() {
-            let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
-            let found = subject.run(|| detector.count(&spheres));
-            assert_eq!(found, Ok(3 * (k * k * k) as u64), "{subject}, {k}³");
+        for variant in on_cpu() {
+            let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
+            let found = variant.run(|| detector.count(&spheres));
+            assert_eq!(found, Ok(3 * (k * k * k) as u64), "{variant}, {k}³");
         }
     }
 }
@@ -126,15 +126,15 @@ fn large_boxes_give_identical_pairs() {
         let periodic = in_box(uniform(n, radii, edge, 7), lengths);
         let expected = oracle(&periodic);
         assert!(expected.len() > n / 2, "{case}: {}", expected.len());
-        judge(&periodic, &expected, &Config::default().tau(64))
+        verify_all(&periodic, &expected, &Config::default().tau(64))
             .unwrap_or_else(|text| panic!("{case}: {text}"));
-        let mut lists: Vec<(Subject, Vec<Pair>)> = Vec::new();
-        for subject in on_cpu() {
+        let mut lists: Vec<(DetectorVariant, Vec<Pair>)> = Vec::new();
+        for variant in on_cpu() {
             let order = Config::default().order(Order::Unordered);
-            let found = subject.pairs(&periodic, order).expect("pairs");
-            match lists.iter().find(|(other, _)| other.algorithm == subject.algorithm) {
-                Some((other, first)) => assert!(found == *first, "{case}: {subject} and {other} differ"),
-                None => lists.push((subject, found)),
+            let found = variant.find(&periodic, order).expect("pairs");
+            match lists.iter().find(|(other, _)| other.algorithm == variant.algorithm) {
+                Some((other, first)) => assert!(found == *first, "{case}: {variant} and {other} differ"),
+                None => lists.push((variant, found)),
             }
         }
     }
@@ -148,13 +148,13 @@ fn uniform_boxes_by_the_formula() {
     let sizes = radii.map(|radius| (3000_u64, f64::from(radius)));
     let expected = periodic_box_pairs(&sizes, f64::from(edge).powi(3));
     let space = Space::periodic([Some(f64::from(edge)); 3]).expect("a box");
-    for subject in on_cpu().filter(|subject| subject.threads == 2) {
-        let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+    for variant in on_cpu().filter(|variant| variant.threads() == 2) {
+        let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
         let count = |seed| detector.count(&uniform(9000, &radii, edge, seed)).expect("a count");
         let mean = (0..SEEDS).map(count).sum::<u64>() as f64 / SEEDS as f64;
         let error = (expected.variance / SEEDS as f64).sqrt();
         let off = (mean - expected.mean).abs();
-        assert!(off <= 4.0 * error, "{subject}: mean {mean}, {expected:?}, standard error {error}");
+        assert!(off <= 4.0 * error, "{variant}: mean {mean}, {expected:?}, standard error {error}");
     }
 }
 
@@ -168,25 +168,25 @@ fn all_kinds_of_results_agree() {
     let (x, y) = (column(|s| s.center.x), column(|s| s.center.y));
     let (z, r) = (column(|s| s.center.z), column(|s| s.radius));
     let columns = Spheres::columns(&x, &y, &z, &r).expect("columns of one length");
-    for subject in on_cpu() {
+    for variant in on_cpu() {
         let mut detector =
-            Detector::new(subject.config().space(periodic.space).max_pairs(700)).expect("a detector");
-        assert_eq!(detector.count(spheres), Ok(expected.len() as u64), "{subject}");
+            Detector::new(variant.settings().space(periodic.space).max_pairs(700)).expect("a detector");
+        assert_eq!(detector.count(spheres), Ok(expected.len() as u64), "{variant}");
         let mut streamed = Vec::new();
         let handed = detector.stream(columns, 100, |pairs| {
             streamed.extend_from_slice(pairs);
             ControlFlow::Continue(())
         });
-        assert_eq!(handed, Ok(expected.len() as u64), "{subject}");
-        assert!(streamed == expected, "{subject}: the stream differs");
-        let mut detector = Detector::new(subject.config().space(periodic.space)).expect("a detector");
+        assert_eq!(handed, Ok(expected.len() as u64), "{variant}");
+        assert!(streamed == expected, "{variant}: the stream differs");
+        let mut detector = Detector::new(variant.settings().space(periodic.space)).expect("a detector");
         let lists = detector.neighbors(columns).expect("neighbours");
         let of_lists = (0..spheres.len()).flat_map(|i| {
             let later = lists.of(i).iter().filter(move |&&j| j as usize > i);
             later.map(move |&j| Pair { i: i as u32, j })
         });
-        assert!(of_lists.collect::<Vec<_>>() == expected, "{subject}: the neighbours differ");
-        assert!(detector.memory_for(3000) >= 16 * 3000, "{subject}");
+        assert!(of_lists.collect::<Vec<_>>() == expected, "{variant}: the neighbours differ");
+        assert!(detector.memory_for(3000) >= 16 * 3000, "{variant}");
     }
 }
 
@@ -211,15 +211,15 @@ fn bad_spheres_are_named_by_input_coordinates() {
     spheres[40].center.y = f32::INFINITY;
     spheres[70].radius = -1.0;
     let space = Space::periodic([Some(1.0); 3]).expect("a box");
-    for subject in Subject::all() {
-        let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+    for variant in variants::all() {
+        let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
         let Err(Error::Input(InputError::Sphere { index, center, count, total, .. })) =
             detector.pairs(&spheres)
         else {
-            panic!("{subject}: bad spheres were accepted")
+            panic!("{variant}: bad spheres were accepted")
         };
-        assert_eq!((index, center[1], count, total), (40, f64::INFINITY, 2, 100), "{subject}");
-        assert!(detector.pairs(&spheres[..40]).is_ok(), "{subject}");
+        assert_eq!((index, center[1], count, total), (40, f64::INFINITY, 2, 100), "{variant}");
+        assert!(detector.pairs(&spheres[..40]).is_ok(), "{variant}");
     }
 }
 
@@ -235,22 +235,22 @@ fn all_kinds_of_results_on_the_gpu_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
     let (expected, spheres) = (oracle(&periodic), &periodic.spheres);
-    for subject in Subject::all().into_iter().filter(|subject| subject.backend == Backend::Gpu) {
-        let mut detector = Detector::new(subject.config().space(periodic.space)).expect("a detector");
+    for variant in variants::all().into_iter().filter(|variant| variant.backend() == Backend::Gpu) {
+        let mut detector = Detector::new(variant.settings().space(periodic.space)).expect("a detector");
         let list = detector.pairs(spheres).expect("pairs").to_vec();
-        assert_eq!(difference(&periodic, &list, &expected, Tolerance::Tangent), Ok(()), "{subject}");
-        assert_eq!(detector.count(spheres), Ok(list.len() as u64), "{subject}");
+        assert_eq!(difference(&periodic, &list, &expected, Tolerance::Tangent), Ok(()), "{variant}");
+        assert_eq!(detector.count(spheres), Ok(list.len() as u64), "{variant}");
         let mut streamed = Vec::new();
         let handed = detector.stream(spheres, 100, |pairs| {
             streamed.extend_from_slice(pairs);
             ControlFlow::Continue(())
         });
-        assert!(handed == Ok(list.len() as u64) && streamed == list, "{subject}: the stream differs");
+        assert!(handed == Ok(list.len() as u64) && streamed == list, "{variant}: the stream differs");
         let lists = detector.neighbors(spheres).expect("neighbours");
         assert_eq!((0..spheres.len()).map(|i| lists.of(i).len()).sum::<usize>(), 2 * list.len());
         // A cell list has periodic cells; other algorithms make a wrapped copy of the spheres.
-        let copy = if subject.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
-        let unbounded = Detector::new(subject.config()).expect("a detector").memory_for(3000);
-        assert!(detector.memory_for(3000) >= unbounded + copy, "{subject}");
+        let copy = if variant.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
+        let unbounded = Detector::new(variant.settings()).expect("a detector").memory_for(3000);
+        assert!(detector.memory_for(3000) >= unbounded + copy, "{variant}");
     }
 }

@@ -3,14 +3,16 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
-use lazygrid_tests::{Subject, THREADS, TestInput, adversary, difference, in_pool};
+use lazygrid_tests::{
+    DetectorVariant, SuiteVariant, THREADS, TestInput, difference, hard, in_pool, variants,
+};
 use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::properties::{check, one_of_each};
 
-fn detector(subject: Subject, config: Config) -> Result<Detector, String> {
-    Detector::new(config.backend(subject.backend).algorithm(subject.algorithm)).map_err(|e| e.to_string())
+fn detector(variant: DetectorVariant, config: Config) -> Result<Detector, String> {
+    Detector::new(config.backend(variant.backend()).algorithm(variant.algorithm)).map_err(|e| e.to_string())
 }
 
 /// The pairs of a stream. Fails if a chunk is too long or the returned number is wrong.
@@ -32,7 +34,7 @@ fn streamed(detector: &mut Detector, scenario: &TestInput, chunk: usize) -> Resu
 }
 
 fn small_spheres() -> impl Strategy<Value = TestInput> {
-    adversary::any_spheres().prop_map(|mut spheres| {
+    hard::any_spheres().prop_map(|mut spheres| {
         spheres.truncate(120);
         spheres.into()
     })
@@ -40,18 +42,18 @@ fn small_spheres() -> impl Strategy<Value = TestInput> {
 
 #[test]
 fn count_equals_the_list() {
-    check(96, adversary::any_spheres(), |spheres| {
+    check(96, hard::any_spheres(), |spheres| {
         let scenario = TestInput::from(spheres);
         let oracle = scenario.oracle();
-        for subject in Subject::in_turn(&scenario) {
-            let expected = subject.own_pairs(&scenario, &oracle)?.len() as u64;
-            let mut detector = detector(subject, Config::default().max_pairs(0))?;
-            let count = subject.run(|| detector.count(scenario.query())).map_err(|e| e.to_string())?;
+        for variant in variants::in_turn(&scenario) {
+            let expected = variant.own_pairs(&scenario, &oracle)?.len() as u64;
+            let mut detector = detector(variant, Config::default().max_pairs(0))?;
+            let count = variant.run(|| detector.count(scenario.query())).map_err(|e| e.to_string())?;
             let report = detector.report();
             let reported = (report.spheres, report.pairs);
             if count != expected || reported != (scenario.spheres.len() as u64, expected) {
                 return Err(format!(
-                    "{subject}: counted {count}, reported {reported:?}, expected {expected}"
+                    "{variant}: counted {count}, reported {reported:?}, expected {expected}"
                 ));
             }
         }
@@ -64,26 +66,26 @@ fn too_many_pairs_reports_the_exact_count() {
     check(32, (small_spheres(), any::<proptest::sample::Index>()), |(scenario, limit)| {
         let oracle = scenario.oracle();
         let limit = limit.index(oracle.len() + 2) as u64;
-        for (subject, order) in subjects_and_orders(&scenario) {
-            let found = subject.own_pairs(&scenario, &oracle)?.len() as u64;
-            let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
-            let list = subject.run(|| detector.pairs(scenario.query()).map(<[Pair]>::len));
+        for (variant, order) in variants_and_orders(&scenario) {
+            let found = variant.own_pairs(&scenario, &oracle)?.len() as u64;
+            let mut detector = detector(variant, Config::default().max_pairs(limit).order(order))?;
+            let list = variant.run(|| detector.pairs(scenario.query()).map(<[Pair]>::len));
             let expected = match found > limit {
                 true => Err(Error::TooManyPairs { found, limit }),
                 false => Ok(found as usize),
             };
             let neighbors = detector.neighbors(scenario.query()).map(|n| n.indices().len() / 2);
             if list != expected || neighbors != expected {
-                return Err(format!("{subject}: {list:?} and {neighbors:?} instead of {expected:?}"));
+                return Err(format!("{variant}: {list:?} and {neighbors:?} instead of {expected:?}"));
             }
         }
         Ok(())
     });
 }
 
-fn subjects_and_orders(scenario: &TestInput) -> impl Iterator<Item = (Subject, Order)> {
+fn variants_and_orders(scenario: &TestInput) -> impl Iterator<Item = (DetectorVariant, Order)> {
     let orders = [Order::Canonical, Order::Unordered];
-    Subject::in_turn(scenario).into_iter().flat_map(move |subject| orders.map(|order| (subject, order)))
+    variants::in_turn(scenario).into_iter().flat_map(move |variant| orders.map(|order| (variant, order)))
 }
 
 #[test]
@@ -92,13 +94,13 @@ fn a_stream_equals_the_list() {
     let chunks = select(vec![0, 1, 3, 64, usize::MAX]);
     check(64, (small_spheres(), limits, chunks), |(scenario, limit, chunk)| {
         let expected = scenario.oracle();
-        for (subject, order) in subjects_and_orders(&scenario) {
-            let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
-            let found = subject.run(|| streamed(&mut detector, &scenario, chunk))?;
-            difference(&scenario, &found, &expected, subject.tolerance())
-                .map_err(|e| format!("{subject}: {e}"))?;
+        for (variant, order) in variants_and_orders(&scenario) {
+            let mut detector = detector(variant, Config::default().max_pairs(limit).order(order))?;
+            let found = variant.run(|| streamed(&mut detector, &scenario, chunk))?;
+            difference(&scenario, &found, &expected, variant.tolerance())
+                .map_err(|e| format!("{variant}: {e}"))?;
             if order == Order::Canonical && !found.is_sorted() {
-                return Err(format!("{subject}: the stream is not in canonical order"));
+                return Err(format!("{variant}: the stream is not in canonical order"));
             }
         }
         Ok(())
@@ -110,11 +112,11 @@ fn break_stops_a_stream() {
     let limits = select(vec![1, 10, u64::MAX]);
     check(48, (small_spheres(), limits, 1_usize..50, 1_usize..5), |(scenario, limit, chunk, stop)| {
         let oracle = scenario.oracle();
-        for (subject, order) in subjects_and_orders(&scenario) {
-            let expected = subject.own_pairs(&scenario, &oracle)?;
-            let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
+        for (variant, order) in variants_and_orders(&scenario) {
+            let expected = variant.own_pairs(&scenario, &oracle)?;
+            let mut detector = detector(variant, Config::default().max_pairs(limit).order(order))?;
             let (mut calls, mut pairs) = (0, Vec::new());
-            let handed = subject.run(|| {
+            let handed = variant.run(|| {
                 detector.stream(scenario.query(), chunk, |chunk| {
                     calls += 1;
                     pairs.extend_from_slice(chunk);
@@ -122,14 +124,14 @@ fn break_stops_a_stream() {
                 })
             });
             if calls > stop || handed != Ok(pairs.len() as u64) || pairs.len() > stop * chunk {
-                return Err(format!("{subject}: {handed:?} pairs in {calls} calls, to stop at {stop}"));
+                return Err(format!("{variant}: {handed:?} pairs in {calls} calls, to stop at {stop}"));
             }
             if order == Order::Canonical && pairs != expected[..pairs.len()] {
-                return Err(format!("{subject}: a broken stream is not the beginning of the list"));
+                return Err(format!("{variant}: a broken stream is not the beginning of the list"));
             }
-            let whole = subject.run(|| streamed(&mut detector, &scenario, chunk))?;
-            difference(&scenario, &whole, &expected, subject.tolerance())
-                .map_err(|e| format!("{subject}, after a break: {e}"))?;
+            let whole = variant.run(|| streamed(&mut detector, &scenario, chunk))?;
+            difference(&scenario, &whole, &expected, variant.tolerance())
+                .map_err(|e| format!("{variant}, after a break: {e}"))?;
         }
         Ok(())
     });
@@ -139,19 +141,19 @@ fn break_stops_a_stream() {
 #[test]
 fn break_stops_a_long_stream() {
     let scenario = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
-    for (subject, order) in subjects_and_orders(&scenario) {
+    for (variant, order) in variants_and_orders(&scenario) {
         for limit in [50_000, u64::MAX] {
             let mut detector =
-                detector(subject, Config::default().max_pairs(limit).order(order)).expect("a detector");
+                detector(variant, Config::default().max_pairs(limit).order(order)).expect("a detector");
             let mut calls = 0;
-            let handed = subject.run(|| {
+            let handed = variant.run(|| {
                 detector.stream(scenario.query(), 1000, |_| {
                     calls += 1;
                     if calls == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
                 })
             });
-            assert_eq!(calls, 3, "{subject}, {order:?}");
-            assert!(handed.is_ok_and(|handed| handed <= 3000), "{subject}, {order:?}");
+            assert_eq!(calls, 3, "{variant}, {order:?}");
+            assert!(handed.is_ok_and(|handed| handed <= 3000), "{variant}, {order:?}");
         }
     }
 }
@@ -169,18 +171,18 @@ fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
 
 #[test]
 fn neighbors_equal_the_pairs() {
-    check(64, adversary::any_spheres(), |spheres| {
+    check(64, hard::any_spheres(), |spheres| {
         let scenario = TestInput::from(spheres);
         let oracle = scenario.oracle();
-        for (subject, order) in subjects_and_orders(&scenario) {
-            let pairs = subject.own_pairs(&scenario, &oracle)?;
+        for (variant, order) in variants_and_orders(&scenario) {
+            let pairs = variant.own_pairs(&scenario, &oracle)?;
             let expected = neighbor_lists(&pairs, scenario.spheres.len());
-            let mut detector = detector(subject, Config::default().order(order))?;
+            let mut detector = detector(variant, Config::default().order(order))?;
             let lists =
                 |n: Neighbors<'_>| -> Vec<Vec<u32>> { (0..n.len()).map(|k| n.of(k).to_vec()).collect() };
-            let found = subject.run(|| detector.neighbors(scenario.query()).map(lists));
+            let found = variant.run(|| detector.neighbors(scenario.query()).map(lists));
             if found.as_ref() != Ok(&expected) {
-                return Err(format!("{subject}: {found:?}, expected {expected:?}"));
+                return Err(format!("{variant}: {found:?}, expected {expected:?}"));
             }
         }
         Ok(())
@@ -189,20 +191,20 @@ fn neighbors_equal_the_pairs() {
 
 #[test]
 fn rows_and_columns_are_the_same() {
-    check(64, adversary::mixture(adversary::any_spheres()), |scenario| {
+    check(64, hard::mixture(hard::any_spheres()), |scenario| {
         let column = |k: usize| -> Vec<f32> {
             scenario.spheres.iter().map(|s| [s.center.x, s.center.y, s.center.z, s.radius][k]).collect()
         };
         let [x, y, z, r] = [0, 1, 2, 3].map(column);
         let rows: Vec<[f32; 4]> = (0..x.len()).map(|i| [x[i], y[i], z[i], r[i]]).collect();
         let species = scenario.mixture.as_ref().map_or(&[][..], |mixture| &mixture.species);
-        for subject in one_of_each(&scenario) {
-            let mut detector = detector(subject, scenario.config(Config::default()).expect("a valid table"))?;
+        for variant in one_of_each(&scenario) {
+            let mut detector = detector(variant, scenario.config(Config::default()).expect("a valid table"))?;
             let columns = Spheres::columns(&x, &y, &z, &r).map_err(|e| e.to_string())?;
             for layout in [columns, Spheres::from(&rows)] {
                 let view = layout.with_species(species).map_err(|e| e.to_string())?;
                 let found = detector.pairs(view).map_err(|e| e.to_string())?;
-                difference(&scenario, found, &scenario.oracle(), subject.tolerance())?;
+                difference(&scenario, found, &scenario.oracle(), variant.tolerance())?;
             }
         }
         Ok(())
@@ -234,24 +236,24 @@ fn detect_is_a_detector_with_default_settings() {
 fn report_names_algorithm_and_reason() {
     for n in [0, 100, 5000] {
         let spheres = lazygrid_io::scenes::Scene::FiveSizes.spheres(n, 4);
-        for subject in Subject::all() {
-            let mut detector = Detector::new(subject.config()).expect("a detector");
-            assert_eq!(detector.report().algorithm, subject.algorithm);
+        for variant in variants::all() {
+            let mut detector = Detector::new(variant.settings()).expect("a detector");
+            assert_eq!(detector.report().algorithm, variant.algorithm);
             let pairs = detector.pairs(&spheres).expect("pairs").len() as u64;
             let report = detector.report();
-            assert_eq!((report.spheres, report.pairs), (n as u64, pairs), "{subject}");
-            let known = if subject.backend == Backend::Gpu { Algorithm::GPU } else { Algorithm::CPU };
-            assert!(known.contains(&report.algorithm), "{subject}: {report:?}");
+            assert_eq!((report.spheres, report.pairs), (n as u64, pairs), "{variant}");
+            let known = if variant.backend() == Backend::Gpu { Algorithm::GPU } else { Algorithm::CPU };
+            assert!(known.contains(&report.algorithm), "{variant}: {report:?}");
             assert!(
-                [Algorithm::Auto, report.algorithm].contains(&subject.algorithm),
-                "{subject}: {report:?}"
+                [Algorithm::Auto, report.algorithm].contains(&variant.algorithm),
+                "{variant}: {report:?}"
             );
-            assert_eq!(report.backend, subject.backend);
-            assert!(report.reason.contains(report.algorithm.name()), "{subject}: {}", report.reason);
-            assert!(!report.phases.is_empty(), "{subject}");
+            assert_eq!(report.backend, variant.backend());
+            assert!(report.reason.contains(report.algorithm.name()), "{variant}: {}", report.reason);
+            assert!(!report.phases.is_empty(), "{variant}");
             let mut names: Vec<&str> = report.phases.iter().map(|phase| phase.name).collect();
             names.sort_unstable();
-            assert!(names.is_sorted_by(|a, b| a < b), "{subject}: {names:?}");
+            assert!(names.is_sorted_by(|a, b| a < b), "{variant}: {names:?}");
         }
     }
 }

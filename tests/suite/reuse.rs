@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Order};
-use lazygrid_tests::{Subject, TestInput, adversary, difference};
+use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, difference, hard, variants};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -22,8 +22,13 @@ fn call() -> impl Strategy<Value = Call> {
     prop_oneof![3 => Just(Call::Pairs), 1 => Just(Call::Count), 1 => Just(Call::Neighbors), 1 => Just(Call::Stream)]
 }
 
-fn ask(subject: Subject, detector: &mut Detector, call: Call, scenario: &TestInput) -> Result<(), String> {
-    let (view, expected) = (scenario.query(), subject.own_pairs(scenario, &scenario.oracle())?);
+fn ask(
+    variant: DetectorVariant,
+    detector: &mut Detector,
+    call: Call,
+    scenario: &TestInput,
+) -> Result<(), String> {
+    let (view, expected) = (scenario.query(), variant.own_pairs(scenario, &scenario.oracle())?);
     let found = match call {
         Call::Pairs => detector.pairs(view).map(|pairs| Some(pairs.to_vec())),
         Call::Count => detector.count(view).map(|_| None),
@@ -47,16 +52,17 @@ fn ask(subject: Subject, detector: &mut Detector, call: Call, scenario: &TestInp
 
 #[test]
 fn any_sequence_of_inputs_and_calls() {
-    let calls = vec((adversary::any_spheres(), call()), 2..6);
+    let calls = vec((hard::any_spheres(), call()), 2..6);
     check(40, (calls, settings(), any::<bool>()), |(calls, settings, unordered)| {
         let order = if unordered { Order::Unordered } else { Order::Canonical };
-        for subject in one_of_each(&calls[0].0.clone().into()) {
-            let config = settings.clone().order(order).backend(subject.backend).algorithm(subject.algorithm);
+        for variant in one_of_each(&calls[0].0.clone().into()) {
+            let config =
+                settings.clone().order(order).backend(variant.backend()).algorithm(variant.algorithm);
             let mut detector = Detector::new(config).map_err(|e| e.to_string())?;
             for (k, (spheres, call)) in calls.iter().enumerate() {
                 let scenario = TestInput::from(spheres.clone());
-                ask(subject, &mut detector, *call, &scenario)
-                    .map_err(|text| format!("{subject}, call {k}: {text}"))?;
+                ask(variant, &mut detector, *call, &scenario)
+                    .map_err(|text| format!("{variant}, call {k}: {text}"))?;
             }
         }
         Ok(())
@@ -69,15 +75,15 @@ fn calls_after_errors_are_right() {
     let mut bad = good.clone();
     bad.spheres[10].radius = f32::NAN;
     let dense = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 400]);
-    for subject in Subject::each_algorithm() {
-        let limit = subject.own_pairs(&good, &good.oracle()).expect("its list").len() as u64;
-        let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
+    for variant in variants::each_algorithm() {
+        let limit = variant.own_pairs(&good, &good.oracle()).expect("its list").len() as u64;
+        let mut detector = Detector::new(variant.settings().max_pairs(limit)).expect("a detector");
         for _ in 0..2 {
-            assert!(detector.pairs(bad.query()).is_err(), "{subject}");
-            assert!(detector.pairs(dense.query()).is_err(), "{subject}");
+            assert!(detector.pairs(bad.query()).is_err(), "{variant}");
+            assert!(detector.pairs(dense.query()).is_err(), "{variant}");
             for call in [Call::Pairs, Call::Neighbors, Call::Stream, Call::Count] {
-                ask(subject, &mut detector, call, &good)
-                    .unwrap_or_else(|text| panic!("{subject}, {call:?}: {text}"));
+                ask(variant, &mut detector, call, &good)
+                    .unwrap_or_else(|text| panic!("{variant}, {call:?}: {text}"));
             }
         }
     }
@@ -89,17 +95,17 @@ fn simulation_steps_are_right() {
     use lazygrid_io::scenes::Scene;
     for scene in Scene::ALL {
         let mut scenario = TestInput::from(scene.spheres(600, 21));
-        let mut detectors: Vec<(Subject, Detector)> = Subject::each_algorithm()
+        let mut detectors: Vec<(DetectorVariant, Detector)> = variants::each_algorithm()
             .into_iter()
-            .map(|subject| (subject, Detector::new(subject.config()).expect("a detector")))
+            .map(|variant| (variant, Detector::new(variant.settings()).expect("a detector")))
             .collect();
         for step in 0..6 {
             let expected = scenario.oracle();
-            for (subject, detector) in &mut detectors {
+            for (variant, detector) in &mut detectors {
                 let found = detector.pairs(scenario.query()).expect("the scene is valid").to_vec();
-                assert_eq!(detector.report().pairs, found.len() as u64, "{subject}, {scene}, step {step}");
-                difference(&scenario, &found, &expected, subject.tolerance())
-                    .unwrap_or_else(|text| panic!("{subject}, {scene}, step {step}: {text}"));
+                assert_eq!(detector.report().pairs, found.len() as u64, "{variant}, {scene}, step {step}");
+                difference(&scenario, &found, &expected, variant.tolerance())
+                    .unwrap_or_else(|text| panic!("{variant}, {scene}, step {step}: {text}"));
             }
             Scene::advance(&mut scenario.spheres, 21, step);
             if step == 3 {

@@ -2,7 +2,7 @@
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Subject, TestInput, difference};
+use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, difference, variants};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -12,8 +12,8 @@ fn every_scene_against_the_oracle() {
         for (n, seed) in [(0, 1), (1, 1), (2, 1), (3, 1), (50, 2), (191, 3), (192, 4), (193, 5), (1000, 6)] {
             let scenario = TestInput::from(scene.spheres(n, seed));
             let expected = scenario.oracle();
-            for subject in Subject::all() {
-                let verdict = subject.judge(&scenario, &expected, &Config::default());
+            for variant in variants::all() {
+                let verdict = variant.verify(&scenario, &expected, &Config::default());
                 verdict.unwrap_or_else(|text| panic!("{scene}, {n} spheres, seed {seed}: {text}"));
             }
         }
@@ -33,8 +33,8 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
             }
             let scenario = TestInput::from(spheres.clone());
             let expected = scenario.oracle();
-            for subject in Subject::in_turn(&scenario) {
-                let verdict = subject.judge(&scenario, &expected, &Config::default());
+            for variant in variants::in_turn(&scenario) {
+                let verdict = variant.verify(&scenario, &expected, &Config::default());
                 verdict.unwrap_or_else(|text| panic!("{scene}, {arrangement}: {text}"));
             }
         }
@@ -42,9 +42,9 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
 }
 
 /// All variants except `Naive` on the GPU, which is slow on a software adapter.
-fn quick_ones() -> impl Iterator<Item = Subject> {
-    let is_slow = |s: &Subject| s.backend == Backend::Gpu && s.algorithm == Algorithm::Naive;
-    Subject::all().into_iter().filter(move |subject| !is_slow(subject))
+fn quick_ones() -> impl Iterator<Item = DetectorVariant> {
+    let is_slow = |s: &DetectorVariant| s.backend() == Backend::Gpu && s.algorithm == Algorithm::Naive;
+    variants::all().into_iter().filter(move |variant| !is_slow(variant))
 }
 
 /// Enough spheres for many chunks of work, which threads take in different orders.
@@ -54,21 +54,21 @@ fn pairs_are_identical_for_any_number_of_threads() {
     for scene in [Scene::FiveSizes, Scene::Burst] {
         let [on_cpu, on_gpu] = [20_000, 6_000].map(|n| TestInput::from(scene.spheres(n, 8)));
         for order in [Order::Canonical, Order::Unordered] {
-            for subject in quick_ones() {
-                let is_on_gpu = subject.backend == Backend::Gpu;
+            for variant in quick_ones() {
+                let is_on_gpu = variant.backend() == Backend::Gpu;
                 // The GPU guarantees an order only on request.
                 if is_on_gpu && order == Order::Unordered {
                     continue;
                 }
                 let scenario = if is_on_gpu { &on_gpu } else { &on_cpu };
-                let kind = (format!("{} on {} at {scene}", subject.algorithm, subject.backend), order);
+                let kind = (format!("{} on {} at {scene}", variant.algorithm, variant.backend()), order);
                 for repeat in 0..2 {
-                    let found = subject.pairs(scenario, Config::default().order(order)).expect("pairs");
+                    let found = variant.find(scenario, Config::default().order(order)).expect("pairs");
                     match lists.iter().find(|(other, _)| *other == kind) {
                         Some((_, first)) => {
                             assert!(
                                 found == *first,
-                                "{subject}, {kind:?}, repeat {repeat}: not the same bytes"
+                                "{variant}, {kind:?}, repeat {repeat}: not the same bytes"
                             );
                         }
                         None => lists.push((kind.clone(), found)),
@@ -86,18 +86,18 @@ fn pairs_are_identical_for_any_number_of_threads() {
 fn pairs_are_identical_at_each_step_for_any_number_of_threads() {
     for order in [Order::Canonical, Order::Unordered] {
         let mut spheres = Scene::FiveSizes.spheres(20_000, 8);
-        let mut detectors: Vec<(Subject, Detector)> = quick_ones()
-            .map(|subject| (subject, Detector::new(subject.config().order(order)).expect("a detector")))
+        let mut detectors: Vec<(DetectorVariant, Detector)> = quick_ones()
+            .map(|variant| (variant, Detector::new(variant.settings().order(order)).expect("a detector")))
             .collect();
         for step in 0..3 {
-            let mut first: Option<(Subject, Vec<Pair>)> = None;
-            for (subject, detector) in &mut detectors {
-                let found = subject.run(|| detector.pairs(&spheres).expect("pairs").to_vec());
+            let mut first: Option<(DetectorVariant, Vec<Pair>)> = None;
+            for (variant, detector) in &mut detectors {
+                let found = variant.run(|| detector.pairs(&spheres).expect("pairs").to_vec());
                 match &first {
-                    Some((other, pairs)) if other.algorithm == subject.algorithm => {
-                        assert!(found == *pairs, "{subject} and {other} differ at step {step}, {order:?}");
+                    Some((other, pairs)) if other.algorithm == variant.algorithm => {
+                        assert!(found == *pairs, "{variant} and {other} differ at step {step}, {order:?}");
                     }
-                    _ => first = Some((*subject, found)),
+                    _ => first = Some((*variant, found)),
                 }
             }
             Scene::advance(&mut spheres, 8, step);
@@ -119,8 +119,8 @@ fn crowd_near_the_smallest_normal_number() {
         let scenario = TestInput::from(spheres);
         let expected = scenario.oracle();
         assert!(!expected.is_empty());
-        for subject in Subject::each_algorithm() {
-            let verdict = subject.judge(&scenario, &expected, &Config::default());
+        for variant in variants::each_algorithm() {
+            let verdict = variant.verify(&scenario, &expected, &Config::default());
             verdict.unwrap_or_else(|text| panic!("{text}"));
         }
     }
@@ -142,10 +142,10 @@ fn full_lattice_has_one_pair_per_edge() {
         });
         let expected: Vec<Pair> = edges.collect();
         assert_eq!(expected.len(), 3 * k * k * (k - 1));
-        for subject in Subject::all() {
-            let found = subject.pairs(&scenario, Config::default()).expect("pairs");
-            difference(&scenario, &found, &expected, subject.tolerance())
-                .unwrap_or_else(|text| panic!("{subject}, {k}³: {text}"));
+        for variant in variants::all() {
+            let found = variant.find(&scenario, Config::default()).expect("pairs");
+            difference(&scenario, &found, &expected, variant.tolerance())
+                .unwrap_or_else(|text| panic!("{variant}, {k}³: {text}"));
         }
     }
 }

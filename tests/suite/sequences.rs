@@ -1,9 +1,9 @@
 //! One detector through sequences of calls: radii, numbers, species, groups and positions change, and some calls fail.
 
 use lazygrid::Backend;
-use lazygrid_check::sequence::{Sequence, Tally};
+use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::{DetectorVariant, Effort, Gpu};
-use lazygrid_tests::Subject;
+use lazygrid_tests::variants;
 
 /// Default number of sequences for each CPU variant and each GPU variant.
 const COUNTS: [u64; 2] = [40, 8];
@@ -29,14 +29,14 @@ fn check(variants: &[DetectorVariant], gpu: Option<&Gpu>, count: u64) {
 
 #[test]
 fn cpu_answers_do_not_depend_on_earlier_calls() {
-    if Subject::all().iter().any(|subject| subject.backend == Backend::Cpu) {
+    if variants::all().iter().any(|variant| variant.backend() == Backend::Cpu) {
         check(&DetectorVariant::on_cpu(), None, COUNTS[0]);
     }
 }
 
 #[test]
 fn gpu_answers_do_not_depend_on_earlier_calls() {
-    let has_gpu = Subject::all().iter().any(|subject| subject.backend == Backend::Gpu);
+    let has_gpu = variants::all().iter().any(|variant| variant.backend() == Backend::Gpu);
     let Some(own) = lazygrid_tests::device().filter(|_| has_gpu) else { return };
     let gpu = Gpu { own, adapter: None };
     check(&DetectorVariant::on_gpu(&gpu.own, Effort::Quick), Some(&gpu), COUNTS[1]);

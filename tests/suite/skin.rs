@@ -1,29 +1,31 @@
 //! Candidate lists never affect a result.
 
 use lazygrid::{Algorithm, Backend, Detector, Order, Skin};
-use lazygrid_check::motion::{skin_of, walk};
+use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic};
+use lazygrid_tests::{
+    DetectorVariant, SuiteVariant, TestInput, difference, hard, in_pool, periodic, variants,
+};
 use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::properties::check;
 
 /// Variants with candidate lists: the cell list on the CPU, and all algorithms on the GPU.
-fn keepers() -> Vec<Subject> {
-    let mut subjects = Subject::all();
-    subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
-    subjects
+fn keepers() -> Vec<DetectorVariant> {
+    let mut variants = variants::all();
+    variants.retain(|variant| variant.backend() == Backend::Gpu || variant.algorithm == Algorithm::CellList);
+    variants
 }
 
 /// Checks six calls with moving spheres against the definition.
-fn follows(scenario: &TestInput, part: f32, moves: f32, subject: Subject) -> Result<(), String> {
+fn follows(scenario: &TestInput, part: f32, moves: f32, variant: DetectorVariant) -> Result<(), String> {
     let mut scenario = scenario.clone();
     let skin = skin_of(&scenario.spheres, part);
-    let order = if subject.threads == 1 { Order::Unordered } else { Order::Canonical };
-    let config = subject.config().order(order).skin(skin);
+    let order = if variant.threads() == 1 { Order::Unordered } else { Order::Canonical };
+    let config = variant.settings().order(order).skin(skin);
     let config = scenario.config(config).map_err(|error| error.to_string())?;
-    in_pool(subject.threads, || {
+    in_pool(variant.threads(), || {
         let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
         for step in 0..6 {
             let expected = match scenario.space.is_periodic() {
@@ -32,8 +34,8 @@ fn follows(scenario: &TestInput, part: f32, moves: f32, subject: Subject) -> Res
             };
             let found = detector.pairs(scenario.query()).map_err(|error| error.to_string())?.to_vec();
             let why = detector.report().reason;
-            difference(&scenario, &found, &expected, subject.tolerance()).map_err(|text| {
-                format!("{subject}, {skin:?}, moves of {moves}, step {step}, {why}: {text}")
+            difference(&scenario, &found, &expected, variant.tolerance()).map_err(|text| {
+                format!("{variant}, {skin:?}, moves of {moves}, step {step}, {why}: {text}")
             })?;
             walk(&mut scenario.spheres, if step == 4 { 40.0 * moves } else { moves }, step);
         }
@@ -52,11 +54,11 @@ fn moves() -> impl Strategy<Value = f32> {
 #[test]
 fn arbitrary_spheres() {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(TestInput::from),
-        1 => adversary::mixture(adversary::any_spheres()),
+        2 => hard::any_spheres().prop_map(TestInput::from),
+        1 => hard::mixture(hard::any_spheres()),
     ];
     let cases = (scenarios, parts(), moves(), select(keepers()));
-    check(200, cases, |(scenario, part, moves, subject)| follows(&scenario, part, moves, subject));
+    check(200, cases, |(scenario, part, moves, variant)| follows(&scenario, part, moves, variant));
 }
 
 #[test]
@@ -69,37 +71,39 @@ fn arbitrary_spheres_in_periodic_boxes() {
         periodic::mixture(),
     ];
     let cases = (scenarios, parts(), moves(), select(keepers()));
-    check(200, cases, |(scenario, part, moves, subject)| follows(&scenario, part, moves, subject));
+    check(200, cases, |(scenario, part, moves, variant)| follows(&scenario, part, moves, variant));
 }
 
 /// The motion of the benchmarks, in which candidate lists are reused.
 #[test]
 fn running_simulations() {
-    let mut subjects = keepers();
-    subjects.retain(|subject| subject.algorithm == Algorithm::CellList);
-    let both = |of: Subject| [(of, Skin::Auto), (of, Skin::Fixed(0.4))];
-    let ways: Vec<_> = subjects.into_iter().flat_map(both).collect();
+    let mut variants = keepers();
+    variants.retain(|variant| variant.algorithm == Algorithm::CellList);
+    let both = |of: DetectorVariant| [(of, Skin::Auto), (of, Skin::Fixed(0.4))];
+    let ways: Vec<_> = variants.into_iter().flat_map(both).collect();
     for scene in Scene::ALL {
         let mut scenario = TestInput::from(scene.spheres(3000, 21));
-        let made = |of: &(Subject, Skin)| Detector::new(of.0.config().skin(of.1)).expect("a detector");
+        let made =
+            |of: &(DetectorVariant, Skin)| Detector::new(of.0.settings().skin(of.1)).expect("a detector");
         // On the GPU all sizes have the same skin, which gives too many candidates for the smallest of ten sizes.
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
-        let serves =
-            |way: &&(Subject, Skin)| has_few_sizes || way.0.backend == Backend::Cpu || way.1 != Skin::Auto;
+        let serves = |way: &&(DetectorVariant, Skin)| {
+            has_few_sizes || way.0.backend() == Backend::Cpu || way.1 != Skin::Auto
+        };
         let mut detectors: Vec<_> = ways.iter().filter(serves).map(|way| (way, made(way), 0)).collect();
         for step in 0..12 {
             let expected = scenario.oracle();
-            for ((subject, skin), detector, served) in &mut detectors {
+            for ((variant, skin), detector, served) in &mut detectors {
                 let found = detector.pairs(scenario.query()).expect("the scene is valid").to_vec();
-                difference(&scenario, &found, &expected, subject.tolerance())
-                    .unwrap_or_else(|text| panic!("{scene}, {subject}, {skin:?}, step {step}: {text}"));
+                difference(&scenario, &found, &expected, variant.tolerance())
+                    .unwrap_or_else(|text| panic!("{scene}, {variant}, {skin:?}, step {step}: {text}"));
                 *served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
             }
             Scene::advance_by(0.01, &mut scenario.spheres, 21, step);
         }
-        for ((subject, skin), _, served) in detectors {
+        for ((variant, skin), _, served) in detectors {
             let enough = served > 5 || scene == Scene::Point;
-            assert!(enough, "{scene}, {subject}, {skin:?}: {served} of 12 calls were served");
+            assert!(enough, "{scene}, {variant}, {skin:?}: {served} of 12 calls were served");
         }
     }
 }

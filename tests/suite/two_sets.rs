@@ -5,7 +5,9 @@ use std::ops::ControlFlow;
 use lazygrid::{Algorithm, Backend, Detector, Error, InputError, Interaction, Order, Pair, Sphere, Spheres};
 use lazygrid_check::SpeciesSetup;
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic};
+use lazygrid_tests::{
+    DetectorVariant, SuiteVariant, TestInput, difference, hard, in_pool, periodic, variants,
+};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -24,19 +26,19 @@ fn across(scenario: &TestInput, split: usize) -> Vec<Pair> {
 }
 
 /// Checks all results against the definition.
-fn agrees(scenario: &TestInput, split: usize, subject: Subject) -> Result<(), String> {
+fn agrees(scenario: &TestInput, split: usize, variant: DetectorVariant) -> Result<(), String> {
     let expected = across(scenario, split);
     let [a, b] = sets(scenario, split);
-    let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
-    let complain = |what: &str| format!("{subject}, {what}, first {split}");
+    let config = scenario.config(variant.settings()).map_err(|error| error.to_string())?;
+    let complain = |what: &str| format!("{variant}, {what}, first {split}");
     let works = |error: Error| complain(&error.to_string());
     let of_all = |pairs: &[Pair]| -> Vec<Pair> {
         pairs.iter().map(|pair| Pair { i: pair.i, j: pair.j + split as u32 }).collect()
     };
-    in_pool(subject.threads, || {
+    in_pool(variant.threads(), || {
         let mut detector = Detector::new(config.clone().max_pairs(1 << 20)).map_err(works)?;
         let found = detector.pairs((a.view(), b.view())).map_err(works)?.to_vec();
-        difference(scenario, &of_all(&found), &of_all(&expected), subject.tolerance())
+        difference(scenario, &of_all(&found), &of_all(&expected), variant.tolerance())
             .map_err(|text| complain(&text))?;
         if !found.is_sorted() || found.iter().any(|pair| pair.i as usize >= split) {
             return Err(complain("pairs of other sets, or in no order"));
@@ -71,16 +73,16 @@ fn agrees(scenario: &TestInput, split: usize, subject: Subject) -> Result<(), St
 #[test]
 fn arbitrary_sets() {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(TestInput::from),
-        1 => adversary::mixture(adversary::any_spheres()),
+        2 => hard::any_spheres().prop_map(TestInput::from),
+        1 => hard::mixture(hard::any_spheres()),
         1 => periodic::lattice(),
         1 => periodic::soup(),
         1 => periodic::giant(),
         1 => periodic::mixture(),
     ];
-    check(300, (scenarios, 0.0..=1.0_f32, select(Subject::all())), |(scenario, part, subject)| {
+    check(300, (scenarios, 0.0..=1.0_f32, select(variants::all())), |(scenario, part, variant)| {
         let split = (part * scenario.spheres.len() as f32).round() as usize;
-        agrees(&scenario, split, subject)
+        agrees(&scenario, split, variant)
     });
 }
 
@@ -89,17 +91,17 @@ fn arbitrary_sets() {
 fn scenes_with_giants_in_either_set() {
     let giants =
         (0..20_u8).map(|k| Sphere::new([f32::from(k % 4), f32::from(k / 4), 0.0].map(|x| 9.0 * x), 8.0));
-    let mut subjects = Subject::all();
-    subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads < 7);
+    let mut variants = variants::all();
+    variants.retain(|variant| variant.algorithm == Algorithm::CellList && variant.threads() < 7);
     for scene in Scene::ALL {
         let mut spheres = scene.spheres(1500, 5);
         spheres.splice(0..0, giants.clone());
         let scenario = TestInput::from(spheres);
         for split in [0, 1, 20, 700, 1520] {
             // Only the search on the CPU depends on the numbers of the two sets.
-            let looks = |of: &&Subject| of.backend == Backend::Cpu || split == 20;
-            for &subject in subjects.iter().filter(looks) {
-                agrees(&scenario, split, subject).unwrap_or_else(|text| panic!("{scene}, {text}"));
+            let looks = |of: &&DetectorVariant| of.backend() == Backend::Cpu || split == 20;
+            for &variant in variants.iter().filter(looks) {
+                agrees(&scenario, split, variant).unwrap_or_else(|text| panic!("{scene}, {text}"));
             }
         }
     }
@@ -116,31 +118,31 @@ fn species_of_either_set() {
     let mixture = Some(SpeciesSetup { species: species.clone(), rows });
     let with_table = TestInput { mixture, ..TestInput::from(spheres.clone()) };
     let without = TestInput::from(spheres);
-    let mut subjects = Subject::all();
-    subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads < 7);
-    for subject in subjects {
-        agrees(&with_table, 250, subject).unwrap_or_else(|text| panic!("{text}"));
+    let mut variants = variants::all();
+    variants.retain(|variant| variant.algorithm == Algorithm::CellList && variant.threads() < 7);
+    for variant in variants {
+        agrees(&with_table, 250, variant).unwrap_or_else(|text| panic!("{text}"));
         let (a, b) = without.spheres.split_at(250);
         let (ids_a, ids_b) = species.split_at(250);
         let a = Spheres::from(a).with_species(ids_a).expect("one each");
         let b = Spheres::from(b).with_species(ids_b).expect("one each");
-        let mut detector = Detector::new(subject.config()).expect("made");
+        let mut detector = Detector::new(variant.settings()).expect("made");
         let count = detector.count((a, b));
-        assert_eq!(count, Ok(across(&without, 250).len() as u64), "{subject}");
+        assert_eq!(count, Ok(across(&without, 250).len() as u64), "{variant}");
     }
 }
 
 #[test]
 fn errors_name_the_set() {
-    let mut subjects = Subject::all();
-    subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads == 1);
-    subjects.into_iter().for_each(says_what_is_wrong);
+    let mut variants = variants::all();
+    variants.retain(|variant| variant.algorithm == Algorithm::CellList && variant.threads() == 1);
+    variants.into_iter().for_each(says_what_is_wrong);
 }
 
-fn says_what_is_wrong(subject: Subject) {
+fn says_what_is_wrong(variant: DetectorVariant) {
     let good = [Sphere::new([0.0; 3], 1.0); 3];
     let bad = [good[0], Sphere::new([f32::NAN, 0.0, 0.0], 1.0)];
-    let mut detector = Detector::new(subject.config()).expect("a detector");
+    let mut detector = Detector::new(variant.settings()).expect("a detector");
     let error = detector.count((&bad, &good)).expect_err("a bad sphere");
     assert!(
         matches!(error, Error::Input(InputError::Sphere { index: 1, count: 1, total: 2, .. })),
@@ -156,7 +158,7 @@ fn says_what_is_wrong(subject: Subject) {
     let none: [Sphere; 0] = [];
     assert_eq!(detector.count((&none, &good)).expect("no sphere is none too many"), 0);
 
-    let mut limited = Detector::new(subject.config().max_pairs(8)).expect("a detector");
+    let mut limited = Detector::new(variant.settings().max_pairs(8)).expect("a detector");
     let error = limited.pairs((&good, Spheres::from(&good))).expect_err("nine pairs");
     assert!(matches!(error, Error::TooManyPairs { found: 9, limit: 8 }), "{error}");
 }

@@ -45,9 +45,9 @@ pub(crate) struct Figures {
     /// Smaller sizes and fewer runs: under three minutes on two cores
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Smallest sizes: checks answers, times are meaningless
+    /// Smoke sizes: checks answers, times are meaningless
     #[arg(long, conflicts_with = "quick")]
-    pub(crate) smallest: bool,
+    pub(crate) smoke: bool,
     /// Only these figures, separated by commas [default: all]
     #[arg(long, value_name = "FIGURE", value_delimiter = ',', value_parser = one_of(Figure::ALL.map(Figure::name)).try_map(|name| name.parse::<Figure>()))]
     pub(crate) only: Vec<Figure>,
@@ -86,10 +86,10 @@ pub(crate) struct Kernels {
     pub(crate) only: Vec<String>,
     /// Include kernel variants for devices without subgroup operations or with little workgroup memory
     #[arg(long)]
-    pub(crate) other_devices: bool,
+    pub(crate) all_variants: bool,
     /// Folder for the assembly and other representations that the driver provides
     #[arg(long, value_name = "DIR")]
-    pub(crate) texts: Option<PathBuf>,
+    pub(crate) disassembly: Option<PathBuf>,
     /// Print everything as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -35,8 +35,8 @@ pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
 }
 
 fn settings(args: &Figures) -> Settings {
-    let scale = match (args.quick, args.smallest) {
-        (_, true) => RunScale::Smallest,
+    let scale = match (args.quick, args.smoke) {
+        (_, true) => RunScale::Smoke,
         (true, _) => RunScale::Quick,
         _ => RunScale::Full,
     };

@@ -10,13 +10,16 @@ use crate::print;
 
 /// Compiles the kernels and prints the results.
 pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
-    let wanted =
-        Wanted { only: args.only.clone(), other_devices: args.other_devices, texts: args.texts.is_some() };
+    let wanted = Wanted {
+        only: args.only.clone(),
+        all_variants: args.all_variants,
+        disassembly: args.disassembly.is_some(),
+    };
     let (mut found, mut rejected) = (Vec::new(), 0);
     for adapter in chosen(args)? {
         let kernels = kernels::compile(&adapter, &wanted).map_err(Failure::Kernels)?;
         rejected += kernels.rejected().count();
-        if let Some(folder) = &args.texts {
+        if let Some(folder) = &args.disassembly {
             kernels
                 .compiled
                 .iter()

@@ -7,8 +7,8 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Sphere};
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Contact, Model, Shape, Simulation, State};
 
+use super::comparison::{Comparison, Limits};
 use super::plan::DataPoint;
-use super::race::{Comparison, Limits};
 use super::row::Row;
 use super::{Contender, Figure};
 

@@ -2,7 +2,7 @@
 
 use super::row::{Results, Row, Status};
 
-/// Smallest ratio that counts as a change: the times of different processes differ even if those of one process hardly
+/// Smoke ratio that counts as a change: the times of different processes differ even if those of one process hardly
 /// vary.
 const LEAST: f64 = 1.05;
 /// Minimum number of runs for an estimate of their spread.

@@ -17,7 +17,7 @@ pub enum Figure {
     /// Small steps, compared with trees on one thread.
     F4,
     /// Steps of several lengths, compared with Verlet lists on one thread.
-    Moves,
+    StepLength,
     /// One burst of carriers of ten sizes: time against simulated time.
     F5a,
     /// Bursts of several sizes at several moments: speed-up over the octree.
@@ -44,7 +44,7 @@ impl Figure {
         Self::F3a,
         Self::F3b,
         Self::F4,
-        Self::Moves,
+        Self::StepLength,
         Self::F5a,
         Self::F5b,
         Self::Transceivers,
@@ -62,7 +62,7 @@ impl Figure {
             Self::F3a => "3a",
             Self::F3b => "3b",
             Self::F4 => "4",
-            Self::Moves => "moves",
+            Self::StepLength => "step-length",
             Self::F5a => "5a",
             Self::F5b => "5b",
             Self::Transceivers => "transceivers",
@@ -78,7 +78,7 @@ impl Figure {
     /// The varied parameter besides the number of spheres, if any.
     pub(super) const fn varied(self) -> Option<&'static str> {
         match self {
-            Self::Moves => Some("step in radii"),
+            Self::StepLength => Some("step in radii"),
             Self::F5a | Self::F5b => Some("simulated time"),
             Self::Transceivers => Some("transceivers"),
             Self::SizeRatio => Some("size ratio"),
@@ -91,7 +91,7 @@ impl Figure {
 
     /// Returns `true` if all engines use one thread, as trees cannot use more.
     pub(super) const fn is_single_threaded(self) -> bool {
-        matches!(self, Self::F4 | Self::Moves | Self::Transceivers | Self::SizeRatio)
+        matches!(self, Self::F4 | Self::StepLength | Self::Transceivers | Self::SizeRatio)
     }
 }
 

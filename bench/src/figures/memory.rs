@@ -5,9 +5,9 @@ use std::path::Path;
 use std::process::Command;
 
 use super::Contender;
-use super::judge::Reference;
 use super::plan::DataPoint;
 use super::row::{Row, Status};
+use super::verify::Reference;
 use crate::measure::Digest;
 pub use crate::measure::memory::Sample;
 use crate::measure::memory::sample;

@@ -1,6 +1,7 @@
 //! The scenes, numbers of spheres, engines and runs of each figure.
 
-use lazygrid::Algorithm;
+use lazygrid::{Algorithm, Simd};
+use lazygrid_check::{DetectorVariant, TargetDevice};
 use serde::{Deserialize, Serialize};
 
 use super::{Contender, Figure};
@@ -11,7 +12,7 @@ use lazygrid_io::scenes::{Scene, Transceivers};
 #[serde(rename_all = "kebab-case")]
 pub enum RunScale {
     /// A few hundred spheres: checks answers, times are meaningless.
-    Smallest,
+    Smoke,
     /// Under three minutes on two cores.
     Quick,
     /// The paper's sizes, as far as the time budget allows.
@@ -70,15 +71,15 @@ pub(super) struct DataPoint {
 impl DataPoint {
     /// The unique file name of the point.
     pub(super) fn key(&self) -> String {
-        let moves = self.moves();
+        let step_length = self.step_length();
         match self.figure {
-            Figure::Moves => format!("{}-{}-{}-{moves}", self.figure, self.name(), self.n),
+            Figure::StepLength => format!("{}-{}-{}-{step_length}", self.figure, self.name(), self.n),
             _ => format!("{}-{}-{}", self.figure, self.name(), self.n),
         }
     }
 
     /// The displacement of a sphere per step, in radii. The default if the point has no steps.
-    pub(super) fn moves(&self) -> f32 {
+    pub(super) fn step_length(&self) -> f32 {
         if let SceneUpdate::Steps { part } = self.update { part } else { Scene::STEP }
     }
 
@@ -103,7 +104,7 @@ impl DataPoint {
     pub(super) fn setting(&self, contender: Contender) -> Option<f64> {
         match (self.figure, self.scene) {
             // The decimal number as written: 0.1, not the nearest `f32`.
-            (Figure::Moves, _) => self.moves().to_string().parse().ok(),
+            (Figure::StepLength, _) => self.step_length().to_string().parse().ok(),
             (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
             (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
             (figure, _) => figure.varied().and_then(|_| contender.setting()),
@@ -120,7 +121,7 @@ impl DataPoint {
             // Many points with the same number of spheres.
             Figure::Transceivers | Figure::SizeRatio => 0.3,
             // Short steps.
-            Figure::Moves => 0.5,
+            Figure::StepLength => 0.5,
             _ => 1.0,
         };
         share * self.contenders.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
@@ -163,14 +164,14 @@ impl Settings {
                 vec![SceneUpdate::Steps { part: Scene::STEP }]
             }
             Figure::Tau | Figure::Ratio | Figure::Threads => vec![SceneUpdate::Steps { part: Scene::STEP }],
-            Figure::Moves => [0.001, 0.01, 0.1].map(|part| SceneUpdate::Steps { part }).into(),
+            Figure::StepLength => [0.001, 0.01, 0.1].map(|part| SceneUpdate::Steps { part }).into(),
         }
     }
 
     /// The number of steps of a burst of `n` carriers. A step takes about 0.2 µs per carrier on two cores.
     fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
         let moves: usize = match (self.scale, figure) {
-            (RunScale::Smallest, _) => 20_000,
+            (RunScale::Smoke, _) => 20_000,
             (RunScale::Quick, _) => 10_000_000,
             (RunScale::Full, Figure::F5a) => 200_000_000,
             (RunScale::Full, _) => 100_000_000,
@@ -181,12 +182,12 @@ impl Settings {
     /// The default number of runs: that of the paper at full scale.
     fn runs_of(&self, figure: Figure) -> usize {
         match (self.scale, figure) {
-            (RunScale::Smallest, _) => 2,
+            (RunScale::Smoke, _) => 2,
             (RunScale::Quick, Figure::F5a | Figure::F5b) => 5,
             (_, Figure::Memory) => 3,
             (RunScale::Quick, _) => 20,
             (RunScale::Full, Figure::F3a | Figure::F3b) => 200,
-            (RunScale::Full, Figure::F4 | Figure::Moves) => 100,
+            (RunScale::Full, Figure::F4 | Figure::StepLength) => 100,
             (RunScale::Full, Figure::F5a | Figure::F5b) => 10,
             (RunScale::Full, _) => 30,
         }
@@ -194,18 +195,18 @@ impl Settings {
 
     fn scenes(&self, figure: Figure) -> Vec<Scene> {
         match figure {
-            Figure::F3a | Figure::Moves => vec![Scene::Equal],
+            Figure::F3a | Figure::StepLength => vec![Scene::Equal],
             Figure::F3b => vec![Scene::FiveSizes],
             Figure::F4 | Figure::Threads => vec![Scene::Equal, Scene::FiveSizes],
             Figure::F5a | Figure::F5b => vec![Scene::Burst],
             Figure::Point => vec![Scene::Point],
             Figure::Transceivers => match self.scale {
-                RunScale::Smallest => mixtures(&[1, 20], &[10]),
+                RunScale::Smoke => mixtures(&[1, 20], &[10]),
                 RunScale::Quick => mixtures(&[1, 100], &[10, 1000]),
                 RunScale::Full => mixtures(&[1, 10, 30, 100, 1000, 10_000], &[10, 100, 1000]),
             },
             Figure::SizeRatio => match self.scale {
-                RunScale::Smallest => mixtures(&[2], &[1, 4, 64]),
+                RunScale::Smoke => mixtures(&[2], &[1, 4, 64]),
                 RunScale::Quick => mixtures(&[10], &[1, 4, 16, 64, 256]),
                 RunScale::Full => mixtures(&[10], &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]),
             },
@@ -218,20 +219,20 @@ impl Settings {
     fn sizes(&self, figure: Figure) -> &'static [usize] {
         use Figure::*;
         match (self.scale, figure) {
-            (RunScale::Smallest, Memory) => &[1000],
-            (RunScale::Smallest, Point) => &[60],
-            (RunScale::Smallest, _) => &[200],
+            (RunScale::Smoke, Memory) => &[1000],
+            (RunScale::Smoke, Point) => &[60],
+            (RunScale::Smoke, _) => &[200],
             (RunScale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
             (RunScale::Quick, F5a) => &[20_000],
             (RunScale::Quick, F5b) => &[1000, 10_000],
-            (RunScale::Quick, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[20_000],
+            (RunScale::Quick, Tau | Ratio | Transceivers | SizeRatio | StepLength) => &[20_000],
             (RunScale::Quick, Threads | Memory) => &[100_000],
             (RunScale::Quick, Point) => &[100, 1000],
             (RunScale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
             (RunScale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
             (RunScale::Full, F5a) => &[500_000],
             (RunScale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
-            (RunScale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
+            (RunScale::Full, Tau | Ratio | Transceivers | SizeRatio | StepLength) => &[100_000],
             (RunScale::Full, Threads) => &[10_000, 100_000, 1_000_000],
             // Building trees for a million spheres takes minutes, and each engine does so in its own process.
             (RunScale::Full, Memory) => &[100_000],
@@ -248,7 +249,10 @@ fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
 }
 
 fn contenders(figure: Figure) -> Vec<Contender> {
-    let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Contender::Gpu(a)).collect::<Vec<_>>();
+    let on_cpu = |algorithm| {
+        DetectorVariant::new(algorithm, TargetDevice::Cpu { simd: Simd::detect(), threads: None })
+    };
+    let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Contender::gpu(a)).collect::<Vec<_>>();
     let gpu = on_gpu(Algorithm::GPU);
     let grids = [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid];
     match figure {
@@ -269,7 +273,7 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             ];
             ours.into_iter().chain(trees).chain(more).collect()
         }
-        Figure::Moves => {
+        Figure::StepLength => {
             let ours = [Algorithm::CellList, Algorithm::Auto].map(|a| Contender::cpu(a, None));
             ours.into_iter().chain([Contender::PlainCellList, Contender::Verlet, Contender::Lammps]).collect()
         }
@@ -280,17 +284,16 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             gpu.into_iter().chain(cpu).collect()
         }
         Figure::Tau => [4, 8, 16, 32, 64, 128, 256, 512, 1024]
-            .map(|tau| Contender::Cpu {
-                algorithm: Algorithm::RecursiveGrid,
-                threads: None,
-                tau: Some(tau),
-                ratio: None,
+            .map(|tau| {
+                Contender::Lazygrid(DetectorVariant { tau: Some(tau), ..on_cpu(Algorithm::RecursiveGrid) })
             })
             .into(),
         Figure::Ratio => {
             let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
             let of = |algorithm| {
-                ratios.map(|ratio| Contender::Cpu { algorithm, threads: None, tau: None, ratio: Some(ratio) })
+                ratios.map(|ratio| {
+                    Contender::Lazygrid(DetectorVariant { raster_ratio: Some(ratio), ..on_cpu(algorithm) })
+                })
             };
             grids.into_iter().flat_map(of).collect()
         }
@@ -321,7 +324,7 @@ mod tests {
     /// Otherwise points would share cached files, or rows would share cells of a table.
     #[test]
     fn point_files_and_row_cells_are_unique() {
-        for scale in [RunScale::Smallest, RunScale::Quick, RunScale::Full] {
+        for scale in [RunScale::Smoke, RunScale::Quick, RunScale::Full] {
             let (only, command) = (Figure::ALL.to_vec(), String::new());
             let points = Settings { scale, only, runs: None, minutes: 1.0, seed: 1, command }.points();
             let files: BTreeSet<String> = points.iter().map(DataPoint::key).collect();

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use rayon::ThreadPoolBuilder;
 use serde::{Deserialize, Serialize};
 
+use super::comparison::{Comparison, Limits};
 use super::plan::{DataPoint, RunScale, SceneUpdate, Settings};
-use super::race::{Comparison, Limits};
 use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
@@ -149,7 +149,7 @@ fn rows_of(
     let too_long = |contender: Contender| {
         let seconds = predicted(contender, point, earlier)?;
         let most = (MAX_TIME_FACTOR * time.as_secs_f64()).max(always(contender, point.scene));
-        (seconds > most && settings.scale != RunScale::Smallest)
+        (seconds > most && settings.scale != RunScale::Smoke)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
     // Figures that compare engines leave none out.

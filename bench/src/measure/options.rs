@@ -23,7 +23,7 @@ pub struct Options {
     pub seed: u64,
     /// Displacement of a sphere per step, in radii
     #[arg(long, default_value_t = Scene::STEP)]
-    pub moves: f32,
+    pub step_length: f32,
     /// Check answers at a tiny size instead of measuring (the default without `--bench`, which `cargo bench` passes)
     #[arg(long)]
     pub quick: bool,
@@ -44,9 +44,9 @@ impl Options {
 
     /// A plan for each scene and number of spheres.
     pub fn plans(&self) -> Vec<Plan> {
-        let Self { rounds, steps, seed, moves, .. } = *self;
+        let Self { rounds, steps, seed, step_length, .. } = *self;
         let of = |scene: Scene| {
-            self.n.iter().map(move |&n| Plan { scene, n, seed, rounds, steps, moves, fresh: false })
+            self.n.iter().map(move |&n| Plan { scene, n, seed, rounds, steps, step_length, fresh: false })
         };
         self.scene.iter().flat_map(|&scene| of(scene)).collect()
     }

@@ -6,7 +6,7 @@ use std::error::Error;
 
 use lazygrid::{Pair, Sphere};
 
-use super::class::SizeClassGrid;
+use super::size_class_grid::SizeClassGrid;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 

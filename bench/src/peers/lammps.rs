@@ -18,7 +18,7 @@ use tempfile::NamedTempFile;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// The environment variable with the path of `liblammps.so`.
-pub const VARIABLE: &str = "LAZYGRID_LAMMPS";
+pub const VARIABLE: &str = "LAZYGRID_LAMMPS_LIB";
 
 /// An instance of LAMMPS.
 type Handle = *mut c_void;
@@ -40,11 +40,11 @@ type Create = unsafe extern "C" fn(
     c_int,
 ) -> c_int;
 
-/// LAMMPS for equal spheres of radius 1, with the fastest skin for steps of `moves` radii, by [`skins`] in `cargo bench
+/// LAMMPS for equal spheres of radius 1, with the fastest skin for steps of `step_length` radii, by [`skins`] in `cargo bench
 /// -p lazygrid-bench --bench peers -- --mode skins --scene equal --output unordered --algorithm auto --steps 100
-/// --rounds 3 --moves 0.01`.
-pub fn tuned(name: impl Into<String>, moves: f32) -> ContenderFactory {
-    with(name, best(moves))
+/// --rounds 3 --step-length 0.01`.
+pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
+    with(name, best(step_length))
 }
 
 /// The candidate skins; empty without LAMMPS.
@@ -58,8 +58,8 @@ pub fn is_named() -> bool {
     env::var_os(VARIABLE).is_some()
 }
 
-fn best(moves: f32) -> f32 {
-    match moves {
+fn best(step_length: f32) -> f32 {
+    match step_length {
         ..=0.003 => 0.1,
         ..=0.03 => 0.5,
         _ => 1.5,

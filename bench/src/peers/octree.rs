@@ -12,7 +12,7 @@ use lazygrid::{Pair, Sphere};
 use rayon::prelude::*;
 
 use super::half_extent;
-use super::sweep::{Interval, sort, sweep};
+use super::sweep_and_prune::{Interval, sort, sweep};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// Number of spheres above which a leaf is split, if that separates them.
@@ -166,7 +166,7 @@ impl Octree {
         self.home.resize(self.boxes.len(), Some(0));
     }
 
-    /// Moves spheres from leaves that they left to leaves that they entered.
+    /// StepLength spheres from leaves that they left to leaves that they entered.
     fn update(&mut self) {
         let Self { nodes, boxes, before, home, .. } = self;
         nodes.par_iter_mut().filter(|node| node.children.is_none()).for_each(|leaf| leaf.release(boxes));

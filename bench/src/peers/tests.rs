@@ -9,10 +9,10 @@ use lazygrid_io::scenes::Scene;
 fn peers_agree_with_naive() {
     for scene in Scene::ALL {
         let n = if scene == Scene::Point { 200 } else { 1500 };
-        let plan = Plan { scene, n, seed: 3, rounds: 2, steps: 4, moves: Scene::STEP, fresh: false };
-        let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-        let mut contenders = vec![ContenderFactory::list("naive", judge)];
-        contenders.extend([cell_list::incremental(), octree::incremental(), sweep::incremental()]);
+        let plan = Plan { scene, n, seed: 3, rounds: 2, steps: 4, step_length: Scene::STEP, fresh: false };
+        let reference = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+        let mut contenders = vec![ContenderFactory::list("naive", reference)];
+        contenders.extend([cell_list::incremental(), octree::incremental(), sweep_and_prune::incremental()]);
         contenders.extend(cell_list::tunings(scene));
         contenders.extend(parry::incremental());
         contenders.extend(verlet::skins(scene));
@@ -28,14 +28,14 @@ fn peers_agree_with_naive() {
 fn cell_list_handles_unusual_shapes() {
     let points = |n: usize| (0..n).map(|k| Sphere::new([(k / 2) as f32, 0.0, 0.0], 0.0)).collect();
     let row = |gap: f32| (0..100).map(|k| Sphere::new([k as f32 * gap, 7.0, -7.0], 0.5)).collect();
-    let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+    let reference = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     for spheres in [points(1), points(2), points(9), points(100), row(1.0), row(1.001), row(0.1)] {
         let spheres: Vec<Sphere> = spheres;
         let digest = |contender: &ContenderFactory| {
             let mut search = (contender.make)().expect("made");
             crate::measure::Digest::of(&search.run(&spheres).expect("found"))
         };
-        let expected = digest(&ContenderFactory::list("naive", judge.clone()));
+        let expected = digest(&ContenderFactory::list("naive", reference.clone()));
         for contender in cell_list::tunings(Scene::FiveSizes) {
             assert_eq!(digest(&contender), expected, "{}: {} spheres", contender.name, spheres.len());
         }
@@ -46,12 +46,12 @@ fn cell_list_handles_unusual_shapes() {
 #[test]
 fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
-    let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+    let reference = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     let searches = [
-        ContenderFactory::list("naive", judge),
+        ContenderFactory::list("naive", reference),
         octree::incremental(),
         cell_list::incremental(),
-        sweep::incremental(),
+        sweep_and_prune::incremental(),
     ];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for factor in [1.0, 1.2, 1.5, 0.5, 0.5, 0.3, 1.0, 2.0, 1.4] {
@@ -68,12 +68,12 @@ fn peers_follow_a_cloud_that_spreads_and_shrinks() {
 fn boxes_at_cell_borders_lose_no_pair() {
     let mut spheres = Scene::Equal.spheres(4000, 6);
     spheres.iter_mut().for_each(|sphere| sphere.center += 30_000.0);
-    let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+    let reference = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     let searches = [
-        ContenderFactory::list("naive", judge),
+        ContenderFactory::list("naive", reference),
         octree::incremental(),
         cell_list::incremental(),
-        sweep::incremental(),
+        sweep_and_prune::incremental(),
     ];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for step in 0..40 {

@@ -10,13 +10,13 @@ use super::touch;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The fastest skin for a benchmark scene with steps of `moves` radii, if the largest radius is 1. From [`skins`] in
+/// The fastest skin for a benchmark scene with steps of `step_length` radii, if the largest radius is 1. From [`skins`] in
 /// `cargo bench -p lazygrid-bench --bench peers -- --mode skins --output unordered --algorithm auto --steps 100
-/// --rounds 3 --moves 0.01`. Skins of other scenes than equal spheres are for steps of a tenth.
-fn best(scene: Scene, moves: f32) -> f32 {
+/// --rounds 3 --step-length 0.01`. Skins of other scenes than equal spheres are for steps of a tenth.
+fn best(scene: Scene, step_length: f32) -> f32 {
     match scene {
-        Scene::Equal if moves <= 0.003 => 0.1,
-        Scene::Equal if moves <= 0.03 => 0.5,
+        Scene::Equal if step_length <= 0.003 => 0.1,
+        Scene::Equal if step_length <= 0.03 => 0.5,
         Scene::Equal => 2.0,
         Scene::FiveSizes => 1.0,
         Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
@@ -27,8 +27,8 @@ fn best(scene: Scene, moves: f32) -> f32 {
 }
 
 /// The list with the fastest skin for a scene and its steps.
-pub fn tuned(name: impl Into<String>, scene: Scene, moves: f32) -> ContenderFactory {
-    with(name, scene, best(scene, moves))
+pub fn tuned(name: impl Into<String>, scene: Scene, step_length: f32) -> ContenderFactory {
+    with(name, scene, best(scene, step_length))
 }
 
 /// The candidate skins.

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use lazygrid::{Algorithm, Backend};
-use lazygrid_check::compare::FailedCase;
-use lazygrid_check::sequence::Tally;
-use lazygrid_check::speed::Speed;
+use lazygrid_check::detectors::compare::FailedCase;
+use lazygrid_check::detectors::sequence::Tally;
+use lazygrid_check::timing::speed::Speed;
 use lazygrid_check::{Gpu, TestInput};
 use lazygrid_io::scenes::Scene;
 use serde_json::{Map, Value, json};

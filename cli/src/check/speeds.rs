@@ -1,10 +1,10 @@
 use std::time::Instant;
 
 use lazygrid::{Algorithm, Backend, Sphere};
-use lazygrid_check::bandwidth::{GpuTimer, Measured};
-use lazygrid_check::compare::FailedCase;
+use lazygrid_check::detectors::compare::FailedCase;
 use lazygrid_check::kernels::KernelError;
-use lazygrid_check::speed::{self, FULL, SkipReason, Speed, forecast};
+use lazygrid_check::timing::bandwidth::{GpuTimer, Measured};
+use lazygrid_check::timing::speed::{self, FULL, SkipReason, Speed, forecast};
 use lazygrid_check::{Effort, Gpu, catch_panic};
 use lazygrid_io::scenes::Scene;
 

@@ -103,7 +103,7 @@ impl GpuConfig {
 
 impl GpuConfig {
     /// τ by default. On Mesa's software driver, 100 000 spheres of five sizes take the same time from 32 on, and a burst
-    /// of ten sizes the least about 128 (`cargo bench -p lazygrid-bench --bench sweep -- --backend gpu --what tau`); other
+    /// of ten sizes the least about 128 (`cargo bench -p lazygrid-bench --bench parameter_sweep -- --backend gpu --what tau`); other
     /// devices may differ.
     pub const TAU: u32 = 64;
     /// From how many spheres on a cell list is sorted by radix: where counters no longer fit the caches of large GPUs. Not
@@ -111,7 +111,7 @@ impl GpuConfig {
     /// fast at a hundred thousand.
     pub const RADIX_FROM: u32 = 1 << 19;
     /// The same for a software adapter, whose caches hide less: on Mesa's llvmpipe on two cores counting is the faster at a
-    /// million (`cargo bench -p lazygrid-bench --bench scenes -- --radix-from 0,4000000000`).
+    /// million (`cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
     pub const SOFTWARE_RADIX_FROM: u32 = 1 << 20;
     /// Raster ratio by default: on the same driver the best for five sizes, where 3 is better for equal ones by a tenth.
     pub const RASTER_RATIO: f32 = 2.0;

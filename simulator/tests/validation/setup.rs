@@ -7,9 +7,9 @@ pub(crate) fn species(name: &str, radius: f32, diffusion: f64) -> Species {
     Species { name: name.to_owned(), radius, diffusion, mass: 1.0, ..Species::default() }
 }
 
-/// Returns `true` if to draw as many as `LAZYGRID_LONG` asks for; tolerances follow the number.
+/// Returns `true` if to draw as many as `LAZYGRID_TEST_FULL` asks for; tolerances follow the number.
 pub(crate) fn is_long() -> bool {
-    std::env::var_os("LAZYGRID_LONG").is_some()
+    std::env::var_os("LAZYGRID_TEST_FULL").is_some()
 }
 
 /// One burst at the beginning, around the origin.

@@ -66,11 +66,11 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
 }
 
 /// Steps of several lengths on one thread: candidate lists, and searches at each step.
-pub(super) fn moves(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
+pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let text = "As figure 4, with steps of three lengths, in radii. The Verlet list and LAMMPS keep pairs within a skin that is \
                 chosen for the length of the steps; lazygrid chooses its own. LAMMPS computes with doubles, and forces \
                 between pairs, whose energies tell how many they are; where its atoms are it is told before the clock starts. \
-                It takes part where the environment variable LAZYGRID_LAMMPS names its library. Ratios are of the total time \
+                It takes part where the environment variable LAZYGRID_LAMMPS_LIB names its library. Ratios are of the total time \
                 of all steps that both ran.";
     let mut section = Section {
         title: "Figure 4, shorter steps: one thread, beside lists with a skin".to_owned(),
@@ -85,7 +85,7 @@ pub(super) fn moves(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         let x = ("step in radii", Quantity::Number);
         let y = ("mean time of a step per sphere", Quantity::Time);
         let axes = Axes { scale: Scale::Logarithmic, title: &what, x, y };
-        section.plots.extend(plot(&axes, &rows, format!("figure-moves-{scene}-{n}"), shown)?);
+        section.plots.extend(plot(&axes, &rows, format!("figure-step-length-{scene}-{n}"), shown)?);
         section.tables.push(per_sphere(&what, &rows, &columns));
         section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(&what, &rows, &columns, ours)));
         section.notes.extend(verdicts(&what, &rows, &columns));

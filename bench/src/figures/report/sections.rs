@@ -25,7 +25,7 @@ pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
         let mut section = match figure {
             Figure::F3a | Figure::F3b | Figure::Point => growth::section(figure, &rows, &results.rows)?,
             Figure::F4 => peers::trees(&rows)?,
-            Figure::Moves => peers::moves(&rows)?,
+            Figure::StepLength => peers::step_length(&rows)?,
             Figure::F5a | Figure::F5b => peers::burst(figure, &rows)?,
             Figure::Transceivers | Figure::SizeRatio => transceivers::section(figure, &rows)?,
             Figure::Tau | Figure::Ratio | Figure::Threads => sweeps::section(figure, &rows)?,

@@ -1,5 +1,5 @@
 use lazygrid::{Interaction, Space, Sphere, Spheres};
-use lazygrid_check::sheared::{space, tilted};
+use lazygrid_check::scenes::triclinic::{space, tilted};
 use lazygrid_check::{ExclusionCase, SpeciesSetup};
 use lazygrid_io::read::{Frames, Options, pairs};
 

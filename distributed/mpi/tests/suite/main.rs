@@ -44,7 +44,7 @@ fn main() {
     };
     lazygrid_mpi::abort_on_panic();
     let world = universe.world();
-    if std::env::var_os("LAZYGRID_MPI_PANIC").is_some() {
+    if std::env::var_os("LAZYGRID_TEST_MPI_PANIC").is_some() {
         failures::panic(&world);
     }
     // Cargo passes what was said behind `--`: names of cases, or parts of them.

@@ -1,0 +1,191 @@
+//! The GPU cell list in hard scenes, compared with the same number of equal spheres and with another algorithm: GPU
+//! timestamps of each phase, from interleaved calls. Prints Markdown.
+//!
+//! `cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --n 1000000 --baseline lazy-grid`
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+use std::time::Duration;
+
+use clap::Parser;
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, Phase};
+use lazygrid::{Algorithm, Sphere, Spheres};
+use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_io::scenes::Scene;
+
+#[derive(Parser)]
+#[command(about = "The GPU cell list in scenes that are hard on grids")]
+struct Args {
+    /// Number of spheres of each scene
+    #[arg(long, default_value_t = 1_000_000)]
+    n: usize,
+    /// Number of spheres of the burst
+    #[arg(long, default_value_t = 100_000)]
+    burst: usize,
+    /// Radius of the giant over that of the others
+    #[arg(long, default_value_t = 100.0)]
+    giant: f32,
+    /// Distance of the two clumps in diameters
+    #[arg(long, default_value_t = 1e6)]
+    gap: f32,
+    /// Algorithm to compare with, in scenes without giant or gap
+    #[arg(long)]
+    baseline: Option<Algorithm>,
+    /// Numbers of spheres at or above which the cell list uses the radix sort, separated by commas; they take turns
+    #[arg(long, value_delimiter = ',', default_values_t = [GpuConfig::RADIX_FROM])]
+    radix_from: Vec<u32>,
+    /// Only the scenes of equal and of five sizes
+    #[arg(long)]
+    uniform_only: bool,
+    /// Rounds, after one to warm up
+    #[arg(long, default_value_t = 5)]
+    rounds: usize,
+    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    #[arg(long)]
+    quick: bool,
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// A scene, and whether all algorithms handle it well.
+struct BenchScene {
+    name: &'static str,
+    spheres: Vec<Sphere>,
+    is_uniform: bool,
+}
+
+/// One algorithm on one scene, with the times of each phase.
+struct SceneRun<'a> {
+    given: &'a BenchScene,
+    algorithm: Algorithm,
+    sort: &'static str,
+    session: GpuSession,
+    pairs: u64,
+    stages: Vec<[Duration; Phase::ALL.len()]>,
+}
+
+impl SceneRun<'_> {
+    fn run(&mut self, is_warm: bool) -> Result<(), Box<dyn Error>> {
+        let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
+        self.pairs = self.session.finish_count(ticket)?;
+        if is_warm {
+            let of = |phase: Phase| self.session.timings().iter().find(|t| t.name == phase.name());
+            self.stages.push(Phase::ALL.map(|phase| of(phase).map_or(Duration::ZERO, |timing| timing.time)));
+        }
+        Ok(())
+    }
+
+    /// Seconds of each phase of the call with the median total.
+    fn median(&self) -> [f64; Phase::ALL.len()] {
+        let mut stages = self.stages.clone();
+        stages.sort_by_key(|stages| stages.iter().sum::<Duration>());
+        stages[stages.len() / 2].map(|time| time.as_secs_f64())
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = Args::parse();
+    if args.quick || !args.bench {
+        (args.n, args.burst, args.giant, args.rounds) = (2000, 500, 4.0, 1);
+        args.baseline = Some(Algorithm::LazyGrid);
+    }
+    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
+    println!("{}\n\n{}\n", provenance(), own.adapter.name);
+    let mut scenes = scenes(&args);
+    scenes.truncate(if args.uniform_only { 2 } else { scenes.len() });
+    let mut runners = Vec::new();
+    for given in &scenes {
+        for &radix_from in &args.radix_from {
+            runners.push(runner(&own, given, (Algorithm::CellList, radix_from))?);
+        }
+        if let Some(other) = args.baseline.filter(|_| given.is_uniform) {
+            runners.push(runner(&own, given, (other, GpuConfig::RADIX_FROM))?);
+        }
+    }
+    for round in 0..=args.rounds {
+        for runner in &mut runners {
+            runner.run(round > 0)?;
+        }
+        for (a, b) in runners.iter().zip(&runners[1..]) {
+            // Pairs within 4 ulp of tangency may be found or missed.
+            if std::ptr::eq(a.given, b.given) && a.pairs.abs_diff(b.pairs) > 1 + a.pairs / 100_000 {
+                let (a, b, name) = (a.pairs, b.pairs, a.given.name);
+                return Err(format!("{a} pairs and {b} in {name}").into());
+            }
+        }
+    }
+    println!("{}", table(&runners));
+    Ok(())
+}
+
+fn runner<'a>(
+    own: &GpuDevice,
+    given: &'a BenchScene,
+    (algorithm, radix_from): (Algorithm, u32),
+) -> Result<SceneRun<'a>, Box<dyn Error>> {
+    let pair_capacity = if given.name == "burst" { 24 } else { 4 } * given.spheres.len() as u32;
+    let settings = GpuConfig::default()
+        .algorithm(algorithm)
+        .pair_capacity(pair_capacity)
+        .radix_from(radix_from)
+        .timed(true);
+    let session = GpuSession::new(own.clone(), settings)?;
+    let is_counted = algorithm == Algorithm::CellList && given.spheres.len() < radix_from as usize;
+    let sort = if is_counted { "by counting" } else { "by radix" };
+    Ok(SceneRun { given, algorithm, sort, session, pairs: 0, stages: Vec::new() })
+}
+
+fn scenes(args: &Args) -> Vec<BenchScene> {
+    let equal = Scene::Equal.spheres(args.n, 1);
+    let mut giant = equal.clone();
+    if let Some(sphere) = giant.first_mut() {
+        *sphere = Sphere::new([0.0; 3], args.giant);
+    }
+    let mut clumps = Scene::Equal.spheres(args.n / 2, 1);
+    let far = |sphere: &Sphere| Sphere { center: sphere.center + glam::Vec3::X * 2.0 * args.gap, ..*sphere };
+    let there: Vec<_> = Scene::Equal.spheres(args.n - args.n / 2, 2).iter().map(far).collect();
+    clumps.extend(there);
+    let given = |name, spheres, is_uniform| BenchScene { name, spheres, is_uniform };
+    vec![
+        given("equal", equal, true),
+        given("five sizes", Scene::FiveSizes.spheres(args.n, 1), true),
+        given("one giant", giant, false),
+        given("two clumps", clumps, false),
+        given("burst", Scene::Burst.spheres(args.burst, 1), true),
+    ]
+}
+
+/// A row per runner: milliseconds of each phase and their sum. Further columns are the ratio to the first row with the
+/// same sort and number of spheres, and the ratio of the other algorithm to the cell list.
+fn table(runners: &[SceneRun<'_>]) -> String {
+    let sum = |runner: &SceneRun<'_>| runner.median().iter().sum::<f64>();
+    let rows: Vec<Vec<String>> = runners
+        .iter()
+        .map(|runner| {
+            let stages = runner.median().into_iter().map(|seconds| format!("{:.1}", seconds * 1e3));
+            let is_list = runner.algorithm == Algorithm::CellList;
+            let same = |other: &&SceneRun<'_>| is_list && std::ptr::eq(other.given, runner.given);
+            let other = runners.iter().filter(same).find(|other| other.algorithm != Algorithm::CellList);
+            let is_base =
+                |base: &&SceneRun<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
+            let as_many = |base: &&SceneRun<'_>| base.given.spheres.len() == runner.given.spheres.len();
+            let base = runners.iter().find(is_base).filter(|_| is_list).filter(as_many);
+            let ratio = |of: Option<f64>| of.map_or(String::new(), |ratio| format!("{ratio:.2}"));
+            [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]
+                .into_iter()
+                .chain([format!("{} {}", runner.algorithm, runner.sort), runner.pairs.to_string()])
+                .chain(stages)
+                .chain([format!("{:.1}", sum(runner) * 1e3)])
+                .chain([ratio(base.map(|base| sum(runner) / sum(base)))])
+                .chain([ratio(other.map(|other| sum(other) / sum(runner)))])
+                .collect()
+        })
+        .collect();
+    let stages = Phase::ALL.map(|phase| format!("{}, ms", phase.name()));
+    let head: Vec<&str> = ["scene", "spheres", "algorithm", "pairs"]
+        .into_iter()
+        .chain(stages.iter().map(String::as_str))
+        .chain(["all, ms", "over equal", "other over it"])
+        .collect();
+    markdown(&head, &rows)
+}

@@ -1,0 +1,137 @@
+//! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time from submission
+//! to completion. Detectors take turns at each step, and the host step_length the spheres in between. Prints Markdown.
+//!
+//! `cargo bench -p lazygrid-bench --bench gpu_skin -- --n 1000000 --step-length 0.01,0.1 --skin 0.25,0.5`
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+use std::time::Instant;
+
+use clap::Parser;
+use lazygrid::gpu::{
+    GpuConfig, GpuDetector, GpuDevice, GpuPairs, GpuSkinDetector, GpuSpheres, Outcome, wgpu,
+};
+use lazygrid::{Algorithm, Sphere};
+use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_check::device::{download, submit, upload, wait};
+use lazygrid_io::scenes::Scene;
+
+#[derive(Parser)]
+#[command(about = "Candidate lists on the GPU compared with a cell list at each step")]
+struct Args {
+    /// Scenes, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [Scene::Equal, Scene::FiveSizes])]
+    scene: Vec<Scene>,
+    /// Numbers of spheres, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [100_000])]
+    n: Vec<usize>,
+    /// Displacements of spheres per step, in radii, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [0.001, 0.01, 0.1])]
+    step_length: Vec<f32>,
+    /// Skins as fractions of the largest diameter, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [0.125, 0.25, 0.5])]
+    skin: Vec<f32>,
+    /// Steps, after one to warm up
+    #[arg(long, default_value_t = 30)]
+    steps: u32,
+    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    #[arg(long)]
+    quick: bool,
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// A detector under measurement.
+enum TimedDetector {
+    EachStep(Box<GpuDetector>),
+    Candidates(Box<GpuSkinDetector>),
+}
+
+impl TimedDetector {
+    fn encode(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        input: &GpuSpheres<'_>,
+    ) -> Result<GpuPairs, lazygrid::Error> {
+        match self {
+            Self::EachStep(detector) => detector.encode(encoder, input),
+            Self::Candidates(detector) => detector.encode(encoder, input),
+        }
+    }
+
+    /// Runs a step. Returns its seconds and its number of pairs.
+    fn step(&mut self, own: &GpuDevice, input: &GpuSpheres<'_>) -> Result<(f64, u64), Box<dyn Error>> {
+        let start = Instant::now();
+        let found = submit(own, |encoder| self.encode(encoder, input))?;
+        wait(own)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let outcome = download::<Outcome>(own, &found.outcome, 1)?[0];
+        match outcome.overflow {
+            0 => Ok((seconds, outcome.found())),
+            _ => Err(format!("buffers are too small: {outcome:?}").into()),
+        }
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = Args::parse();
+    if args.quick || !args.bench {
+        (args.n, args.steps) = (vec![300], 4);
+    }
+    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
+    println!("{}\n\n{}\n", provenance(), own.adapter.name);
+    let mut rows = Vec::new();
+    for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
+        for &step_length in &args.step_length {
+            let seconds = compare(&own, &args, (scene, n, step_length))?;
+            let per_sphere = |s: &f64| format!("{:.1} ({:.2})", s / n as f64 * 1e9, s / seconds[0]);
+            let head = [scene.to_string(), n.to_string(), step_length.to_string()];
+            rows.push(head.into_iter().chain(seconds.iter().map(per_sphere)).collect());
+        }
+    }
+    let skins = args.skin.iter().map(|part| format!("skin {part}"));
+    let head: Vec<String> = ["scene", "spheres", "step in radii", "every step"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(skins)
+        .collect();
+    println!("Nanoseconds per sphere and step, and as a part of a search at every step\n");
+    println!("{}", markdown(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows));
+    Ok(())
+}
+
+/// The mean seconds per step of each detector, the cell list at each step first.
+fn compare(
+    own: &GpuDevice,
+    args: &Args,
+    (scene, n, step_length): (Scene, usize, f32),
+) -> Result<Vec<f64>, Box<dyn Error>> {
+    let mut spheres = scene.spheres(n, 1);
+    let settings =
+        || GpuConfig::default().algorithm(Algorithm::CellList).pair_capacity((4 * n as u32).max(1 << 20));
+    let mut runners = vec![TimedDetector::EachStep(Box::new(GpuDetector::new(&own.device, settings())?))];
+    for part in &args.skin {
+        // The largest radius of the scenes is 1.
+        runners.push(TimedDetector::Candidates(Box::new(GpuSkinDetector::new(
+            &own.device,
+            settings(),
+            2.0 * part,
+        )?)));
+    }
+    let mut sums = vec![0.0; runners.len()];
+    for step in 0..=args.steps {
+        let given = upload::<Sphere>(own, &spheres)?;
+        let input = GpuSpheres::new(&given, n as u32);
+        let mut found = None;
+        for (runner, sum) in runners.iter_mut().zip(&mut sums) {
+            let (seconds, pairs) = runner.step(own, &input)?;
+            // Tangent pairs may be found or missed, but all detectors agree on them.
+            if *found.get_or_insert(pairs) != pairs {
+                return Err(format!("{pairs} pairs at step {step}, not {found:?}").into());
+            }
+            *sum += if step == 0 { 0.0 } else { seconds };
+        }
+        Scene::advance_by(step_length, &mut spheres, 1, step);
+    }
+    Ok(sums.into_iter().map(|sum| sum / f64::from(args.steps)).collect())
+}

@@ -1,0 +1,340 @@
+//! Runs engines in turn on the same spheres and checks each answer against the reference.
+
+use std::error::Error;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use lazygrid::{Phase, Sphere};
+use thiserror::Error;
+
+use super::plan::DataPoint;
+use super::row::{Row, Status};
+use super::verify::Reference;
+use super::{Contender, Figure};
+use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
+
+/// Multiple of its time that an engine may use to reach the minimum number of runs.
+const MORE: u32 = 3;
+
+/// Warm-up time of an engine if numbers of threads are compared. Pool threads sleep during the turns of other engines,
+/// and the system may keep newly woken threads on one core for milliseconds.
+const WAKING: Duration = Duration::from_millis(40);
+
+/// The reason why a peer is not available.
+#[derive(Clone, Copy, Debug, Error)]
+#[error("{0}")]
+pub(super) struct Unavailable(&'static str);
+
+impl Unavailable {
+    #[cfg(not(feature = "bullet"))]
+    pub(super) const BULLET: Self = Self("not built in; build with --features bullet");
+    pub(super) const LAMMPS: Self = Self("set LAZYGRID_LAMMPS_LIB to the path of liblammps.so");
+
+    /// A factory that fails with this reason.
+    pub(super) fn factory(self, name: String) -> ContenderFactory {
+        ContenderFactory::new(name, move || Err::<NoFinder, _>(self.into()))
+    }
+}
+
+/// An uninhabited search type.
+enum NoFinder {}
+
+impl PairFinder for NoFinder {
+    fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        match *self {}
+    }
+}
+
+/// The limits of an engine's runs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Maximum number of runs.
+    pub(super) runs: usize,
+    /// Minimum number of runs, unless they take [`MORE`] times the allowed time.
+    pub(super) at_least: usize,
+    /// Time of an engine's own runs after which no further run starts.
+    pub(super) time: Duration,
+    /// Time of all engines and of the work between their runs after which no further run starts.
+    pub(super) in_all: Duration,
+}
+
+/// The running comparison of the engines of a point.
+pub(super) struct Comparison<'a> {
+    point: &'a DataPoint,
+    limits: Limits,
+    runs: Vec<ContenderRun>,
+    frames: usize,
+    /// The start of the first run that counts.
+    began: Option<Instant>,
+}
+
+struct ContenderRun {
+    contender: Contender,
+    search: Option<Box<dyn PairFinder>>,
+    phases: Vec<Vec<Phase>>,
+    used: Duration,
+    last: Option<Digest>,
+    has_worked: bool,
+    row: Row,
+}
+
+impl<'a> Comparison<'a> {
+    /// Creates all contenders of the point. `left_out` returns a reason for engines to skip.
+    pub(super) fn new(
+        point: &'a DataPoint,
+        limits: Limits,
+        left_out: impl Fn(Contender) -> Option<String>,
+    ) -> Self {
+        let run = |&contender: &Contender| {
+            let mut run = ContenderRun::new(point, contender);
+            match left_out(contender) {
+                Some(reason) => run.leave(Status::LeftOut, reason),
+                None => match (contender.factory(point.scene, point.n, point.step_length()).make)() {
+                    Ok(search) => run.search = Some(search),
+                    Err(error) => run.fail(error.as_ref()),
+                },
+            }
+            run
+        };
+        Self { point, limits, runs: point.contenders.iter().map(run).collect(), frames: 0, began: None }
+    }
+
+    /// Returns `true` if no engine has runs left.
+    pub(super) fn is_over(&self) -> bool {
+        self.runs.iter().all(|run| run.is_done(self.limits, self.is_late()))
+    }
+
+    /// Returns `true` if the time of all engines is used up.
+    fn is_late(&self) -> bool {
+        self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
+    }
+
+    /// Runs each engine that has runs left on these spheres, and checks all answers against the reference. Times of a
+    /// warm-up are dropped.
+    ///
+    /// # Errors
+    /// Fails if the reference fails.
+    pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
+        if !warm_up {
+            self.began.get_or_insert_with(Instant::now);
+        }
+        let (runs, limits, is_late) = (self.runs.len(), self.limits, self.is_late());
+        for turn in turns(runs, self.frames as u64) {
+            let run = &mut self.runs[turn];
+            run.last = None;
+            if warm_up || !run.is_done(limits, is_late) {
+                run.wake(self.point, spheres);
+                run.run(spheres, warm_up);
+            }
+        }
+        self.frames += 1;
+        if self.runs.iter().any(|run| run.last.is_some()) {
+            let reference = Reference::of(spheres)?;
+            self.runs.iter_mut().for_each(|run| run.verify(&reference, spheres));
+        }
+        Ok(())
+    }
+
+    /// Takes the rows so far, with their parameter `at`, and starts new ones.
+    pub(super) fn take_rows(&mut self, at: Option<f64>) -> Vec<Row> {
+        let point = self.point;
+        self.began = None;
+        self.runs.iter_mut().map(|run| run.take_row(point, at)).collect()
+    }
+}
+
+impl ContenderRun {
+    fn new(point: &DataPoint, contender: Contender) -> Self {
+        let row = Row::new(point, contender);
+        Self {
+            contender,
+            search: None,
+            phases: vec![],
+            used: Duration::ZERO,
+            last: None,
+            has_worked: false,
+            row,
+        }
+    }
+
+    fn is_done(&self, limits: Limits, is_late: bool) -> bool {
+        let runs = self.row.wall.len();
+        let enough = runs >= limits.at_least || self.used >= MORE * limits.time;
+        let out_of_time = runs > 0 && enough && (is_late || self.used >= limits.time);
+        self.search.is_none() || runs >= limits.runs || out_of_time
+    }
+
+    /// Repeats the search until the engine's threads run on separate cores.
+    fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
+        let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
+        let begun = Instant::now();
+        while begun.elapsed() < WAKING {
+            // An error here occurs again in the checked run.
+            let _ = search.run(black_box(spheres)).map(black_box);
+        }
+    }
+
+    fn run(&mut self, spheres: &[Sphere], warm_up: bool) {
+        let Some(search) = &mut self.search else { return };
+        let prepared = search.prepare(spheres);
+        let start = Instant::now();
+        let found = prepared.and_then(|()| search.run(black_box(spheres))).map(black_box);
+        let time = start.elapsed();
+        let digest = match found {
+            Ok(found) => Digest::of(&found),
+            Err(error) => return self.fail(error.as_ref()),
+        };
+        self.last = Some(digest);
+        self.has_worked = true;
+        self.row.pairs = digest.pairs;
+        if warm_up {
+            return;
+        }
+        self.used += time;
+        self.row.wall.push(time.as_secs_f64());
+        self.row.gpu.extend(search.gpu_time().map(|t| t.as_secs_f64()));
+        self.phases.push(search.phases());
+    }
+
+    fn verify(&mut self, reference: &Reference<'_>, spheres: &[Sphere]) {
+        let Some(found) = self.last else { return };
+        let verdict = match (reference.check(found), &mut self.search) {
+            // Compares the list pair by pair, as a GPU may round differently from the reference.
+            (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
+                Ok(again) if Digest::of(&again) != found => {
+                    Err("repeated search gave another answer".to_owned())
+                }
+                Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
+                Ok(Found::Count(_)) => Err(reason),
+                Err(error) => Err(error.to_string()),
+            },
+            (verdict, _) => verdict.map(|()| 0),
+        };
+        match verdict {
+            Ok(tangent) => self.row.tangent = self.row.tangent.max(tangent),
+            Err(reason) => self.leave(Status::Error, reason),
+        }
+    }
+
+    fn fail(&mut self, error: &(dyn Error + 'static)) {
+        // An engine that worked before is not unavailable but fails.
+        let refused = !self.has_worked && is_refusal(error);
+        self.leave(if refused { Status::NotAvailable } else { Status::Error }, error.to_string());
+    }
+
+    fn leave(&mut self, status: Status, reason: String) {
+        (self.row.status, self.row.reason) = (status, reason);
+        self.search = None;
+        self.last = None;
+        self.row.wall.clear();
+        self.row.gpu.clear();
+        self.phases.clear();
+    }
+
+    fn take_row(&mut self, point: &DataPoint, at: Option<f64>) -> Row {
+        let fresh = Self::new(point, self.contender).row;
+        let (status, reason) = match (self.row.status, at) {
+            // A wrong engine takes no further part.
+            (Status::Error, Some(at)) => (Status::LeftOut, format!("wrong at {at} s")),
+            (status, _) => (status, self.row.reason.clone()),
+        };
+        let mut row = std::mem::replace(&mut self.row, Row { status, reason, ..fresh });
+        row.at = at.or(row.at);
+        row.phases = medians(&std::mem::take(&mut self.phases));
+        self.used = Duration::ZERO;
+        row
+    }
+}
+
+/// The median of each phase, in execution order.
+fn medians(runs: &[Vec<Phase>]) -> Vec<(String, f64)> {
+    let Some(first) = runs.first() else { return vec![] };
+    let times = |name: &str| -> Vec<f64> {
+        let of = |run: &Vec<Phase>| Some(run.iter().find(|p| p.name == name)?.time.as_secs_f64());
+        runs.iter().filter_map(of).collect()
+    };
+    first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
+}
+
+/// Returns `true` if the error means that the engine is not available here, which is not a fault.
+fn is_refusal(error: &(dyn Error + 'static)) -> bool {
+    use lazygrid::Error as E;
+    if error.is::<Unavailable>() {
+        return true;
+    }
+    matches!(
+        error.downcast_ref::<E>(),
+        Some(
+            E::GpuUnavailable { .. }
+                | E::NotOnBackend { .. }
+                | E::NoAdapter { .. }
+                | E::NoDevice { .. }
+                | E::LimitExceeded { .. }
+                | E::DeviceOutOfMemory { .. }
+        )
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Pair;
+
+    use super::*;
+    use crate::figures::plan::SceneUpdate;
+    use lazygrid_io::scenes::Scene;
+
+    struct WrongFinder(Vec<Pair>);
+
+    impl PairFinder for WrongFinder {
+        fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+            Ok(Found::Pairs(&self.0))
+        }
+    }
+
+    struct Broken;
+
+    impl PairFinder for Broken {
+        fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+            Err(lazygrid::Error::GpuUnavailable { reason: "it is gone".into() }.into())
+        }
+    }
+
+    /// A wrong answer is an error in any run and in spite of other engines that agree with it; the other engines
+    /// continue.
+    #[test]
+    fn wrong_answer_is_an_error() {
+        let point = DataPoint {
+            figure: Figure::F3a,
+            scene: Scene::Equal,
+            n: 300,
+            update: SceneUpdate::Fresh,
+            contenders: vec![
+                Contender::PlainCellList,
+                Contender::Octree,
+                Contender::Parry,
+                Contender::SortAndSweep,
+            ],
+            runs: 3,
+        };
+        let spheres = Scene::Equal.spheres(300, 1);
+        // Without any time each engine runs once.
+        let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO, in_all: Duration::ZERO };
+        let mut comparison =
+            Comparison::new(&point, limits, |e| (e == Contender::SortAndSweep).then(|| "too slow".into()));
+        comparison.runs[2].search = Some(Box::new(Broken));
+        comparison.frame(&spheres, true).expect("the reference works");
+        // The right number of pairs, with the last one replaced.
+        let mut pairs = lazygrid::detect(&spheres).expect("valid spheres");
+        let last = pairs.pop().expect("some pairs");
+        pairs.push(if last == Pair::new(298, 299) { Pair::new(0, 299) } else { Pair::new(298, 299) });
+        comparison.runs[1].search = Some(Box::new(WrongFinder(pairs)));
+        while !comparison.is_over() {
+            comparison.frame(&spheres, false).expect("the reference works");
+        }
+        let rows = comparison.take_rows(None);
+        let statuses: Vec<Status> = rows.iter().map(|row| row.status).collect();
+        assert_eq!(statuses, [Status::Ok, Status::Error, Status::NotAvailable, Status::LeftOut]);
+        assert!(rows[1].wall.is_empty() && rows[1].reason.contains("wrong answer"), "{}", rows[1].reason);
+        assert_eq!(rows[0].wall.len(), 1);
+    }
+}

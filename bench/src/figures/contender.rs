@@ -1,0 +1,147 @@
+use std::fmt;
+use std::time::Duration;
+
+use lazygrid::{Algorithm, Backend, Config, Order, Simd, Skin};
+use lazygrid_check::{DetectorVariant, TargetDevice};
+
+use super::comparison::Unavailable;
+use crate::measure::ContenderFactory;
+use crate::peers::{cell_list, lammps, octree, parry, sweep_and_prune, verlet};
+use lazygrid_io::scenes::Scene;
+
+/// A contender in the figures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Contender {
+    /// A lazygrid detector; pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant runs on the GPU
+    /// adapter, or on a software adapter if there is no other, and its pairs are read back to the host.
+    Lazygrid(DetectorVariant),
+    /// Bullet's `btDbvtBroadphase` with default settings.
+    BulletAsShipped,
+    /// Bullet's `btDbvtBroadphase` with the fastest margin for the scene.
+    BulletTuned,
+    /// parry3d's tree, refitted at each step.
+    Parry,
+    /// parry3d's tree with boxes larger than the spheres, so that few are updated.
+    ParryMargin,
+    /// parry3d's tree, partly rebuilt at each step.
+    ParryOptimised,
+    /// The plain cell list, which is the baseline.
+    PlainCellList,
+    /// A Verlet list with the fastest skin for the scene and its steps.
+    Verlet,
+    /// LAMMPS with the fastest skin for the steps, including forces.
+    Lammps,
+    /// Sweep and prune along one axis.
+    SortAndSweep,
+    /// An octree with sweep and prune in its leaves.
+    Octree,
+}
+
+impl Contender {
+    /// A CPU algorithm with default settings; `None` for all threads.
+    pub fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
+        let target = TargetDevice::Cpu { simd: Simd::detect(), threads };
+        Self::Lazygrid(DetectorVariant::new(algorithm, target))
+    }
+
+    /// A GPU algorithm with default settings.
+    pub fn gpu(algorithm: Algorithm) -> Self {
+        Self::Lazygrid(DetectorVariant::new(algorithm, TargetDevice::Gpu { subgroups: true }))
+    }
+
+    /// Creates the factory of searches for `n` spheres of a scene that move by `step_length` radii per step.
+    pub fn factory(self, scene: Scene, n: usize, step_length: f32) -> ContenderFactory {
+        let name = self.to_string();
+        match self {
+            Self::Lazygrid(variant) => ContenderFactory::list(name, config(variant)),
+            Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene, n),
+            Self::Parry => parry::refitted(name),
+            Self::ParryMargin => parry::with_margin(name),
+            Self::ParryOptimised => parry::optimised(name),
+            Self::PlainCellList => cell_list::tuned(name, scene),
+            Self::Verlet => verlet::tuned(name, scene, step_length),
+            Self::Lammps if lammps::is_named() => lammps::tuned(name, step_length),
+            Self::Lammps => Unavailable::LAMMPS.factory(name),
+            Self::SortAndSweep => sweep_and_prune::incremental(),
+            Self::Octree => octree::incremental(),
+        }
+    }
+
+    #[cfg(feature = "bullet")]
+    fn bullet(self, scene: Scene, n: usize) -> ContenderFactory {
+        use crate::peers::bullet::{Tuning, incremental};
+        let tuning = if self == Self::BulletTuned { Tuning::best(scene, n) } else { Tuning::SHIPPED };
+        incremental(self.to_string(), tuning)
+    }
+
+    #[cfg(not(feature = "bullet"))]
+    fn bullet(self, _: Scene, _: usize) -> ContenderFactory {
+        Unavailable::BULLET.factory(self.to_string())
+    }
+
+    /// The varied parameter of the sweeps: τ, the cell ratio, or the number of threads.
+    pub(super) fn setting(self) -> Option<f64> {
+        let Self::Lazygrid(variant) = self else { return None };
+        let threads = match variant.target {
+            TargetDevice::Cpu { threads, .. } => threads,
+            TargetDevice::Gpu { .. } => None,
+        };
+        let [tau, ratio] = [variant.tau.map(f64::from), variant.raster_ratio.map(f64::from)];
+        tau.or(ratio).or(threads.map(|threads| threads as f64))
+    }
+
+    /// Returns `true` if the time grows about quadratically with the number of spheres.
+    pub(super) fn is_quadratic(self) -> bool {
+        let is_naive = |variant: DetectorVariant| variant.algorithm == Algorithm::Naive;
+        matches!(self, Self::SortAndSweep) || matches!(self, Self::Lazygrid(variant) if is_naive(variant))
+    }
+
+    /// Returns `true` if pairs within 4 ulp of tangency may be found or missed.
+    pub(super) fn rounds_freely(self) -> bool {
+        matches!(self, Self::Lazygrid(variant) if variant.backend() == Backend::Gpu)
+    }
+
+    /// All engines of the memory measurements, single-threaded.
+    pub(super) fn for_memory() -> Vec<Self> {
+        let ours = [Algorithm::CellList, Algorithm::RecursiveGrid, Algorithm::ArrayGrid, Algorithm::HashGrid];
+        let peers =
+            [Self::PlainCellList, Self::Parry, Self::ParryMargin, Self::BulletAsShipped, Self::BulletTuned];
+        ours.map(|a| Self::cpu(a, Some(1))).into_iter().chain(peers).collect()
+    }
+}
+
+/// The longest time of a call on a GPU.
+const TIMEOUT: Duration = Duration::from_secs(600);
+
+/// The settings of a detector.
+fn config(variant: DetectorVariant) -> Config {
+    // A named algorithm must search at each step; `Auto` may keep candidates.
+    let skin = match (variant.backend(), variant.algorithm) {
+        (Backend::Cpu, Algorithm::Auto) | (Backend::Gpu, _) => Skin::Auto,
+        _ => Skin::Off,
+    };
+    variant.config(None).order(Order::Unordered).skin(skin).timeout(TIMEOUT)
+}
+
+impl fmt::Display for Contender {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self {
+            Self::Lazygrid(variant) => match (variant.backend(), variant.algorithm) {
+                (Backend::Gpu, algorithm) => return write!(f, "{algorithm} (GPU)"),
+                (_, Algorithm::Auto) => "CPU path's own choice",
+                (_, algorithm) => algorithm.name(),
+            },
+            Self::BulletAsShipped => "Bullet as shipped",
+            Self::BulletTuned => "Bullet tuned",
+            Self::Parry => "parry3d refit",
+            Self::ParryMargin => "parry3d refit, margin",
+            Self::ParryOptimised => "parry3d refit, optimised",
+            Self::PlainCellList => "plain cell list",
+            Self::Verlet => "Verlet list",
+            Self::Lammps => "LAMMPS",
+            Self::SortAndSweep => "sort-and-sweep (N3Sim)",
+            Self::Octree => "octree (BiNS2)",
+        };
+        f.pad(name)
+    }
+}

@@ -1,0 +1,134 @@
+//! Draws rounds.
+
+use glam::DVec3;
+use lazygrid::{Algorithm, Order, Simd};
+
+use super::{Call, Round};
+use crate::detectors::compare::with_species;
+use crate::detectors::variant::TargetDevice;
+use crate::scenes::motion::{stride, walk};
+use crate::scenes::periodic::PeriodicSceneFamily;
+use crate::scenes::{hard, periodic, triclinic};
+use crate::{DetectorVariant, EXCLUSION_WORDS, ElementSeed, Random, SceneSeed, TestInput};
+
+impl Round {
+    /// Draws the round of this seed. Uses the CPU, the GPU or both, as allowed.
+    pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
+        let mut random = Random(seed);
+        let variant = variant(&mut random, on_cpu, on_gpu);
+        let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
+        let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
+        let triclinic = (random.below(4) == 0).then(|| Triclinic::drawn(&mut random));
+        let mut calls = vec![(call(&mut random), scene(&mut random, triclinic))];
+        let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
+        for _ in 0..random.below(if variant.skin > 0.0 { 6 } else { 3 }) {
+            let last = &calls[calls.len() - 1].1;
+            if variant.skin > 0.0 && random.below(4) != 0 && stays_near(last) {
+                let mut moved = last.clone();
+                walk(&mut moved.spheres, 0.3 * variant.skin * random.unit(), random.word());
+                calls.push((call(&mut random), moved));
+                continue;
+            }
+            let mut scenario = scene(&mut random, triclinic);
+            scenario.space = space;
+            scenario.mixture = table.clone().map(|mut mixture| {
+                let count = mixture.rows.len() as u32;
+                mixture.species = scenario.spheres.iter().map(|_| random.below(count)).collect();
+                mixture
+            });
+            calls.push((call(&mut random), scenario));
+        }
+        Self { seed, variant, order, max_pairs, calls }
+    }
+}
+
+/// A triclinic space: a family and the words of the scene, which determine the cell. All spheres of a round are of that
+/// family: spheres of other families may lie so many boxes away that `f64` cannot distinguish the images.
+#[derive(Clone, Copy)]
+struct Triclinic {
+    family: PeriodicSceneFamily,
+    setup: ElementSeed,
+}
+
+impl Triclinic {
+    fn drawn(random: &mut Random) -> Self {
+        let family = one_of(random, &triclinic::FAMILIES);
+        Self { family, setup: SceneSeed::drawn(random, 0).setup }
+    }
+}
+
+/// Returns `true` if spheres that [walk] stay within so few boxes that `f64` distinguishes the images.
+fn stays_near(scenario: &TestInput) -> bool {
+    let least = 1e-6 * f64::from(stride(&scenario.spheres));
+    let mut edges = scenario.space.edges().into_iter().flatten();
+    scenario.space.shear().is_none() || edges.all(|edge| DVec3::from(edge).length() > least)
+}
+
+fn one_of<T: Copy>(random: &mut Random, values: &[T]) -> T {
+    values[random.below(values.len() as u32) as usize]
+}
+
+pub(crate) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
+    let is_on_gpu = on_gpu && (!on_cpu || random.below(2) == 0);
+    let simd = [Simd::Avx512, Simd::Avx2, Simd::Portable][random.below(3) as usize];
+    let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];
+    let target =
+        if is_on_gpu { TargetDevice::Gpu { subgroups: true } } else { TargetDevice::Cpu { simd, threads } };
+    let algorithms: &[Algorithm] = if is_on_gpu { Algorithm::GPU } else { Algorithm::CPU };
+    let algorithm = match random.below(algorithms.len() as u32 + 1) as usize {
+        0 => Algorithm::Auto,
+        k => algorithms[k - 1],
+    };
+    let tau = [0, 1, 2, 8, 32, u32::MAX, random.below(600)][random.below(7) as usize];
+    let ratio = [0.5, 1.0, 1.5, 2.0, 16.0, 0.5 + 15.5 * random.unit()][random.below(6) as usize];
+    let keeps = is_on_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::CellList);
+    DetectorVariant {
+        skin: if keeps && random.below(3) == 0 { [0.01, 0.3, 2.0][random.below(3) as usize] } else { 0.0 },
+        tau: (random.below(2) == 0).then_some(tau),
+        raster_ratio: (random.below(2) == 0).then_some(ratio),
+        ..DetectorVariant::new(algorithm, target)
+    }
+}
+
+fn call(random: &mut Random) -> Call {
+    match random.below(4) {
+        0 => Call::List,
+        1 => Call::Count,
+        2 => Call::Neighbors,
+        _ => Call::Stream { chunk: 1 + random.below(40) as usize },
+    }
+}
+
+fn scene(random: &mut Random, triclinic: Option<Triclinic>) -> TestInput {
+    let elements = match random.below(8) {
+        0..3 => random.below(12),
+        7 => 120 + random.below(480),
+        _ => 12 + random.below(108),
+    };
+    let words = SceneSeed::drawn(random, elements as usize);
+    let mut scenario = match triclinic {
+        Some(Triclinic { family, setup }) => (family.scene)(&SceneSeed { setup, ..words }),
+        None => not_triclinic(random, &words),
+    };
+    if random.below(4) == 0 {
+        let space = scenario.space;
+        scenario = TestInput { space, ..with_species(scenario.spheres, random) };
+    }
+    match random.below(4) {
+        0 => scenario.with_exclusions(&[(); EXCLUSION_WORDS].map(|()| random.word())),
+        _ => scenario,
+    }
+}
+
+/// Draws a scene without a triclinic cell.
+fn not_triclinic(random: &mut Random, words: &SceneSeed) -> TestInput {
+    let mut scenario = match random.below(3) {
+        0 => (one_of(random, &periodic::FAMILIES).scene)(words),
+        _ => (one_of(random, &hard::FAMILIES).spheres)(words).into(),
+    };
+    if random.below(4) == 0 {
+        let more = SceneSeed::drawn(random, words.elements.len() / 2);
+        scenario.spheres.extend((one_of(random, &hard::FAMILIES).spheres)(&more));
+    }
+    scenario
+}

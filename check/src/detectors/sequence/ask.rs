@@ -1,0 +1,274 @@
+//! Runs one call of a detector and records its answer.
+
+use std::any::Any;
+use std::fmt;
+use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+use lazygrid::{Detector, Error, Exclusions, Neighbors, Pair, Query, Sphere, Spheres};
+
+use crate::TestInput;
+use crate::detectors::fuzz::pairs_of;
+use crate::detectors::variant::text;
+
+/// The form of a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Ask {
+    pub(super) output: Output,
+    /// The number of spheres in the first of two sets; `None` for one set.
+    pub(super) split: Option<usize>,
+    /// `true` if coordinates and radii are passed as columns.
+    pub(super) in_columns: bool,
+    /// `true` if the cancel flag is set before the call.
+    pub(super) is_stopped: bool,
+    /// `true` if the exclusions are those of one set for a query of two sets, or vice versa.
+    pub(super) has_foreign_exclusions: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Output {
+    List,
+    Count,
+    Neighbors,
+    Stream { chunk: usize, ending: Ending },
+}
+
+/// The behavior of the consumer of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// Takes all chunks.
+    All,
+    /// Breaks at this chunk, counted from 1.
+    Break(usize),
+    /// Panics at this chunk.
+    Panic(usize),
+    /// Sets the cancel flag at this chunk and continues.
+    Stop(usize),
+}
+
+/// The answer of a detector. Pairs of two sets name the second sphere by its index among all spheres.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Answer {
+    Pairs(Vec<Pair>),
+    Count(u64),
+    /// Chunks of a stream that broke off, panicked or was cancelled.
+    Part(Vec<Pair>),
+    Refused(Error),
+}
+
+/// The payload of consumers' panics, which distinguishes them from all others.
+struct Thrown;
+
+/// The chunks of a stream received so far.
+#[derive(Default)]
+struct Received {
+    pairs: Vec<Pair>,
+    chunks: usize,
+    longest: usize,
+    /// `true` if the consumer has broken off or panicked.
+    has_ended: bool,
+    /// Number of chunks received after that.
+    late: usize,
+}
+
+/// The spheres of a scenario as columns.
+struct Columns([Vec<f32>; 4]);
+
+impl Columns {
+    fn of(spheres: &[Sphere]) -> Self {
+        let column = |of: fn(&Sphere) -> f32| spheres.iter().map(of).collect();
+        Self([column(|s| s.center.x), column(|s| s.center.y), column(|s| s.center.z), column(|s| s.radius)])
+    }
+
+    fn view(&self) -> Result<Spheres<'_>, String> {
+        let [x, y, z, r] = &self.0;
+        Spheres::columns(x, y, z, r).map_err(text)
+    }
+}
+
+impl Ask {
+    /// Asks `detector` for the pairs of `scenario`. Clears `stop` afterwards.
+    ///
+    /// # Errors
+    /// Fails if an answer contradicts itself.
+    pub(super) fn answer(
+        &self,
+        detector: &mut Detector,
+        scenario: &TestInput,
+        stop: &AtomicBool,
+    ) -> Result<Answer, String> {
+        stop.store(self.is_stopped, Relaxed);
+        let answer = self.answer_query((detector, stop), scenario);
+        stop.store(false, Relaxed);
+        answer
+    }
+
+    fn answer_query(
+        &self,
+        (detector, stop): (&mut Detector, &AtomicBool),
+        scenario: &TestInput,
+    ) -> Result<Answer, String> {
+        let n = scenario.spheres.len();
+        let split = self.split.map(|split| split.min(n));
+        let first = split.unwrap_or(n);
+        let rows = [&scenario.spheres[..first], &scenario.spheres[first..]];
+        let columns = rows.map(|rows| Columns::of(if self.in_columns { rows } else { &[] }));
+        let [a, b] = match self.in_columns {
+            true => [columns[0].view()?, columns[1].view()?],
+            false => rows.map(Spheres::from),
+        };
+        let (a, b) = (with_labels(a, scenario, 0..first)?, with_labels(b, scenario, first..n)?);
+        let query = if split.is_some() { Query::new((a, b)) } else { Query::new(a) };
+        let exclusions = self.exclusions(scenario, split)?;
+        let query = exclusions.as_ref().map_or(query, |exclusions| query.without(exclusions));
+        let split = split.unwrap_or(0);
+        match self.output {
+            Output::List => listed(detector.pairs(query).map(<[Pair]>::to_vec), split),
+            Output::Count => counted(detector.count(query)),
+            Output::Neighbors => match detector.neighbors(query) {
+                Err(error) => Ok(Answer::Refused(error)),
+                Ok(lists) if lists.len() != first => Err(format!("{} lists of {first} spheres", lists.len())),
+                Ok(lists) if self.split.is_some() => forward(&lists, split).map(Answer::Pairs),
+                Ok(lists) => pairs_of(n, |i| lists.of(i)).map(Answer::Pairs),
+            },
+            Output::Stream { chunk, ending } => {
+                streamed((chunk, ending), split, stop, |consume| detector.stream(query, chunk, consume))
+            }
+        }
+    }
+
+    /// The exclusions of the call, if it has any.
+    fn exclusions(&self, scenario: &TestInput, split: Option<usize>) -> Result<Option<Exclusions>, String> {
+        let n = scenario.spheres.len();
+        let exclusions = match (split, self.has_foreign_exclusions, &scenario.excluded) {
+            (None, true, _) => Exclusions::across(n, 3, []),
+            (Some(split), true, _) => Exclusions::new(split, []),
+            (_, false, None) => return Ok(None),
+            (None, false, Some(excluded)) => return Ok(Some(excluded.list().clone())),
+            (Some(split), false, Some(excluded)) => {
+                let across = excluded.pairs().filter(|&(i, j)| (i as usize) < split && j as usize >= split);
+                Exclusions::across(split, n - split, across.map(|(i, j)| (i, j - split as u32)))
+            }
+        };
+        exclusions.map(Some).map_err(text)
+    }
+}
+
+/// Adds the species and groups of the spheres in `range`, if `scenario` has them.
+fn with_labels<'a>(
+    spheres: Spheres<'a>,
+    scenario: &'a TestInput,
+    range: std::ops::Range<usize>,
+) -> Result<Spheres<'a>, String> {
+    let mut view = spheres;
+    if let Some(mixture) = &scenario.mixture {
+        view = view.with_species(&mixture.species[range.clone()]).map_err(text)?;
+    }
+    if let Some(groups) = &scenario.groups {
+        view = view.with_groups(&groups[range]).map_err(text)?;
+    }
+    Ok(view)
+}
+
+fn listed(pairs: Result<Vec<Pair>, Error>, first: usize) -> Result<Answer, String> {
+    let of_all = |pairs: Vec<Pair>| Answer::Pairs(among_all(pairs, first));
+    Ok(pairs.map_or_else(Answer::Refused, of_all))
+}
+
+fn counted(count: Result<u64, Error>) -> Result<Answer, String> {
+    Ok(count.map_or_else(Answer::Refused, Answer::Count))
+}
+
+/// Replaces the indices of second spheres by their indices among all spheres.
+fn among_all(mut pairs: Vec<Pair>, first: usize) -> Vec<Pair> {
+    pairs.iter_mut().for_each(|pair| pair.j = pair.j.wrapping_add(first as u32));
+    pairs
+}
+
+/// The pairs of the neighbor lists of the first of two sets.
+fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
+    if lists.len() != split {
+        return Err(format!("{} lists of {split} spheres", lists.len()));
+    }
+    if let Some(i) = (0..split).find(|&i| !lists.of(i).is_sorted()) {
+        return Err(format!("the neighbors of {i} do not ascend"));
+    }
+    let of = |i: usize| lists.of(i).iter().map(move |&j| Pair { i: i as u32, j });
+    Ok(among_all((0..split).flat_map(of).collect(), split))
+}
+
+impl Received {
+    /// Records one chunk, then acts as `ending` says.
+    fn take(&mut self, part: &[Pair], ending: Ending, stop: &AtomicBool) -> ControlFlow<()> {
+        self.late += usize::from(self.has_ended);
+        self.chunks += 1;
+        self.longest = self.longest.max(part.len());
+        self.pairs.extend_from_slice(part);
+        match ending {
+            Ending::Break(at) if at == self.chunks => {
+                self.has_ended = true;
+                ControlFlow::Break(())
+            }
+            Ending::Panic(at) if at == self.chunks => {
+                self.has_ended = true;
+                // Resuming prints no panic message.
+                resume_unwind(Box::new(Thrown))
+            }
+            Ending::Stop(at) if at == self.chunks => {
+                stop.store(true, Relaxed);
+                ControlFlow::Continue(())
+            }
+            _ => ControlFlow::Continue(()),
+        }
+    }
+}
+
+/// Runs `stream` with a consumer that ends as requested, and checks the chunks.
+fn streamed(
+    (chunk, ending): (usize, Ending),
+    first: usize,
+    stop: &AtomicBool,
+    stream: impl FnOnce(&mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send)) -> Result<u64, Error>,
+) -> Result<Answer, String> {
+    let mut received = Received::default();
+    let mut consume = |part: &[Pair]| received.take(part, ending, stop);
+    let outcome = catch_unwind(AssertUnwindSafe(|| stream(&mut consume)));
+    let Received { pairs, longest, has_ended, late, .. } = received;
+    if late > 0 {
+        return Err(format!("{late} chunks after the consumer had ended the stream"));
+    }
+    if longest > chunk {
+        return Err(format!("{longest} pairs in a chunk of {chunk}"));
+    }
+    let handed = pairs.len() as u64;
+    let pairs = among_all(pairs, first);
+    match outcome {
+        Err(payload) if payload.is::<Thrown>() => Ok(Answer::Part(pairs)),
+        Err(payload) => resume_unwind(payload as Box<dyn Any + Send>),
+        Ok(Err(Error::Stopped)) if matches!(ending, Ending::Stop(_)) => Ok(Answer::Part(pairs)),
+        Ok(Err(error)) => Ok(Answer::Refused(error)),
+        Ok(Ok(_)) if matches!(ending, Ending::Panic(_)) && has_ended => {
+            Err("the panic of the consumer was lost".to_owned())
+        }
+        Ok(Ok(said)) if said != handed => Err(format!("stream returned {said} pairs but delivered {handed}")),
+        Ok(Ok(_)) if has_ended => Ok(Answer::Part(pairs)),
+        Ok(Ok(_)) => Ok(Answer::Pairs(pairs)),
+    }
+}
+
+impl fmt::Display for Ask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.output {
+            Output::List => f.write_str("list")?,
+            Output::Count => f.write_str("count")?,
+            Output::Neighbors => f.write_str("neighbors")?,
+            Output::Stream { chunk, ending: Ending::All } => write!(f, "stream by {chunk}")?,
+            Output::Stream { chunk, ending } => write!(f, "stream by {chunk}, {ending:?},")?,
+        }
+        self.split.map_or(Ok(()), |split| write!(f, " between {split} and the others"))?;
+        f.write_str(if self.in_columns { " from columns" } else { "" })?;
+        f.write_str(if self.is_stopped { " stopped" } else { "" })?;
+        f.write_str(if self.has_foreign_exclusions { " with foreign exclusions" } else { "" })
+    }
+}

@@ -1,0 +1,139 @@
+//! The pairs of a scene by their definition. Faster than [`TestInput::oracle`], as it skips distant pairs first.
+
+use glam::DVec3;
+use lazygrid::{Interaction, Pair};
+
+use crate::TestInput;
+use crate::oracle::ImageOracle;
+
+/// Maximum distance of a coordinate from the origin in periods: beyond it, too few digits of the position in the period
+/// remain.
+const MAX_PERIODS: f64 = 1e4;
+/// Error bounds of a distance along an axis: relative to the distance, and relative to the period.
+const ROUNDING: [f64; 2] = [1e-6, 1e-9];
+
+/// All pairs of a valid scene in canonical order.
+pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
+    let sieve = Sieve::new(scenario);
+    let images = scenario.space.shear().map(|_| ImageOracle::of(&scenario.space));
+    let is_pair = |i: usize, j: usize| {
+        let reach = scenario.reach(i, j);
+        reach.is_some_and(|reach| match &images {
+            None => scenario.distance_squared(i, j) <= reach * reach,
+            Some(images) => {
+                let [a, b] = [i, j].map(|k| scenario.spheres[k].center.as_dvec3());
+                images.distance_squared(a - b, reach) <= reach * reach
+            }
+        })
+    };
+    let mut pairs = Vec::new();
+    for i in 0..scenario.spheres.len() {
+        for j in i + 1..scenario.spheres.len() {
+            if sieve.may_pair(i, j) && is_pair(i, j) {
+                pairs.push(Pair { i: i as u32, j: j as u32 });
+            }
+        }
+    }
+    pairs
+}
+
+/// A filter for spheres that are too far apart along some direction to be a pair.
+struct Sieve {
+    axes: Vec<Axis>,
+}
+
+/// Positions along a direction.
+struct Axis {
+    places: Vec<f64>,
+    /// The distance of two images; infinite if the axis is not periodic.
+    period: f64,
+    /// The largest distance of two positions that may be a pair.
+    most: f64,
+}
+
+impl Sieve {
+    fn new(scenario: &TestInput) -> Self {
+        let farthest = farthest(scenario);
+        let axis = |row: DVec3, period: f64| Axis::new(scenario, row, (period, farthest));
+        let axes = match scenario.space.shear() {
+            Some(_) => ImageOracle::of(&scenario.space)
+                .fractions()
+                .iter()
+                .map(|&row| axis(row, row.length().recip()))
+                .collect::<Vec<_>>(),
+            None => (0..3)
+                .map(|k| match scenario.space.lengths()[k] {
+                    None => axis(DVec3::AXES[k], f64::INFINITY),
+                    Some(length) => axis(DVec3::AXES[k] / length, length),
+                })
+                .collect(),
+        };
+        Self { axes: axes.into_iter().flatten().collect() }
+    }
+
+    fn may_pair(&self, i: usize, j: usize) -> bool {
+        self.axes.iter().all(|Axis { places, period, most }| {
+            let apart = (places[i] - places[j]).abs();
+            apart.min(period - apart) <= *most
+        })
+    }
+}
+
+impl Axis {
+    /// The axis on which the position of a center is its product with `row`, in periods on periodic axes. `None` if a
+    /// position has too few significant digits.
+    fn new(scenario: &TestInput, row: DVec3, (period, farthest): (f64, f64)) -> Option<Self> {
+        let mut places: Vec<f64> =
+            scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();
+        let mut most = farthest * (1.0 + ROUNDING[0]);
+        if period.is_finite() {
+            if places.iter().any(|place| place.abs() > MAX_PERIODS) {
+                return None;
+            }
+            places.iter_mut().for_each(|place| *place = (*place - place.floor()) * period);
+            most += period * ROUNDING[1];
+        }
+        Some(Self { places, period, most })
+    }
+}
+
+/// A distance beyond which no two spheres are a pair.
+fn farthest(scenario: &TestInput) -> f64 {
+    let radius = scenario.spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
+    let rows = scenario.mixture.iter().flat_map(|mixture| mixture.rows.iter().flatten());
+    let distances = rows.map(|interaction| match interaction {
+        Interaction::Within(distance) => *distance,
+        Interaction::Never | Interaction::Touch => 0.0,
+    });
+    distances.fold(2.0 * f64::from(radius), f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detectors::sequence::Sequence;
+
+    #[test]
+    fn definition_matches_the_oracle() {
+        let (mut pairs_seen, mut triclinic) = (0, 0);
+        for seed in 0..400 {
+            let sequence = Sequence::drawn(seed, true, false);
+            let is_valid = |scenario: &&TestInput| {
+                let is_known = |mixture: &crate::SpeciesSetup| {
+                    mixture.species.iter().all(|&id| (id as usize) < mixture.rows.len())
+                };
+                scenario.spheres.len() < 300
+                    && scenario.spheres.iter().all(|sphere| sphere.is_valid())
+                    && scenario.mixture.as_ref().is_none_or(is_known)
+            };
+            let scenarios = sequence.steps.iter().map(|step| &step.scenario);
+            for scenario in scenarios.filter(is_valid) {
+                let found = pairs(scenario);
+                assert_eq!(found, scenario.oracle(), "{sequence}");
+                pairs_seen += found.len();
+                triclinic += usize::from(scenario.space.shear().is_some());
+            }
+        }
+        assert!(pairs_seen > 10_000 && triclinic > 100, "{pairs_seen} pairs, {triclinic} triclinic scenes");
+    }
+}

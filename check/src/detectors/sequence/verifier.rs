@@ -1,0 +1,271 @@
+//! Checks one answer against the definition and against a new detector.
+
+use lazygrid::{Error, InputError, Order, Pair, Report, Sphere};
+
+use super::ask::{Answer, Ending, Output};
+use super::{Settings, Step, definition};
+use crate::detectors::fuzz::counts;
+use crate::{Tolerance, difference};
+
+/// The expected answer of a call.
+pub(super) struct Verifier<'a> {
+    settings: &'a Settings,
+    step: &'a Step,
+    tolerance: Tolerance,
+    right: Right,
+}
+
+/// The right answer.
+enum Right {
+    /// One of these errors, as text because NaN does not equal itself.
+    Refused(Vec<String>),
+    /// These pairs, and the smallest and largest number of pairs within the tolerance.
+    Pairs(Vec<Pair>, [u64; 2]),
+}
+
+impl<'a> Verifier<'a> {
+    pub(super) fn new(settings: &'a Settings, step: &'a Step) -> Self {
+        let refusals = refusals(settings, step);
+        let tolerance = settings.variant.tolerance();
+        let right = match refusals.is_empty() {
+            false => Right::Refused(refusals),
+            true => {
+                let mut pairs = definition::pairs(&step.scenario);
+                let split = step.ask.split.map(|split| split.min(step.scenario.spheres.len()) as u32);
+                pairs.retain(|pair| is_asked(*pair, split));
+                let range = match (tolerance, split) {
+                    (Tolerance::Exact, _) => [pairs.len() as u64; 2],
+                    (_, None) => counts(&step.scenario, &pairs, tolerance),
+                    (_, Some(_)) => counts_across(step, &pairs, tolerance),
+                };
+                Right::Pairs(pairs, range)
+            }
+        };
+        Self { settings, step, tolerance, right }
+    }
+
+    /// Compares `answer` with the definition.
+    ///
+    /// # Errors
+    /// Describes the difference.
+    pub(super) fn verdict(&self, answer: &Answer) -> Result<(), String> {
+        let (expected, range) = match (&self.right, answer) {
+            (Right::Refused(errors), Answer::Refused(error)) => {
+                return match errors.contains(&format!("{error:?}")) {
+                    true => Ok(()),
+                    false => Err(format!("refused with {error:?}, expected {}", errors.join(" or "))),
+                };
+            }
+            (Right::Refused(errors), _) => {
+                return Err(format!("accepted, expected {}", errors.join(" or ")));
+            }
+            (Right::Pairs(expected, range), _) => (expected, *range),
+        };
+        match answer {
+            Answer::Refused(error) => self.is_refused_rightly(error, range),
+            Answer::Count(found) => in_range(*found, range),
+            Answer::Part(pairs) => self.part(pairs, expected),
+            Answer::Pairs(pairs) if self.is_limited() && pairs.len() as u64 > self.settings.max_pairs => {
+                Err(format!("{} pairs above the limit of {}", pairs.len(), self.settings.max_pairs))
+            }
+            Answer::Pairs(pairs) => {
+                difference(&self.step.scenario, pairs, expected, self.tolerance)?;
+                self.in_order(pairs)
+            }
+        }
+    }
+
+    /// Checks an error that valid input may cause.
+    fn is_refused_rightly(&self, error: &Error, range: [u64; 2]) -> Result<(), String> {
+        let max_pairs = self.settings.max_pairs;
+        match *error {
+            Error::Stopped if self.step.ask.is_stopped => Ok(()),
+            Error::TooManyPairs { found, limit }
+                if self.is_limited() && found > limit && limit == max_pairs =>
+            {
+                in_range(found, range)
+            }
+            _ => Err(format!("valid input was refused: {error}")),
+        }
+    }
+
+    /// Checks the chunks of an incomplete stream: each pair occurs once, and in canonical order the first pairs are
+    /// complete.
+    fn part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
+        self.in_order(pairs)?;
+        let mut all: Vec<Pair> = match (self.settings.order, pairs.last()) {
+            // Tangent pairs before the last one may be missing.
+            (Order::Canonical, Some(last)) => {
+                expected.iter().copied().take_while(|pair| pair <= last).collect()
+            }
+            _ => pairs.to_vec(),
+        };
+        all.retain(|pair| expected.binary_search(pair).is_ok());
+        all.sort_unstable();
+        all.dedup();
+        difference(&self.step.scenario, pairs, &all, self.tolerance)
+    }
+
+    fn in_order(&self, pairs: &[Pair]) -> Result<(), String> {
+        let is_free = self.settings.order == Order::Unordered || self.step.ask.output == Output::Neighbors;
+        match is_free || pairs.is_sorted() {
+            true => Ok(()),
+            false => Err("the pairs are not in canonical order".to_owned()),
+        }
+    }
+
+    fn is_limited(&self) -> bool {
+        matches!(self.step.ask.output, Output::List | Output::Neighbors)
+    }
+
+    /// Checks the report of a call that the detector answered in full.
+    ///
+    /// # Errors
+    /// Describes the difference.
+    pub(super) fn report(&self, answer: &Answer, report: &Report) -> Result<(), String> {
+        let found = match answer {
+            Answer::Pairs(pairs) => pairs.len() as u64,
+            Answer::Count(found) => *found,
+            Answer::Part(_) | Answer::Refused(_) => return Ok(()),
+        };
+        let spheres = self.step.scenario.spheres.len() as u64;
+        match (report.pairs, report.spheres) == (found, spheres) {
+            true => Ok(()),
+            false => Err(format!(
+                "{} pairs of {} spheres reported, {found} of {spheres} found",
+                report.pairs, report.spheres
+            )),
+        }
+    }
+
+    /// Compares `answer` with the answer of a new detector.
+    ///
+    /// # Errors
+    /// Describes the difference.
+    pub(super) fn alike(&self, answer: &Answer, fresh: &Answer) -> Result<(), String> {
+        use Answer::{Count, Pairs, Part, Refused};
+        if let Err(what) = self.verdict(fresh) {
+            return Err(format!("a new detector is wrong: {what}"));
+        }
+        let ends_early =
+            matches!(self.step.ask.output, Output::Stream { ending, .. } if ending != Ending::All);
+        let may_fall_either_way = self.tolerance != Tolerance::Exact;
+        let same = match (answer, fresh) {
+            // A cancelled search may end at any chunk.
+            _ if self.step.ask.is_stopped || ends_early => true,
+            (Refused(Error::TooManyPairs { .. }), Refused(Error::TooManyPairs { .. }))
+                if may_fall_either_way =>
+            {
+                true
+            }
+            (Refused(a), Refused(b)) => format!("{a:?}") == format!("{b:?}"),
+            // Each answer was already checked with its tolerance.
+            (Pairs(_), Pairs(_)) | (Count(_), Count(_)) if may_fall_either_way => true,
+            (Pairs(a), Pairs(b)) if self.settings.order == Order::Unordered => sorted(a) == sorted(b),
+            (Pairs(a), Pairs(b)) => a == b,
+            (Count(a), Count(b)) => a == b,
+            (Part(_), Part(_)) => true,
+            (Refused(Error::TooManyPairs { .. }), _) | (_, Refused(Error::TooManyPairs { .. })) => {
+                may_fall_either_way
+            }
+            _ => false,
+        };
+        match same {
+            true => Ok(()),
+            false => {
+                Err(format!("a new detector gives another answer: {}, not {}", brief(fresh), brief(answer)))
+            }
+        }
+    }
+}
+
+fn sorted(pairs: &[Pair]) -> Vec<Pair> {
+    let mut pairs = pairs.to_vec();
+    pairs.sort_unstable();
+    pairs
+}
+
+fn brief(answer: &Answer) -> String {
+    match answer {
+        Answer::Pairs(pairs) => format!("{} pairs", pairs.len()),
+        Answer::Count(found) => format!("a count of {found}"),
+        Answer::Part(pairs) => format!("{} pairs and no more", pairs.len()),
+        Answer::Refused(error) => format!("{error:?}"),
+    }
+}
+
+fn in_range(found: u64, [least, most]: [u64; 2]) -> Result<(), String> {
+    match (least..=most).contains(&found) {
+        true => Ok(()),
+        false => Err(format!("{found} pairs counted, expected {least} to {most}")),
+    }
+}
+
+/// Returns `true` if the query asks for `pair`: with two sets, one sphere must be of each set.
+fn is_asked(pair: Pair, split: Option<u32>) -> bool {
+    split.is_none_or(|split| pair.i < split && pair.j >= split)
+}
+
+/// The smallest and the largest number of pairs between two sets within the tolerance.
+fn counts_across(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
+    let n = step.scenario.spheres.len();
+    let split = step.ask.split.map_or(n, |split| split.min(n));
+    let (mut least, mut most) = (expected.len() as u64, expected.len() as u64);
+    for i in 0..split {
+        for j in split..n {
+            let pair = Pair { i: i as u32, j: j as u32 };
+            if tolerance.allows(&step.scenario, pair) {
+                match expected.binary_search(&pair) {
+                    Ok(_) => least -= 1,
+                    Err(_) => most += 1,
+                }
+            }
+        }
+    }
+    [least, most]
+}
+
+/// All errors with which this call may be refused, as text. Empty if the input is valid.
+fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
+    let n = step.scenario.spheres.len();
+    let split = step.ask.split.map(|split| split.min(n));
+    let first = split.unwrap_or(n);
+    let mut errors = set_refusals(settings, step, 0..first);
+    if split.is_some() {
+        let second = set_refusals(settings, step, first..n);
+        errors.extend(second.into_iter().map(|error| InputError::Second(Box::new(error))));
+    }
+    if step.ask.has_foreign_exclusions {
+        let (made_for, given) = match split {
+            None => ((n, Some(3)), (n, None)),
+            Some(split) => ((split, None), (split, Some(n - split))),
+        };
+        errors.push(InputError::ExclusionsOfOthers { made_for, given });
+    }
+    errors.into_iter().map(|error| format!("{:?}", Error::Input(error))).collect()
+}
+
+/// The errors of the spheres of one set.
+fn set_refusals(settings: &Settings, step: &Step, range: std::ops::Range<usize>) -> Vec<InputError> {
+    let spheres = &step.scenario.spheres[range.clone()];
+    let mut errors = Vec::new();
+    match (&settings.rows, &step.scenario.mixture) {
+        (Some(_), None) => errors.push(InputError::SpeciesMissing),
+        (Some(rows), Some(mixture)) => {
+            let (ids, count) = (&mixture.species[range], rows.len() as u32);
+            if let Some(k) = ids.iter().position(|&id| id >= count) {
+                errors.push(InputError::SpeciesId { index: Some(k as u32), id: ids[k], count });
+            }
+        }
+        (None, _) => {}
+    }
+    let is_bad = |s: &Sphere| !(s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0);
+    if let Some(k) = spheres.iter().position(is_bad) {
+        let count = spheres.iter().filter(|s| is_bad(s)).count() as u64;
+        let (index, total) = (k as u32, spheres.len() as u64);
+        let Sphere { center, radius } = spheres[k];
+        let (center, radius) = (center.to_array().map(f64::from), f64::from(radius));
+        errors.push(InputError::Sphere { index, center, radius, count, total });
+    }
+    errors
+}

@@ -1,0 +1,246 @@
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use lazygrid::gpu::{AdapterId, GpuConfig, GpuDevice, GpuSession};
+use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
+
+use crate::device::TIMEOUT;
+use crate::scenes::motion::{skin_of, walk};
+use crate::{Effort, TestInput, Tolerance};
+
+/// The GPU under test.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    /// The device.
+    pub own: GpuDevice,
+    /// The requested adapter, if the caller named one.
+    pub adapter: Option<AdapterId>,
+}
+
+/// A detector variant under test: algorithm, target and settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DetectorVariant {
+    /// The algorithm.
+    pub algorithm: Algorithm,
+    /// The target device.
+    pub target: TargetDevice,
+    /// τ, or `None` for the default.
+    pub tau: Option<u32>,
+    /// The cell ratio (cell size over largest diameter), or `None` for the default.
+    pub raster_ratio: Option<f32>,
+    /// The skin of the candidate list as a fraction of a radius; 0 leaves the choice to the detector.
+    pub skin: f32,
+}
+
+/// The target of a detector and its target-specific settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TargetDevice {
+    /// The CPU.
+    Cpu {
+        /// The widest SIMD instruction set to use.
+        simd: Simd,
+        /// The number of threads; `None` uses the global thread pool.
+        threads: Option<usize>,
+    },
+    /// The GPU.
+    Gpu {
+        /// `true` if kernels use subgroup operations.
+        subgroups: bool,
+    },
+}
+
+impl DetectorVariant {
+    /// Creates a variant with default settings.
+    pub fn new(algorithm: Algorithm, target: TargetDevice) -> Self {
+        Self { algorithm, target, tau: None, raster_ratio: None, skin: 0.0 }
+    }
+
+    /// Each CPU algorithm on one thread with each SIMD width of the processor, and on all threads with the widest.
+    pub fn on_cpu() -> Vec<Self> {
+        let widest = Simd::detect();
+        let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
+        widths.drain(..widths.iter().position(|width| *width == widest).unwrap_or(0));
+        let targets = widths.into_iter().map(|simd| TargetDevice::Cpu { simd, threads: Some(1) });
+        let targets = targets.chain([TargetDevice::Cpu { simd: widest, threads: None }]);
+        targets
+            .flat_map(|target| Algorithm::CPU.iter().map(move |&algorithm| Self::new(algorithm, target)))
+            .collect()
+    }
+
+    /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
+    /// candidates. A [quick](Effort::Quick) check uses the default settings of each algorithm only, and the cell list
+    /// with candidates.
+    pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
+        let with = |subgroups, tau| {
+            let variant =
+                move |algorithm| Self { tau, ..Self::new(algorithm, TargetDevice::Gpu { subgroups }) };
+            Algorithm::GPU.iter().copied().map(variant).collect::<Vec<_>>()
+        };
+        let subgroups = own.adapter.has_subgroups;
+        let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, TargetDevice::Gpu { subgroups }) };
+        if effort == Effort::Quick {
+            return [with(subgroups, None), vec![keeping]].concat();
+        }
+        let mut variants = with(false, None);
+        if subgroups {
+            variants.extend(with(true, None));
+        }
+        variants.extend(with(subgroups, Some(1)));
+        variants.push(keeping);
+        variants
+    }
+
+    /// The backend of the target.
+    pub fn backend(&self) -> Backend {
+        match self.target {
+            TargetDevice::Cpu { .. } => Backend::Cpu,
+            TargetDevice::Gpu { .. } => Backend::Gpu,
+        }
+    }
+
+    /// The deviation from the definition that results may have.
+    pub fn tolerance(&self) -> Tolerance {
+        match self.target {
+            TargetDevice::Cpu { .. } => Tolerance::Exact,
+            TargetDevice::Gpu { .. } => Tolerance::Tangent,
+        }
+    }
+
+    /// The settings of a `Detector` of this variant. A `Detector` always uses subgroup operations if the device
+    /// supports them.
+    pub fn config(&self, gpu: Option<&Gpu>) -> Config {
+        let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
+        if let Some(tau) = self.tau {
+            config = config.tau(tau);
+        }
+        if let Some(ratio) = self.raster_ratio {
+            config = config.raster_ratio(ratio);
+        }
+        match self.target {
+            TargetDevice::Cpu { simd, threads } => {
+                let config = config.simd(simd);
+                threads.map_or(config.clone(), |threads| config.threads(threads))
+            }
+            TargetDevice::Gpu { .. } => match gpu.and_then(|gpu| gpu.adapter.clone()) {
+                Some(adapter) => config.adapter(adapter),
+                None => config,
+            },
+        }
+    }
+
+    /// Finds the pairs of a scenario, in any order.
+    ///
+    /// # Errors
+    /// Returns the library's error or panic message as text.
+    pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
+        catch_panic(|| match (self.target, gpu) {
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
+                self.pairs_in_session(gpu, subgroups, scenario)
+            }
+            _ => {
+                let skin = skin_of(&scenario.spheres, self.skin);
+                let config = scenario.config(self.config(gpu).skin(skin)).map_err(text)?;
+                let mut detector = Detector::new(config).map_err(text)?;
+                if self.skin > 0.0 {
+                    detector.count(self.before(scenario).query()).map_err(text)?;
+                }
+                detector.pairs(scenario.query()).map_err(text)?;
+                Ok(detector.into_pairs())
+            }
+        })
+    }
+
+    /// Returns `true` if the variant supports the scenario. Scenarios with a host-side filter need a `Detector`, which
+    /// uses subgroup operations if the device supports them.
+    pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
+        match (self.target, gpu) {
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
+                subgroups == gpu.own.adapter.has_subgroups || !scenario.is_refined()
+            }
+            _ => true,
+        }
+    }
+
+    /// The scenario of the previous call, whose candidate list then answers the tested call.
+    fn before(&self, scenario: &TestInput) -> TestInput {
+        let mut before = scenario.clone();
+        walk(&mut before.spheres, 0.1 * self.skin, 1);
+        before
+    }
+
+    fn pairs_in_session(
+        &self,
+        gpu: &Gpu,
+        subgroups: bool,
+        scenario: &TestInput,
+    ) -> Result<Vec<Pair>, String> {
+        // A small capacity, so that many scenes overflow and are retried.
+        let settings = GpuConfig::default()
+            .pair_capacity(1 << 12)
+            .algorithm(self.algorithm)
+            .subgroups(subgroups)
+            .tau(self.tau.unwrap_or(GpuConfig::TAU))
+            .raster_ratio(
+                self.raster_ratio.unwrap_or(GpuConfig::RASTER_RATIO).max(GpuConfig::MIN_RASTER_RATIO),
+            )
+            .interactions(scenario.interactions().map_err(text)?)
+            .space(scenario.space);
+        let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
+        session.set_timeout(TIMEOUT);
+        if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {
+            session.set_skin(Some(distance as f32)).map_err(text)?;
+            let ticket = session.begin(self.before(scenario).view()).map_err(text)?;
+            session.finish_count(ticket).map_err(text)?;
+        }
+        let ticket = session.begin(scenario.view()).map_err(text)?;
+        Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
+    }
+
+    /// The options of `lazygrid detect` for this variant, as far as they exist.
+    pub fn options(&self, gpu: Option<&Gpu>) -> String {
+        let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
+        if let (TargetDevice::Gpu { .. }, Some(adapter)) =
+            (self.target, gpu.and_then(|gpu| gpu.adapter.as_ref()))
+        {
+            options += &format!(" --adapter '{adapter}'");
+        }
+        if let TargetDevice::Cpu { threads: Some(threads), .. } = self.target {
+            options += &format!(" --threads {threads}");
+        }
+        let tau = self.tau.map(|tau| format!(" --tau {tau}"));
+        let ratio = self.raster_ratio.map(|ratio| format!(" --raster-ratio {ratio}"));
+        options + &tau.unwrap_or_default() + &ratio.unwrap_or_default()
+    }
+}
+
+impl fmt::Display for DetectorVariant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} on {}", self.algorithm, self.backend())?;
+        match self.target {
+            TargetDevice::Cpu { simd, threads: None } => write!(f, ", all threads, {simd:?}")?,
+            TargetDevice::Cpu { simd, threads: Some(threads) } => write!(f, ", threads {threads}, {simd:?}")?,
+            TargetDevice::Gpu { subgroups } => {
+                write!(f, ", subgroups {}", if subgroups { "on" } else { "off" })?
+            }
+        }
+        self.tau.map_or(Ok(()), |tau| write!(f, ", τ {tau}"))?;
+        self.raster_ratio.map_or(Ok(()), |ratio| write!(f, ", raster ratio {ratio}"))?;
+        if self.skin > 0.0 { write!(f, ", candidates kept") } else { Ok(()) }
+    }
+}
+
+/// Runs `work` and turns a panic into an error.
+///
+/// # Errors
+/// Returns the error of `work`, or its panic message.
+pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        let said = payload.downcast_ref::<String>().map(String::as_str);
+        let said = said.or_else(|| payload.downcast_ref::<&str>().copied());
+        Err(format!("panicked: {}", said.unwrap_or("no message")))
+    })
+}
+
+pub(crate) fn text(error: impl fmt::Display) -> String {
+    error.to_string()
+}

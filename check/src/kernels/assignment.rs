@@ -1,0 +1,290 @@
+//! Checks of the kernels that configure a cell list and assign its spheres to cells, each against plain sequential
+//! functions.
+
+use bytemuck::Zeroable;
+use lazygrid::Sphere;
+use lazygrid::gpu::{GpuDevice, Outcome};
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::layout::{Call, Lengths, List, Pass, Survey};
+
+use super::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
+use super::division::Division;
+use super::support::{KernelError, same};
+use crate::device::{download, run, upload, upload_one};
+
+/// Checks that cells are as large as the spheres assigned to them, fit the table, and hold touching spheres in adjacent
+/// cells.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let ConfiguredCellList { list, scenario, outcome, .. } = &chosen;
+        let what = |what: &str| format!("{what}, {case:?}");
+        let bad = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count() as u32;
+        let begun = Outcome {
+            quarantined: bad,
+            entries_lo: case.spheres,
+            spheres: case.spheres,
+            dispatch_z: 1,
+            ..Outcome::zeroed()
+        };
+        same(|| what("outcome"), outcome, &begun)?;
+        same(|| what("survey is empty"), &(chosen.survey == Survey::zeroed()), &true)?;
+        same(|| what("spheres"), &list.spheres, &case.spheres)?;
+        let ordinary = bad < case.spheres;
+        same(|| what("ordinary"), &(list.ordinary != 0), &ordinary)?;
+        let dense = case.is_dense && case.spheres > 1;
+        same(|| what("spheres leave cells"), &(list.is_dense != 0), &dense)?;
+        let lengths = Lengths { items: case.spheres, counters: list.cells + 2 };
+        same(|| what("lengths"), &chosen.lengths, &lengths)?;
+        levels_are_sound(&chosen, case)?;
+        levels_look_once(&chosen, case)?;
+        neighbours_are_near(&chosen, case)?;
+    }
+    first_calls_miss_no_crowd(own)
+}
+
+/// Checks crowds of which a call samples one sphere each: a first call looks again, and a later one uses the occupancy
+/// of the call before.
+fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
+    const SPHERES: u32 = 20_000;
+    let sphere = |k: u32| {
+        let crowd = (256 * k + SPHERES / 2) / SPHERES;
+        let [x, y] = [crowd % 16, crowd / 16].map(|number| 9.0 * number as f32);
+        Sphere::new([x, y, 0.0], if k.is_multiple_of(2) { 1.0 } else { 0.1 })
+    };
+    for (before, expected) in [
+        (Outcome::zeroed(), true),
+        (Outcome { dispatch_z: 1, ..Outcome::zeroed() }, false),
+        (Outcome { dispatch_z: 1, densest: 9, ..Outcome::zeroed() }, true),
+    ] {
+        let division = Division::OneSet;
+        let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false, division };
+        let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), (0, before))?;
+        same(|| format!("crowds of {case:?} after {before:?}"), &(chosen.list.is_dense != 0), &expected)?;
+    }
+    Ok(())
+}
+
+/// Checks the capacity, cell sizes and table offsets of the levels.
+fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let ConfiguredCellList { list, scenario, .. } = chosen;
+    let mut base = 0;
+    for (level, own) in list.level.iter().enumerate() {
+        let what = || format!("level {level} of {own:?}, {} quanta, {case:?}", list.quanta);
+        let is_used = list.levels >> level & 1 == 1;
+        same(what, &(own.cells.x != 0), &is_used)?;
+        if is_used {
+            same(what, &own.base, &base)?;
+            same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
+            let edge = list.quanta as f32 / own.scale;
+            let edges = (64..=127).contains(&list.quanta)
+                && own.scale == list.level[0].scale * ((level % List::LEVELS) as f32).exp2()
+                && (2.0 * own.reach..2.1 * own.reach).contains(&edge);
+            same(what, &edges, &true)?;
+            // At the coordinate `far`, the number of quanta reaches 2³⁰.
+            same(what, &(f32::from_bits(own.far) * own.scale), &((1_u32 << 30) as f32))?;
+            for (length, cells) in scenario.space.lengths().into_iter().zip(own.cells.to_array()) {
+                let is_wide = length.is_none_or(|length| length / f64::from(cells) >= edge.into());
+                same(what, &(is_wide || cells == 1), &true)?;
+            }
+            base += own.cells.element_product();
+        }
+    }
+    let what = |what: &str| format!("{what}, {case:?}");
+    same(|| what("cells in all"), &list.cells, &base)?;
+    same(|| what("cells fit the capacity"), &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1), &true)?;
+    let valid =
+        || (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id)).map(|id| &scenario.spheres[id]);
+    let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
+    let is_few = listed <= 8 || valid().count() == listed;
+    same(|| what("few spheres are listed"), &is_few, &true)?;
+    for sphere in valid().filter(|sphere| level_of(list, sphere.radius) != LISTED) {
+        let level = if list.is_dense == 0 { 0 } else { level_of(list, sphere.radius) };
+        let fits = sphere.radius <= list.level[level].reach && sphere.radius <= list.level[0].reach;
+        same(|| format!("{sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
+    }
+    Ok(())
+}
+
+/// Checks that of two levels whose sides meet one looks at the other, and that it is a level with cells as large or larger.
+fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let list = &chosen.list;
+    let looks = |from: usize, at: usize| list.level[from].looked_at >> at & 1;
+    let used = || (0..list.level.len()).filter(|level| list.levels >> level & 1 == 1);
+    for a in used() {
+        let what = |b: usize| format!("levels {a} and {b} of {:b}, {case:?}", list.levels);
+        let meets = |b: usize| u32::from(case.division.meets(a / List::LEVELS, b / List::LEVELS));
+        same(|| what(a), &(list.level[a].meets_itself, looks(a, a)), &(meets(a), 0))?;
+        same(|| what(a), &(list.level[a].looked_at & !list.levels), &0)?;
+        for b in used().filter(|&b| b > a) {
+            same(|| what(b), &(looks(a, b) + looks(b, a)), &meets(b))?;
+            let is_coarser =
+                |from: usize, at: usize| looks(from, at) == 0 || at % List::LEVELS <= from % List::LEVELS;
+            same(|| what(b), &(is_coarser(a, b) && is_coarser(b, a)), &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that touching spheres are in adjacent cells of each level that both may be assigned to.
+fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let ConfiguredCellList { list, scenario, .. } = chosen;
+    let step = scenario.spheres.len().div_ceil(500);
+    let valid = scenario.only(|k| scenario.spheres[k].is_valid() && k.is_multiple_of(step));
+    for pair in valid.oracle() {
+        let (a, b) = (&valid.spheres[pair.i as usize], &valid.spheres[pair.j as usize]);
+        let levels = [a, b].map(|sphere| level_of(list, sphere.radius));
+        if levels.contains(&LISTED) {
+            continue;
+        }
+        let own = if levels[0] == levels[1] && list.is_dense != 0 { levels[0] } else { 0 };
+        for level in [0, own, List::LEVELS, List::LEVELS + own] {
+            if list.level[level].cells.x == 0 {
+                continue;
+            }
+            let at = |sphere| numbers(list, scenario.space, chosen.place(sphere), (level, true));
+            let (of_a, of_b) = (at(a), at(b));
+            let is_near = (0..3).all(|axis| {
+                let apart = of_a[axis].abs_diff(of_b[axis]);
+                let around = list.level[level].cells[axis];
+                apart <= 1 || (scenario.space.lengths()[axis].is_some() && apart + 1 >= around)
+            });
+            same(
+                || format!("{a:?} in {of_a:?}, {b:?} in {of_b:?}, level {level}, {case:?}"),
+                &is_near,
+                &true,
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that each counter holds the number of spheres that are not listed, if smaller spheres may leave cells.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
+        let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
+        let spheres = upload(own, &scenario.spheres)?;
+        let density = upload(own, &vec![0_u32; call.density_slots as usize])?;
+        let bound = [("call", &given), ("list", &of_list), ("spheres", &spheres), ("density", &density)];
+        let species = case.division.upload(own, scenario.spheres.len())?;
+        run(own, &k::DENSITY_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &species.and(&bound))?;
+        let found = download::<u32>(own, &density, call.density_slots as usize)?;
+        ConfiguredCellList::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
+    }
+    Ok(())
+}
+
+/// Checks that each sphere gets its cell and a distinct rank in it, and that overfull cells are reported.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
+        let (table, call) = (chosen.density(true), Call { tau: TAU, ..*call });
+        let (given, of_list) = (upload(own, &[call])?, upload_one(own, list)?);
+        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
+        let (outcome, homes) =
+            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![[0_u32; 2]; case.spheres as usize])?);
+        let starts = upload(own, &vec![0_u32; list.cells as usize + 2])?;
+        let bound = [
+            ("call", &given),
+            ("list", &of_list),
+            ("spheres", &spheres),
+            ("density", &density),
+            ("outcome", &outcome),
+            ("starts", &starts),
+            ("homes", &homes),
+        ];
+        let species = case.division.upload(own, scenario.spheres.len())?;
+        run(own, &k::HOMES_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &species.and(&bound))?;
+        let mut found = download::<[u32; 2]>(own, &homes, case.spheres as usize)?;
+        let cells = found.iter().map(|&[cell, _]| cell).collect();
+        let what = |what: &str| format!("{what}, {case:?}");
+        ConfiguredCellList::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
+        let counts = download::<u32>(own, &starts, list.cells as usize + 2)?;
+        let mut expected = vec![0; counts.len()];
+        cells.iter().for_each(|&cell| expected[cell as usize] += 1);
+        same(|| what("spheres of each cell"), &counts, &expected)?;
+        found.sort_unstable();
+        let places = (0_u32..).zip(&counts).flat_map(|(cell, &count)| (0..count).map(move |at| [cell, at]));
+        same(|| what("places"), &found, &places.collect())?;
+        let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
+        if list.is_dense == 1 {
+            ConfiguredCellList::agrees(
+                || what("the fullest cell"),
+                &densest,
+                |fused| chosen.homes(&table, fused).1,
+            )?;
+        } else {
+            // The smaller spheres enter their cell interleaved with the others, in any order.
+            let of_level = |id: usize| level_of(list, scenario.spheres[id].radius);
+            let small = |id: usize| chosen.may_pair(id) && ![0, LISTED].contains(&of_level(id));
+            let mut smaller = vec![0; counts.len()];
+            (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
+            let [least, most] = [&smaller, &counts].map(|counts| counts.iter().copied().max().unwrap_or(0));
+            let is_told =
+                if densest == 0 { least <= TAU } else { (least.max(TAU + 1)..=most).contains(&densest) };
+            same(|| format!("{densest} of {least} to {most} in a cell, {case:?}"), &is_told, &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that each sphere's key is its cell, and that the digits of the first sort pass are counted.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
+        let (table, tile) = (chosen.density(true), variant.radix_tile());
+        let tiles = case.spheres.div_ceil(tile);
+        let pass = Pass { shift: 0, mask: 255, is_first: 1 };
+        let lengths = Lengths { items: case.spheres, counters: 256 * tiles };
+        let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
+        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
+        let (outcome, keys) =
+            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![0_u32; case.spheres as usize])?);
+        let (pass, lengths) = (upload(own, &[pass])?, upload(own, &[lengths])?);
+        let counts = upload(own, &vec![7_u32; 256 * tiles as usize])?;
+        let bound = [
+            ("call", &given),
+            ("digit_pass", &pass),
+            ("list", &of_list),
+            ("lengths", &lengths),
+            ("spheres", &spheres),
+            ("density", &density),
+            ("outcome", &outcome),
+            ("keys", &keys),
+            ("counts", &counts),
+        ];
+        let species = case.division.upload(own, scenario.spheres.len())?;
+        run(own, &k::HOMES_KEY, *variant, tiles, &species.and(&bound))?;
+        let found = download::<u32>(own, &keys, case.spheres as usize)?;
+        let what = |what: &str| format!("{what}, {case:?}");
+        ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
+        let mut expected = vec![0_u32; 256 * tiles as usize];
+        for (tile, keys) in found.chunks(tile as usize).enumerate() {
+            keys.iter().for_each(|key| expected[(key & 255) as usize * tiles as usize + tile] += 1);
+        }
+        same(|| what("digits"), &download::<u32>(own, &counts, expected.len())?, &expected)?;
+        let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
+        ConfiguredCellList::agrees(
+            || what("the fullest cell"),
+            &densest,
+            |fused| chosen.homes(&table, fused).1,
+        )?;
+    }
+    Ok(())
+}

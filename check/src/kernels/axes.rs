@@ -1,0 +1,71 @@
+//! The check of the number of cells along each axis against whole roots.
+
+use bytemuck::Zeroable;
+use lazygrid::Sphere;
+use lazygrid::gpu::GpuDevice;
+use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::layout::{Call, Outcome};
+
+use super::cell_list::surveyed;
+use super::cells::configure;
+use super::division::Division;
+use super::support::{KernelError, same};
+use crate::Effort;
+
+/// Lengths of the bounds along the axes: a cube, a plane and a line.
+const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0, 0.0]];
+/// Radius of the spheres: bounds hold far more cells than there is room for.
+const RADIUS: f32 = 1.0 / 1024.0;
+
+/// Checks that the long axes have as many cells as the capacity of the table allows, around every number at which one more
+/// cell fits along each of them.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), KernelError> {
+    let roots: Vec<u32> = match effort {
+        Effort::Quick => vec![3, 7, 64],
+        Effort::Default => (3..=40).chain([97, 98, 125, 200, 250]).collect(),
+        Effort::Full => (3..=322).collect(),
+    };
+    for extent in EXTENTS {
+        let long = extent.iter().filter(|length| **length > 0.0).count() as u32;
+        for &root in &roots {
+            let full = root.pow(long);
+            for capacity in full - 1..=full + 1 {
+                let fits = |cells: &u32| cells.pow(long) <= capacity;
+                let expected = (root - 1..=root + 1).rev().find(fits).unwrap_or(0);
+                // Fewer than three cells along an axis are a single one.
+                if expected < 3 {
+                    continue;
+                }
+                let cells = extent.map(|length| if length > 0.0 { expected } else { 1 });
+                let case = || format!("cells along {extent:?} with room for {capacity}");
+                same(case, &configured(own, extent, capacity)?, &cells)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The numbers of cells that the device chooses.
+fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 3], KernelError> {
+    // More equal spheres than would be listed, at the corners of the bounds.
+    let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { extent[axis] } else { 0.0 });
+    let spheres: Vec<_> = (0..16).map(|k| Sphere::new(corner(k), RADIUS)).collect();
+    let call = Call {
+        spheres: 16,
+        cells: capacity,
+        raster_ratio: 1.0,
+        tau: u32::MAX,
+        density_slots: 512,
+        window_end: u32::MAX,
+        part_tiles: Call::UNPARTED,
+        ..Call::zeroed()
+    };
+    let (one_set, variant) = (Division::OneSet, Variant::default());
+    let before = Outcome { dispatch_z: 1, ..Outcome::zeroed() };
+    let given = (&spheres[..], surveyed(&spheres, one_set, false), one_set);
+    let configured = configure(own, (one_set.divide(call), variant), given, before)?;
+    Ok(configured.list.level[0].cells.to_array())
+}

@@ -1,0 +1,327 @@
+//! Checks of the kernels that most calls share, each against a plain sequential function.
+
+use bytemuck::Zeroable;
+use lazygrid::gpu::{GpuDevice, Outcome};
+use lazygrid::{Space, Sphere};
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
+
+use super::support::{KernelError, SIZES, ordered, same, variants};
+use crate::device::{download, download_one, run, upload, upload_one};
+use crate::scenes::{hard, periodic};
+use crate::{Random, SceneSeed, TestInput};
+
+/// Checks that all accumulated values are cleared, and that the number of spheres is the given one, limited to the
+/// capacity.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
+    for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
+        let call = upload(own, &[Call { spheres: most, ..Call::zeroed() }])?;
+        let source = upload(own, &[given])?;
+        let bounds = upload(own, &[1_u32; size_of::<Bounds>() / 4])?;
+        let grid = upload_one(own, &Grid::zeroed())?;
+        let outcome = upload(own, &[1_u32; size_of::<Outcome>() / 4])?;
+        let bound = [
+            ("call", &call),
+            ("count_source", &source),
+            ("bounds", &bounds),
+            ("grid", &grid),
+            ("outcome", &outcome),
+        ];
+        run(own, &k::CALL_BEGIN, Variant::default(), 1, &bound)?;
+        let case = |what: &str| format!("{what}, {given} spheres of {most}");
+        let [most_bits, none] = [u32::MAX, 0].map(|bits| [bits; 3]);
+        let empty = Bounds { low: most_bits, high: none, radius_min: u32::MAX, ..Bounds::zeroed() };
+        same(|| case("bounds"), &download::<Bounds>(own, &bounds, 1)?[0], &empty)?;
+        same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
+        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        let overflow = if given > most { Outcome::SPHERES } else { 0 };
+        // The last kernel of a call sets these, so they may hold anything here.
+        let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
+        let cleared = Outcome {
+            overflow,
+            spheres: given,
+            dispatch_x: x,
+            dispatch_y: y,
+            dispatch_z: z,
+            // The occupancy that the previous call found is kept for this one.
+            densest: 1,
+            ..Outcome::zeroed()
+        };
+        same(|| case("outcome"), &found, &cleared)?;
+    }
+    Ok(())
+}
+
+/// Checks that wrapped coordinates are exact, at any distance from the origin and for any length of the box.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
+    let lengths = [
+        [Some(1.0_f32), Some(0.1), Some(3.3)],
+        [None, Some(f32::MAX), Some(1.0 / 3.0)],
+        [Some(f32::MIN_POSITIVE), Some(f32::from_bits(1)), Some(1e-40)],
+        [Some(16_777_215.0), Some(1e30), None],
+    ];
+    for (seed, lengths) in lengths.into_iter().enumerate() {
+        let space = periodic::space(lengths);
+        let spheres = wrapped_scene(seed as u64, space);
+        let call = Call::zeroed().in_space(space);
+        let grid = Grid { spheres: spheres.len() as u32, ..Grid::zeroed() };
+        let (call, grid, given) = (upload(own, &[call])?, upload_one(own, &grid)?, upload(own, &spheres)?);
+        let wrapped = upload(own, &vec![[0_u32; 4]; spheres.len()])?;
+        let bound = [("call", &call), ("grid", &grid), ("given", &given), ("wrapped", &wrapped)];
+        let groups = spheres.len().div_ceil(256) as u32;
+        run(own, &k::SPHERES_WRAP, Variant::default(), groups, &bound)?;
+        let found = download::<[f32; 4]>(own, &wrapped, spheres.len())?;
+        for (sphere, found) in spheres.iter().zip(found) {
+            let center = space.wrap(sphere.center).to_array();
+            // Compares numbers, not bits: zero has two signs.
+            let same_place = center == [found[0], found[1], found[2]] && found[3] == sphere.radius;
+            same(|| format!("{sphere:?} in {lengths:?} at {center:?}: {found:?}"), &same_place, &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// Makes coordinates at multiples of half a length, next to these, and anywhere.
+fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
+    let mut random = Random(seed);
+    let words = SceneSeed::drawn(&mut random, 500);
+    let mut spheres = hard::any_floats(&words);
+    spheres.extend((0..500).map(|k| {
+        let mut place = |length: Option<f32>| {
+            let x = (random.below(9) as f32 - 4.0) * 0.5 * length.unwrap_or(1.0);
+            let x = if x.is_finite() { x } else { f32::MAX };
+            [x, x, x.next_up(), x.next_down()][random.below(4) as usize].clamp(f32::MIN, f32::MAX)
+        };
+        Sphere::new(space.lengths_f32().map(&mut place), k as f32)
+    }));
+    spheres
+}
+
+/// Checks that the bounds contain all valid spheres with little margin, and that invalid spheres are counted.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
+    let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
+    for size in SIZES {
+        let mut spheres = hard::soup(&SceneSeed::drawn(&mut Random(size as u64), size));
+        let bad = size / 100;
+        spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
+        let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };
+        let (call, bounds) = (upload(own, &[Call::zeroed()])?, upload(own, &[empty])?);
+        let grid = upload_one(own, &Grid { spheres: size as u32, ..Grid::zeroed() })?;
+        let (outcome, input) = (upload(own, &[Outcome::zeroed()])?, upload(own, &spheres)?);
+        let bound = [
+            ("call", &call),
+            ("grid", &grid),
+            ("spheres", &input),
+            ("bounds", &bounds),
+            ("outcome", &outcome),
+        ];
+        let groups = (size as u32).div_ceil(k::BOUNDS_TILE);
+        run(own, &k::BOUNDS_REDUCE, Variant::default(), groups, &bound)?;
+        let found = download::<Bounds>(own, &bounds, 1)?[0];
+        let outcome = download::<Outcome>(own, &outcome, 1)?[0];
+        same(|| format!("invalid spheres of {size}"), &outcome.quarantined, &(bad as u32))?;
+        let valid = &spheres[bad..];
+        if valid.is_empty() {
+            same(|| "bounds without spheres".to_owned(), &found, &empty)?;
+            continue;
+        }
+        let extent = |of: &dyn Fn(&Sphere) -> f32| {
+            let values = valid.iter().map(of);
+            values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+        };
+        for axis in 0..3 {
+            let [low, _] = extent(&|sphere| sphere.center[axis] - sphere.radius);
+            let [_, high] = extent(&|sphere| sphere.center[axis] + sphere.radius);
+            let (found_low, found_high) = (float(found.low[axis]), float(found.high[axis]));
+            let is_held = found.low[axis] <= ordered(low) && found.high[axis] >= ordered(high);
+            let is_near = found_low >= low - 1e-4 && found_high <= high + 1e-4;
+            let case = || format!("{low}..{high} within {found_low}..{found_high}, {size} spheres");
+            same(case, &(is_held && is_near), &true)?;
+        }
+        // A radius of 0 is increased slightly, to distinguish it from "no radius".
+        let [least, most] = extent(&|sphere| sphere.radius);
+        let radii = [found.radius_min, found.radius_max].map(f32::from_bits);
+        let near = radii[0] >= least && radii[0] <= least + 1e-30 && radii[1] == most;
+        same(|| format!("radii {least} to {most} as {radii:?}, {size} spheres"), &near, &true)?;
+    }
+    Ok(())
+}
+
+/// Checks that the number of sorted entries is the number of entries, limited to the capacity.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), KernelError> {
+    let capacity = 5000;
+    for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
+        let call = upload(own, &[Call { entry_capacity: capacity, ..Call::zeroed() }])?;
+        let wanted = Outcome { entries_lo: low, entries_hi: high, ..Outcome::zeroed() };
+        let (outcome, lengths) = (upload(own, &[wanted])?, upload(own, &[Lengths::zeroed()])?);
+        let bound = [("call", &call), ("outcome", &outcome), ("lengths", &lengths)];
+        run(own, &k::ENTRIES_CLOSE, Variant::default(), 1, &bound)?;
+        let items = wanted.entries().min(capacity.into()) as u32;
+        let overflow = if wanted.entries() > capacity.into() { Outcome::ENTRIES } else { 0 };
+        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        let lengths = download::<Lengths>(own, &lengths, 1)?[0];
+        let case = || format!("{} entries, capacity {capacity}", wanted.entries());
+        same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
+        // One counter per digit and tile.
+        let tiles = lengths.counters / 256;
+        same(case, &(lengths.counters % 256 == 0 && (tiles > 0) == (items > 0) && tiles <= items), &true)?;
+    }
+    Ok(())
+}
+
+/// Checks the dispatch arguments of the search in overfull cells, up to the largest numbers of blocks and tiles that a
+/// plan allows. These are enough if one cell has all entries.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), KernelError> {
+    let most = 65_535 * k::CROWDED_TILES;
+    let blocks = [1, 5, 4096, 65_535, 65_536, most];
+    let tiles = [1, k::CROWDED_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
+    for (blocks, tiles) in blocks.into_iter().flat_map(|blocks| tiles.map(|tiles| (blocks, tiles))) {
+        for part_tiles in [1 << 18, Call::UNPARTED] {
+            let call = upload(own, &[Call { part_tiles, ..Call::zeroed() }])?;
+            let listed = Outcome { crowded: blocks, crowded_tiles: tiles, ..Outcome::zeroed() };
+            let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
+            let bound = [("call", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
+            run(own, &k::CROWDED_OPEN, Variant::default(), 1, &bound)?;
+            let outcome = download::<Outcome>(own, &outcome, 1)?[0];
+            let [x, y, z] = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+            let taken = outcome.crowded_end.wrapping_sub(outcome.crowded_begin);
+            let fits = match part_tiles {
+                Call::UNPARTED => taken == blocks && !outcome.is_partial(),
+                _ => taken == 1 || (2..=blocks.min(part_tiles / tiles)).contains(&taken),
+            };
+            let counts = [x, y, z].iter().all(|groups| (1..=65_535).contains(groups));
+            let reaches = counts && y * z >= taken && tiles.div_ceil(x) <= k::CROWDED_TILES;
+            let case = || {
+                format!(
+                    "{blocks} blocks of {tiles} tiles, {part_tiles} per submission: {taken} dispatched as {x} {y} {z}"
+                )
+            };
+            same(case, &(fits && reaches), &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks the pairs of spheres at one point: with a window, with too small a capacity, with and without subgroup
+/// operations.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
+    for variant in variants(own) {
+        more_than_a_word_of_pairs(own, variant)?;
+        for (size, window, capacity) in [
+            (0_u32, 0..u32::MAX, 16_u32),
+            (1, 0..u32::MAX, 16),
+            (2, 0..u32::MAX, 16),
+            (257, 0..u32::MAX, 1 << 20),
+            (1000, 100..300, 1 << 20),
+            (1000, 0..u32::MAX, 1000),
+        ] {
+            let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); size as usize];
+            let scenario = TestInput::from(spheres);
+            let mut expected = scenario.oracle();
+            expected.retain(|pair| window.contains(&pair.i));
+            let call = Call {
+                spheres: size,
+                pair_capacity: capacity,
+                search_groups: 64,
+                window_begin: window.start,
+                window_end: window.end,
+                ..Call::zeroed()
+            };
+            let grid = upload_one(own, &Grid { spheres: size, ordinary: 1, ..Grid::zeroed() })?;
+            let (call, input) = (upload(own, &[call])?, upload(own, &scenario.spheres)?);
+            let outcome = upload(own, &[Outcome::zeroed()])?;
+            let pairs = upload(own, &vec![[u32::MAX; 2]; capacity as usize + 1])?;
+            let bound = [
+                ("call", &call),
+                ("grid", &grid),
+                ("spheres", &input),
+                ("outcome", &outcome),
+                ("pairs", &pairs),
+            ];
+            run(own, &k::NAIVE_SEARCH, variant, 64, &bound)?;
+            let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+            let case = |what: &str| format!("{what}, {size} at one point, {variant:?}");
+            same(|| case("found"), &found, &(expected.len() as u64))?;
+            let mut listed = download::<[u32; 2]>(own, &pairs, capacity as usize + 1)?;
+            same(|| case("after the end"), &listed[capacity as usize], &[u32::MAX; 2])?;
+            listed.retain(|pair| *pair != [u32::MAX; 2]);
+            listed.sort_unstable();
+            let wanted: Vec<[u32; 2]> = expected.iter().map(|pair| [pair.i, pair.j]).collect();
+            if wanted.len() <= capacity as usize {
+                same(|| case("pairs"), &listed, &wanted)?;
+            } else {
+                let distinct =
+                    listed.windows(2).all(|two| two[0] < two[1]) && listed.len() == capacity as usize;
+                same(|| case("as many as the capacity"), &distinct, &true)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the count of pairs continues beyond 32 bits.
+fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
+    let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
+    let call =
+        Call { spheres: 600, pair_capacity: 16, search_groups: 64, window_end: u32::MAX, ..Call::zeroed() };
+    let before = Outcome { found_lo: u32::MAX - 1000, found_hi: 2, ..Outcome::zeroed() };
+    let grid = upload_one(own, &Grid { spheres: 600, ordinary: 1, ..Grid::zeroed() })?;
+    let (call, input, outcome) = (upload(own, &[call])?, upload(own, &spheres)?, upload(own, &[before])?);
+    let pairs = upload(own, &[[u32::MAX; 2]; 17])?;
+    let bound =
+        [("call", &call), ("grid", &grid), ("spheres", &input), ("outcome", &outcome), ("pairs", &pairs)];
+    run(own, &k::NAIVE_SEARCH, variant, 64, &bound)?;
+    let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+    same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
+}
+
+/// Checks that the dispatch arguments give each written pair a thread, and that an overflow is reported.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
+    let capacity = 40_000_000_u32;
+    for (low, high) in [
+        (0_u32, 0_u32),
+        (1, 0),
+        (256, 0),
+        (257, 0),
+        (16_776_961, 0),
+        (capacity, 0),
+        (capacity + 1, 0),
+        (3, 2),
+    ] {
+        let call = upload(own, &[Call { pair_capacity: capacity, consumer_group: 256, ..Call::zeroed() }])?;
+        let given = Outcome { found_lo: low, found_hi: high, ..Outcome::zeroed() };
+        let outcome = upload(own, &[given])?;
+        run(own, &k::OUTCOME_FINISH, Variant::default(), 1, &[("call", &call), ("outcome", &outcome)])?;
+        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        let overflow = if given.found() > capacity.into() { Outcome::PAIRS } else { 0 };
+        let case = || format!("{} pairs, capacity {capacity}: {found:?}", given.found());
+        same(case, &found.overflow, &overflow)?;
+        let written = given.found().min(capacity.into());
+        let groups = u64::from(found.dispatch_x) * u64::from(found.dispatch_y) * u64::from(found.dispatch_z);
+        let enough = groups >= written.div_ceil(256) && groups < written.div_ceil(256) + 65_536;
+        same(case, &(enough && found.dispatch_x <= 65_535 && found.dispatch_y >= 1), &true)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,265 @@
+//! Checks of the cell-list kernels, each against plain sequential functions.
+
+use bytemuck::Zeroable;
+use encase::ShaderType;
+use lazygrid::Sphere;
+use lazygrid::gpu::{GpuDevice, wgpu};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
+
+use super::division::Division;
+use super::support::{KernelError, SIZES, ordered, same};
+use crate::device::{download, run, upload, upload_one};
+use crate::scenes::hard;
+use crate::{Random, SceneSeed};
+
+/// Checks that any number of workgroups finds the bounds, size classes and number of invalid spheres, and clears the
+/// counters.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
+    let divisions = [Division::OneSet, Division::TwoSets, Division::Species { meets_itself: true }];
+    for (size, groups, division) in SIZES.into_iter().flat_map(|size| {
+        [1, 3].into_iter().flat_map(move |groups| divisions.map(|division| (size, groups, division)))
+    }) {
+        let mut spheres = hard::any_floats(&SceneSeed::drawn(&mut Random(size as u64), size));
+        spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
+        let (counters, density_slots) = (size as u32 + 7, 512);
+        let call = Call { spheres: size as u32, counters, density_slots, ..Call::zeroed() };
+        let call = division.divide(call);
+        let (call, count) = (upload(own, &[call])?, upload(own, &[size as u32])?);
+        let (input, survey) = (upload(own, &spheres)?, upload(own, &[Survey::zeroed()])?);
+        let [starts, density] = [counters, density_slots].map(|length| vec![7_u32; length as usize]);
+        let (starts, density) = (upload(own, &starts)?, upload(own, &density)?);
+        let bound = [
+            ("call", &call),
+            ("count_source", &count),
+            ("spheres", &input),
+            ("survey", &survey),
+            ("starts", &starts),
+            ("density", &density),
+        ];
+        let variant = Variant { species: division.has_species(), ..Variant::default() };
+        let species = division.upload(own, size)?;
+        run(own, &k::SPHERES_SURVEY, variant, groups, &species.and(&bound))?;
+        let found = download::<Survey>(own, &survey, 1)?[0];
+        // Devices may flush subnormal radii to zero.
+        let [kept, flushed] = [false, true].map(|flushes| surveyed(&spheres, division, flushes));
+        let expected = if found.smallest == flushed.smallest { flushed } else { kept };
+        let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups, {division:?}");
+        let counted = |survey: &Survey| (survey.low, survey.high, survey.smallest, survey.quarantined);
+        same(|| case("bounds"), &counted(&found), &counted(&expected))?;
+        for class in 0..256 {
+            let members = |survey: &Survey| [0, 256].map(|side| survey.members[side + class]);
+            let sizes = |survey: &Survey| (members(survey), survey.largest[class]);
+            same(|| case(&format!("class {class}")), &sizes(&found), &sizes(&expected))?;
+        }
+        for (what, length) in [(&starts, counters), (&density, density_slots)] {
+            let cleared = download::<u32>(own, what, length as usize)?;
+            same(|| "counters".to_owned(), &cleared, &vec![0; length as usize])?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the single-workgroup kernel configures the same cells as the kernels for many spheres, and leaves the
+/// statistics cleared.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
+    let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
+    let divided = [Division::TwoSets, Division::Species { meets_itself: false }];
+    let divided = divided.into_iter().flat_map(|division| [(300, division), (2048, division)]);
+    let cases = one_set.into_iter().chain(divided);
+    for (size, division, periodic) in
+        cases.flat_map(|(size, division)| [(size, division, false), (size, division, true)])
+    {
+        let mut random = Random(size as u64);
+        let mut coordinate = || random.unit() * 20.0 - 10.0;
+        let mut spheres: Vec<Sphere> = (0..size)
+            .map(|k| Sphere::new([(); 3].map(|()| coordinate()), [0.5, 0.06, 0.01][k as usize % 3]))
+            .collect();
+        spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
+        let period_x = if periodic { 20.0 } else { 0.0 };
+        let (cells, counters) = (CELLS, CELLS + 2);
+        let call =
+            Call { spheres: size, cells, counters, raster_ratio: 2.0, tau: 8, period_x, ..Call::zeroed() };
+        let call = division.divide(call);
+        let (call, count, input) = (upload(own, &[call])?, upload(own, &[size])?, upload(own, &spheres)?);
+        let species = division.upload(own, size as usize)?;
+        let given = species.and(&[("call", &call), ("count_source", &count), ("spheres", &input)]);
+        let variant = Variant { periodic, species: division.has_species(), ..Variant::default() };
+        let expected = begun(own, &given, variant, &[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
+        let found = begun(own, &given, variant, &[(&k::LIST_BEGIN, 1)])?;
+        let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}, {division:?}");
+        same(|| case("survey is empty"), &found.leaves_no_survey, &true)?;
+        same(|| case("the list"), &found.list, &expected.list)?;
+        let counts = |begun: &Begun| (begun.outcome.clone(), begun.lengths.clone());
+        same(|| case("outcome and lengths"), &counts(&found), &counts(&expected))?;
+        same(|| case("counters"), &found.starts, &vec![0; CELLS as usize + 2])?;
+    }
+    Ok(())
+}
+
+/// Capacity of the cell table.
+const CELLS: u32 = 4096;
+
+/// The results of the kernels that start a call; structures as bytes.
+struct Begun {
+    leaves_no_survey: bool,
+    list: Vec<u8>,
+    outcome: Vec<u8>,
+    lengths: Vec<u8>,
+    starts: Vec<u32>,
+}
+
+/// Runs kernels that start a call, each with its number of workgroups.
+fn begun(
+    own: &GpuDevice,
+    given: &[(&'static str, &wgpu::Buffer)],
+    variant: Variant,
+    kernels: &[(&'static k::Kernel, u32)],
+) -> Result<Begun, KernelError> {
+    let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload_one(own, &List::zeroed())?);
+    let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
+    let (starts, density) = (upload(own, &[7_u32; CELLS as usize + 2])?, upload(own, &[0_u32; 4])?);
+    let written = [
+        ("survey", &survey),
+        ("list", &list),
+        ("outcome", &outcome),
+        ("lengths", &lengths),
+        ("starts", &starts),
+        ("density", &density),
+    ];
+    for &(kernel, groups) in kernels {
+        let binds = |name: &str| kernel.bindings(variant).any(|binding| binding.name == name);
+        let bound: Vec<_> = given.iter().copied().chain(written).filter(|(name, _)| binds(name)).collect();
+        run(own, kernel, variant, groups, &bound)?;
+    }
+    Ok(Begun {
+        leaves_no_survey: download::<Survey>(own, &survey, 1)?[0] == Survey::zeroed(),
+        list: download::<u8>(own, &list, List::min_size().get() as usize)?,
+        outcome: download::<u8>(own, &outcome, size_of::<Outcome>())?,
+        lengths: download::<u8>(own, &lengths, size_of::<Lengths>())?,
+        starts: download::<u32>(own, &starts, CELLS as usize + 2)?,
+    })
+}
+
+/// Offset of all radii, which keeps them above the subnormal numbers that devices flush.
+const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
+
+/// The expected statistics of these spheres, on a device that flushes subnormal numbers or one that does not.
+pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> Survey {
+    let mut survey = Survey::zeroed();
+    for (id, sphere) in spheres.iter().enumerate() {
+        if !sphere.is_valid() {
+            survey.quarantined += 1;
+            continue;
+        }
+        if !division.may_pair(id, spheres.len()) {
+            continue;
+        }
+        for axis in 0..3 {
+            let x = ordered(sphere.center[axis]);
+            survey.low[axis] = survey.low[axis].max(!x);
+            survey.high[axis] = survey.high[axis].max(x);
+        }
+        let kept = if flushes && sphere.radius.is_subnormal() { 0.0 } else { sphere.radius };
+        let radius = (kept + FLUSHED).to_bits();
+        let class = (radius >> 23) as usize;
+        survey.smallest = survey.smallest.max(!radius);
+        survey.members[256 * division.side(id, spheres.len()) + class] += 1;
+        survey.largest[class] = survey.largest[class].max(radius);
+    }
+    survey
+}
+
+/// Checks that each cell starts at the first sphere that is not in an earlier cell, for many cells and for one cell
+/// with all spheres.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), KernelError> {
+    let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
+    for (spheres, cells) in sizes {
+        let mut random = Random(spheres as u64);
+        let mut sorted: Vec<u32> = (0..spheres).map(|_| random.below(cells)).collect();
+        sorted.sort_unstable();
+        let list = List { spheres: spheres as u32, cells: cells - cells.min(2), ..List::zeroed() };
+        let counters = list.cells + 2;
+        let expected: Vec<u32> =
+            (0..counters).map(|cell| sorted.partition_point(|&own| own < cell) as u32).collect();
+        let (list, sorted) = (upload_one(own, &list)?, upload(own, &sorted)?);
+        let starts = upload(own, &vec![u32::MAX; counters as usize])?;
+        let bound = [("list", &list), ("cells", &sorted), ("starts", &starts)];
+        run(own, &k::CELLS_INDEX, Variant::default(), counters.div_ceil(2048), &bound)?;
+        let found = download::<u32>(own, &starts, counters as usize)?;
+        same(|| format!("{spheres} spheres in {cells} cells"), &found, &expected)?;
+    }
+    Ok(())
+}
+
+/// Checks that spheres are scattered to the ranges of their cells.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), KernelError> {
+    for size in SIZES {
+        let mut random = Random(size as u64);
+        let spheres = hard::any_floats(&SceneSeed::drawn(&mut random, size));
+        let cells = size as u32 / 3 + 1;
+        let mut starts = vec![0_u32; cells as usize + 1];
+        let homes: Vec<[u32; 2]> = (0..size)
+            .map(|_| {
+                let cell = random.below(cells);
+                starts[cell as usize + 1] += 1;
+                [cell, starts[cell as usize + 1] - 1]
+            })
+            .collect();
+        (0..cells as usize).for_each(|cell| starts[cell + 1] += starts[cell]);
+        let mut order: Vec<u32> = (0..size as u32).collect();
+        order.sort_by_key(|&at| homes[at as usize]);
+        let call = upload(own, &[Call::zeroed()])?;
+        let list = upload_one(own, &List { spheres: size as u32, ..List::zeroed() })?;
+        let (input, starts, homes_given) =
+            (upload(own, &spheres)?, upload(own, &starts)?, upload(own, &homes)?);
+        let [cells, places] = [(); 2].map(|()| upload(own, &vec![0_u32; size]));
+        let (cells, places, sorted) = (cells?, places?, upload(own, &vec![[0_u32; 4]; size])?);
+        let bound = [
+            ("call", &call),
+            ("list", &list),
+            ("spheres", &input),
+            ("starts", &starts),
+            ("homes", &homes_given),
+            ("sorted", &sorted),
+            ("cells", &cells),
+            ("order", &places),
+        ];
+        let groups = (size as u32).div_ceil(k::GROUP);
+        run(own, &k::SPHERES_PLACE, Variant::default(), groups, &bound)?;
+        let expected_cells: Vec<u32> = order.iter().map(|&at| homes[at as usize][0]).collect();
+        same(|| format!("order of {size} spheres"), &download::<u32>(own, &places, size)?, &order)?;
+        same(|| format!("cells of {size} spheres"), &download::<u32>(own, &cells, size)?, &expected_cells)?;
+        gathered(own, &sorted, (&spheres, &order))?;
+        // The gathering kernel must give the same order.
+        let sorted = upload(own, &vec![[0_u32; 4]; size])?;
+        let bound =
+            [("call", &call), ("list", &list), ("spheres", &input), ("order", &places), ("sorted", &sorted)];
+        run(own, &k::SPHERES_GATHER, Variant::default(), groups, &bound)?;
+        gathered(own, &sorted, (&spheres, &order))?;
+    }
+    Ok(())
+}
+
+fn gathered(
+    own: &GpuDevice,
+    sorted: &wgpu::Buffer,
+    (spheres, order): (&[Sphere], &[u32]),
+) -> Result<(), KernelError> {
+    let bits = |sphere: &Sphere| bytemuck::cast::<Sphere, [u32; 4]>(*sphere);
+    let expected: Vec<[u32; 4]> = order.iter().map(|&at| bits(&spheres[at as usize])).collect();
+    let found = download::<[u32; 4]>(own, sorted, order.len())?;
+    same(|| format!("{} spheres in order", order.len()), &found, &expected)
+}

@@ -1,0 +1,280 @@
+//! Sequential versions of the device's cell assignment: the cells of a cell list and the cell of each sphere.
+
+use bytemuck::Zeroable;
+use glam::Vec3;
+use lazygrid::gpu::{GpuDevice, Outcome};
+use lazygrid::{Space, Sphere};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{Call, Lengths, List, Survey};
+
+use super::cell_list::surveyed;
+use super::division::Division;
+use super::support::{KernelError, same};
+use crate::device::{download, download_one, run, upload, upload_one};
+use crate::scenes::periodic;
+use crate::{Random, TestInput};
+
+/// Capacity of the cell table in tests.
+pub(crate) const CELL_CAPACITY: u32 = 4096;
+/// The level number of size classes that have no cells: their spheres are kept in a list.
+pub(crate) const LISTED: usize = 255;
+/// The largest occupancy of a coarse cell before smaller spheres move to a finer level.
+pub(crate) const TAU: u32 = 8;
+
+/// The parameters of a cell-list search, and the cell list that the device configured for it.
+#[derive(Clone)]
+pub(crate) struct ConfiguredCellList {
+    pub(crate) call: Call,
+    pub(crate) scenario: TestInput,
+    pub(crate) division: Division,
+    pub(crate) list: List,
+    pub(crate) variant: Variant,
+    pub(crate) lengths: Lengths,
+    pub(crate) outcome: Outcome,
+    pub(crate) survey: Survey,
+}
+
+/// A test case of the cell list.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CellListCase {
+    pub(crate) spheres: u32,
+    pub(crate) lengths: [Option<f32>; 3],
+    /// `true` if smaller spheres leave overfull cells, as found by the previous call.
+    pub(crate) is_dense: bool,
+    /// The sides of the spheres.
+    pub(crate) division: Division,
+}
+
+/// Few and many spheres, in unbounded and periodic space, with and without overfull cells, on one side and on two.
+pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
+    let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
+    let species = [false, true].map(|meets_itself| Division::Species { meets_itself });
+    let two_sides = [Division::TwoSets, species[0], species[1]];
+    let one = [0, 1, 257, 5000].map(|spheres| (spheres, Division::OneSet));
+    let two = [257, 5000].into_iter().flat_map(move |spheres| two_sides.map(|division| (spheres, division)));
+    one.into_iter().chain(two).flat_map(move |(spheres, division)| {
+        let case = move |lengths, is_dense| CellListCase { spheres, lengths, is_dense, division };
+        spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
+    })
+}
+
+/// Spheres of three sizes, a third of them crowded in one place, a few much larger ones, and some invalid ones.
+fn scene(count: u32) -> Vec<Sphere> {
+    let mut random = Random(u64::from(count));
+    let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
+    let sphere = |k: u32| {
+        let edge = if k.is_multiple_of(3) { 1.0 } else { 20.0 };
+        let radius = if k % 200 == 50 { 4.0 } else { [0.5, 0.06, 0.01][k as usize / 3 % 3] };
+        let center = [(); 3].map(|()| coordinate(edge));
+        Sphere::new(if k % 100 == 99 { [f32::NAN; 3] } else { center }, radius)
+    };
+    (0..count).map(sphere).collect()
+}
+
+impl CellListCase {
+    /// Configures the cell list on the device for the case's own scene.
+    ///
+    /// # Errors
+    /// Fails if the device fails.
+    pub(crate) fn choose(self, own: &GpuDevice) -> Result<ConfiguredCellList, KernelError> {
+        self.choose_for(own, scene(self.spheres))
+    }
+
+    /// Configures the cell list on the device for these spheres.
+    ///
+    /// # Errors
+    /// Fails if the device fails.
+    pub(crate) fn choose_for(
+        self,
+        own: &GpuDevice,
+        spheres: Vec<Sphere>,
+    ) -> Result<ConfiguredCellList, KernelError> {
+        let tau = if self.is_dense { TAU } else { u32::MAX };
+        let before =
+            Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, dispatch_z: 1, ..Outcome::zeroed() };
+        self.choose_after(own, spheres, (tau, before))
+    }
+
+    /// Configures the cell list on the device for this τ and this outcome of the previous call.
+    ///
+    /// # Errors
+    /// Fails if the device fails.
+    pub(crate) fn choose_after(
+        self,
+        own: &GpuDevice,
+        spheres: Vec<Sphere>,
+        (tau, before): (u32, Outcome),
+    ) -> Result<ConfiguredCellList, KernelError> {
+        let space = periodic::space(self.lengths);
+        let call = Call {
+            spheres: self.spheres,
+            cells: CELL_CAPACITY,
+            raster_ratio: 2.0,
+            tau,
+            density_slots: 512,
+            pair_capacity: 1 << 22,
+            window_end: u32::MAX,
+            share: 256,
+            part_tiles: Call::UNPARTED,
+            ..Call::zeroed()
+        };
+        let (division, count) = (self.division, spheres.len());
+        let call = division.divide(call.in_space(space));
+        let species = division.has_species();
+        let variant = Variant { periodic: space.is_periodic(), species, ..Variant::default() };
+        let images: Vec<Sphere> =
+            spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
+        let statistics = surveyed(&images, division, false);
+        let configured = configure(own, (call, variant), (&spheres, statistics, division), before)?;
+        let Configured { list, lengths, outcome, survey } = configured;
+        let scenario = TestInput { space, mixture: division.mixture(count), ..spheres.into() };
+        Ok(ConfiguredCellList { call, scenario, division, list, variant, lengths, outcome, survey })
+    }
+}
+
+/// The results of the kernel that configures a cell list.
+pub(crate) struct Configured {
+    pub(crate) list: List,
+    lengths: Lengths,
+    outcome: Outcome,
+    survey: Survey,
+}
+
+/// Configures a cell list on the device for spheres with these statistics and sides, after a call with this outcome.
+///
+/// # Errors
+/// Fails if the device fails.
+pub(crate) fn configure(
+    own: &GpuDevice,
+    (call, variant): (Call, Variant),
+    (spheres, survey, division): (&[Sphere], Survey, Division),
+    before: Outcome,
+) -> Result<Configured, KernelError> {
+    let (given, count, input) = (upload(own, &[call])?, upload(own, &[call.spheres])?, upload(own, spheres)?);
+    let (survey, list) = (upload(own, &[survey])?, upload_one(own, &List::zeroed())?);
+    let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[Lengths::zeroed()])?);
+    let bound = [
+        ("call", &given),
+        ("count_source", &count),
+        ("spheres", &input),
+        ("survey", &survey),
+        ("list", &list),
+        ("outcome", &outcome),
+        ("lengths", &lengths),
+    ];
+    let species = division.upload(own, spheres.len())?;
+    run(own, &k::LIST_CONFIGURE, variant, 1, &species.and(&bound))?;
+    Ok(Configured {
+        list: download_one(own, &list)?,
+        lengths: download::<Lengths>(own, &lengths, 1)?[0],
+        outcome: download::<Outcome>(own, &outcome, 1)?[0],
+        survey: download::<Survey>(own, &survey, 1)?[0],
+    })
+}
+
+/// The level of spheres with this radius.
+pub(crate) fn level_of(list: &List, radius: f32) -> usize {
+    let class = (radius.to_bits() >> 23) as usize;
+    (list.class_levels[class / 4] >> (class % 4 * 8) & 255) as usize
+}
+
+/// The cell of a point along each axis, before wrapping around the ring of cells. `fused` selects the rounding of a
+/// fused multiply-add.
+pub(crate) fn numbers(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> [u32; 3] {
+    let own = &list.level[level];
+    let quanta = i64::from(list.quanta);
+    let open = |x: f32| {
+        let (size, middle) = (x.abs().to_bits(), 1_i64 << 30);
+        if size < own.far {
+            return (middle + ((x * own.scale).floor() as i64).div_euclid(quanta)) as u32;
+        }
+        let beyond = i64::from((size - own.far).min(0x1fff_ffff));
+        match x < 0.0 {
+            true => (middle - (middle + quanta - 1) / quanta - beyond) as u32,
+            false => (middle + middle / quanta + beyond) as u32,
+        }
+    };
+    [0, 1, 2].map(|axis| match space.lengths()[axis] {
+        None => open(place[axis]).wrapping_sub(own.low[axis]),
+        Some(_) => {
+            let (cells, around) = (own.cells[axis], own.around[axis]);
+            let half = 0.5 * cells as f32;
+            let at = if fused { place[axis].mul_add(around, half) } else { place[axis] * around + half };
+            (at.floor() as i32 + cells as i32) as u32
+        }
+    })
+}
+
+/// The index of a point's cell in the table.
+fn cell(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> u32 {
+    let own = &list.level[level];
+    let [x, y, z] = numbers(list, space, place, (level, fused));
+    let [x, y, z] = [x % own.cells.x, y % own.cells.y, z % own.cells.z];
+    own.base + (z * own.cells.y + y) * own.cells.x + x
+}
+
+impl ConfiguredCellList {
+    /// The wrapped center of a sphere, as the device sees it.
+    pub(crate) fn place(&self, sphere: &Sphere) -> Vec3 {
+        self.scenario.space.wrap(sphere.center)
+    }
+
+    /// Returns `true` if a sphere is valid and may pair.
+    pub(crate) fn may_pair(&self, id: usize) -> bool {
+        let spheres = &self.scenario.spheres;
+        spheres[id].is_valid() && self.division.may_pair(id, spheres.len())
+    }
+
+    /// The first level of a sphere's side.
+    fn first_level(&self, id: usize) -> usize {
+        List::LEVELS * self.division.side(id, self.scenario.spheres.len())
+    }
+
+    /// The cell of a sphere at the first level of its side; `None` if it does not pair or is listed.
+    fn coarsest(&self, id: usize, fused: bool) -> Option<u32> {
+        let sphere = &self.scenario.spheres[id];
+        let has_cell = self.may_pair(id) && level_of(&self.list, sphere.radius) != LISTED;
+        let at = (self.first_level(id), fused);
+        has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), at))
+    }
+
+    /// The expected value of each occupancy counter.
+    pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
+        let mut density = vec![0; self.call.density_slots as usize];
+        let slots = density.len();
+        let cells = (0..self.scenario.spheres.len()).filter_map(|id| self.coarsest(id, fused));
+        cells.filter(|_| self.list.is_dense != 0).for_each(|cell| density[cell as usize % slots] += 1);
+        density
+    }
+
+    /// The cell of a sphere, and the occupancy of the overfull cell that it left (0 if it left none).
+    fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
+        let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
+        let Some(coarsest) = self.coarsest(id, fused) else {
+            return (list.cells + u32::from(!self.may_pair(id)), 0);
+        };
+        let level = level_of(list, sphere.radius);
+        let crowd = density[coarsest as usize % density.len()];
+        match level != 0 && list.is_dense != 0 && crowd > self.call.tau {
+            true => (cell(list, space, self.place(sphere), (self.first_level(id) + level, fused)), crowd),
+            false => (coarsest, 0),
+        }
+    }
+
+    /// The cell of each sphere, and the largest occupancy of a cell that a sphere left.
+    pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
+        let homes = (0..self.scenario.spheres.len()).map(|id| self.home(id, density, fused));
+        let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
+        (cells, crowds.into_iter().max().unwrap_or(0))
+    }
+
+    /// Checks a device result against the expected results with and without fused multiply-add.
+    pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(
+        case: impl FnOnce() -> String,
+        found: &T,
+        expected: impl Fn(bool) -> T,
+    ) -> Result<(), KernelError> {
+        let fused = expected(true);
+        if *found == fused { Ok(()) } else { same(case, found, &expected(false)) }
+    }
+}

@@ -1,0 +1,384 @@
+//! Checks of the kernels of the nested grids, each against plain sequential functions.
+
+use std::collections::HashMap;
+
+use bytemuck::Zeroable;
+use glam::{IVec3, UVec3, Vec3};
+use lazygrid::Error;
+use lazygrid::Sphere;
+use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{Bounds, Call, Grid, Level};
+
+use super::support::{KernelError, SIZES, same, variants};
+use crate::Random;
+use crate::device::{download, download_one, run, upload, upload_one};
+
+const HAS_OWN: u32 = 1 << 31;
+const SLOTS: u32 = 4096;
+
+/// The depth, first cell and extra cells of a sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cells {
+    first: [i32; 3],
+    more: [i32; 3],
+    depth: u32,
+}
+
+impl Cells {
+    fn packed(self) -> [u32; 2] {
+        let [x, y, z] = self.first.map(|c| u64::from(c as u32 & 0x3ffff));
+        let more = (0..3).fold(0, |bits, axis| bits | (self.more[axis] as u64) << axis);
+        let word = x | y << 18 | z << 36 | more << 54 | u64::from(self.depth) << 57;
+        [word as u32, (word >> 32) as u32]
+    }
+
+    fn at(self, depth: u32) -> Self {
+        let shift = self.depth - depth;
+        let first = self.first.map(|c| c >> shift);
+        let more = [0, 1, 2].map(|axis| ((self.first[axis] + self.more[axis]) >> shift) - first[axis]);
+        Self { first, more, depth }
+    }
+
+    fn all(self) -> impl Iterator<Item = [i32; 3]> {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.first[axis]..=self.first[axis] + self.more[axis]);
+        let rows = z.flat_map(move |z| y.clone().map(move |y| [y, z]));
+        rows.flat_map(move |[y, z]| x.clone().map(move |x| [x, y, z]))
+    }
+}
+
+/// A grid with cells of size 8 at depth 0 and a cell corner at the origin. Powers of two avoid rounding.
+fn grid(spheres: usize, refinement: u32) -> Grid {
+    let mut grid = Grid {
+        inverse_edge: Vec3::splat(0.125),
+        low: IVec3::splat(-1024),
+        high: IVec3::splat(1023),
+        spheres: spheres as u32,
+        refinement,
+        depths: 1,
+        occupied: 1,
+        ..Grid::zeroed()
+    };
+    grid.levels[0] = Level { bits: UVec3::splat(8), base: 0 };
+    grid
+}
+
+fn call(refinement: u32, tau: u32) -> Call {
+    Call {
+        raster_ratio: 2.0,
+        key_bits: 24,
+        refinement,
+        tau,
+        density_slots: SLOTS,
+        entry_capacity: 1 << 20,
+        ..Call::zeroed()
+    }
+}
+
+/// Radii over eight powers of two, at multiples of an eighth; every third sphere is at the same point.
+fn spheres(count: usize) -> Vec<Sphere> {
+    let mut random = Random(count as u64);
+    let mut place = || (random.word() % 1024) as f32 / 8.0 - 64.0;
+    (0..count)
+        .map(|i| {
+            let center = if i % 3 == 0 { [1.0; 3] } else { [place(), place(), place()] };
+            Sphere::new(center, 1.75 / (1 << ((i * 7 + i / 8) % 8)) as f32)
+        })
+        .collect()
+}
+
+fn cells_plain(sphere: &Sphere) -> Cells {
+    let center = sphere.center.to_array();
+    let largest = center.iter().fold(0.0_f32, |most, c| most.max(c.abs())) * 0.125;
+    let diameter = 2.0 * sphere.radius * 0.125;
+    let width = diameter + (diameter + 2.0 * largest) * 2_f32.powi(-20);
+    let exponent = |value: f32| (value.to_bits() >> 23) as i32 - 127;
+    let depth = (-1 - exponent(2.0 * width)).min(15 - exponent(largest)).clamp(0, 31);
+    let cell = |c: f32, sign: f32| {
+        let half = sphere.radius + (c.abs() * 2_f32.powi(-21) + sphere.radius * 2_f32.powi(-21));
+        ((c + sign * half) * 0.125 * 2_f32.powi(depth)).floor() as i32
+    };
+    let first = center.map(|c| cell(c, -1.0));
+    let last = center.map(|c| cell(c, 1.0));
+    Cells { first, more: [0, 1, 2].map(|axis| last[axis] - first[axis]), depth: depth as u32 }
+}
+
+fn slot(depth: u32, [x, y, z]: [i32; 3]) -> usize {
+    let [x, y, z] = [
+        (x as u32).wrapping_mul(0x9e37_79b1),
+        (y as u32).wrapping_mul(0x85eb_ca6b),
+        (z as u32).wrapping_mul(0xc2b2_ae35),
+    ];
+    let mixed = x ^ y.rotate_right(7) ^ z.rotate_right(15);
+    let mut hash = mixed.wrapping_add(depth.wrapping_mul(0x27d4_eb2f));
+    hash = (hash ^ (hash >> 15)).wrapping_mul(0x2c1b_3c6d);
+    hash ^= hash >> 13;
+    ((hash & (SLOTS - 1)) + if depth == 0 { 0 } else { SLOTS }) as usize
+}
+
+fn add(density: &mut [u32], depth: u32, cell: [i32; 3], is_own: bool) {
+    let counter = &mut density[slot(depth, cell)];
+    *counter = if is_own { *counter | HAS_OWN } else { *counter + 1 };
+}
+
+fn is_dense(counter: u32, tau: u32) -> bool {
+    counter & !HAS_OWN > tau
+}
+
+/// The expected occupancy table after the first level, and after all levels.
+fn density_plain(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
+    let mut first = vec![0; 2 * SLOTS as usize];
+    for own in cells {
+        own.at(0).all().for_each(|cell| add(&mut first, 0, cell, own.depth == 0));
+    }
+    let mut all = first.clone();
+    for own in cells {
+        for depth in 1..=own.depth {
+            for cell in own.at(depth).all() {
+                if is_dense(first[slot(0, cell.map(|c| c >> depth))], tau) {
+                    add(&mut all, depth, cell, depth == own.depth);
+                }
+            }
+        }
+    }
+    (first, all)
+}
+
+fn depths_of(cells: &[Cells]) -> u32 {
+    cells.iter().fold(0, |bits, own| bits | 1 << own.depth)
+}
+
+fn packed(cells: &[Cells]) -> Vec<[u32; 2]> {
+    cells.iter().map(|own| own.packed()).collect()
+}
+
+fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
+    upload(own, &vec![0_u32; 2 * SLOTS as usize])
+}
+
+/// Checks that the occupancy table is cleared to its end if it is used.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), KernelError> {
+    for slots in [1_u32, 256, 512, 8192] {
+        for refinement in [1, 2] {
+            let call = upload(own, &[Call { density_slots: slots, ..call(refinement, 0) }])?;
+            let grid = upload_one(own, &grid(1, refinement))?;
+            let density = upload(own, &vec![7_u32; 2 * slots as usize + 3])?;
+            let bound = [("call", &call), ("grid", &grid), ("density", &density)];
+            run(own, &k::DENSITY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE), &bound)?;
+            let found: Vec<u32> = download(own, &density, 2 * slots as usize + 3)?;
+            let cleared = if refinement == 2 { 2 * slots as usize } else { 0 };
+            let expected: Vec<u32> = (0..found.len()).map(|k| if k < cleared { 0 } else { 7 }).collect();
+            same(|| format!("{slots} slots, refinement {refinement}"), &found, &expected)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks the cells of the spheres and the occupancy of the first level.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
+    for size in SIZES {
+        for refinement in [0, 1, 2] {
+            let mut spheres = spheres(size);
+            let mut expected: Vec<Cells> = spheres.iter().map(cells_plain).collect();
+            if refinement == 0 {
+                expected.iter_mut().for_each(|cells| *cells = cells.at(0));
+            }
+            let mut words = packed(&expected);
+            if size > 300 {
+                spheres[300].radius = f32::NAN;
+                words[300] = [u32::MAX; 2];
+                expected.remove(300);
+            }
+            let (input, call) = (upload(own, &spheres)?, upload(own, &[call(refinement, 0)])?);
+            let (grid, bounds) =
+                (upload_one(own, &grid(size, refinement))?, upload(own, &[Bounds::zeroed()])?);
+            let (cells, density) = (upload(own, &vec![[0_u32; 2]; size])?, table(own)?);
+            let bound = [
+                ("call", &call),
+                ("grid", &grid),
+                ("spheres", &input),
+                ("bounds", &bounds),
+                ("cells", &cells),
+                ("density", &density),
+            ];
+            run(own, &k::CELLS_FIND, Variant::default(), size.div_ceil(256) as u32, &bound)?;
+            let case = |what: &str| format!("{what}, {size} spheres, refinement {refinement}");
+            same(|| case("cells"), &download::<[u32; 2]>(own, &cells, size)?, &words)?;
+            let bounds = download::<Bounds>(own, &bounds, 1)?[0];
+            let of = |depth: u32| expected.iter().filter(|own| own.depth == depth).count() as u32;
+            let counted = std::array::from_fn(|depth| if refinement == 1 { of(depth as u32) } else { 0 });
+            same(|| case("depths, counted"), &bounds.descending, &counted)?;
+            let depths = if refinement == 0 { 0 } else { depths_of(&expected) };
+            same(|| case("depths"), &bounds.depths, &depths)?;
+            let table = if refinement == 2 { expected.as_slice() } else { &[] };
+            let found = download::<u32>(own, &density, 2 * SLOTS as usize)?;
+            same(|| case("density"), &found, &density_plain(table, 0).0)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks the occupancy of deeper levels below overfull cells.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), KernelError> {
+    for size in SIZES {
+        for tau in [0, 3, 400, u32::MAX] {
+            let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
+            let (first, all) = density_plain(&cells, tau);
+            let mut bounds = Bounds { depths: depths_of(&cells), ..Bounds::zeroed() };
+            let (input, call) = (upload(own, &packed(&cells))?, upload(own, &[call(2, tau)])?);
+            let (grid, settled) = (upload_one(own, &grid(size, 2))?, upload(own, &[bounds])?);
+            let density = upload(own, &first)?;
+            let bound = [
+                ("call", &call),
+                ("grid", &grid),
+                ("bounds", &settled),
+                ("cells", &input),
+                ("density", &density),
+            ];
+            run(own, &k::LEVELS_REFINE, Variant::default(), size.div_ceil(256) as u32, &bound)?;
+            let case = |what: &str| format!("{what}, {size} spheres, tau {tau}");
+            same(|| case("density"), &download::<u32>(own, &density, all.len())?, &all)?;
+            for own in cells.iter().filter(|own| own.depth > 0) {
+                let descends = own.at(0).all().any(|cell| is_dense(first[slot(0, cell)], tau));
+                bounds.descending[own.depth as usize] += u32::from(descends);
+            }
+            same(|| case("bounds"), &download::<Bounds>(own, &settled, 1)?[0], &bounds)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the levels get disjoint ranges of keys.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), KernelError> {
+    let mut random = Random(5);
+    for key_bits in [16_u32, 24, 32] {
+        for depths in [1_u32, 0b11, 0b1_0001, 1 << 31 | 1, u32::MAX, 0x0010_8002] {
+            let mut bounds = Bounds { depths, ..Bounds::zeroed() };
+            for depth in (0..32).filter(|depth| depths >> depth & 1 == 1) {
+                bounds.descending[depth] = random.word() >> (8 + random.word() % 24);
+            }
+            let goes_on = bounds.descending[1..].iter().any(|&count| count > 0);
+            let call = upload(own, &[Call { key_bits, ..call(2, 0) }])?;
+            let grid = upload_one(own, &grid(1 << 20, 2))?;
+            let bound = [("call", &call), ("bounds", &upload(own, &[bounds])?), ("grid", &grid)];
+            run(own, &k::LEVELS_SETTLE, Variant::default(), 1, &bound)?;
+            let grid = download_one::<Grid>(own, &grid)?;
+            let case = |what: &str| format!("{what}, {key_bits} bits, depths {depths:x}");
+            if !goes_on {
+                same(|| case("one level"), &[grid.refinement, grid.depths, grid.passive], &[0, 1, 0])?;
+                continue;
+            }
+            same(|| case("levels"), &[grid.depths, grid.occupied, grid.passive], &[depths | 1, depths, 1])?;
+            let mut end = 0_u64;
+            for depth in (0..32).filter(|depth| grid.depths >> depth & 1 == 1) {
+                let Level { bits, base } = grid.levels[depth];
+                same(|| case(&format!("the first key of depth {depth}")), &u64::from(base), &end)?;
+                // With three bits per axis, a key repeats after eight cells.
+                same(
+                    || case(&format!("{bits:?} bits of three or more")),
+                    &bits.cmpge(UVec3::splat(3)).all(),
+                    &true,
+                )?;
+                end += 1 << bits.element_sum();
+            }
+            same(|| case(&format!("{end} keys fit")), &(end <= 1 << (key_bits - 1)), &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// The entries that `entries_emit` must write, as sorted (key, object).
+fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec<[u32; 2]> {
+    let mut entries = Vec::new();
+    for (index, own) in cells.iter().enumerate() {
+        let mut handed: HashMap<[i32; 3], bool> = HashMap::new();
+        for depth in (0..=own.depth).filter(|depth| grid.depths >> depth & 1 == 1) {
+            let here = own.at(depth);
+            let above = (0..depth).rev().find(|depth| grid.depths >> depth & 1 == 1);
+            let mut next = HashMap::new();
+            for cell in here.all() {
+                let parent = above.map(|above| cell.map(|c| c >> (depth - above)));
+                if parent.is_some_and(|parent| !handed[&parent]) {
+                    next.insert(cell, false);
+                    continue;
+                }
+                let counter = density[slot(depth, cell)];
+                let refined = depth < own.depth && (grid.refinement == 1 || is_dense(counter, tau));
+                let meets = if grid.refinement == 1 {
+                    grid.occupied >> depth & 1 == 1
+                } else {
+                    counter & HAS_OWN != 0
+                };
+                next.insert(cell, refined);
+                if refined && !meets {
+                    continue;
+                }
+                let Level { bits, base } = grid.levels[depth as usize];
+                let folded = [0, 1, 2].map(|axis| cell[axis] as u32 & ((1 << bits[axis]) - 1));
+                let key = base + (folded[0] | folded[1] << bits[0] | folded[2] << (bits[0] + bits[1]));
+                let first = (0..3)
+                    .fold(0, |flags, axis| flags | u32::from(cell[axis] == here.first[axis]) << (29 + axis));
+                entries.push([key << grid.passive | u32::from(refined), index as u32 | first]);
+            }
+            handed = next;
+        }
+    }
+    entries.sort_unstable();
+    entries
+}
+
+/// Checks the entries of spheres on all levels, with and without subgroup operations.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
+    for variant in variants(own) {
+        for (size, (refinement, tau)) in SIZES.into_iter().flat_map(|size| {
+            [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))
+        }) {
+            let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
+            let (_, density) = density_plain(&cells, tau);
+            let occupied = depths_of(&cells);
+            let mut grid = Grid { depths: occupied | 1, occupied, passive: 1, ..grid(size, refinement) };
+            for depth in 0..32 {
+                grid.levels[depth] = Level { bits: UVec3::new(3, 4, 5), base: (depth as u32) << 12 };
+            }
+            let call = upload(own, &[call(refinement, tau)])?;
+            let (input, table) = (upload(own, &packed(&cells))?, upload(own, &density)?);
+            let outcome = upload(own, &[Outcome::zeroed()])?;
+            let (keys, objects) = (upload(own, &vec![0_u32; 1 << 20])?, upload(own, &vec![0_u32; 1 << 20])?);
+            let uploaded = upload_one(own, &grid)?;
+            let bound = [
+                ("call", &call),
+                ("grid", &uploaded),
+                ("cells", &input),
+                ("density", &table),
+                ("outcome", &outcome),
+                ("keys", &keys),
+                ("objects", &objects),
+            ];
+            run(own, &k::ENTRIES_EMIT, variant, size.div_ceil(256) as u32, &bound)?;
+            let count = download::<Outcome>(own, &outcome, 1)?[0].entries() as usize;
+            let keys = download::<u32>(own, &keys, count)?;
+            let objects = download::<u32>(own, &objects, count)?;
+            let mut found: Vec<[u32; 2]> = keys.into_iter().zip(objects).map(|(k, o)| [k, o]).collect();
+            found.sort_unstable();
+            let expected = entries_plain(&cells, &grid, &density, tau);
+            let case = || format!("{size} spheres, refinement {refinement}, tau {tau}, {variant:?}");
+            same(case, &found, &expected)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,198 @@
+//! Checks of the searches of a cell list, against all pairs.
+
+use bytemuck::Zeroable;
+use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
+use lazygrid::{Pair, Sphere};
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::layout::Call;
+
+use super::cells::{CellListCase, ConfiguredCellList, cases};
+use super::division::{Division, Species};
+use super::support::{KernelError, same};
+use crate::device::{download, run, run_over, upload, upload_one};
+use crate::{Tolerance, difference};
+
+/// The buffers that the searches of one call share.
+struct Searched {
+    call: wgpu::Buffer,
+    list: wgpu::Buffer,
+    starts: wgpu::Buffer,
+    sorted: wgpu::Buffer,
+    cells: wgpu::Buffer,
+    order: wgpu::Buffer,
+    outcome: wgpu::Buffer,
+    pairs: wgpu::Buffer,
+    crowded: wgpu::Buffer,
+    sorted_species: wgpu::Buffer,
+    species: Species,
+}
+
+impl Searched {
+    /// Sorts the spheres of a call into cells.
+    fn of(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<Self, KernelError> {
+        let ConfiguredCellList { call, scenario, list, .. } = chosen;
+        let (homes, _) = chosen.homes(&chosen.density(false), false);
+        let mut order: Vec<u32> = (0..call.spheres).collect();
+        order.sort_by_key(|&id| homes[id as usize]);
+        let cells: Vec<u32> = order.iter().map(|&id| homes[id as usize]).collect();
+        let starts: Vec<u32> =
+            (0..list.cells + 2).map(|cell| cells.partition_point(|&own| own < cell) as u32).collect();
+        let image = |&id: &u32| {
+            let Sphere { center, radius } = scenario.spheres[id as usize];
+            Sphere::new(scenario.space.wrap(center), radius)
+        };
+        let sorted: Vec<Sphere> = order.iter().map(image).collect();
+        let species = chosen.division.species(order.len());
+        let sorted_species: Vec<u32> = order.iter().map(|&id| species[id as usize]).collect();
+        Ok(Self {
+            call: upload(own, &[*call])?,
+            list: upload_one(own, list)?,
+            starts: upload(own, &starts)?,
+            sorted: upload(own, &sorted)?,
+            cells: upload(own, &cells)?,
+            order: upload(own, &order)?,
+            outcome: upload(own, &[Outcome::zeroed()])?,
+            pairs: upload(own, &vec![Pair::zeroed(); call.pair_capacity as usize])?,
+            crowded: upload(own, &vec![0_u32; order.len().div_ceil(256)])?,
+            sorted_species: upload(own, &sorted_species)?,
+            species: chosen.division.upload(own, order.len())?,
+        })
+    }
+
+    fn bound(&self) -> Vec<(&'static str, &wgpu::Buffer)> {
+        self.species.and(&[
+            ("call", &self.call),
+            ("list", &self.list),
+            ("starts", &self.starts),
+            ("sorted", &self.sorted),
+            ("cells", &self.cells),
+            ("order", &self.order),
+            ("outcome", &self.outcome),
+            ("pairs", &self.pairs),
+            ("crowded", &self.crowded),
+            ("sorted_species", &self.sorted_species),
+        ])
+    }
+
+    fn outcome(&self, own: &GpuDevice) -> Result<Outcome, KernelError> {
+        Ok(download::<Outcome>(own, &self.outcome, 1)?[0])
+    }
+
+    /// The written pairs. The buffer is large enough for all pairs.
+    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
+        Ok(download::<Pair>(own, &self.pairs, self.outcome(own)?.found() as usize)?)
+    }
+
+    /// Searches the first candidates of each sphere.
+    fn first_shares(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
+        let groups = chosen.call.spheres.div_ceil(k::GROUP);
+        Ok(run(own, &k::LIST_SEARCH, chosen.variant, groups, &self.bound())?)
+    }
+
+    /// Computes the dispatch arguments of the next part of the further candidates and searches it.
+    fn next_part(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
+        let dispatch = upload(own, &[0_u32; 4])?;
+        let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
+        run(own, &k::SHARES_OPEN, chosen.variant, 1, &bound)?;
+        let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+        Ok(run_over(own, (&k::SHARES_SEARCH, chosen.variant), groups, &self.bound())?)
+    }
+}
+
+/// Checks that both searches together find each pair once, in one submission or in several.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
+    for case in cases() {
+        // In a small box nearly all spheres are pairs.
+        let case = CellListCase { spheres: case.spheres.min(1500), ..case };
+        let chosen = case.choose(own)?;
+        let scenario = chosen.scenario.only(|k| chosen.scenario.spheres[k].is_valid());
+        let expected = scenario.oracle();
+        // Invalid spheres have indices but no pairs.
+        let valid = (0..).zip(&chosen.scenario.spheres).filter(|(_, sphere)| sphere.is_valid());
+        let ids: Vec<u32> = valid.map(|(id, _)| id).collect();
+        for part_tiles in [Call::UNPARTED, 1] {
+            let parted = ConfiguredCellList { call: Call { part_tiles, ..chosen.call }, ..chosen.clone() };
+            let searched = Searched::of(own, &parted)?;
+            searched.first_shares(own, &parted)?;
+            let mut parts = 0;
+            while searched.outcome(own)?.is_partial() {
+                searched.next_part(own, &parted)?;
+                parts += 1;
+            }
+            let renumbered = |id: u32| ids.binary_search(&id).map_or(u32::MAX, |at| at as u32);
+            let found: Vec<Pair> = searched
+                .pairs(own)?
+                .into_iter()
+                .map(|pair| Pair { i: renumbered(pair.i), j: renumbered(pair.j) })
+                .collect();
+            difference(&scenario, &found, &expected, Tolerance::Tangent)
+                .map_err(|text| KernelError::WrongResult(format!("{text}, {parts} parts, {case:?}")))?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks spheres at one point, where the candidates of a sphere are all spheres after it. The first search covers its
+/// share of the candidates, and lists blocks with more.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
+    for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
+        let division = Division::OneSet;
+        let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false, division };
+        let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
+        let chosen = case.choose_for(own, spheres)?;
+        let searched = Searched::of(own, &chosen)?;
+        searched.first_shares(own, &chosen)?;
+        let share = chosen.call.share;
+        let what = |what: &str| format!("{what} of {count} at one point");
+        let mut found = searched.pairs(own)?;
+        found.sort_unstable();
+        let first = (0..count).flat_map(|i| (i + 1..count.min(i + 1 + share)).map(move |j| Pair { i, j }));
+        same(|| what("first candidates"), &found, &first.collect())?;
+        let outcome = searched.outcome(own)?;
+        let rest = (count - 1).saturating_sub(share);
+        let blocks: Vec<u32> = (0..count).step_by(256).filter(|block| count - 1 - block > share).collect();
+        let listed = (outcome.crowded as usize, outcome.crowded_tiles);
+        same(|| what("blocks and shares"), &listed, &(blocks.len(), rest.div_ceil(share)))?;
+        let mut crowded = download::<u32>(own, &searched.crowded, blocks.len())?;
+        crowded.sort_unstable();
+        same(|| what("blocks"), &crowded, &blocks)?;
+    }
+    Ok(())
+}
+
+/// Checks that a part has as many blocks as its number of tiles allows, and at least one.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn shares_open(own: &GpuDevice) -> Result<(), KernelError> {
+    let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
+    for (blocks, shares) in
+        blocks.into_iter().flat_map(|blocks| [1, 7, 50_000].map(|shares| (blocks, shares)))
+    {
+        for (begin, part_tiles) in [(0, Call::UNPARTED), (0, 1 << 18), (blocks - 1, 1 << 18), (0, 1)] {
+            let call = upload(own, &[Call { part_tiles, share: k::SHARE, ..Call::zeroed() }])?;
+            let listed =
+                Outcome { crowded: blocks, crowded_tiles: shares, crowded_end: begin, ..Outcome::zeroed() };
+            let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
+            let bound = [("call", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
+            run(own, &k::SHARES_OPEN, Default::default(), 1, &bound)?;
+            let left = blocks - begin;
+            let taken = match part_tiles {
+                Call::UNPARTED => left,
+                tiles => left.min((tiles / (shares * (k::SHARE / 256))).max(1)),
+            };
+            let case = || format!("{blocks} blocks from {begin} on of {shares} shares, {part_tiles} a part");
+            let expected = Outcome { crowded_begin: begin, crowded_end: begin + taken, ..listed };
+            same(case, &download::<Outcome>(own, &outcome, 1)?[0], &expected)?;
+            let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+            same(case, &groups, &[shares, taken.min(65_535), taken.div_ceil(65_535)])?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! Checks of the radix sort and the prefix scan on the device, against plain sequential functions.
+
+use lazygrid::gpu::{GpuDevice, Keyed, PrefixScan, RadixSort};
+use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
+use lazygrid_kernels::layout::Lengths;
+
+use super::support::{KernelError, same, variants};
+use crate::Random;
+use crate::device::{download, run, submit, upload};
+
+/// Numbers of values: around a workgroup, around a tile, and many tiles.
+pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
+/// Number of keys at or above which only random keys are sorted, by two numbers of bits.
+const MANY: usize = 100_000;
+
+fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
+    let mut total = 0_u64;
+    let before = values.iter().map(|value| {
+        let before = total as u32;
+        total += u64::from(*value);
+        before
+    });
+    (before.collect(), total)
+}
+
+/// Checks the scan of `size` values of several kinds, with and without subgroup operations.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
+    for subgroups in [false, true] {
+        let scan = PrefixScan::new(&own.device, subgroups);
+        let mut random = Random(size as u64);
+        // The sum of random values exceeds 32 bits.
+        let random = (0..size).map(|_| random.word()).collect();
+        for values in [random, vec![1; size], vec![u32::MAX; size]] {
+            let buffer = upload(own, &values)?;
+            let scan = scan.bind(&buffer, size as u32)?;
+            submit(own, |encoder| {
+                scan.encode(encoder);
+                Ok(())
+            })?;
+            let total = download::<u32>(own, scan.total(), 2)?;
+            let total = u64::from(total[1]) << 32 | u64::from(total[0]);
+            let found = (download(own, &buffer, size)?, total);
+            same(|| format!("{size} values, subgroups {subgroups}"), &found, &scan_plain(&values))?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks the scan of few values by one workgroup, with and without subgroup operations.
+pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
+    for variant in variants(own) {
+        for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
+            let mut random = Random(size as u64);
+            // The sum fits 32 bits, as that of counters does.
+            let values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
+            let lengths = upload(own, &[Lengths { items: 0, counters: size as u32 }])?;
+            let buffer = upload(own, &values)?;
+            run(own, &SCAN_ONCE, variant, 1, &[("lengths", &lengths), ("values", &buffer)])?;
+            let found = download::<u32>(own, &buffer, size)?;
+            same(|| format!("{size} values, {variant:?}"), &found, &scan_plain(&values).0)?;
+        }
+    }
+    Ok(())
+}
+
+fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), KernelError> {
+    let count = keys.len();
+    let payload: Vec<u32> = (0..count as u32).collect();
+    let input = Keyed { keys: upload(own, keys)?, payload: upload(own, &payload)? };
+    let sort = sort.bind(&input, count as u32, bits)?;
+    submit(own, |encoder| {
+        sort.encode(encoder);
+        Ok(())
+    })?;
+    let sorted = sort.sorted();
+    let mut expected = payload;
+    let mask = u32::MAX >> (32 - bits);
+    expected.sort_by_key(|&index| keys[index as usize] & mask);
+    let moved: Vec<u32> = expected.iter().map(|&index| keys[index as usize]).collect();
+    let found: [Vec<u32>; 2] = [download(own, &sorted.payload, count)?, download(own, &sorted.keys, count)?];
+    same(|| format!("payload and keys, {count} by {bits} bits"), &found, &[expected, moved])
+}
+
+fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
+    let mut random = Random(size as u64);
+    [
+        (0..size).map(|_| random.word()).collect(),
+        (0..size as u32).collect(),
+        (0..size as u32).rev().collect(),
+        vec![0xabcd_ef01; size],
+    ]
+}
+
+/// Checks the sort of `size` keys, with and without subgroup operations. Sorts random keys by several numbers of bits,
+/// and other kinds of keys by 13 and 32 bits. From 100,000 keys, sorts only random ones, by 24 and 32 bits.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
+    for subgroups in [false, true] {
+        let sort = RadixSort::new(&own.device, subgroups);
+        let [random, others @ ..] = keys_of_each_kind(size);
+        if size >= MANY {
+            [24, 32].into_iter().try_for_each(|bits| sort_one(own, &sort, &random, bits))?;
+            continue;
+        }
+        [1, 8, 13, 24, 25, 32].into_iter().try_for_each(|bits| sort_one(own, &sort, &random, bits))?;
+        for keys in others {
+            [13, 32].into_iter().try_for_each(|bits| sort_one(own, &sort, &keys, bits))?;
+        }
+    }
+    Ok(())
+}

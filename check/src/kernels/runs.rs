@@ -1,0 +1,154 @@
+//! Checks of the searches of the paper's grids, each against all pairs of each run of equal keys.
+
+use bytemuck::Zeroable;
+use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
+use lazygrid::{Pair, Sphere};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{Call, Grid, Lengths};
+
+use super::support::{KernelError, same};
+use crate::Random;
+use crate::device::{download, run, run_over, upload, upload_one};
+
+/// Capacity of the pair buffer.
+const PAIR_CAPACITY: u32 = 1 << 21;
+/// Distance along a run up to which the first search compares entries. The second search compares the others.
+const NEAR: u32 = 256;
+
+/// The buffers of a search in runs of entries.
+struct Runs {
+    call: wgpu::Buffer,
+    grid: wgpu::Buffer,
+    lengths: wgpu::Buffer,
+    keys: wgpu::Buffer,
+    objects: wgpu::Buffer,
+    spheres: wgpu::Buffer,
+    outcome: wgpu::Buffer,
+    pairs: wgpu::Buffer,
+    crowded: wgpu::Buffer,
+    groups: u32,
+}
+
+impl Runs {
+    /// Gives each sphere one entry, in its first cell on all axes.
+    fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, KernelError> {
+        let count = keys.len() as u32;
+        let call = Call {
+            pair_capacity: PAIR_CAPACITY,
+            window_end: u32::MAX,
+            refinement: passive,
+            part_tiles: Call::UNPARTED,
+            ..Call::zeroed()
+        };
+        let grid = Grid { spheres: count, passive, refinement: 2 * passive, ..Grid::zeroed() };
+        let objects: Vec<u32> = (0..count).map(|entry| entry | 7 << 29).collect();
+        Ok(Self {
+            call: upload(own, &[call])?,
+            grid: upload_one(own, &grid)?,
+            lengths: upload(own, &[Lengths { items: count, ..Lengths::zeroed() }])?,
+            keys: upload(own, keys)?,
+            objects: upload(own, &objects)?,
+            spheres: upload(own, spheres)?,
+            outcome: upload(own, &[Outcome::zeroed()])?,
+            pairs: upload(own, &vec![Pair::zeroed(); PAIR_CAPACITY as usize])?,
+            crowded: upload(own, &vec![0_u32; keys.len().div_ceil(256)])?,
+            groups: count.div_ceil(256),
+        })
+    }
+
+    fn bound(&self) -> [(&'static str, &wgpu::Buffer); 9] {
+        [
+            ("call", &self.call),
+            ("grid", &self.grid),
+            ("lengths", &self.lengths),
+            ("keys", &self.keys),
+            ("objects", &self.objects),
+            ("spheres", &self.spheres),
+            ("outcome", &self.outcome),
+            ("pairs", &self.pairs),
+            ("crowded", &self.crowded),
+        ]
+    }
+
+    fn search(&self, own: &GpuDevice) -> Result<(), KernelError> {
+        Ok(run(own, &k::RUNS_SEARCH, Variant::default(), self.groups, &self.bound())?)
+    }
+
+    fn search_crowded(&self, own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
+        let dispatch = upload(own, &[0_u32; 4])?;
+        let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
+        run(own, &k::CROWDED_OPEN, variant, 1, &bound)?;
+        let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+        Ok(run_over(own, (&k::CROWDED_SEARCH, variant), groups, &self.bound())?)
+    }
+
+    /// The pairs found so far, sorted.
+    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
+        let found = download::<Outcome>(own, &self.outcome, 1)?[0].found();
+        let mut pairs = download::<Pair>(own, &self.pairs, found as usize)?;
+        pairs.sort_unstable();
+        Ok(pairs)
+    }
+}
+
+/// Checks that active entries meet all entries of their run. All spheres are at one point, so that only runs and marks
+/// matter.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), KernelError> {
+    for (actives, passives, passive) in
+        [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
+    {
+        let run_length = actives + passives;
+        let count = 5 * run_length;
+        let of = |entry: u32| {
+            ((entry / run_length) << passive) | (u32::from(entry % run_length >= actives) * passive)
+        };
+        let keys: Vec<u32> = (0..count).map(of).collect();
+        let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
+        let runs = Runs::of(own, &spheres, (&keys, passive))?;
+        runs.search(own)?;
+        let expected = (0..count)
+            .flat_map(|i| (i + 1..count).map(move |j| Pair { i, j }))
+            .filter(|pair| pair.i / run_length == pair.j / run_length && pair.i % run_length < actives);
+        let case = || format!("{actives} active, {passives} passive");
+        same(case, &runs.pairs(own)?, &expected.collect())?;
+    }
+    Ok(())
+}
+
+/// Checks that, in runs of any length, the first search finds the pairs of entries near each other, and the second
+/// search finds the others.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn crowded_search(own: &GpuDevice) -> Result<(), KernelError> {
+    for variant in super::support::variants(own) {
+        for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {
+            let keys: Vec<u32> =
+                (0..).zip(lengths).flat_map(|(run, &length)| (0..length).map(move |_| run)).collect();
+            // Multiples of a quarter avoid rounding.
+            let mut random = Random(keys.len() as u64);
+            let mut coordinate = || random.below(16) as f32 / 4.0;
+            let spheres: Vec<Sphere> =
+                keys.iter().map(|_| Sphere::new([(); 3].map(|()| coordinate()), 0.5)).collect();
+            let touch = |i: u32, j: u32| {
+                let [a, b] = [i, j].map(|k| spheres[k as usize].center);
+                keys[i as usize] == keys[j as usize] && a.distance_squared(b) <= 1.0
+            };
+            let count = keys.len() as u32;
+            let expected: Vec<Pair> = (0..count)
+                .flat_map(|i| (i + 1..count).filter(move |&j| touch(i, j)).map(move |j| Pair { i, j }))
+                .collect();
+            let runs = Runs::of(own, &spheres, (&keys, 0))?;
+            runs.search(own)?;
+            let near = expected.iter().filter(|pair| pair.j - pair.i <= NEAR).copied().collect();
+            let case = |what: &str| format!("{what}, runs of {lengths:?}, {variant:?}");
+            same(|| case("near ones"), &runs.pairs(own)?, &near)?;
+            runs.search_crowded(own, variant)?;
+            same(|| case("all"), &runs.pairs(own)?, &expected)?;
+        }
+    }
+    Ok(())
+}

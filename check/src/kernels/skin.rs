@@ -1,0 +1,293 @@
+//! Checks of the kernels of candidate lists, each against plain sequential functions.
+
+use bytemuck::Zeroable;
+use lazygrid::gpu::{GpuDevice, Outcome, SkinState};
+use lazygrid::{Pair, Space, Sphere};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{Call, Skin};
+
+use super::support::{KernelError, SIZES, same};
+use crate::Random;
+use crate::device::{download, run, run_over, upload};
+use crate::scenes::periodic;
+
+/// A skin of 0.5, whose whole half is the displacement limit.
+const SKIN: Skin = Skin { half: 0.25, usable: 0.0625, capacity: 1000 };
+
+/// Lengths of unbounded space and of a periodic box.
+const SPACES: [[Option<f32>; 3]; 2] = [[None; 3], [Some(16.0), None, Some(8.0)]];
+
+/// Spheres at multiples of an eighth in the box, which avoids rounding; some are invalid.
+fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
+    let mut random = Random(seed);
+    let mut coordinate = |edge: u32| random.below(8 * edge) as f32 / 8.0 - edge as f32 / 2.0;
+    (0..count)
+        .map(|k| {
+            let center = [coordinate(16), coordinate(16), coordinate(8)];
+            Sphere::new(center, if k % 50 == 49 { f32::NAN } else { 0.5_f32.powi(k as i32 % 3) })
+        })
+        .collect()
+}
+
+/// The reference position and inflated radius stored for a sphere.
+fn widened(sphere: &Sphere) -> [f32; 4] {
+    let [x, y, z] = sphere.center.to_array();
+    match sphere.is_valid() {
+        true => [x, y, z, (sphere.radius + SKIN.half) * (1.0 + 1.0 / (1 << 19) as f32)],
+        false => [0.0, 0.0, 0.0, -1.0],
+    }
+}
+
+fn call(spheres: usize, space: Space) -> (Call, Variant) {
+    let call =
+        Call { spheres: spheres as u32, pair_capacity: 1 << 16, window_end: u32::MAX, ..Call::zeroed() };
+    (call.in_space(space), Variant { periodic: space.is_periodic(), ..Variant::default() })
+}
+
+/// Checks that the largest displacement is found, and that a changed sphere is detected.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), KernelError> {
+    for (size, lengths) in SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths))) {
+        let space = periodic::space(lengths);
+        let then = spheres(size, 1);
+        let mut random = Random(2);
+        let now: Vec<Sphere> = then
+            .iter()
+            .map(|sphere| {
+                let step = [(); 3].map(|()| (random.below(5) as f32 - 2.0) / 8.0);
+                Sphere::new(space.wrap(sphere.center + glam::Vec3::from(step)), sphere.radius)
+            })
+            .collect();
+        let gone = |(a, b): (&Sphere, &Sphere)| match a.is_valid() {
+            true => space.distance_squared(a.center, b.center) as f32,
+            false => 0.0,
+        };
+        let farthest = then.iter().zip(&now).map(gone).fold(0.0, f32::max);
+        let other = |change: fn(&mut Sphere)| {
+            let mut other = now.clone();
+            other.last_mut().into_iter().for_each(change);
+            other
+        };
+        let is_some = u32::from(size > 0);
+        for (now, changed) in [
+            (now.clone(), 0),
+            (other(|sphere| sphere.radius = if sphere.is_valid() { f32::NAN } else { 1.0 }), is_some),
+            (other(|sphere| sphere.radius = 0.75), is_some),
+        ] {
+            let (call, variant) = call(size, space);
+            let kept: Vec<[f32; 4]> = then.iter().map(widened).collect();
+            let (call, skin, count) =
+                (upload(own, &[call])?, upload(own, &[SKIN])?, upload(own, &[size as u32])?);
+            let (now, kept) = (upload(own, &now)?, upload(own, &kept)?);
+            let state = upload(own, &[SkinState::zeroed()])?;
+            let bound = [
+                ("call", &call),
+                ("skin", &skin),
+                ("count_source", &count),
+                ("spheres", &now),
+                ("kept", &kept),
+                ("state", &state),
+            ];
+            run(own, &k::SKIN_MEASURE, variant, size.div_ceil(256) as u32, &bound)?;
+            let found = download::<SkinState>(own, &state, 1)?[0];
+            let case = || format!("{size} spheres in {lengths:?}");
+            same(case, &found.changed, &changed)?;
+            if changed == 0 {
+                same(case, &f32::from_bits(found.moved), &farthest)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the list is rebuilt if it is incomplete, if spheres changed, or if a displacement exceeds the limit.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), KernelError> {
+    let kept = SkinState {
+        is_complete: 1,
+        spheres: 10,
+        age: 4,
+        moved: SKIN.usable.to_bits(),
+        ..SkinState::zeroed()
+    };
+    let cases = [
+        (kept, 0),
+        (SkinState::zeroed(), SkinState::FIRST),
+        (SkinState { spheres: 9, ..kept }, SkinState::CHANGED),
+        (SkinState { changed: 1, ..kept }, SkinState::CHANGED),
+        (SkinState { moved: SKIN.usable.next_up().to_bits(), ..kept }, SkinState::MOVED),
+        (SkinState { moved: f32::NAN.to_bits(), ..kept }, SkinState::MOVED),
+    ];
+    for (state, rebuilt) in cases {
+        let is_rebuilt = rebuilt != 0;
+        for steps in [1, 20, 70] {
+            let full: Vec<u32> = (1..=3 * steps).collect();
+            let (call, _) = call(12, Space::UNBOUNDED);
+            let (call, skin, count) = (upload(own, &[call])?, upload(own, &[SKIN])?, upload(own, &[10_u32])?);
+            let (given, full_given) = (upload(own, &[state])?, upload(own, &full)?);
+            let (gate, dispatch) =
+                (upload(own, &vec![7_u32; 3 * steps as usize])?, upload(own, &[7_u32; 4])?);
+            let bound = [
+                ("call", &call),
+                ("skin", &skin),
+                ("count_source", &count),
+                ("state", &given),
+                ("full", &full_given),
+                ("gate", &gate),
+                ("dispatch", &dispatch),
+            ];
+            run(own, &k::SKIN_DECIDE, Variant::default(), 1, &bound)?;
+            let case = || format!("{state:?}, {steps} dispatches");
+            let expected = SkinState {
+                moved: 0,
+                changed: 0,
+                spheres: 10,
+                rebuilt,
+                age: if is_rebuilt { 0 } else { state.age + 1 },
+                moved_last: state.moved,
+                ..state
+            };
+            same(case, &download::<SkinState>(own, &given, 1)?[0], &expected)?;
+            let gated = if is_rebuilt { full } else { vec![0; 3 * steps as usize] };
+            same(case, &download::<u32>(own, &gate, 3 * steps as usize)?, &gated)?;
+            let further = if is_rebuilt { [7; 3] } else { [0; 3] };
+            same(case, &download::<[u32; 3]>(own, &dispatch, 1)?[0], &further)?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that a rebuild stores reference positions and inflated radii, and that they stay unchanged otherwise.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), KernelError> {
+    for (size, rebuilt) in
+        SIZES.into_iter().flat_map(|size| [0, SkinState::MOVED].map(|rebuilt| (size, rebuilt)))
+    {
+        let given = spheres(size, 3);
+        let state = SkinState { spheres: size as u32, rebuilt, ..SkinState::zeroed() };
+        let before = vec![[7.0_f32; 4]; size];
+        let (call, variant) = call(size, Space::UNBOUNDED);
+        let (call, skin) = (upload(own, &[call])?, upload(own, &[SKIN])?);
+        let (input, state, kept) = (upload(own, &given)?, upload(own, &[state])?, upload(own, &before)?);
+        let bound =
+            [("call", &call), ("skin", &skin), ("spheres", &input), ("state", &state), ("kept", &kept)];
+        run(own, &k::SKIN_KEEP, variant, size.div_ceil(256) as u32, &bound)?;
+        let expected = if rebuilt != 0 { given.iter().map(widened).collect() } else { before };
+        let case = || format!("{size} spheres, rebuilt {rebuilt}");
+        same(case, &download::<[f32; 4]>(own, &kept, size)?, &expected)?;
+    }
+    Ok(())
+}
+
+/// Checks that the dispatch arguments give each written candidate a thread, and that an overflow is reported.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), KernelError> {
+    let most = 40_000_000;
+    let entries = Outcome::ENTRIES;
+    for (low, high, overflow, given) in [
+        (0, 0, 0, 10),
+        (1000, 0, 0, 10),
+        (most, 0, 0, 10),
+        (most + 1, 0, Outcome::PAIRS, 10),
+        (5, 1, Outcome::PAIRS, 10),
+        (7, 0, entries, 10),
+        (7, 0, Outcome::SPHERES, 13),
+    ] {
+        let (call, _) = call(12, Space::UNBOUNDED);
+        let skin = Skin { capacity: most, ..SKIN };
+        let of_search =
+            Outcome { found_lo: low, found_hi: high, overflow, quarantined: 3, ..Outcome::zeroed() };
+        let (call, skin, count) = (upload(own, &[call])?, upload(own, &[skin])?, upload(own, &[given])?);
+        let (found, state) = (upload(own, &[of_search])?, upload(own, &[SkinState::zeroed()])?);
+        let (outcome, dispatch) = (upload(own, &[Outcome::zeroed()])?, upload(own, &[0_u32; 4])?);
+        let bound = [
+            ("call", &call),
+            ("skin", &skin),
+            ("count_source", &count),
+            ("found", &found),
+            ("state", &state),
+            ("outcome", &outcome),
+            ("dispatch", &dispatch),
+        ];
+        run(own, &k::CANDIDATES_OPEN, Variant::default(), 1, &bound)?;
+        let full = of_search.found() > most.into();
+        let lost = (overflow & entries) | if full { Outcome::CANDIDATES } else { 0 };
+        let more = if given > 12 { Outcome::SPHERES } else { 0 };
+        let expected = Outcome {
+            overflow: lost | more,
+            quarantined: 3,
+            entries_lo: low,
+            entries_hi: high,
+            spheres: given,
+            ..Outcome::zeroed()
+        };
+        let case = || format!("{of_search:?}, {given} spheres");
+        same(case, &download::<Outcome>(own, &outcome, 1)?[0], &expected)?;
+        let written = if full { most } else { low };
+        let state = download::<SkinState>(own, &state, 1)?[0];
+        same(case, &(state.is_complete, state.candidates), &(u32::from(lost == 0), written))?;
+        let [x, y, z] = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+        let enough = x <= 65_535 && x * y >= written.div_ceil(256) && x * y < written.div_ceil(256) + 65_536;
+        same(case, &(enough && y > 0 && z == 1), &true)?;
+    }
+    Ok(())
+}
+
+/// Checks that the touching candidates are written, within a window and up to the capacity.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
+    for (lengths, (window, capacity)) in SPACES.into_iter().flat_map(|lengths| {
+        [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))
+    }) {
+        let space = periodic::space(lengths);
+        let given: Vec<Sphere> = spheres(400, 5).into_iter().filter(Sphere::is_valid).collect();
+        let all = 0..given.len() as u32;
+        let candidates: Vec<Pair> =
+            all.clone().flat_map(|i| (i + 1..all.end).map(move |j| Pair { i, j })).collect();
+        let touch = |pair: &Pair| {
+            let [a, b] = [pair.i, pair.j].map(|id| &given[id as usize]);
+            let reach = f64::from(a.radius + b.radius);
+            window.contains(&pair.i) && space.distance_squared(a.center, b.center) <= reach * reach
+        };
+        let expected: Vec<Pair> = candidates.iter().copied().filter(touch).collect();
+        let (call, variant) = call(given.len(), space);
+        let call =
+            Call { pair_capacity: capacity, window_begin: window.start, window_end: window.end, ..call };
+        let state = SkinState { candidates: candidates.len() as u32, ..SkinState::zeroed() };
+        let groups = (candidates.len() as u32).div_ceil(256);
+        let (call, candidates) = (upload(own, &[call])?, upload(own, &candidates)?);
+        let (state, input) = (upload(own, &[state])?, upload(own, &given)?);
+        let (outcome, pairs) =
+            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![Pair::zeroed(); capacity as usize])?);
+        let bound = [
+            ("call", &call),
+            ("candidates", &candidates),
+            ("state", &state),
+            ("spheres", &input),
+            ("outcome", &outcome),
+            ("pairs", &pairs),
+        ];
+        // Dispatches more workgroups than needed.
+        run_over(own, (&k::CANDIDATES_TEST, variant), [groups.div_ceil(2) + 1, 2, 1], &bound)?;
+        let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+        let case = || format!("{lengths:?}, {window:?}, capacity {capacity}");
+        same(case, &found, &(expected.len() as u64))?;
+        let mut listed = download::<Pair>(own, &pairs, capacity.min(found as u32) as usize)?;
+        listed.sort_unstable();
+        let is_full = expected.len() > capacity as usize;
+        let distinct = listed.windows(2).all(|two| two[0] < two[1])
+            && listed.iter().all(|pair| expected.binary_search(pair).is_ok());
+        same(case, &(listed == expected || (is_full && distinct)), &true)?;
+    }
+    Ok(())
+}

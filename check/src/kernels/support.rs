@@ -1,0 +1,67 @@
+//! Helpers of the kernel checks: variants, sizes and comparisons.
+
+use std::fmt::Debug;
+
+use lazygrid::Error;
+use lazygrid::gpu::GpuDevice;
+use lazygrid_kernels::kernel::Variant;
+use thiserror::Error;
+
+/// Numbers of spheres: around the size of a workgroup, and many workgroups.
+pub(super) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
+
+/// The failure of a check.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum KernelError {
+    /// A result differs from the expected one.
+    #[error("{0}")]
+    WrongResult(String),
+    /// The device failed.
+    #[error(transparent)]
+    Device(#[from] Error),
+}
+
+/// The default variants without and, if the device supports them, with subgroup operations.
+pub(super) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
+    let smallest = own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0]);
+    let subgroups = smallest.filter(|&size| size >= 4);
+    let with = move |subgroups| Variant { subgroups, ..Variant::default() };
+    [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
+}
+
+/// Maps a float to an unsigned integer with the same order.
+pub(super) fn ordered(x: f32) -> u32 {
+    if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
+}
+
+/// Compares a result with the expected one.
+pub(crate) fn same<T: PartialEq + Debug>(
+    case: impl FnOnce() -> String,
+    found: &T,
+    expected: &T,
+) -> Result<(), KernelError> {
+    if found == expected {
+        return Ok(());
+    }
+    let short = |value: &T| {
+        let text = format!("{value:?}");
+        match text.char_indices().nth(200) {
+            Some((end, _)) => format!("{}…", &text[..end]),
+            None => text,
+        }
+    };
+    Err(KernelError::WrongResult(format!("{}: {} instead of {}", case(), short(found), short(expected))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_differences_are_shortened() {
+        assert_eq!(same(|| "one".to_owned(), &1, &1), Ok(()));
+        let fault = same(|| "many".to_owned(), &vec![7; 1000], &vec![8; 1000]).expect_err("they differ");
+        let text = fault.to_string();
+        assert!(text.starts_with("many: [7, 7") && text.contains("instead of [8, 8") && text.len() < 500);
+    }
+}

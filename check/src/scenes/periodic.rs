@@ -1,0 +1,140 @@
+//! Families of scenes in periodic spaces, made from a [`SceneSeed`] like those of [`hard`].
+
+use lazygrid::{Space, Sphere};
+
+#[cfg(doc)]
+use crate::scenes::hard;
+use crate::scenes::hard::extreme_unit;
+use crate::{SceneSeed, SeedReader, TestInput};
+
+/// A family of scenes in a periodic space.
+#[derive(Clone, Copy, Debug)]
+pub struct PeriodicSceneFamily {
+    /// The name for reports.
+    pub name: &'static str,
+    /// Makes the scene of the given words.
+    pub scene: fn(&SceneSeed) -> TestInput,
+}
+
+/// All families.
+pub const FAMILIES: [PeriodicSceneFamily; 6] = [
+    PeriodicSceneFamily { name: "lattices across a periodic boundary", scene: lattice },
+    PeriodicSceneFamily { name: "soup in a box", scene: soup },
+    PeriodicSceneFamily { name: "crowds at the corner of a box", scene: corner },
+    PeriodicSceneFamily { name: "coordinates far outside a box", scene: unwrapped },
+    PeriodicSceneFamily { name: "boxes at the ends of the range", scene: extremes },
+    PeriodicSceneFamily { name: "giants in small boxes", scene: giant },
+];
+
+/// Draws the length of each axis from `lengths`. One axis in four is unbounded.
+pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
+    [(); 3].map(|()| {
+        let (length, is_unbounded) = (of.of(lengths), of.once_in(4));
+        (!is_unbounded).then_some(length)
+    })
+}
+
+/// Creates the periodic space of these lengths, which must be finite and above zero.
+pub fn space(lengths: [Option<f32>; 3]) -> Space {
+    Space::periodic(lengths.map(|length| length.map(f64::from))).unwrap_or_default()
+}
+
+fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
+    TestInput { space: space(lengths), ..spheres.into() }
+}
+
+/// Lattice sites in exact contact, in a box of a whole number of spacings. Coordinates are shifted by whole boxes and
+/// half spacings. Some spheres have twice the radius, are points, or are larger than the box.
+pub fn lattice(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
+    let shift = choices.of(&[0.0_f32, 0.5, -1024.0]);
+    let counts = lengths(&mut choices, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    let spheres = words.each(|of| {
+        let center = [(); 3].map(|()| ((of.below(24) as f32 - 12.0) + shift) * spacing);
+        Sphere::new(center, of.of(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
+    });
+    in_box(spheres, counts.map(|count| count.map(|count| count * spacing)))
+}
+
+/// Random spheres with radii from 0 to more than the box, at up to several boxes from the origin.
+pub fn soup(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let lengths = match choices.below(3) {
+        0 => lengths(&mut choices, &[8.0, 7.3, 4.1]),
+        1 => lengths(&mut choices, &[0.3, 1.1, 2.5, 5.0]),
+        _ => [(); 3].map(|()| Some(choices.between(0.05, 9.0))),
+    };
+    let spheres = words.each(|of| {
+        let radius = match of.below(10) {
+            0 => 0.0,
+            1 => of.between(1.5, 12.0),
+            2 | 3 => of.between(0.3, 1.5),
+            _ => of.between(0.0, 0.3),
+        };
+        Sphere::new([(); 3].map(|()| of.between(-4.0, 4.0)), radius)
+    });
+    in_box(spheres, lengths)
+}
+
+/// Spheres at the corner of the box: on the periodic boundary, a few units in the last place away from it, and at the
+/// opposite boundary.
+pub fn corner(words: &SceneSeed) -> TestInput {
+    let lengths = lengths(&mut words.reader(), &[1.0, 10.0, 0.1, 3.3]);
+    let spheres = words.each(|of| {
+        let center = lengths.map(|length| {
+            let x = of.of(&[0.0_f32, 0.5, -0.5, 1.0, -1.0, 2.0]) * length.unwrap_or(1.0);
+            let ulps = of.within(3);
+            (0..ulps.abs()).fold(x, |x, _| if ulps > 0 { x.next_up() } else { x.next_down() })
+        });
+        Sphere::new(center, of.of(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
+    });
+    in_box(spheres, lengths)
+}
+
+/// Spheres of an unwrapped simulation, up to 2⁵⁰ boxes away. All values are multiples of 2⁻³⁰.
+pub fn unwrapped(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let lengths = [(); 3].map(|()| {
+        let length = choices.of(&[2.0_f32, 1.625, 0.75, 1.0 / 3.0]);
+        (length * 1024.0 * 1024.0).round() / (1024.0 * 1024.0)
+    });
+    let spheres = words.each(|of| {
+        let center = lengths.map(|length| {
+            let (at, is_far, doublings) = (of.within(1024), of.below(2) == 1, of.below(50));
+            let turns = if is_far { length * (doublings as f32).exp2() } else { 0.0 };
+            at as f32 / 1024.0 + turns
+        });
+        Sphere::new(center, of.below(256) as f32 / 1024.0)
+    });
+    in_box(spheres, lengths.map(Some))
+}
+
+/// Boxes and spheres of sizes near which `f32` arithmetic changes, at up to several boxes from the origin.
+pub fn extremes(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let unit = extreme_unit(&mut choices);
+    let of_quarters = |quarters: f64| (0.25 * quarters * f64::from(unit)) as f32;
+    let lengths = match choices.once_in(4) {
+        true => lengths(&mut choices, &[1.0, 3e38]),
+        // The smallest units cannot be divided.
+        false => lengths(&mut choices, &[1.0, 2.5, 7.0, 16.0, 0.25])
+            .map(|length| length.map(|length| of_quarters(4.0 * f64::from(length)).max(unit))),
+    };
+    let spheres = words.each(|of| {
+        let center = [(); 3].map(|()| of_quarters(of.within(32).into()));
+        Sphere::new(center, of_quarters(of.below(9).into()))
+    });
+    in_box(spheres, lengths)
+}
+
+/// One sphere about as large as the box among many much smaller ones.
+pub fn giant(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let lengths = lengths(&mut choices, &[10.0, 6.0, 2.0]);
+    let at = [(); 3].map(|()| choices.between(0.0, 10.0));
+    let giant = Sphere::new(at, choices.between(0.5, 12.0));
+    let mut spheres = words.each(|of| Sphere::new([(); 3].map(|()| of.between(0.0, 10.0)), 0.05));
+    spheres.insert(spheres.len() / 2, giant);
+    in_box(spheres, lengths)
+}

@@ -1,0 +1,188 @@
+//! Families of scenes in triclinic cells, made from a [`SceneSeed`] like those of [`hard`]. Only the words of the
+//! scene determine the cell, so that other elements are other spheres in the same cell.
+
+use glam::Vec3;
+use lazygrid::{Space, Sphere};
+
+#[cfg(doc)]
+use crate::scenes::hard;
+use crate::scenes::periodic::PeriodicSceneFamily;
+use crate::{SceneSeed, SeedReader, TestInput};
+
+/// All families.
+pub const FAMILIES: [PeriodicSceneFamily; 7] = [
+    PeriodicSceneFamily { name: "lattices in triclinic cells", scene: lattice },
+    PeriodicSceneFamily { name: "soup in a triclinic cell", scene: soup },
+    PeriodicSceneFamily { name: "cell vectors of any direction", scene: directions },
+    PeriodicSceneFamily { name: "coordinates far outside a triclinic cell", scene: carried_away },
+    PeriodicSceneFamily { name: "boundaries of a triclinic cell", scene: corners },
+    PeriodicSceneFamily { name: "triclinic cells at the ends of the range", scene: ends_of_the_range },
+    PeriodicSceneFamily { name: "the largest spheres in a triclinic cell", scene: largest_spheres },
+];
+
+/// The cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not periodic.
+pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3>; 3] {
+    let [x, y, z] = lengths;
+    [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
+}
+
+/// Creates the space of these cell vectors, which must be linearly independent.
+pub fn space(edges: [Option<Vec3>; 3]) -> Space {
+    Space::sheared(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
+}
+
+fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> TestInput {
+    TestInput { space: space(edges), ..spheres.into() }
+}
+
+/// Draws a nonempty subset of three cell vectors.
+fn some_of(of: &mut SeedReader<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
+    let taken = if of.below(2) == 0 { 7 } else { 1 + of.below(7) };
+    [0, 1, 2].map(|k| edges[k].filter(|_| taken >> k & 1 == 1))
+}
+
+/// Lattice sites in exact contact, in cells tilted by whole and half sites, some by more than their length.
+pub fn lattice(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let spacing = choices.of(&[1.0_f32, 0.25, 1024.0]);
+    let shift = choices.of(&[0.0_f32, 0.5, -64.0]);
+    let lengths = [(); 3].map(|()| Some(choices.of(&[4.0_f32, 1.0, 2.0, 3.0, 5.0, 7.0]) * spacing));
+    let tilts = [(); 3].map(|()| choices.within(12) as f32 * 0.5 * spacing);
+    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let spheres = words.each(|of| {
+        let center = [(); 3].map(|()| ((of.below(24) as f32 - 12.0) + shift) * spacing);
+        Sphere::new(center, of.of(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
+    });
+    in_space(spheres, edges)
+}
+
+/// Random spheres in cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than
+/// the cell; coordinates reach several cells from the origin.
+pub fn soup(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
+    let lengths = [(); 3].map(|()| choices.between(0.7, 8.0));
+    let tilts = [(1, 0), (2, 0), (2, 1)].map(|(_, along)| choices.between(-most, most) * lengths[along]);
+    let edges = some_of(&mut choices, tilted(lengths.map(Some), tilts));
+    in_space(sizes(words), edges)
+}
+
+/// Random spheres in cells with vectors of any direction, the longest up to about a hundred times as long as the
+/// shortest.
+pub fn directions(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let mut edge = || {
+        let direction = Vec3::from([(); 3].map(|()| choices.between(-1.0, 1.0)));
+        direction * choices.of(&[3.0_f32, 0.4, 8.0, 40.0])
+    };
+    let mut edges = [edge(), edge(), edge()];
+    // Replaces nearly coplanar vectors.
+    let volume = edges[0].cross(edges[1]).dot(edges[2]);
+    if volume.abs() < 1e-2 * edges.iter().map(|edge| edge.length()).product::<f32>() {
+        edges = [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 4.0, -1.0), Vec3::new(2.0, 0.0, 5.0)];
+    }
+    let edges = some_of(&mut choices, edges.map(Some));
+    in_space(sizes(words), edges)
+}
+
+/// Random spheres with radii from 0 to more than a cell, at up to several cells from the origin.
+pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
+    words.each(|of| {
+        let radius = match of.below(10) {
+            0 => 0.0,
+            1 => of.between(1.5, 9.0),
+            2 | 3 => of.between(0.3, 1.5),
+            _ => of.between(0.0, 0.3),
+        };
+        Sphere::new([(); 3].map(|()| of.between(-6.0, 6.0)), radius)
+    })
+}
+
+/// Spheres of an unwrapped simulation, shifted by whole cell vectors. All values are multiples of 2⁻⁸ below 2¹⁵.
+pub fn carried_away(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let quarters = |of: &mut SeedReader<'_>, most: i32| of.within(most) as f32 / 4.0;
+    let lengths = [(); 3].map(|()| Some(choices.of(&[2.0_f32, 3.25, 1.5])));
+    let tilts = [(); 3].map(|()| quarters(&mut choices, 9));
+    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let spheres = words.each(|of| {
+        let mut center = Vec3::from([(); 3].map(|()| of.within(256) as f32 / 256.0));
+        for edge in edges.iter().flatten() {
+            center += *edge * of.within(1024) as f32;
+        }
+        Sphere::new(center, of.below(128) as f32 / 256.0)
+    });
+    in_space(spheres, edges)
+}
+
+/// Spheres at the corner of the cell and at its periodic boundaries, or a few units in the last place away.
+pub fn corners(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
+    let tilts = [(); 3].map(|()| choices.of(&[0.0_f32, 0.5, -0.25, 1.0, 0.05]));
+    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let spheres = words.each(|of| {
+        let mut center = Vec3::ZERO;
+        for edge in tilted(lengths, tilts).into_iter().flatten() {
+            center += edge * of.of(&[0.0_f32, 0.5, -0.5, 1.0, 0.25]);
+        }
+        let center = center.to_array().map(|x| {
+            let ulps = of.within(3);
+            (0..ulps.abs()).fold(x, |x, _| if ulps > 0 { x.next_up() } else { x.next_down() })
+        });
+        Sphere::new(center, of.of(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
+    });
+    in_space(spheres, edges)
+}
+
+/// Cells and spheres of sizes near which `f32` arithmetic changes.
+pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
+    let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 2.5, 7.0]) * unit));
+    let tilts = [(); 3].map(|()| choices.within(6) as f32 * 0.25 * unit);
+    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let spheres = words.each(|of| {
+        let center = [(); 3].map(|()| of.within(32) as f32 * 0.25 * unit);
+        Sphere::new(center, of.below(9) as f32 * 0.25 * unit)
+    });
+    in_space(spheres, edges)
+}
+
+/// Spheres of the largest radii, or nearly, in space that is periodic along some cell vectors and unbounded across
+/// them.
+pub fn largest_spheres(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
+    let edges = tilted([Some(unit), Some(2.0 * unit), None], [0.4 * unit, 0.0, 0.0]);
+    let spheres = words.each(|of| {
+        let share = of.of(&[1.0_f32, 0.6, 0.5, 1e-3, 0.0]);
+        let center = [(); 3].map(|()| of.of(&[0.0_f32, 1.0, -1.0, 0.5]) * f32::MAX);
+        Sphere::new([of.between(-1.0, 1.0) * unit, of.between(-1.0, 1.0) * unit, center[2]], share * f32::MAX)
+    });
+    in_space(spheres, edges)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Random;
+
+    #[test]
+    fn cell_does_not_depend_on_elements() {
+        let mut random = Random(3);
+        for family in FAMILIES {
+            let mut triclinic = 0;
+            for _ in 0..200 {
+                let words = SceneSeed::drawn(&mut random, 3);
+                let TestInput { space, spheres, .. } = (family.scene)(&words);
+                assert!(space.is_periodic() && spheres.len() == 3, "{}: {words:?}", family.name);
+                triclinic += usize::from(space.shear().is_some());
+                let others = SceneSeed { elements: SceneSeed::drawn(&mut random, 5).elements, ..words };
+                assert_eq!((family.scene)(&others).space, space, "{}", family.name);
+            }
+            // Some cells have tilts of zero.
+            assert!(triclinic > 100, "{}: {triclinic}", family.name);
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Times of each algorithm, phase by phase.
+
+use std::time::Instant;
+
+use lazygrid::gpu::{self, Cost, GpuConfig, GpuDevice, GpuSession};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Skin, Sphere, Spheres};
+
+use super::bandwidth::median;
+use crate::catch_panic;
+use crate::detectors::text;
+use crate::device::TIMEOUT;
+
+/// Numbers of spheres to time.
+pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
+/// An additional number of spheres for full checks.
+pub const FULL: usize = 100_000_000;
+/// Maximum number of timed rounds, after one round to warm up.
+const ROUNDS: usize = 5;
+/// Seconds after which no further round starts.
+const SECONDS: f64 = 0.5;
+
+/// The times of one algorithm.
+#[derive(Clone, Debug)]
+pub struct Speed {
+    /// The number of pairs.
+    pub pairs: u64,
+    /// Median seconds of a call, including the upload of spheres and the readback of the count.
+    pub seconds: f64,
+    /// Seconds that the GPU was busy, from GPU timestamps if available; the median of the whole call otherwise and on
+    /// the CPU.
+    pub busy: f64,
+    /// Median seconds of each phase, in execution order.
+    pub stages: Vec<(&'static str, f64)>,
+    /// The number of timed rounds.
+    pub rounds: usize,
+    /// The dispatches and memory traffic of a call by its plan; `None` on the CPU.
+    pub cost: Option<Cost>,
+}
+
+/// The reason why an algorithm was not timed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SkipReason {
+    /// The spheres do not fit in memory.
+    TooLarge(String),
+    /// A call failed.
+    Failed(String),
+}
+
+/// Times repeated counts of the pairs on the GPU.
+///
+/// # Errors
+/// Fails if the spheres do not fit on the device, or if it fails.
+pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
+    let mut is_too_large = false;
+    let mut said = |error: Error| {
+        use Error::{DeviceOutOfMemory, LimitExceeded, OutOfMemory};
+        is_too_large = matches!(error, LimitExceeded { .. } | OutOfMemory { .. } | DeviceOutOfMemory { .. });
+        error.to_string()
+    };
+    let speed = catch_panic(|| {
+        let settings = GpuConfig::default().algorithm(algorithm).timed(true);
+        let mut session = GpuSession::new(own.clone(), settings).map_err(&mut said)?;
+        session.set_timeout(TIMEOUT);
+        let timed = timed(|| {
+            let ticket = session.begin(Spheres::from(spheres)).map_err(&mut said)?;
+            let pairs = session.finish_count(ticket).map_err(&mut said)?;
+            Ok((pairs, session.timings().to_vec()))
+        })?;
+        let is_stage = |name: &str| gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
+        let stages: Vec<_> = timed.stages.iter().copied().filter(|(name, _)| is_stage(name)).collect();
+        let busy = if stages.is_empty() { timed.seconds } else { stages.iter().map(|(_, s)| s).sum() };
+        Ok(Speed { stages, busy, cost: session.cost(), ..timed })
+    });
+    speed.map_err(|what| if is_too_large { SkipReason::TooLarge(what) } else { SkipReason::Failed(what) })
+}
+
+/// Times repeated counts of the pairs on the CPU.
+///
+/// # Errors
+/// Fails if free memory is too small, or if a call fails.
+pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
+    // The spheres do not move, so that a candidate list would never be rebuilt.
+    let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
+    let mut detector = Detector::new(config).map_err(|error| SkipReason::Failed(error.to_string()))?;
+    let (needed, free) = (detector.memory_for(spheres.len() as u64), free_memory());
+    if free.is_some_and(|free| needed > free) {
+        let [needed, free] = [needed, free.unwrap_or(0)].map(|bytes| bytes >> 20);
+        return Err(SkipReason::TooLarge(format!("{needed} MiB needed, {free} MiB free")));
+    }
+    let speed = catch_panic(|| {
+        timed(|| {
+            let pairs = detector.count(spheres).map_err(text)?;
+            Ok((pairs, detector.report().phases))
+        })
+    });
+    speed.map_err(SkipReason::Failed)
+}
+
+/// Bytes of available memory (Linux's `MemAvailable`), if the system reports it.
+fn free_memory() -> Option<u64> {
+    let told = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = told.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes << 10)
+}
+
+fn timed(mut call: impl FnMut() -> Result<(u64, Vec<Phase>), String>) -> Result<Speed, String> {
+    let begun = Instant::now();
+    let (pairs, first) = call()?;
+    let once = begun.elapsed().as_secs_f64();
+    let (mut times, mut stages) = (vec![], Vec::new());
+    let mut spent = 0.0;
+    while times.len() < ROUNDS && (spent < SECONDS && once < SECONDS) {
+        let start = Instant::now();
+        let (again, phases) = call()?;
+        if again != pairs {
+            return Err(format!("{pairs} pairs counted, then {again} for the same spheres"));
+        }
+        times.push(start.elapsed().as_secs_f64());
+        stages.push(phases);
+        spent = begun.elapsed().as_secs_f64() - once;
+    }
+    if times.is_empty() {
+        // A slow call is timed only once, without warm-up.
+        times.push(once);
+        stages.push(first);
+    }
+    let names: Vec<&'static str> = stages[0].iter().map(|phase| phase.name).collect();
+    let of = |name: &'static str| {
+        let all = stages.iter().flatten().filter(|phase| phase.name == name);
+        (name, median(&all.map(|phase| phase.time.as_secs_f64()).collect::<Vec<_>>()))
+    };
+    let seconds = median(&times);
+    Ok(Speed {
+        pairs,
+        seconds,
+        busy: seconds,
+        stages: names.into_iter().map(of).collect(),
+        rounds: times.len(),
+        cost: None,
+    })
+}
+
+/// Predicts the seconds of a call with `spheres` spheres from the sizes and times of smaller calls. Continues the
+/// growth of the last step, and at least linear growth (quadratic for `Naive`). Returns 0 without earlier times.
+pub fn forecast(algorithm: Algorithm, before: &[(usize, f64)], spheres: usize) -> f64 {
+    let Some(&(last, seconds)) = before.last() else { return 0.0 };
+    let growth = (spheres as f64 / last as f64).ln();
+    let least = if algorithm == Algorithm::Naive { 2.0 } else { 1.0 };
+    let exponent = match before {
+        [.., (first, earlier), _] if *earlier > 0.0 => {
+            ((seconds / earlier).ln() / (last as f64 / *first as f64).ln()).max(least)
+        }
+        _ => least,
+    };
+    seconds * (exponent * growth).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forecast_extrapolates_measured_times() {
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
+        assert_eq!(forecast(Algorithm::Naive, &[], 10), 0.0);
+        assert!(near(forecast(Algorithm::Naive, &[(10, 1.0)], 100), 100.0));
+        assert!(near(forecast(Algorithm::CellList, &[(10, 1.0)], 100), 10.0));
+        assert!(near(forecast(Algorithm::CellList, &[(10, 1.0), (100, 20.0)], 1000), 400.0));
+        // Times dominated by a constant grow at least linearly.
+        assert!(near(forecast(Algorithm::CellList, &[(10, 1.0), (100, 2.0)], 1000), 20.0));
+    }
+
+    #[test]
+    fn algorithms_agree_and_report_phases() {
+        let spheres = lazygrid_io::scenes::Scene::FiveSizes.spheres(2000, 1);
+        let [naive, list] = [Algorithm::Naive, Algorithm::CellList]
+            .map(|algorithm| on_cpu(algorithm, &spheres).expect("counted"));
+        assert_eq!(naive.pairs, list.pairs);
+        assert!(list.stages.iter().any(|(name, _)| *name == "search"), "{list:?}");
+        let mut answers = 0..;
+        let changing = timed(|| Ok((answers.next().expect("endless"), vec![])));
+        assert!(changing.is_err_and(|text| text.contains("0 pairs counted, then 1")));
+    }
+}

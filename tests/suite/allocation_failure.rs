@@ -1,0 +1,219 @@
+//! A failed allocation is an error, wherever it occurs: never an abort or a wrong answer. The detector stays usable
+//! once memory is available again.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, Space, Sphere,
+    Spheres,
+};
+use lazygrid_io::scenes::Scene;
+use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
+
+/// The system allocator, which refuses large allocations on request. Small ones, such as the text of a message, always
+/// succeed: no system refuses them while it still grants pages.
+struct Refusing;
+
+/// Minimum size of a large allocation in bytes: a page.
+const LARGE: usize = 4096;
+
+/// Currently allocated bytes.
+static LIVE: AtomicUsize = AtomicUsize::new(0);
+/// Number of large allocations to grant before refusing.
+static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
+/// Total number of bytes above which large allocations are refused.
+static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
+/// Number of refused allocations.
+static REFUSED: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is forwarded unchanged to the system allocator, or returns null, which is how an allocator reports
+// failure; the counters touch no memory of the caller.
+unsafe impl GlobalAlloc for Refusing {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let size = layout.size();
+        if size >= LARGE {
+            let one_less = |grants: usize| (grants > 0).then(|| grants - usize::from(grants < usize::MAX));
+            let granted = GRANTS.fetch_update(SeqCst, SeqCst, one_less).is_ok();
+            if !granted || LIVE.load(SeqCst).saturating_add(size) > LIMIT.load(SeqCst) {
+                REFUSED.fetch_add(1, SeqCst);
+                return std::ptr::null_mut();
+            }
+        }
+        LIVE.fetch_add(size, SeqCst);
+        // SAFETY: the caller upholds the contract of `GlobalAlloc`, which is that of the system allocator.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        LIVE.fetch_sub(layout.size(), SeqCst);
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Refusing = Refusing;
+
+/// The condition for refusing allocations.
+#[derive(Clone, Copy, Debug)]
+enum Refusal {
+    /// After this number of large allocations.
+    After(usize),
+    /// Above this number of bytes more than at the start.
+    Above(usize),
+}
+
+impl Refusal {
+    /// Runs `work` under this condition. Also returns the number of refused allocations.
+    fn during<T>(self, work: impl FnOnce() -> T) -> (T, usize) {
+        REFUSED.store(0, SeqCst);
+        match self {
+            Self::After(grants) => GRANTS.store(grants, SeqCst),
+            Self::Above(bytes) => LIMIT.store(LIVE.load(SeqCst) + bytes, SeqCst),
+        }
+        let result = work();
+        GRANTS.store(usize::MAX, SeqCst);
+        LIMIT.store(usize::MAX, SeqCst);
+        (result, REFUSED.load(SeqCst))
+    }
+}
+
+/// A kind of query.
+#[derive(Clone, Copy, Debug)]
+enum Ask {
+    Canonical,
+    Unordered,
+    Neighbors,
+    Count,
+    /// With a limit far below the number of pairs.
+    StreamCanonical,
+    StreamUnordered,
+}
+
+impl Ask {
+    const ALL: [Self; 6] = [
+        Self::Canonical,
+        Self::Unordered,
+        Self::Neighbors,
+        Self::Count,
+        Self::StreamCanonical,
+        Self::StreamUnordered,
+    ];
+
+    /// The settings for this query, if it finds `found` pairs.
+    fn config(self, config: Config, found: u64) -> Config {
+        match self {
+            Self::Unordered | Self::StreamUnordered => config.order(Order::Unordered),
+            Self::StreamCanonical => config.max_pairs(found / 3),
+            _ => config,
+        }
+    }
+
+    /// Returns the number of pairs and a checksum that does not depend on their order. `streamed` has the capacity for
+    /// all pairs, as the consumer's allocations do not count.
+    fn answer(
+        self,
+        detector: &mut Detector,
+        spheres: Spheres<'_>,
+        streamed: &mut Vec<Pair>,
+    ) -> Result<(u64, u64), Error> {
+        let sum = |pairs: &[Pair]| {
+            let each = pairs.iter().map(|pair| (u64::from(pair.i) << 32 | u64::from(pair.j)).wrapping_pow(3));
+            (pairs.len() as u64, each.fold(0, u64::wrapping_add))
+        };
+        match self {
+            Self::Canonical | Self::Unordered => Ok(sum(detector.pairs(spheres)?)),
+            Self::Neighbors => {
+                let lists = detector.neighbors(spheres)?;
+                let later =
+                    |i: u32| lists.of(i as usize).iter().filter(move |&&j| i < j).map(move |&j| (i, j));
+                streamed.clear();
+                streamed.extend((0..spheres.len() as u32).flat_map(later).map(|(i, j)| Pair { i, j }));
+                Ok(sum(streamed))
+            }
+            Self::Count => Ok((detector.count(spheres)?, 0)),
+            Self::StreamCanonical | Self::StreamUnordered => {
+                streamed.clear();
+                detector.stream(spheres, 500, |pairs| {
+                    streamed.extend_from_slice(pairs);
+                    ControlFlow::Continue(())
+                })?;
+                assert!(matches!(self, Self::StreamUnordered) || streamed.is_sorted());
+                Ok(sum(streamed))
+            }
+        }
+    }
+}
+
+/// Runs all queries under one condition after another, given by `next`, until no allocation is refused.
+fn walk(variant: DetectorVariant, config: &Config, spheres: Spheres<'_>, next: impl Fn(usize) -> Refusal) {
+    let mut detector = Detector::new(config.clone()).expect("a detector");
+    let found = detector.count(spheres).expect("there is memory");
+    for ask in Ask::ALL {
+        let config = ask.config(config.clone(), found);
+        let new = || Detector::new(config.clone()).expect("a detector");
+        let mut streamed = Vec::with_capacity(1 << 20);
+        let all = ask.answer(&mut new(), spheres, &mut streamed).expect("there is memory");
+        let mut refusals = 0;
+        for k in 0.. {
+            let (mut detector, refusal) = (new(), next(k));
+            let (answer, refused) = refusal.during(|| ask.answer(&mut detector, spheres, &mut streamed));
+            let case = format!("{variant}, {ask:?}, {refusal:?}");
+            match answer {
+                Ok(answer) => assert_eq!(answer, all, "{case}"),
+                Err(ref error @ Error::OutOfMemory { what, bytes }) => {
+                    assert!(refused > 0 && bytes as usize >= LARGE && !what.is_empty(), "{case}: {error}");
+                    assert!(error.to_string().contains(&bytes.to_string()), "{case}: {error}");
+                    refusals += 1;
+                    let again = ask.answer(&mut detector, spheres, &mut streamed);
+                    assert_eq!(again, Ok(all), "{case}: the call after it");
+                }
+                Err(error) => panic!("{case}: {error}"),
+            }
+            if refused == 0 {
+                break;
+            }
+        }
+        assert!(refusals > 0, "{variant}, {ask:?}: nothing was refused");
+    }
+}
+
+/// The CPU algorithms on one and two threads. A GPU driver has its own allocator.
+fn variants() -> impl Iterator<Item = DetectorVariant> {
+    let is_one = |s: &DetectorVariant| {
+        s.backend() == Backend::Cpu && s.threads() <= 2 && s.algorithm != Algorithm::Auto
+    };
+    variants::all().into_iter().filter(is_one)
+}
+
+/// A single test, as all tests share the allocator.
+#[test]
+fn failed_allocation_is_an_error_wherever_it_occurs() {
+    let sizes = Scene::FiveSizes.spheres(1300, 41);
+    let burst = Scene::Burst.spheres(1200, 42);
+    // All in one cell, whose size a giant determines.
+    let mut crowd = Scene::Equal.spheres(1300, 43);
+    crowd.iter_mut().for_each(|sphere| sphere.center += 100.0);
+    crowd.push(Sphere::new([100.0; 3], 20.0));
+    let species: Vec<u32> = (0..3).cycle().take(sizes.len()).collect();
+    let mut table = Interactions::new(3, Interaction::Touch).expect("three species");
+    table.set(0, 1, Interaction::Within(0.5)).expect("a distance");
+    let with_species = Spheres::from(&sizes).with_species(&species).expect("one each");
+    let periodic = Space::periodic([Some(9.0), None, Some(7.0)]).expect("a box");
+
+    for variant in variants() {
+        let config = || variant.settings();
+        let few = || variant.settings().tau(50);
+        variant.run(|| {
+            walk(variant, &config(), Spheres::from(&burst), Refusal::After);
+            walk(variant, &few(), Spheres::from(&crowd), Refusal::After);
+            walk(variant, &config().interactions(table.clone()), with_species, Refusal::After);
+            walk(variant, &few().space(periodic), Spheres::from(&sizes), Refusal::After);
+            // From a page to more than needed, increasing by 30 % each time.
+            let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
+            walk(variant, &few(), Spheres::from(&crowd), above);
+        });
+    }
+}

@@ -1,0 +1,316 @@
+//! Triclinic cells: each algorithm against a plain loop over images.
+
+use std::ops::ControlFlow;
+
+use glam::Vec3;
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Skin, Space, Sphere, Spheres,
+};
+use lazygrid_check::scenes::motion::{skin_of, walk};
+use lazygrid_check::scenes::triclinic as families;
+use lazygrid_check::scenes::triclinic::tilted;
+use lazygrid_tests::periodic::verify_all;
+use lazygrid_tests::{SuiteVariant, TestInput, difference, in_pool, triclinic, variants};
+use proptest::prelude::*;
+use proptest::sample::select;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::properties::{check, settings};
+
+fn agree(cases: u32, scenarios: impl Strategy<Value = TestInput>) {
+    check(cases, (scenarios, settings()), |(scenario, settings)| {
+        verify_all(&scenario, &scenario.oracle(), &settings)
+    });
+}
+
+/// Spheres of these radii in turn, uniform in a cell.
+fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut part = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
+    let mut place = || edges[0] * part() + edges[1] * part() + edges[2] * part();
+    (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
+}
+
+/// A triclinic cell with tilts of up to 0.4 of its length, periodic along all vectors, with spheres in it.
+fn leaning(n: usize, radii: &[f32], edge: f32) -> TestInput {
+    let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
+    let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
+    TestInput { space: families::space(edges), ..spheres.into() }
+}
+
+#[test]
+fn lattices_in_contact_across_triclinic_boundaries() {
+    agree(96, triclinic::lattice());
+}
+
+#[test]
+fn soups_in_boxes_of_any_tilt() {
+    agree(120, triclinic::soup());
+}
+
+#[test]
+fn cell_vectors_of_any_direction() {
+    agree(96, triclinic::directions());
+}
+
+#[test]
+fn coordinates_far_outside() {
+    agree(96, triclinic::carried_away());
+}
+
+#[test]
+fn corners_and_periodic_boundaries() {
+    agree(96, triclinic::corners());
+}
+
+#[test]
+fn lengths_with_overflowing_squares() {
+    agree(64, triclinic::ends_of_the_range());
+}
+
+#[test]
+fn largest_spheres() {
+    agree(48, triclinic::largest_spheres());
+}
+
+#[test]
+fn species_in_triclinic_cells() {
+    agree(96, triclinic::mixture());
+}
+
+/// The library's distance agrees with the loop, and does not depend on the order of the two points.
+#[test]
+fn distance_matches_nearest_images() {
+    let scenarios = prop_oneof![triclinic::soup(), triclinic::directions(), triclinic::lattice()];
+    check(150, scenarios, |mut scenario| {
+        scenario.spheres.truncate(30);
+        let space = scenario.space;
+        for a in &scenario.spheres {
+            for b in &scenario.spheres {
+                let apart = space.distance_squared(a.center, b.center);
+                if apart != space.distance_squared(b.center, a.center) {
+                    return Err(format!("{a:?} and {b:?}: not the same both ways"));
+                }
+                // Spheres with a slightly larger cutoff are a pair, with a slightly smaller one they are not.
+                for (factor, expected) in [(1.0 + 1e-5, 1), (1.0 - 1e-5, 0)] {
+                    let radius = (apart.sqrt() * factor) as f32;
+                    let spheres = vec![Sphere::new(a.center, radius), Sphere::new(b.center, 0.0)];
+                    let found = TestInput { space, ..spheres.into() }.oracle().len();
+                    if apart > 1e-8 && found != expected {
+                        return Err(format!("{a:?} and {b:?} are not {apart} apart: {found}"));
+                    }
+                }
+                let wrapped = space.wrap(a.center);
+                let again = space.distance_squared(wrapped, a.center);
+                if again > 1e-8 * f64::from(1.0 + a.center.length_squared()) {
+                    return Err(format!("{a:?} is wrapped to {wrapped}, {again} away from its images"));
+                }
+            }
+        }
+        Ok(())
+    });
+}
+
+/// The distance to a nearby image of a point is exact, for any shift.
+#[test]
+fn tiny_distances_to_images_are_exact() {
+    let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
+    let space = families::space(edges.map(Some));
+    let tiny = f32::from_bits(3);
+    for turns in 0..27 {
+        let turn = |k: u32| (turns / 3_i32.pow(k) % 3 - 1) as f32;
+        let image: Vec3 = (0..3).map(|k| edges[k as usize] * turn(k)).sum();
+        // Next to it, if the coordinate's precision allows.
+        let next = image + Vec3::new(tiny, -tiny, tiny);
+        let apart = (next - image).as_dvec3().length_squared();
+        // If the sum of cell vectors is not representable in `f32`, `image` is not an exact image.
+        let exact: glam::DVec3 = (0..3).map(|k| edges[k as usize].as_dvec3() * f64::from(turn(k))).sum();
+        if image.as_dvec3() == exact {
+            assert_eq!(space.distance_squared(next, Vec3::ZERO), apart, "{image}");
+        }
+    }
+}
+
+/// A cell tilted by whole lengths has the same images as one without tilt.
+#[test]
+fn tilts_by_whole_lengths_have_no_effect() {
+    let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
+    let straight = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
+    let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
+    let [of_straight, of_leaning] =
+        [straight, families::space(edges)].map(|space| TestInput { space, ..spheres.clone().into() });
+    let expected = of_straight.oracle();
+    assert!(expected.len() > 500);
+    assert_eq!(of_leaning.oracle(), expected);
+    verify_all(&of_leaning, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
+}
+
+/// Enough spheres for many cells, levels and chunks of work: all algorithms, thread counts and devices give identical
+/// pairs.
+#[test]
+fn large_boxes_give_identical_pairs() {
+    let cases: [(&[f32], f32); 3] = [
+        (&[0.5], 20.0),
+        (&[0.5, 0.25, 0.125, 0.06, 0.03], 16.0),
+        (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 2.0], 8.0),
+    ];
+    for (radii, edge) in cases {
+        let scenario = leaning(4000, radii, edge);
+        let expected = scenario.oracle();
+        assert!(expected.len() > 1000, "{}", expected.len());
+        for variant in variants::all() {
+            let found = variant.find(&scenario, Config::default()).expect("pairs");
+            assert!(
+                found == expected,
+                "{variant}: {:?}",
+                difference(&scenario, &found, &expected, variant.tolerance())
+            );
+            let unordered =
+                variant.find(&scenario, Config::default().order(Order::Unordered)).expect("pairs");
+            assert_eq!(unordered.len(), expected.len(), "{variant}");
+        }
+    }
+}
+
+/// Lists, neighbor lists, counts, streams and limits agree.
+#[test]
+fn all_kinds_of_results_agree() {
+    let scenario = leaning(2000, &[0.4, 0.1], 8.0);
+    let expected = scenario.oracle();
+    let most = expected.len() as u64;
+    for variant in variants::each_algorithm() {
+        let spheres = Spheres::from(&scenario.spheres);
+        let detector =
+            |limit| Detector::new(variant.settings().space(scenario.space).max_pairs(limit)).expect("made");
+        assert_eq!(detector(most).pairs(spheres).expect("as many as fit"), expected, "{variant}");
+        let error = detector(most - 1).pairs(spheres).expect_err("one too many");
+        assert_eq!(error, Error::TooManyPairs { found: most, limit: most - 1 }, "{variant}");
+        for limit in [1 << 20, 300] {
+            let mut streamed = Vec::new();
+            let handed = detector(limit).stream(spheres, 100, |pairs| {
+                streamed.extend_from_slice(pairs);
+                ControlFlow::Continue(())
+            });
+            assert!(handed == Ok(most) && streamed == expected, "{variant}: the stream differs");
+        }
+        let mut detector = detector(1 << 20);
+        assert_eq!(detector.count(spheres), Ok(most), "{variant}");
+        let lists = detector.neighbors(spheres).expect("neighbours");
+        let of_lists = (0..spheres.len()).flat_map(|i| {
+            let later = lists.of(i).iter().filter(move |&&j| j as usize > i);
+            later.map(move |&j| Pair { i: i as u32, j })
+        });
+        assert!(of_lists.eq(expected.iter().copied()), "{variant}: the neighbours differ");
+    }
+}
+
+#[test]
+fn pairs_across_two_sets() {
+    let scenarios = prop_oneof![triclinic::soup(), triclinic::lattice(), triclinic::mixture()];
+    check(120, (scenarios, 0.0..=1.0_f32, select(variants::all())), |(scenario, part, variant)| {
+        let split = (part * scenario.spheres.len() as f32).round() as usize;
+        let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
+        let across = |pair: &Pair| (pair.i as usize) < split && pair.j as usize >= split;
+        let expected = scenario.oracle().into_iter().filter(across);
+        let expected: Vec<Pair> = expected.map(|pair| Pair { i: pair.i, j: pair.j - split as u32 }).collect();
+        let config = scenario.config(variant.settings()).map_err(|error| error.to_string())?;
+        in_pool(variant.threads(), || {
+            let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
+            let found = detector.pairs((a.view(), b.view())).map_err(|error| error.to_string())?;
+            let same = found == expected;
+            let text = format!("{variant}: {} pairs where {} are expected", found.len(), expected.len());
+            let count = detector.count((a.view(), b.view())).map_err(|error| error.to_string())?;
+            if same && count == expected.len() as u64 { Ok(()) } else { Err(text) }
+        })
+    });
+}
+
+/// Candidate lists never affect a result.
+#[test]
+fn candidate_lists_never_change_a_result() {
+    let scenarios =
+        prop_oneof![triclinic::soup(), triclinic::lattice(), triclinic::mixture(), triclinic::directions()];
+    let mut variants = variants::all();
+    variants.retain(|variant| variant.backend() == Backend::Gpu || variant.algorithm == Algorithm::CellList);
+    let parts = select(vec![1e-6, 0.01, 0.3, 2.0]);
+    let moves = select(vec![0.0, 1e-3, 0.03, 0.5]);
+    check(120, (scenarios, parts, moves, select(variants)), |(mut scenario, part, moves, variant)| {
+        let config = variant.settings().skin(skin_of(&scenario.spheres, part));
+        let config = scenario.config(config).map_err(|error| error.to_string())?;
+        in_pool(variant.threads(), || {
+            let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
+            for step in 0..5 {
+                let found = detector.pairs(scenario.query()).map_err(|error| error.to_string())?.to_vec();
+                let why = detector.report().reason;
+                difference(&scenario, &found, &scenario.oracle(), variant.tolerance())
+                    .map_err(|text| format!("{variant}, moves of {moves}, step {step}, {why}: {text}"))?;
+                walk(&mut scenario.spheres, if step == 3 { 40.0 * moves } else { moves }, step);
+            }
+            Ok(())
+        })
+    });
+}
+
+/// If spheres move little, candidate lists are reused, also in a triclinic cell.
+#[test]
+fn candidate_lists_are_reused() {
+    for variant in variants::each_algorithm() {
+        if variant.algorithm != Algorithm::CellList {
+            continue;
+        }
+        let mut scenario = leaning(1500, &[0.2], 8.0);
+        let config = variant.settings().space(scenario.space).skin(Skin::Fixed(0.2));
+        let mut detector = Detector::new(config).expect("a detector");
+        let mut served = 0;
+        for step in 0..8 {
+            let found = detector.pairs(scenario.query()).expect("valid spheres").to_vec();
+            assert!(found == scenario.oracle(), "{variant}, step {step}");
+            served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+            walk(&mut scenario.spheres, 0.01, step);
+        }
+        assert!(served > 4, "{variant}: {served} of 8 calls were served");
+    }
+}
+
+#[test]
+fn axis_parallel_vectors_are_lengths() {
+    let edges = [[0.0, -5.0, 0.0], [0.0, 0.0, 7.0], [3.0, 0.0, 0.0]].map(Some);
+    let space = Space::sheared(edges).expect("a box");
+    assert_eq!(space, Space::periodic([Some(3.0), Some(5.0), Some(7.0)]).expect("a box"));
+    assert_eq!(Space::sheared([None; 3]), Ok(Space::UNBOUNDED));
+    let slab = Space::sheared([Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]).expect("a slab");
+    assert!(slab.is_periodic() && slab.shear().is_some());
+    assert_eq!(slab.edges(), [Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]);
+}
+
+#[test]
+fn dependent_cell_vectors_are_refused() {
+    let along = Vec3::new(1.0, 1.0, 0.0);
+    for edges in [
+        [Some(along), Some(2.0 * along), None],
+        [Some(along), Some(Vec3::X), Some(Vec3::Y)],
+        [Some(along), Some(Vec3::ZERO), None],
+        [Some(Vec3::new(f32::NAN, 1.0, 0.0)), None, None],
+        [Some(Vec3::new(1.0, f32::INFINITY, 0.0)), None, None],
+        [Some(along), Some(Vec3::new(0.0, 1e9, 1.0)), None],
+    ] {
+        let edges = edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()));
+        let error = Space::sheared(edges).expect_err("no box");
+        assert!(matches!(error, InputError::Edges { .. }), "{error}");
+    }
+    let error =
+        Space::sheared([Some([1.0, 1.0, 0.0]), Some([2.0, 2.0, 0.0]), None]).expect_err("a line").to_string();
+    assert!(error.contains("(1, 1, 0), (2, 2, 0)"), "{error}");
+}
+
+#[test]
+fn bad_spheres_are_named_by_input_coordinates() {
+    let mut scenario = leaning(100, &[0.1], 5.0);
+    scenario.spheres[40].center.y = f32::INFINITY;
+    scenario.spheres[70].radius = -1.0;
+    for variant in variants::all() {
+        let error = variant.find(&scenario, Config::default()).expect_err("bad spheres");
+        assert!(error.contains("sphere 40") && error.contains("2 of 100 spheres"), "{variant}: {error}");
+    }
+}
