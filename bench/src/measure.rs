@@ -10,7 +10,7 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Backend, Config, Detector, Pair, Phase, Sphere, gpu};
+use lazygrid::{Backend, Config, Detector, Pair, PhaseTime, Sphere, gpu};
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -47,7 +47,7 @@ pub trait PairFinder {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
     /// The time of each phase of the last call; empty if unknown.
-    fn phases(&self) -> Vec<Phase> {
+    fn phases(&self) -> Vec<PhaseTime> {
         Vec::new()
     }
 
@@ -105,13 +105,13 @@ impl PairFinder for List {
         Ok(Found::Pairs(self.0.pairs(spheres)?))
     }
 
-    fn phases(&self) -> Vec<Phase> {
+    fn phases(&self) -> Vec<PhaseTime> {
         self.0.report().phases
     }
 
     fn gpu_time(&self) -> Option<Duration> {
         let report = self.0.report();
-        let on_device = |phase: &&Phase| gpu::Phase::ALL.iter().any(|p| p.name() == phase.name);
+        let on_device = |phase: &&PhaseTime| gpu::Phase::ALL.iter().any(|p| p.name() == phase.name);
         let times: Vec<Duration> = report.phases.iter().filter(on_device).map(|p| p.time).collect();
         (report.backend == Backend::Gpu && !times.is_empty()).then(|| times.iter().sum())
     }

@@ -1,7 +1,7 @@
 use std::ffi::c_char;
 use std::ptr;
 
-use engine::{InputError, Kept as Candidates, MAX_SPHERES, Report};
+use engine::{CandidateListStats as Candidates, InputError, MAX_SPHERES, Report};
 use serde_json::{Map, Value, json};
 
 use crate::OutPtr;
@@ -21,7 +21,7 @@ fn object(report: &Report) -> Value {
 
 fn candidates(list: &Candidates) -> Value {
     json!({
-        "count": list.count, "age": list.age, "moved": list.moved,
+        "count": list.count, "age": list.age, "moved": list.displacement_fraction,
         "rebuilt": list.rebuilt.map(|why| why.to_string()),
     })
 }

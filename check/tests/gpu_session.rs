@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 
 use common::{Random, device, limited};
 use lazygrid::gpu::{GpuConfig, GpuSession, wgpu};
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Rebuilt, Sphere, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, RebuildReason, Sphere, Spheres};
 
 /// Radii and coordinates are multiples of a power of two, which avoids rounding, so that results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
@@ -42,7 +42,7 @@ fn lists_counts_neighbors_and_streams_agree_with_the_cpu() {
             let of_each: Vec<Pair> = (0..n)
                 .flat_map(|k| {
                     lists
-                        .of(k)
+                        .neighbors_of(k)
                         .iter()
                         .filter(move |&&j| j as usize > k)
                         .map(move |&j| Pair { i: k as u32, j })
@@ -310,9 +310,9 @@ fn candidate_overflow_never_fails_a_call() {
         session.kept().map(|kept| (kept.count, kept.age, kept.rebuilt))
     };
     // The initial capacity is 4096 candidates, the largest one 131,072.
-    assert_eq!(count(80, "few"), Some((3160, 0, Some(Rebuilt::First))));
+    assert_eq!(count(80, "few"), Some((3160, 0, Some(RebuildReason::NoList))));
     assert_eq!(count(80, "few again"), Some((3160, 1, None)));
-    assert_eq!(count(400, "more"), Some((79_800, 0, Some(Rebuilt::First))));
+    assert_eq!(count(400, "more"), Some((79_800, 0, Some(RebuildReason::NoList))));
     assert_eq!(count(400, "more again"), Some((79_800, 1, None)));
     for _ in 0..10 {
         assert_eq!(count(600, "too many"), None);

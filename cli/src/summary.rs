@@ -133,9 +133,9 @@ impl fmt::Display for Summary {
 }
 
 /// The candidates of a call, as an object of `--json`.
-fn candidates_object(kept: &lazygrid::Kept) -> Value {
+fn candidates_object(kept: &lazygrid::CandidateListStats) -> Value {
     json!({
-        "count": kept.count, "age": kept.age, "moved": kept.moved,
+        "count": kept.count, "age": kept.age, "moved": kept.displacement_fraction,
         "rebuilt": kept.rebuilt.map(|why| why.to_string()),
     })
 }

@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for step in 0..3 {
         let neighbors = detector.neighbors(&spheres)?;
         for (k, sphere) in spheres.iter().enumerate() {
-            for &other in neighbors.of(k) {
+            for &other in neighbors.neighbors_of(k) {
                 let distance = slab.distance_squared(sphere.center, spheres[other as usize].center).sqrt();
                 writeln!(stdout(), "step {step}: {k} and {other} are {distance:.2} apart")?;
             }

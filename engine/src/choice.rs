@@ -1,5 +1,5 @@
 //! Which backend runs, and which algorithm on a GPU: pure functions, each answer with its reason. The CPU path's own
-//! choice is in `lazygrid_host::choice`.
+//! choice is in `lazygrid_host::algorithm_choice`.
 
 use lazygrid_kernels::Algorithm;
 

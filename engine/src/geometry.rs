@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use lazygrid_host::{
-    Contact, HostDetector, Images, ListOptions, NeighborList, NeighborListBuilder, Order, Phase,
-    SearchBackend, Settings, Skin, check,
+    ContactTest, HostDetector, ListOptions, NeighborList, NeighborListBuilder, Order, PeriodicImages,
+    PhaseTime, SearchBackend, Settings, Skin, check,
 };
 use lazygrid_kernels::{Algorithm, Query, Space};
 
@@ -15,7 +15,7 @@ use crate::{Error, Report};
 #[derive(Debug, Default)]
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,
-    images: Images,
+    images: PeriodicImages,
     /// Finds the pairs of spheres and images. It runs on the CPU, where pairs are decided in `f64` anyway; boxes that need it
     /// rarely hold many spheres.
     image_search: Option<HostDetector>,
@@ -31,7 +31,7 @@ impl Geometry {
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
         self.report = None;
-        if Images::are_needed(&contact(query, engine.backend().settings())) {
+        if PeriodicImages::are_needed(&contact(query, engine.backend().settings())) {
             return self.among_images(engine, query, options);
         }
         engine.list(query, Order::Canonical)?;
@@ -39,7 +39,7 @@ impl Geometry {
         let backend = engine.backend();
         let contact = contact(query, backend.settings());
         let list = self.builder.build(contact, (engine.last_pairs(), None), options, backend.team())?;
-        Phase::add(engine.phases_mut(), "neighbors", start.elapsed());
+        PhaseTime::add(engine.phases_mut(), "neighbors", start.elapsed());
         Ok(list)
     }
 
@@ -64,8 +64,8 @@ impl Geometry {
         detector.list(&images.query(), Order::Canonical)?;
         let start = Instant::now();
         let list = builder.build(contact, (detector.last_pairs(), Some(images)), options, team)?;
-        Phase::add(detector.phases_mut(), "images", made);
-        Phase::add(detector.phases_mut(), "neighbors", start.elapsed());
+        PhaseTime::add(detector.phases_mut(), "images", made);
+        PhaseTime::add(detector.phases_mut(), "neighbors", start.elapsed());
         let found = Report::from(detector.report());
         let reason = format!("{}; more than the nearest images are within reach", found.reason);
         *report = Some(Report { spheres: query.len() as u64, reason, ..found });
@@ -84,8 +84,8 @@ impl Geometry {
 }
 
 /// The contact test of a query.
-fn contact<'a>(query: &'a Query<'a>, settings: &'a Settings) -> Contact<'a> {
-    Contact { query, space: &settings.space, table: settings.interactions.as_ref() }
+fn contact<'a>(query: &'a Query<'a>, settings: &'a Settings) -> ContactTest<'a> {
+    ContactTest { query, space: &settings.space, table: settings.interactions.as_ref() }
 }
 
 /// The settings of the search between spheres and images: that of `settings` in unbounded space.

@@ -57,7 +57,9 @@ mod report;
 pub use config::Config;
 pub use detector::{Detector, detect};
 pub use glam;
-pub use lazygrid_host::{Kept, ListOptions, NeighborList, Neighbors, Order, Phase, Rebuilt, Simd, Skin};
+pub use lazygrid_host::{
+    CandidateListStats, ListOptions, NeighborList, Neighbors, Order, PhaseTime, RebuildReason, Simd, Skin,
+};
 pub use lazygrid_kernels::{
     Algorithm, Backend, Bond, Error, Exclusions, InputError, Interaction, Interactions, MAX_SPHERES, Pair,
     Query, Radii, Reach, Real, Shear, Space, Sphere, Spheres, Straight, Strided, UnknownName,

@@ -1,4 +1,4 @@
-use lazygrid_host::{Kept, Phase};
+use lazygrid_host::{CandidateListStats, PhaseTime};
 use lazygrid_kernels::Algorithm;
 
 use crate::Backend;
@@ -23,9 +23,9 @@ pub struct Report {
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::Cost>,
     /// The candidates that the call was answered from; `None` where it searched without any.
-    pub candidates: Option<Kept>,
+    pub candidates: Option<CandidateListStats>,
     /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.
-    pub phases: Vec<Phase>,
+    pub phases: Vec<PhaseTime>,
 }
 
 impl From<&lazygrid_host::Report> for Report {

@@ -13,7 +13,7 @@ use std::time::Duration;
 use lazygrid::glam::Vec3;
 use lazygrid::{
     Algorithm, Backend, Bond, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions,
-    ListOptions, NeighborList, Neighbors, Order, Pair, Phase, Query, Radii, Reach, Report, Simd, Space,
+    ListOptions, NeighborList, Neighbors, Order, Pair, PhaseTime, Query, Radii, Reach, Report, Simd, Space,
     Sphere, Spheres, UnknownName, detect,
 };
 
@@ -37,7 +37,7 @@ const _: () = {
     is_data::<Space>();
     is_data::<Order>();
     is_data::<Simd>();
-    is_data::<Phase>();
+    is_data::<PhaseTime>();
     is_name::<Algorithm>();
     is_name::<Backend>();
     is_error::<Error>();
@@ -73,7 +73,7 @@ fn every_call(detector: &mut Detector, rows: &[Sphere], four: &[[f32; 4]]) -> Re
     let x = &[0.0_f32; 3];
     let spheres: Spheres<'_> = Spheres::columns(x, x, x, x)?.with_species(&[0, 1, 0])?;
     let lists: Neighbors<'_> = detector.neighbors(spheres)?;
-    let _: (usize, bool, &[u32]) = (lists.len(), lists.is_empty(), lists.of(0));
+    let _: (usize, bool, &[u32]) = (lists.len(), lists.is_empty(), lists.neighbors_of(0));
     let _: u64 = detector.count(spheres)?;
     let _: u64 = detector.stream(spheres, 100, |chunk: &[Pair]| match chunk {
         [] => ControlFlow::Break(()),
@@ -83,7 +83,8 @@ fn every_call(detector: &mut Detector, rows: &[Sphere], four: &[[f32; 4]]) -> Re
     let Report { spheres, pairs, backend, adapter, algorithm, reason, phases, .. } = detector.report();
     let _: (u64, u64, Backend, Option<String>, Algorithm, String) =
         (spheres, pairs, backend, adapter, algorithm, reason);
-    let _: Option<(&'static str, Duration)> = phases.first().map(|phase: &Phase| (phase.name, phase.time));
+    let _: Option<(&'static str, Duration)> =
+        phases.first().map(|phase: &PhaseTime| (phase.name, phase.time));
     Ok(())
 }
 

@@ -29,22 +29,22 @@ use std::ops::Range;
 
 use lazygrid_kernels::{Query, Shear, Space, Sphere, Spheres, Straight};
 
-use crate::threads::Threads;
+use crate::executor::Executor;
 
 /// Spheres per piece of the pass over them.
-const PIECE: usize = 1 << 13;
+const CHUNK_SPHERES: usize = 1 << 13;
 /// Spheres that are read at a time.
-pub(crate) const BLOCK: usize = 64;
+pub(crate) const BLOCK_SPHERES: usize = 64;
 /// The relative and the absolute part by which radii grow.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 /// The largest radius in a frame.
-const LIMIT: f64 = 4.0;
+const MAX_RADIUS: f64 = 4.0;
 /// The part of the distance between spheres along a periodic axis that a frame is no smaller than.
-const SPREAD: f64 = 1.0 / (1 << 20) as f64;
+const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// The absolute part of the slack, and the part of the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
 /// The part of a frame that spheres fill at least: a frame is kept while they do, so that those that move keep their radii.
-const FILLED: f64 = 1.0 / 8.0;
+const MIN_FILLED: f64 = 1.0 / 8.0;
 
 /// Where spheres lie: the smallest and the largest coordinates; and whether all are valid.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,7 @@ pub(crate) struct Bounds {
 
 /// The map from spheres to those that are searched.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Frame {
+pub struct SearchFrame {
     origin: [f64; 3],
     scale: f64,
     axes: Axes,
@@ -75,27 +75,27 @@ impl Bounds {
     const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], are_valid: true };
 
     /// The bounds of all spheres of a query.
-    pub(crate) fn of(query: &Query<'_>, threads: Threads) -> Self {
+    pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
         let sets = [Some(query.first()), query.second()];
         sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
             let count = set.len();
             let piece = |bounds: Self, piece: usize| {
-                let range = piece * PIECE..count.min((piece + 1) * PIECE);
+                let range = piece * CHUNK_SPHERES..count.min((piece + 1) * CHUNK_SPHERES);
                 Ok(bounds.with_all(set, range))
             };
             let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
-            let pieces = (count.div_ceil(PIECE), usize::MAX);
-            let Ok(of_set) = threads.passing(count).fold(pieces, || Self::EMPTY, piece, merge);
+            let pieces = (count.div_ceil(CHUNK_SPHERES), usize::MAX);
+            let Ok(of_set) = executor.for_light_work(count).fold(pieces, || Self::EMPTY, piece, merge);
             bounds.merge(of_set)
         })
     }
 
     /// The bounds of these spheres too, in blocks that stay in the first-level cache.
     fn with_all(mut self, set: Spheres<'_>, range: Range<usize>) -> Self {
-        let mut block = [[0.0; 4]; BLOCK];
+        let mut block = [[0.0; 4]; BLOCK_SPHERES];
         let [mut min, mut max, mut zero] = [[f64::INFINITY; 4], [f64::NEG_INFINITY; 4], [0.0; 4]];
-        for from in range.clone().step_by(BLOCK) {
-            let block = &mut block[..BLOCK.min(range.end - from)];
+        for from in range.clone().step_by(BLOCK_SPHERES) {
+            let block = &mut block[..BLOCK_SPHERES.min(range.end - from)];
             set.read(from, block);
             for numbers in block {
                 for (k, &number) in numbers.iter().enumerate() {
@@ -133,9 +133,9 @@ impl Bounds {
     }
 }
 
-impl Frame {
+impl SearchFrame {
     /// The frame of spheres within these bounds. The `last` one stays if they suit it.
-    pub(crate) fn of(bounds: &Bounds, space: &Space, last: Option<Frame>) -> Self {
+    pub(crate) fn of(bounds: &Bounds, space: &Space, last: Option<SearchFrame>) -> Self {
         let periodic = space.shear().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3]);
         let size = |origin: &[f64; 3]| {
             let free = |axis: &usize| !periodic[*axis] && space.shear().is_none_or(|shear| shear.rank() < 3);
@@ -144,13 +144,13 @@ impl Frame {
                 (0..3).map(|axis| 0.5 * bounds.max[axis] - 0.5 * bounds.min[axis]).fold(0.0, f64::max);
             let box_size = space.shear().map_or(0.0, Shear::longest);
             let lengths = space.lengths().into_iter().flatten().fold(box_size, f64::max);
-            let spread = if space.is_periodic() { 2.0 * SPREAD * spread } else { 0.0 };
+            let spread = if space.is_periodic() { 2.0 * MIN_SPREAD * spread } else { 0.0 };
             extent.max(lengths).max(spread)
         };
         // Radii of `f64` spheres may be more than a narrow frame holds.
         if let Some(last) = last.filter(|last| !last.is_narrow()) {
             let filled = size(&last.origin) * last.scale;
-            if (FILLED..1.0).contains(&filled) {
+            if (MIN_FILLED..1.0).contains(&filled) {
                 return last;
             }
         }
@@ -238,7 +238,7 @@ impl Frame {
                 };
                 Sphere::new([0, 1, 2].map(place), searched_radius(radius * self.scale))
             }
-            Axes::Triclinic(straight) => straight.sphere(center, radius, 2.0 * LIMIT),
+            Axes::Triclinic(straight) => straight.sphere(center, radius, 2.0 * MAX_RADIUS),
             Axes::Narrow(straight) => {
                 // The spheres of the other frames are checked for their bounds.
                 let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
@@ -255,7 +255,7 @@ impl Frame {
 #[inline]
 fn searched_radius(radius: f64) -> f32 {
     let [relative, absolute] = GROWTH;
-    let radius = if radius < LIMIT { radius } else { LIMIT };
+    let radius = if radius < MAX_RADIUS { radius } else { MAX_RADIUS };
     // The next number upward, as it is positive and not infinite.
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }

@@ -1,53 +1,43 @@
 //! The CPU path of lazygrid: every pair of overlapping spheres, found by rayon threads.
 //!
-//! [`HostDetector`] is the way in. Data flows one way: spheres → [`Survey`] → [`choice`] → plan → detector → pairs.
+//! [`HostDetector`] is the way in. Data flows one way: spheres → [`InputStats`] → [`algorithm_choice`] → plan → detector → pairs.
 //! Most programs use it through the `lazygrid` crate.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, clippy::disallowed_macros))]
 
-pub mod choice;
-
-mod canonical;
 mod cell_list;
-mod classes;
 mod compare;
 mod detector;
-mod finder;
-mod floor;
+mod disjoint_writes;
+mod executor;
 mod frame;
+mod grids;
 mod input;
-#[cfg(test)]
-mod judged;
-mod list;
+mod math;
 mod memory;
 mod naive;
-mod neighbors;
-mod paper;
-mod place;
+mod output;
 mod radix;
-mod refinement;
 mod report;
-mod scatter;
 mod settings;
+mod size_class;
 mod skin;
-mod species_groups;
-mod state;
-mod survey;
-mod threads;
+#[cfg(test)]
+mod test_support;
 
-pub use classes::CLASSES;
-pub use compare::Simd;
-pub use detector::{HostBackend, HostDetector};
-pub use finder::{PairFinder, PairSource, SearchBackend, TakePairs, TakePart, Work, ranges};
-pub use frame::Frame;
+pub use compare::{PairConsumer, PairFilter, Simd};
+pub use detector::{
+    ChunkConsumer, HostBackend, HostDetector, PairFinder, PairSource, SearchBackend, Work, algorithm_choice,
+    ranges,
+};
+pub use executor::{Executor, Team};
+pub use frame::SearchFrame;
+pub use input::{InputStats, PreparedQuery, QueryBuffers, SizeClass, SpeciesPartition, check, check_valid};
 pub use lazygrid_kernels::{Error, InputError};
-pub use list::{Contact, Images, ListOptions, NeighborList, NeighborListBuilder};
-pub use neighbors::{Lists, Neighbors};
-pub use place::{Placed, Places, check};
-pub use refinement::Refinement;
-pub use report::{Kept, Phase, Rebuilt, Report};
-pub use settings::{Order, Settings, Skin};
-pub use skin::{Costs, Forecast, SKINS};
-pub use species_groups::Partition;
-pub use survey::{Class, Survey, check_valid};
-pub use threads::{Team, Threads};
+pub use output::{
+    ContactTest, ListOptions, NeighborList, NeighborListBuilder, Neighbors, NeighborsBuilder, PeriodicImages,
+};
+pub use report::{CandidateListStats, PhaseTime, RebuildReason, Report};
+pub use settings::{Order, SKIN_RANGE, Settings, Skin};
+pub use size_class::SIZE_CLASSES;
+pub use skin::{SkinTuner, TunerCosts};

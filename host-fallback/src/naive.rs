@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::compare::{COMPARE, Columns, Output, Rule, Sink, Task, Vector, scan};
-use crate::input::{Input, search_pieces};
+use crate::compare::{COMPARE_NS, Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
+use crate::input::{SearchInput, search_pieces};
 
 /// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
 const TILE: usize = 1024;
@@ -12,27 +12,27 @@ const TILE: usize = 1024;
 /// Compares every sphere of `columns[a]` with every later one of `columns[b]`; the ranges are equal or disjoint.
 struct Tile<'t, S> {
     columns: &'t Columns,
-    rule: &'t Rule<'t>,
+    test: &'t PairTest<'t>,
     a: Range<usize>,
     b: Range<usize>,
     sink: &'t mut S,
 }
 
-impl<S: Sink> Task for Tile<'_, S> {
+impl<S: Sink> SimdTask for Tile<'_, S> {
     type Result = ();
 
     #[inline(always)]
-    fn run<V: Vector>(self, vector: V) {
+    fn run<V: SimdWidth>(self, vector: V) {
         for at in self.a.clone() {
             let run = self.b.start.max(if self.a == self.b { at + 1 } else { 0 })..self.b.end;
-            scan(vector, (self.columns, self.rule), at, run, self.sink);
+            scan(vector, (self.columns, self.test), at, run, self.sink);
         }
     }
 }
 
 /// The estimated time of one thread for this number of spheres, in nanoseconds.
 pub(crate) fn time(spheres: usize) -> f32 {
-    spheres as f32 * spheres as f32 * COMPARE / 2.0
+    spheres as f32 * spheres as f32 * COMPARE_NS / 2.0
 }
 
 /// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
@@ -40,7 +40,7 @@ pub(crate) fn time(spheres: usize) -> f32 {
 /// # Errors
 /// [`Error::OutOfMemory`], [`Error::Stopped`].
 pub(crate) fn search<'o, O: Output>(
-    input: &Input<'_>,
+    input: &SearchInput<'_>,
     columns: &Columns,
     output: &'o O,
 ) -> Result<O::Sink<'o>, Error> {
@@ -61,7 +61,7 @@ pub(crate) fn search<'o, O: Output>(
             if !sink.stopped() {
                 let sink = &mut sink;
                 let (a, b) = (tile(&rows, k), tile(&others, other));
-                input.run(Tile { columns, rule: &input.rule, a, b, sink });
+                input.run(Tile { columns, test: &input.test, a, b, sink });
             }
         }
         Ok(sink)

@@ -7,21 +7,21 @@
 use bytemuck::Zeroable;
 
 use crate::Error;
-use crate::memory::resize;
-use crate::scatter::Disjoint;
-use crate::threads::Threads;
+use crate::disjoint_writes::DisjointSlice;
+use crate::executor::Executor;
+use crate::memory::try_resize;
 
 /// Entries per piece at least, 128 KiB of narrow ones: far more than there are digits to count.
-const PIECE: usize = 1 << 14;
+const CHUNK_RECORDS: usize = 1 << 14;
 /// Pieces at most: their counts are summed by one thread.
-const MAX_PIECES: usize = 64;
+const MAX_CHUNKS: usize = 64;
 /// Bits per digit: few enough that the lines which a pass writes to stay in the first-level cache.
 const DIGIT: u32 = 8;
 /// The number of digits.
 const DIGITS: usize = 1 << DIGIT;
 
 /// A number to sort by.
-pub(crate) trait Key: Copy + Ord + Zeroable + Send + Sync + From<u32> {
+pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {
     /// Moves the bits up by less than the width of the type and puts others in the room made.
     fn append(self, low: u32, bits: u32) -> Self;
     /// Moves the bits down by less than the width of the type.
@@ -32,7 +32,7 @@ pub(crate) trait Key: Copy + Ord + Zeroable + Send + Sync + From<u32> {
 
 macro_rules! key {
     ($type:ty) => {
-        impl Key for $type {
+        impl RadixKey for $type {
             #[inline(always)]
             fn append(self, low: u32, bits: u32) -> Self {
                 self << bits | Self::from(low)
@@ -56,7 +56,7 @@ key!(u128);
 
 /// A sphere under a key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Zeroable)]
-pub(crate) struct Entry<K> {
+pub(crate) struct KeyedSphere<K> {
     pub(crate) key: K,
     pub(crate) id: u32,
 }
@@ -64,24 +64,24 @@ pub(crate) struct Entry<K> {
 /// Entries to be sorted, and the buffers for it, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct Radix<K> {
-    pub(crate) entries: Vec<Entry<K>>,
-    spare: Vec<Entry<K>>,
+    pub(crate) entries: Vec<KeyedSphere<K>>,
+    spare: Vec<KeyedSphere<K>>,
     /// Indexed by piece and digit: first how many there are, then where the next one goes.
     counts: Vec<[usize; DIGITS]>,
 }
 
-impl<K: Key> Radix<K> {
+impl<K: RadixKey> Radix<K> {
     /// Bytes per entry, in both buffers.
-    pub(crate) const BYTES_PER_ENTRY: u64 = 2 * size_of::<Entry<K>>() as u64;
+    pub(crate) const BYTES_PER_ENTRY: u64 = 2 * size_of::<KeyedSphere<K>>() as u64;
 
     /// Sorts the entries by keys that are below 2^`bits`; those of equal keys stay in order.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn sort(&mut self, bits: u32, threads: Threads) -> Result<(), Error> {
-        resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;
+    pub(crate) fn sort(&mut self, bits: u32, executor: Executor) -> Result<(), Error> {
+        try_resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;
         for shift in (0..bits).step_by(DIGIT as usize) {
-            if self.pass(shift, threads)? {
+            if self.pass(shift, executor)? {
                 std::mem::swap(&mut self.entries, &mut self.spare);
             }
         }
@@ -89,14 +89,14 @@ impl<K: Key> Radix<K> {
     }
 
     /// Moves the entries to `spare` by one digit; `false` where that would move nothing.
-    fn pass(&mut self, shift: u32, threads: Threads) -> Result<bool, Error> {
+    fn pass(&mut self, shift: u32, executor: Executor) -> Result<bool, Error> {
         let Self { entries, spare, counts } = self;
         let Some(first) = entries.first() else { return Ok(false) };
         let digit = |key: K| key.without(shift).low() as usize % DIGITS;
-        let size = entries.len().div_ceil(MAX_PIECES).max(PIECE);
+        let size = entries.len().div_ceil(MAX_CHUNKS).max(CHUNK_RECORDS);
         let piece = |k: usize| &entries[k * size..entries.len().min((k + 1) * size)];
-        resize(counts, entries.len().div_ceil(size), "counting entries of cells")?;
-        threads.each(counts, |k, counts| {
+        try_resize(counts, entries.len().div_ceil(size), "counting entries of cells")?;
+        executor.for_each(counts, |k, counts| {
             // Counters on the stack: the compiler then knows that entries are none of them.
             let mut own = [0; DIGITS];
             for entry in piece(k) {
@@ -115,8 +115,8 @@ impl<K: Key> Radix<K> {
                 at += std::mem::replace(&mut counts[digit], at);
             }
         }
-        let target = Disjoint::new(spare);
-        threads.each(counts, |k, places| {
+        let target = DisjointSlice::new(spare);
+        executor.for_each(counts, |k, places| {
             let mut own = *places;
             for &entry in piece(k) {
                 let place = &mut own[digit(entry.key)];
@@ -135,25 +135,27 @@ mod tests {
     use super::*;
 
     fn check(bits: u32, keys: Vec<u128>) {
-        let entries = (0..).zip(&keys).map(|(id, &key)| Entry { key, id }).collect();
+        let entries = (0..).zip(&keys).map(|(id, &key)| KeyedSphere { key, id }).collect();
         let mut wide = Radix::<u128> { entries, ..Radix::default() };
         let mut expected = wide.entries.clone();
         expected.sort_by_key(|entry| entry.key);
         if bits <= 32 {
-            let entries = wide.entries.iter().map(|e| Entry { key: e.key as u32, id: e.id }).collect();
+            let entries = wide.entries.iter().map(|e| KeyedSphere { key: e.key as u32, id: e.id }).collect();
             let mut narrow = Radix::<u32> { entries, ..Radix::default() };
-            narrow.sort(bits, Threads::Pool).expect("there is memory");
+            narrow.sort(bits, Executor::Pool).expect("there is memory");
             let sorted: Vec<_> =
-                narrow.entries.iter().map(|e| Entry { key: u128::from(e.key), id: e.id }).collect();
+                narrow.entries.iter().map(|e| KeyedSphere { key: u128::from(e.key), id: e.id }).collect();
             assert!(sorted == expected, "{} narrow entries of {bits} bits", keys.len());
         }
-        wide.sort(bits, Threads::Pool).expect("there is memory");
+        wide.sort(bits, Executor::Pool).expect("there is memory");
         assert!(wide.entries == expected, "{} wide entries of {bits} bits", keys.len());
     }
 
     #[test]
     fn agrees_with_a_sequential_stable_sort() {
-        for len in [0, 1, 2, 1000, PIECE - 1, PIECE, PIECE + 1, 3 * PIECE + 17] {
+        for len in
+            [0, 1, 2, 1000, CHUNK_RECORDS - 1, CHUNK_RECORDS, CHUNK_RECORDS + 1, 3 * CHUNK_RECORDS + 17]
+        {
             for bits in [1, 3, 11, 12, 29, 32, 99] {
                 let mut state = len as u128 + 1;
                 let mut random = || {
@@ -167,8 +169,8 @@ mod tests {
 
     #[test]
     fn equal_keys_stay_in_order() {
-        check(32, vec![0xFFFF_FFFF; 2 * PIECE + 1]);
-        check(99, (0..2 * PIECE as u128).map(|k| (k & 1) << 98).collect());
+        check(32, vec![0xFFFF_FFFF; 2 * CHUNK_RECORDS + 1]);
+        check(99, (0..2 * CHUNK_RECORDS as u128).map(|k| (k & 1) << 98).collect());
         check(0, vec![0; 5]);
     }
 }

@@ -14,44 +14,44 @@ pub struct Report {
     /// The reason for which it was chosen.
     pub reason: String,
     /// Wall-clock time of each phase, in the order they ran.
-    pub phases: Vec<Phase>,
+    pub phases: Vec<PhaseTime>,
     /// The candidates that the call was answered from; `None` where it searched without any.
-    pub candidates: Option<Kept>,
+    pub candidates: Option<CandidateListStats>,
 }
 
 /// Statistics of the candidate list: pairs that may overlap until spheres have moved too far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Kept {
+pub struct CandidateListStats {
     /// The number of candidates.
     pub count: u64,
     /// The number of calls since they were found; 0 in the call that finds them.
     pub age: u32,
     /// The largest fraction of its displacement limit that any sphere has used, from 0 to 1.
-    pub moved: f32,
+    pub displacement_fraction: f32,
     /// The reason for a rebuild in this call; `None` if they were kept.
-    pub rebuilt: Option<Rebuilt>,
+    pub rebuilt: Option<RebuildReason>,
 }
 
 /// The reason for a rebuild of the candidate list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Rebuilt {
+pub enum RebuildReason {
     /// There were none.
-    First,
+    NoList,
     /// Some sphere had moved too far.
-    Moved,
+    Displacement,
     /// There were more spheres or fewer, others, or of other radii or species.
-    Changed,
+    InputChanged,
 }
 
 /// In words.
-impl std::fmt::Display for Rebuilt {
+impl std::fmt::Display for RebuildReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(match self {
-            Self::First => "there were none",
-            Self::Moved => "a sphere had moved too far",
-            Self::Changed => "the spheres had changed",
+            Self::NoList => "there were none",
+            Self::Displacement => "a sphere had moved too far",
+            Self::InputChanged => "the spheres had changed",
         })
     }
 }
@@ -59,14 +59,14 @@ impl std::fmt::Display for Rebuilt {
 /// One phase of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Phase {
+pub struct PhaseTime {
     /// Its name, such as `sort` or `search`.
     pub name: &'static str,
     /// Wall-clock time it took.
     pub time: Duration,
 }
 
-impl Phase {
+impl PhaseTime {
     /// Creates a phase.
     pub fn new(name: &'static str, time: Duration) -> Self {
         Self { name, time }
@@ -87,7 +87,7 @@ impl Report {
     pub(crate) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
-        Phase::add(&mut self.phases, name, start.elapsed());
+        PhaseTime::add(&mut self.phases, name, start.elapsed());
         result
     }
 }

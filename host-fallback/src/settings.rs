@@ -3,8 +3,8 @@ use std::sync::atomic::AtomicBool;
 
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
-use crate::choice::Structure;
-use crate::{Error, Simd, skin};
+use crate::Error;
+use crate::compare::Simd;
 
 /// The order of a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -37,6 +37,9 @@ pub enum Skin {
     Fixed(f64),
 }
 
+/// Distances that a fixed skin may have: `f32` holds the square of half of it with room to spare.
+pub const SKIN_RANGE: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
+
 /// The settings of a detector, on the CPU or for the host's part of a device.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -46,7 +49,7 @@ pub struct Settings {
     pub order: Order,
     /// The widest vector code to use, where the processor has it.
     pub simd: Simd,
-    /// Threads of a pool of the detector's own; `None` runs in the rayon pool of the caller.
+    /// Executor of a pool of the detector's own; `None` runs in the rayon pool of the caller.
     pub threads: Option<usize>,
     /// A cell of the recursive grid is split when it holds more smaller spheres than this.
     pub tau: u32,
@@ -74,8 +77,8 @@ impl Settings {
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
 
-    /// Refuses settings outside their range. Returns what others have built.
-    pub(crate) fn check(&self) -> Result<Structure, Error> {
+    /// Refuses settings outside their range.
+    pub(crate) fn check(&self) -> Result<(), Error> {
         if !(0.5..=16.0).contains(&self.raster_ratio) {
             let value = self.raster_ratio.to_string();
             return Err(Error::Setting { name: "raster_ratio", value, range: "choose between 0.5 and 16" });
@@ -87,13 +90,13 @@ impl Settings {
         if let Skin::Fixed(distance) = self.skin {
             self.check_skin(distance)?;
         }
-        Structure::of(self.algorithm)
+        Ok(())
     }
 
     /// Refuses a skin that no arithmetic can follow, and one for an algorithm that keeps nothing.
     fn check_skin(&self, distance: f64) -> Result<(), Error> {
         let value = distance.to_string();
-        if !skin::SKINS.contains(&(distance as f32)) {
+        if !SKIN_RANGE.contains(&(distance as f32)) {
             return Err(Error::Setting {
                 name: "skin",
                 value,

@@ -22,7 +22,7 @@ pub(crate) fn dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py,
         let candidates = PyDict::new(py);
         candidates.set_item("count", kept.count)?;
         candidates.set_item("age", kept.age)?;
-        candidates.set_item("moved", kept.moved)?;
+        candidates.set_item("moved", kept.displacement_fraction)?;
         candidates.set_item("rebuilt", kept.rebuilt.map(|why| why.to_string()))?;
         Ok::<_, PyErr>(candidates)
     });

@@ -102,7 +102,7 @@ fn all_kinds_of_results_agree() {
             assert!(handed == Ok(most) && streamed == found, "{variant}: the stream differs");
         }
         let lists = detector.neighbors(query).expect("neighbours");
-        let listed: usize = (0..2000).map(|i| lists.of(i).len()).sum();
+        let listed: usize = (0..2000).map(|i| lists.neighbors_of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{variant}");
         // The same detector without exclusions.
         assert_eq!(detector.count(without), Ok(all as u64), "{variant}");

@@ -182,7 +182,7 @@ fn all_kinds_of_results_agree() {
         let mut detector = Detector::new(variant.settings().space(periodic.space)).expect("a detector");
         let lists = detector.neighbors(columns).expect("neighbours");
         let of_lists = (0..spheres.len()).flat_map(|i| {
-            let later = lists.of(i).iter().filter(move |&&j| j as usize > i);
+            let later = lists.neighbors_of(i).iter().filter(move |&&j| j as usize > i);
             later.map(move |&j| Pair { i: i as u32, j })
         });
         assert!(of_lists.collect::<Vec<_>>() == expected, "{variant}: the neighbours differ");
@@ -247,7 +247,7 @@ fn all_kinds_of_results_on_the_gpu_agree() {
         });
         assert!(handed == Ok(list.len() as u64) && streamed == list, "{variant}: the stream differs");
         let lists = detector.neighbors(spheres).expect("neighbours");
-        assert_eq!((0..spheres.len()).map(|i| lists.of(i).len()).sum::<usize>(), 2 * list.len());
+        assert_eq!((0..spheres.len()).map(|i| lists.neighbors_of(i).len()).sum::<usize>(), 2 * list.len());
         // A cell list has periodic cells; other algorithms make a wrapped copy of the spheres.
         let copy = if variant.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
         let unbounded = Detector::new(variant.settings()).expect("a detector").memory_for(3000);

@@ -198,7 +198,7 @@ fn all_kinds_of_results_agree() {
         assert_eq!(detector.count(spheres), Ok(most), "{variant}");
         let lists = detector.neighbors(spheres).expect("neighbours");
         let of_lists = (0..spheres.len()).flat_map(|i| {
-            let later = lists.of(i).iter().filter(move |&&j| j as usize > i);
+            let later = lists.neighbors_of(i).iter().filter(move |&&j| j as usize > i);
             later.map(move |&j| Pair { i: i as u32, j })
         });
         assert!(of_lists.eq(expected.iter().copied()), "{variant}: the neighbours differ");

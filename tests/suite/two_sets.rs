@@ -45,7 +45,8 @@ fn agrees(scenario: &TestInput, split: usize, variant: DetectorVariant) -> Resul
         }
         let count = detector.count((a.view(), b.view())).map_err(works)?;
         let lists = detector.neighbors((a.view(), b.view())).map_err(works)?;
-        let listed = (0..lists.len()).flat_map(|i| lists.of(i).iter().map(move |&j| Pair { i: i as u32, j }));
+        let listed = (0..lists.len())
+            .flat_map(|i| lists.neighbors_of(i).iter().map(move |&j| Pair { i: i as u32, j }));
         if count != found.len() as u64 || lists.len() != a.spheres.len() || !listed.eq(found.iter().copied())
         {
             return Err(complain("counted or listed otherwise"));

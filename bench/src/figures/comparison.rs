@@ -4,7 +4,7 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Phase, Sphere};
+use lazygrid::{PhaseTime, Sphere};
 use thiserror::Error;
 
 use super::plan::DataPoint;
@@ -71,7 +71,7 @@ pub(super) struct Comparison<'a> {
 struct ContenderRun {
     contender: Contender,
     search: Option<Box<dyn PairFinder>>,
-    phases: Vec<Vec<Phase>>,
+    phases: Vec<Vec<PhaseTime>>,
     used: Duration,
     last: Option<Digest>,
     has_worked: bool,
@@ -247,10 +247,10 @@ impl ContenderRun {
 }
 
 /// The median of each phase, in execution order.
-fn medians(runs: &[Vec<Phase>]) -> Vec<(String, f64)> {
+fn medians(runs: &[Vec<PhaseTime>]) -> Vec<(String, f64)> {
     let Some(first) = runs.first() else { return vec![] };
     let times = |name: &str| -> Vec<f64> {
-        let of = |run: &Vec<Phase>| Some(run.iter().find(|p| p.name == name)?.time.as_secs_f64());
+        let of = |run: &Vec<PhaseTime>| Some(run.iter().find(|p| p.name == name)?.time.as_secs_f64());
         runs.iter().filter_map(of).collect()
     };
     first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()

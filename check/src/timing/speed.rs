@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use lazygrid::gpu::{self, Cost, GpuConfig, GpuDevice, GpuSession};
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Skin, Sphere, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, PhaseTime, Skin, Sphere, Spheres};
 
 use super::bandwidth::median;
 use crate::catch_panic;
@@ -104,7 +104,7 @@ fn free_memory() -> Option<u64> {
     Some(kibibytes << 10)
 }
 
-fn timed(mut call: impl FnMut() -> Result<(u64, Vec<Phase>), String>) -> Result<Speed, String> {
+fn timed(mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>) -> Result<Speed, String> {
     let begun = Instant::now();
     let (pairs, first) = call()?;
     let once = begun.elapsed().as_secs_f64();

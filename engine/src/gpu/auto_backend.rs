@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use lazygrid_host::{HostBackend, Phase, SearchBackend, Settings, Team, Work};
+use lazygrid_host::{HostBackend, PhaseTime, SearchBackend, Settings, Team, Work};
 use lazygrid_kernels::Query;
 
 use super::{DeviceBackend, GpuDevice};
@@ -56,7 +56,7 @@ impl SearchBackend for AutoBackend {
         self.host.team()
     }
 
-    fn report_mut(&mut self) -> (&mut u64, &mut Vec<Phase>) {
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>) {
         match self.chosen.0 {
             Backend::Cpu => self.host.report_mut(),
             _ => self.device.report_mut(),

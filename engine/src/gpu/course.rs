@@ -1,7 +1,7 @@
 //! Which skin calls on the GPU have where the detector is to choose: the forecast is that of the CPU path, the costs are those
 //! of the device.
 
-use lazygrid_host::{Costs, Forecast, Kept, Rebuilt, SKINS};
+use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinTuner, TunerCosts};
 
 use super::device_search::Given;
 use crate::Error;
@@ -12,7 +12,7 @@ const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 /// The observed motion of the spheres, and the skin in use.
 #[derive(Debug, Default)]
 pub(super) struct Course {
-    forecast: Forecast,
+    tuner: SkinTuner,
     skin: Option<f32>,
     /// `true` if the candidate list served the last call, so that nothing has to be decided.
     is_served: bool,
@@ -22,13 +22,13 @@ impl Course {
     /// The skin of the next call.
     ///
     /// # Errors
-    /// The same as [`Forecast::skin`].
-    pub(super) fn next(&mut self, given: &Given<'_>, costs: &Costs) -> Result<Option<f32>, Error> {
+    /// The same as [`SkinTuner::skin`].
+    pub(super) fn next(&mut self, given: &Given<'_>, costs: &TunerCosts) -> Result<Option<f32>, Error> {
         let (spheres, interactions, space) = (given.spheres, given.interactions, given.space);
-        self.forecast.look(spheres, interactions, space)?;
+        self.tuner.look(spheres, interactions, space)?;
         if !self.is_served {
-            let skin = self.forecast.skin(spheres, interactions, space, costs)?;
-            let skin = skin.filter(|skin| SKINS.contains(skin));
+            let skin = self.tuner.skin(spheres, interactions, space, costs)?;
+            let skin = skin.filter(|skin| SKIN_RANGE.contains(skin));
             self.skin = match (self.skin, skin) {
                 (Some(there_is), Some(skin)) if AS_GOOD.contains(&(skin / there_is)) => Some(there_is),
                 _ => skin,
@@ -44,18 +44,18 @@ impl Course {
 
     /// Takes down what a call had: the candidates that answered it, if any, when those that there were before had been found,
     /// in calls, and how far the farthest sphere had gone, as a part of what it may.
-    pub(super) fn note(&mut self, spheres: usize, kept: Option<Kept>, went: (u32, f32)) {
+    pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, went: (u32, f32)) {
         self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
         match kept {
-            Some(Kept { rebuilt: None, .. }) => self.forecast.note_age(went, None),
-            Some(Kept { rebuilt, count, .. }) => {
-                if rebuilt == Some(Rebuilt::Moved) {
-                    self.forecast.note_age(went, rebuilt);
+            Some(CandidateListStats { rebuilt: None, .. }) => self.tuner.record_age(went, None),
+            Some(CandidateListStats { rebuilt, count, .. }) => {
+                if rebuilt == Some(RebuildReason::Displacement) {
+                    self.tuner.record_age(went, rebuilt);
                 }
-                self.forecast.note_found(count as f32 / spheres.max(1) as f32);
+                self.tuner.record_count(count as f32 / spheres.max(1) as f32);
             }
             None if self.skin.is_some() => {
-                self.forecast.note_too_many();
+                self.tuner.record_overflow();
                 self.skin = None;
             }
             None => {}
@@ -74,7 +74,7 @@ mod tests {
     /// were found. `fits` says whether there is room for them.
     fn follow(course: &mut Course, calls: u32, step: f32, fits: bool) -> (u32, u32) {
         let n = 8000_usize;
-        let costs = Costs::from(SkinCosts::SOFTWARE);
+        let costs = TunerCosts::from(SkinCosts::SOFTWARE);
         let (mut held, mut age, mut at, mut since) = (None, 0, 0.0, 0.0);
         let (mut served, mut found) = (0, 0);
         for _ in 0..calls {
@@ -83,8 +83,7 @@ mod tests {
             let all: Vec<_> = (0..n).map(place).map(|[x, y, z]| Sphere::new([x + at, y, z], 0.5)).collect();
             let (algorithm, space) = (Algorithm::CellList, Space::UNBOUNDED);
             let spheres = (&all).into();
-            let given =
-                Given { spheres, split: None, interactions: None, space, algorithm, refinement: None };
+            let given = Given { spheres, split: None, interactions: None, space, algorithm, filter: None };
             let skin = course.next(&given, &costs).expect("valid");
             let Some(distance) = skin.filter(|_| fits) else {
                 (held, found) = (None, found + u32::from(skin.is_some()));
@@ -92,11 +91,11 @@ mod tests {
                 continue;
             };
             let moved = (at - since) / (distance / 2.0);
-            let mut kept = Kept::default();
+            let mut kept = CandidateListStats::default();
             kept.rebuilt = match held == skin {
                 true if moved <= 1.0 => None,
-                true => Some(Rebuilt::Moved),
-                false => Some(Rebuilt::First),
+                true => Some(RebuildReason::Displacement),
+                false => Some(RebuildReason::NoList),
             };
             kept.count = if distance < 0.5 { 0 } else { 3 * n as u64 };
             let went = (age + 1, moved);

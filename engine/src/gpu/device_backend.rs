@@ -2,7 +2,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use lazygrid_host::{
-    Frame, Kept, Phase, Places, SKINS, SearchBackend, Settings, Skin, Survey, Team, Work, check_valid,
+    CandidateListStats, InputStats, PhaseTime, QueryBuffers, SKIN_RANGE, SearchBackend, SearchFrame,
+    Settings, Skin, Team, Work, check_valid,
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
@@ -24,7 +25,7 @@ pub(crate) struct DeviceBackend {
     framed: Option<Box<Device>>,
     /// The host's threads.
     team: Arc<Team>,
-    places: Places,
+    buffers: QueryBuffers,
     /// Chooses the skin from call to call, if the settings leave it open.
     course: Option<Course>,
     report: Report,
@@ -75,7 +76,16 @@ impl DeviceBackend {
         if let Skin::Fixed(distance) = settings.skin {
             device.search.session.set_skin(Some(distance as f32))?;
         }
-        Ok(Self { settings, known, device, framed: None, team, places: Places::default(), course, report })
+        Ok(Self {
+            settings,
+            known,
+            device,
+            framed: None,
+            team,
+            buffers: QueryBuffers::default(),
+            course,
+            report,
+        })
     }
 }
 
@@ -103,48 +113,48 @@ impl SearchBackend for DeviceBackend {
         &self.team
     }
 
-    fn report_mut(&mut self) -> (&mut u64, &mut Vec<Phase>) {
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>) {
         (&mut self.report.pairs, &mut self.report.phases)
     }
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        let Self { settings, known, device, framed, course, team, places, report, .. } = self;
+        let Self { settings, known, device, framed, course, team, buffers, report, .. } = self;
         report.begin(query.len());
-        let (placed, survey) = team.pass(query.len(), |threads| {
-            let placed = places.place(query, (settings, false), threads, &mut report.phases)?;
+        let (prepared, stats) = team.pass(query.len(), |threads| {
+            let prepared = buffers.prepare(query, (settings, false), threads, &mut report.phases)?;
             let start = Instant::now();
-            let table = settings.interactions.as_ref().filter(|_| placed.frame.is_none());
-            let survey = Survey::new(placed.spheres, table, threads)
+            let table = settings.interactions.as_ref().filter(|_| prepared.frame.is_none());
+            let stats = InputStats::new(prepared.spheres, table, threads)
                 .or_else(|error| check_valid(query, threads).and(Err(error)))?;
-            report.phases.push(Phase::new("choice", start.elapsed()));
-            Ok((placed, survey))
+            report.phases.push(PhaseTime::new("choice", start.elapsed()));
+            Ok((prepared, stats))
         })?;
         let asked_for = settings.algorithm;
-        let classes = survey.occupied().count();
+        let classes = stats.occupied().count();
         // Below 2³² by the check.
-        let (spheres, split) = (query.len() as u32, placed.split.map(|split| split as u32));
+        let (spheres, split) = (query.len() as u32, prepared.split.map(|split| split as u32));
         let (algorithm, reason) =
             choice::algorithm(asked_for, (spheres, split, classes), (known.crossover, known.how));
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
-        let device = match placed.frame {
+        let device = match prepared.frame {
             Some(_) if !settings.is_framed() => Device::framed(framed, device, settings)?,
             _ => device,
         };
-        let space = placed.frame.map_or(settings.space, Frame::space);
+        let space = prepared.frame.map_or(settings.space, SearchFrame::space);
         let Device { search, interactions } = device;
         search.session.set_space(space)?;
         if let Skin::Fixed(distance) = settings.skin {
-            let distance = distance * placed.frame.map_or(1.0, Frame::scale);
-            search.session.change_skin(Some(distance as f32).filter(|skin| SKINS.contains(skin)))?;
+            let distance = distance * prepared.frame.map_or(1.0, SearchFrame::scale);
+            search.session.change_skin(Some(distance as f32).filter(|skin| SKIN_RANGE.contains(skin)))?;
         }
         let given = Given {
-            spheres: placed.spheres.without_groups(),
+            spheres: prepared.spheres.without_groups(),
             split,
             interactions: interactions.as_ref(),
             space,
             algorithm,
-            refinement: placed.refinement.as_ref(),
+            filter: prepared.filter.as_ref(),
         };
         let mut course = course.as_mut().filter(|_| split.is_none());
         if let Some(course) = course.as_deref_mut().filter(|_| search.is_bound_at_once(&given)) {
@@ -223,7 +233,7 @@ fn conclude(report: &mut Report, search: &Search) {
         report.reason += &format!("; in {} slabs: the device cannot bind all spheres at once", search.slabs);
     }
     report.candidates = session.kept();
-    if let Some(Kept { count, age, rebuilt, .. }) = report.candidates {
+    if let Some(CandidateListStats { count, age, rebuilt, .. }) = report.candidates {
         report.reason += &match rebuilt {
             None => format!("; {count} candidates of {age} calls ago"),
             Some(why) => format!("; {count} candidates were found: {why}"),

@@ -1,7 +1,7 @@
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
-use lazygrid_host::{PairSource, Phase, Refinement, TakePairs, TakePart, ranges};
+use lazygrid_host::{ChunkConsumer, PairConsumer, PairFilter, PairSource, PhaseTime, ranges};
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
 
 use super::input::GpuSpheres;
@@ -19,7 +19,7 @@ pub(super) struct Given<'a> {
     pub(super) space: Space,
     pub(super) algorithm: Algorithm,
     /// The exact filter that the host applies after readback.
-    pub(super) refinement: Option<&'a Refinement<'a>>,
+    pub(super) filter: Option<&'a PairFilter<'a>>,
 }
 
 impl Given<'_> {
@@ -38,7 +38,7 @@ pub(super) struct Search {
     pub(super) session: GpuSession,
     slab: Slab,
     /// Times of the last call.
-    pub(super) timings: Vec<Phase>,
+    pub(super) timings: Vec<PhaseTime>,
     /// Slabs of the last call; 1 where it was not cut.
     pub(super) slabs: usize,
     /// The pairs of the last list, whose memory serves the next call.
@@ -56,7 +56,7 @@ impl PairSource for Built<'_> {
         self.search.count(self.given)
     }
 
-    fn list(&mut self, limit: u64, take: TakePart<'_>) -> Result<u64, Error> {
+    fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error> {
         let mut chunk = [std::mem::take(&mut self.search.found)];
         let listed = self.search.list(self.given, limit, &mut chunk[0]);
         let found = match listed {
@@ -72,11 +72,11 @@ impl PairSource for Built<'_> {
         found
     }
 
-    fn ascending(&mut self, limit: u64, take: TakePart<'_>) -> Result<(), Error> {
+    fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
         self.search.parts(self.given, Some(limit), |pairs| take(std::slice::from_mut(pairs)))
     }
 
-    fn unordered(&mut self, take: TakePairs<'_>) -> Result<(), Error> {
+    fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error> {
         self.search.parts(self.given, None, |pairs| take(pairs))
     }
 }
@@ -92,9 +92,9 @@ impl Search {
     /// # Errors
     /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
     pub(super) fn list(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
-        match (self.list_found(given, limit, list), given.refinement) {
-            (Ok(()), Some(refinement)) => {
-                refine(list, refinement);
+        match (self.list_found(given, limit, list), given.filter) {
+            (Ok(()), Some(filter)) => {
+                refine(list, filter);
                 Ok(())
             }
             // Candidates that the filter drops need no capacity in the list.
@@ -178,7 +178,7 @@ impl Search {
         if given.has_no_pairs() {
             return Ok(0);
         }
-        if given.refinement.is_some() {
+        if given.filter.is_some() {
             let mut found = 0;
             self.parts(given, None, |pairs| {
                 found += pairs.len() as u64;
@@ -222,8 +222,8 @@ impl Search {
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
             self.session.finish_in_parts(ticket, |pairs| {
-                if let Some(refinement) = given.refinement {
-                    refine(pairs, refinement);
+                if let Some(filter) = given.filter {
+                    refine(pairs, filter);
                 }
                 consume(pairs)
             })?;
@@ -250,8 +250,8 @@ impl Search {
             let (slab, mut is_enough) = (&self.slab, false);
             self.session.finish_in_parts(ticket, |pairs| {
                 slab.name(pairs);
-                if let Some(refinement) = given.refinement {
-                    refine(pairs, refinement);
+                if let Some(filter) = given.filter {
+                    refine(pairs, filter);
                 }
                 let flow = consume(pairs);
                 is_enough = flow.is_break();
@@ -376,15 +376,15 @@ impl Search {
     /// Takes down the times of the session's last call.
     fn note(&mut self) {
         let Self { session, timings, .. } = self;
-        session.timings().iter().for_each(|timing| Phase::add(timings, timing.name, timing.time));
+        session.timings().iter().for_each(|timing| PhaseTime::add(timings, timing.name, timing.time));
     }
 
     fn time(&mut self, name: &'static str, since: Instant) {
-        Phase::add(&mut self.timings, name, since.elapsed());
+        PhaseTime::add(&mut self.timings, name, since.elapsed());
     }
 }
 
 /// Leaves out what is no pair.
-fn refine(pairs: &mut Vec<Pair>, refinement: &Refinement<'_>) {
-    pairs.retain(|pair| refinement.keeps(pair.i, pair.j));
+fn refine(pairs: &mut Vec<Pair>, filter: &PairFilter<'_>) {
+    pairs.retain(|pair| filter.accepts(pair.i, pair.j));
 }

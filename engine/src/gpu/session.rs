@@ -2,7 +2,7 @@ use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-use lazygrid_host::{Kept, Phase as Timing};
+use lazygrid_host::{CandidateListStats, PhaseTime as Timing};
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
 
@@ -39,7 +39,7 @@ pub struct GpuSession {
     /// The candidate list that survives calls, if a skin is set.
     skin: Option<Keeping>,
     /// The candidates that the last finished call was answered from.
-    kept: Option<Kept>,
+    kept: Option<CandidateListStats>,
     /// The settings of calls that begin from now on.
     asked: Way,
     timeout: Duration,

@@ -1,6 +1,6 @@
 //! The two sides of the spheres of a cell list on the GPU: sides that do not meet are never compared.
 
-use lazygrid_host::Partition;
+use lazygrid_host::SpeciesPartition;
 use lazygrid_kernels::layout::Call;
 use lazygrid_kernels::{Interaction, Interactions};
 
@@ -32,7 +32,7 @@ pub(crate) struct Sides {
 impl Sides {
     /// Divides the species of a table such that spheres of equal numbers of each species have the fewest comparisons.
     pub(crate) fn of(table: &Interactions) -> Self {
-        let groups = Partition::of_table(table);
+        let groups = SpeciesPartition::of_table(table);
         let species = || 0..table.species();
         let is_idle = |group: usize| (0..groups.count()).all(|other| !groups.meets(group, other));
         let active: Vec<usize> = (0..groups.count()).filter(|&group| !is_idle(group)).collect();

@@ -4,7 +4,7 @@
 //! gone since. The device decides whether that is too far, and only then do the dispatches that find candidates have
 //! workgroups; nothing is read back. Then candidates are tested where the spheres are now.
 
-use lazygrid_host::SKINS;
+use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::Skin;
 use lazygrid_kernels::{Interaction, Interactions};
@@ -275,7 +275,7 @@ impl GpuSkinDetector {
 }
 
 fn check_skin(skin: f32) -> Result<(), Error> {
-    if SKINS.contains(&skin) {
+    if SKIN_RANGE.contains(&skin) {
         return Ok(());
     }
     let (value, range) = (skin.to_string(), "choose between 1e-14 and 1e17, or a `GpuDetector`");

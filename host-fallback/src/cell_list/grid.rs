@@ -5,8 +5,8 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::compare::{Axes, Portable, Vector};
-use crate::floor::floor;
+use crate::compare::{Axes, Portable, SimdWidth};
+use crate::math::floor;
 
 /// Below this many cells from the origin `f64` still counts single cells; farther out two different `f32`
 /// coordinates lie 2²⁵ cells apart or more, so that only equal ones can meet.
@@ -19,10 +19,10 @@ const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
 /// The cells of one level.
 #[derive(Clone, Debug)]
-pub(crate) struct Grid {
+pub(crate) struct CellGrid {
     axes: Axes,
     /// Edges of a cell.
-    edges: [f64; 3],
+    cell_sizes: [f64; 3],
     /// Which axes are periodic.
     periodic: [bool; 3],
     /// Cells per axis.
@@ -39,12 +39,12 @@ pub(crate) struct Grid {
 
 /// Cells from `first` to `last`, both included; `last` is beyond the grid's size where it counts on round a fold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Block {
+pub(crate) struct CellRange {
     pub(crate) first: [u32; 3],
     last: [u32; 3],
 }
 
-impl Block {
+impl CellRange {
     /// Cells per axis.
     #[inline(always)]
     pub(crate) fn count(&self) -> [u32; 3] {
@@ -54,23 +54,23 @@ impl Block {
 
     /// Returns `true` if some row of cells goes on at its other end, in a grid of this size.
     #[inline(always)]
-    pub(crate) fn goes_round(&self, size: [u32; 3]) -> bool {
+    pub(crate) fn wraps(&self, size: [u32; 3]) -> bool {
         self.last[0] >= size[0] || self.last[1] >= size[1] || self.last[2] >= size[2]
     }
 }
 
-impl Grid {
+impl CellGrid {
     /// Cells of edge `edge` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
     ///
     /// An axis with a length is periodic. It has a whole number of cells, that are no smaller, from `−length / 2` on.
     pub(crate) fn new(
-        edge: f64,
+        cell_size: f64,
         (min, max): (Vec3, Vec3),
         lengths: [Option<f32>; 3],
         largest: f32,
         most: u64,
     ) -> Self {
-        let per_length = edge.recip();
+        let per_length = cell_size.recip();
         let mut origin = (min.as_dvec3() * per_length).floor();
         let mut extent = (max.as_dvec3() * per_length).floor() - origin + 1.0;
         for (axis, length) in lengths.into_iter().enumerate() {
@@ -81,10 +81,10 @@ impl Grid {
         let (size, reduced) = fold(extent, most.max(64));
         let periodic = lengths.map(|length| length.is_some());
         let folded = reduced && periodic.contains(&false);
-        let mut edges = [edge; 3];
+        let mut cell_sizes = [cell_size; 3];
         for (axis, length) in lengths.into_iter().enumerate() {
             if let Some(length) = length {
-                edges[axis] = f64::from(length) / f64::from(size[axis]);
+                cell_sizes[axis] = f64::from(length) / f64::from(size[axis]);
                 origin[axis] = -0.5 * f64::from(size[axis]);
             }
         }
@@ -93,14 +93,14 @@ impl Grid {
         let reach = f64::from(largest) * (1.0 + 1e-9) + slack;
         let last = size.map(|cells| f64::from(cells - 1));
         let axes = Axes {
-            per_length: [edges[0].recip(), edges[1].recip(), edges[2].recip(), 0.0],
+            per_length: [cell_sizes[0].recip(), cell_sizes[1].recip(), cell_sizes[2].recip(), 0.0],
             origin: [origin.x, origin.y, origin.z, 0.0],
             last: [last[0], last[1], last[2], 0.0],
         };
-        let narrowest = edges.into_iter().fold(f64::INFINITY, f64::min);
+        let narrowest = cell_sizes.into_iter().fold(f64::INFINITY, f64::min);
         let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= narrowest;
         let circular = folded || periodic.contains(&true);
-        Self { axes, edges, periodic, size, folded, circular, adjoining, reach, largest }
+        Self { axes, cell_sizes, periodic, size, folded, circular, adjoining, reach, largest }
     }
 
     /// The largest effective radius of its spheres, and what rounding may add to it.
@@ -116,7 +116,7 @@ impl Grid {
     /// About how many rows of cells a sphere of this radius has to look at.
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
-            let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.edges[axis];
+            let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.cell_sizes[axis];
             around.min(f64::from(self.size[axis]))
         };
         cells(1) * cells(2)
@@ -129,7 +129,7 @@ impl Grid {
 
     /// The cell of a centre.
     #[inline(always)]
-    pub(crate) fn cell_of<V: Vector>(&self, vector: V, [x, y, z]: [f32; 3]) -> [u32; 3] {
+    pub(crate) fn cell_of<V: SimdWidth>(&self, vector: V, [x, y, z]: [f32; 3]) -> [u32; 3] {
         if self.folded {
             return self.fold_at(x, y, z);
         }
@@ -149,14 +149,14 @@ impl Grid {
     /// Neither folded nor periodic: lower and upper corner come from the same monotone expression as [`cell_of`](Self::cell_of),
     /// from coordinates moved outwards by more than rounding can move them; cut to the grid.
     #[inline(always)]
-    pub(crate) fn block<V: Vector>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> Block {
+    pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
         if self.circular {
             return self.circular_block([x, y, z], r);
         }
         let reach = f64::from(r) + self.reach;
         let low = vector.cell(&self.axes, [x, y, z], -reach);
         let high = vector.cell(&self.axes, [x, y, z], reach);
-        Block { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
+        CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
     /// Between which bounds a sphere of `cell` must lie, its radius included, to reach no lower and no higher cell
@@ -168,14 +168,15 @@ impl Grid {
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
         for axis in 0..3 {
-            let (at, edge) = (f64::from(cell[axis]) + self.axes.origin[axis], self.edges[axis]);
-            let lower = at * edge;
-            let slack = (lower.abs() + edge + self.reach) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
+            let (at, cell_size) = (f64::from(cell[axis]) + self.axes.origin[axis], self.cell_sizes[axis]);
+            let lower = at * cell_size;
+            let slack =
+                (lower.abs() + cell_size + self.reach) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
             if cell[axis] > 0 {
                 low[axis] = (lower + self.reach + slack) as f32;
             }
             if cell[axis] + 1 < self.size[axis] {
-                high[axis] = (lower + edge - self.reach - slack) as f32;
+                high[axis] = (lower + cell_size - self.reach - slack) as f32;
             }
         }
         (low, high)
@@ -190,7 +191,7 @@ impl Grid {
     }
 
     #[inline(never)]
-    fn circular_block(&self, center: [f32; 3], radius: f32) -> Block {
+    fn circular_block(&self, center: [f32; 3], radius: f32) -> CellRange {
         let own = self.cell_of(Portable, center);
         let (mut first, mut last) = (own, own);
         for axis in 0..3 {
@@ -215,7 +216,7 @@ impl Grid {
             first[axis] = modulo(low, self.size[axis]);
             last[axis] = first[axis] + high.saturating_sub(low).min(i64::from(self.size[axis] - 1)) as u32;
         }
-        Block { first, last }
+        CellRange { first, last }
     }
 
     #[inline(never)]
@@ -262,7 +263,7 @@ mod tests {
     use super::*;
 
     /// Returns `true` if the block holds the cell, on a folded or a plain grid.
-    fn holds(grid: &Grid, block: Block, cell: [u32; 3]) -> bool {
+    fn holds(grid: &CellGrid, block: CellRange, cell: [u32; 3]) -> bool {
         (0..3).all(|k| {
             let steps = (cell[k] + grid.size[k] - block.first[k]) % grid.size[k];
             steps < block.count()[k] && block.count()[k] <= grid.size[k]
@@ -283,7 +284,7 @@ mod tests {
                     (0..40).map(|_| base + 20.0 * Vec3::new(random(), random(), random())).collect();
                 let min = points.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
                 let max = points.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
-                let grid = Grid::new(1.7, (min, max), [None; 3], 2.0, most);
+                let grid = CellGrid::new(1.7, (min, max), [None; 3], 2.0, most);
                 for &p in &points {
                     for &q in &points {
                         let near = (p.as_dvec3() - q.as_dvec3()).length() <= 2.5;
@@ -302,7 +303,7 @@ mod tests {
     #[test]
     fn coordinates_just_below_a_whole_number_of_cells_stay_inside() {
         let center = Vec3::new(-1e-30, 1.0_f32.next_down(), -1.0_f32.next_down());
-        let grid = Grid::new(1.0, (center, center), [None; 3], 0.0, 64);
+        let grid = CellGrid::new(1.0, (center, center), [None; 3], 0.0, 64);
         assert_eq!(grid.cells(), 1);
         assert_eq!(grid.cell_of(Portable, center.to_array()), [0; 3]);
     }

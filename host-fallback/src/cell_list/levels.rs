@@ -7,32 +7,32 @@
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 
-use super::crowding::Crowding;
-use crate::Survey;
-use crate::classes::CLASSES;
-use crate::compare::COMPARE;
-use crate::survey::Class;
+use super::density::DensityProfile;
+use crate::InputStats;
+use crate::compare::COMPARE_NS;
+use crate::input::SizeClass;
+use crate::size_class::SIZE_CLASSES;
 
 /// Estimated time to look up one row of cells and start comparing, in nanoseconds.
-const ROW: f32 = 14.0;
+const ROW_NS: f32 = 14.0;
 /// Estimated time per table entry, which must be cleared and summed, in nanoseconds.
-const CELL: f32 = 0.7;
+const CELL_NS: f32 = 0.7;
 /// Table entries per sphere at most.
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
 /// Candidate edges per doubling.
-const STEPS: f32 = 2.0;
+const SIZES_PER_DOUBLING: f32 = 2.0;
 /// Candidate edges per level at most.
-const EDGES: usize = 24;
+const MAX_CELL_SIZES: usize = 24;
 
 /// Groups of size classes that are told apart at most.
-const MAX_GROUPS: usize = 20;
+const MAX_CLASS_GROUPS: usize = 20;
 
 /// The levels of one cell list, coarsest first.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Levels {
+pub(crate) struct LevelPlan {
     pub(crate) levels: Vec<Level>,
     /// The level of each size class.
-    pub(crate) of_class: [u8; CLASSES],
+    pub(crate) of_class: [u8; SIZE_CLASSES],
     /// Estimated time of a search, in nanoseconds.
     pub(crate) cost: f32,
 }
@@ -44,52 +44,52 @@ pub(crate) struct Level {
     /// Their largest effective radius.
     pub(crate) largest: f32,
     /// Edge of a cell.
-    pub(crate) edge: f64,
+    pub(crate) cell_size: f64,
 }
 
 /// A run of neighbouring classes, and what it costs as one level.
 #[derive(Clone, Copy)]
-struct Candidate {
+struct LevelOption {
     cost: f32,
-    log_edge: f32,
+    log_size: f32,
     /// Number of groups before this level; the best plan for those precedes it.
     from: usize,
 }
 
-impl Levels {
+impl LevelPlan {
     /// The cheapest levels for the sizes in `survey` at this crowding.
-    pub(crate) fn plan(survey: &Survey, crowding: &Crowding) -> Self {
-        let classes: Vec<_> = survey.occupied().collect();
+    pub(crate) fn plan(stats: &InputStats, density: &DensityProfile) -> Self {
+        let classes: Vec<_> = stats.occupied().collect();
         // Neighbouring classes count as one if there are very many: planning grows with the square of their number.
-        let groups: Vec<&[(usize, Class)]> =
-            classes.chunks(classes.len().div_ceil(MAX_GROUPS).max(1)).collect();
-        let count = |group: &&[(usize, Class)]| group.iter().map(|(_, class)| class.count as f32).sum();
+        let groups: Vec<&[(usize, SizeClass)]> =
+            classes.chunks(classes.len().div_ceil(MAX_CLASS_GROUPS).max(1)).collect();
+        let count = |group: &&[(usize, SizeClass)]| group.iter().map(|(_, class)| class.count as f32).sum();
         let counts: Vec<f32> = groups.iter().map(count).collect();
         let radii: Vec<f32> = groups.iter().map(|group| group[0].1.largest).collect();
-        let model = Model { counts, radii, total: survey.spheres as f32, crowding };
+        let model = LevelCostModel { counts, radii, total: stats.spheres as f32, density };
 
         // Until a level is tried, there is none.
-        let untried = Candidate { cost: f32::INFINITY, log_edge: crowding.log_extent(), from: 0 };
+        let untried = LevelOption { cost: f32::INFINITY, log_size: density.log_extent(), from: 0 };
         let mut best = vec![untried; groups.len() + 1];
         best[0].cost = 0.0;
         for from in 0..groups.len() {
             let before = best[from].cost;
-            model.levels_from(from, |to, cost, log_edge| {
+            model.levels_from(from, |to, cost, log_size| {
                 if before + cost < best[to].cost {
-                    best[to] = Candidate { cost: before + cost, log_edge, from };
+                    best[to] = LevelOption { cost: before + cost, log_size, from };
                 }
             });
         }
 
         let cost = best[groups.len()].cost;
-        let mut plan = Self { levels: Vec::new(), of_class: [0; CLASSES], cost };
+        let mut plan = Self { levels: Vec::new(), of_class: [0; SIZE_CLASSES], cost };
         let mut bounds = Vec::new();
         let mut to = groups.len();
         while to > 0 {
-            bounds.push((best[to].from..to, best[to].log_edge));
+            bounds.push((best[to].from..to, best[to].log_size));
             to = best[to].from;
         }
-        for (level, (range, log_edge)) in bounds.into_iter().rev().enumerate() {
+        for (level, (range, log_size)) in bounds.into_iter().rev().enumerate() {
             let members = groups[range].concat();
             for &(class, _) in &members {
                 plan.of_class[class] = level as u8;
@@ -97,7 +97,7 @@ impl Levels {
             plan.levels.push(Level {
                 spheres: members.iter().map(|(_, class)| class.count).sum(),
                 largest: members[0].1.largest,
-                edge: f64::from(log_edge).exp2(),
+                cell_size: f64::from(log_size).exp2(),
             });
         }
         plan
@@ -105,39 +105,39 @@ impl Levels {
 }
 
 /// The cost estimate.
-struct Model<'c> {
+struct LevelCostModel<'c> {
     /// Spheres of each group of classes, the largest first.
     counts: Vec<f32>,
     /// Largest radius of each group.
     radii: Vec<f32>,
     /// Spheres in all.
     total: f32,
-    crowding: &'c Crowding,
+    density: &'c DensityProfile,
 }
 
-impl Model<'_> {
+impl LevelCostModel<'_> {
     /// Gives `offer` every level that begins with the class `from`, of every candidate edge: where its classes end,
     /// what it costs to search it from its own spheres and from all smaller ones, and its edge as log₂.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
-        let extent = self.crowding.log_extent();
+        let extent = self.density.log_extent();
         let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
         if extent == f32::NEG_INFINITY {
             // All meet all that they may pair with, whatever the levels.
-            let part = self.crowding.mean(extent) / self.total.max(1.0);
+            let part = self.density.mean(extent) / self.total.max(1.0);
             let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
-            return ends.for_each(|to| offer(to, members(to) * (ROW + COMPARE * met(to)), 0.0));
+            return ends.for_each(|to| offer(to, members(to) * (ROW_NS + COMPARE_NS * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
         // From cells of the largest table's full size to one cell for all; those far below the reach are not worth a
         // look.
         let finest = extent - most[most.len() - 1].log2() / 3.0;
         let lowest = finest.max(self.radii[from].log2() - 1.0).min(extent);
-        let edges = (0..EDGES).map(|k| lowest + k as f32 / STEPS);
-        for log_edge in edges.take_while(|&log_edge| log_edge <= extent + 1.0) {
-            let cells = (3.0 * (extent - log_edge).max(0.0)).exp2();
-            let halves = self.halves(from, log_edge);
-            let own: f32 = self.counts[from..].iter().map(|count| count * ROW).sum();
+        let cell_sizes = (0..MAX_CELL_SIZES).map(|k| lowest + k as f32 / SIZES_PER_DOUBLING);
+        for log_size in cell_sizes.take_while(|&log_size| log_size <= extent + 1.0) {
+            let cells = (3.0 * (extent - log_size).max(0.0)).exp2();
+            let halves = self.halves(from, log_size);
+            let own: f32 = self.counts[from..].iter().map(|count| count * ROW_NS).sum();
             let [rows, met] =
                 halves.iter().fold([own, 0.0], |[rows, met], half| [rows + half[0], met + half[1]]);
             let mut rest = [0.0, 0.0];
@@ -145,9 +145,9 @@ impl Model<'_> {
                 let members = members(to);
                 // Rounding must not rule out the full size.
                 if cells <= 1.001 * most[to - from - 1] {
-                    let table = CELL * cells.min(members * CELLS_PER_SPHERE);
+                    let table = CELL_NS * cells.min(members * CELLS_PER_SPHERE);
                     let cost = table + rows + rest[0] + members / self.total * (met + rest[1]);
-                    offer(to, cost, log_edge);
+                    offer(to, cost, log_size);
                 }
                 let half = halves[to - from - 1];
                 rest = [rest[0] + half[0], rest[1] + half[1]];
@@ -158,15 +158,15 @@ impl Model<'_> {
     /// What the classes from `from` on pay on cells of this edge, each for the later half of the rows around its
     /// spheres, and for the comparisons there if the level held all spheres. Members look at later ones only, smaller
     /// ones at twice that.
-    fn halves(&self, from: usize, log_edge: f32) -> [[f32; 2]; MAX_GROUPS] {
-        let edge = log_edge.exp2();
-        let mut halves = [[0.0; 2]; MAX_GROUPS];
+    fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
+        let cell_size = log_size.exp2();
+        let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
         let classes = self.radii.iter().zip(&self.counts).skip(from);
         for (half, (radius, count)) in halves.iter_mut().zip(classes) {
-            let reach = 2.0 * (radius + self.radii[from]) / edge;
+            let reach = 2.0 * (radius + self.radii[from]) / cell_size;
             let rows = (1.0 + reach) * (1.0 + reach);
-            let met = self.crowding.mean(log_edge + (1.0 + reach).log2());
-            *half = [count * ROW * (rows - 1.0) / 2.0, count * COMPARE * met / 2.0];
+            let met = self.density.mean(log_size + (1.0 + reach).log2());
+            *half = [count * ROW_NS * (rows - 1.0) / 2.0, count * COMPARE_NS * met / 2.0];
         }
         halves
     }
@@ -178,11 +178,11 @@ mod tests {
 
     use super::*;
     use crate::Settings;
-    use crate::compare::Rule;
-    use crate::input::Input;
+    use crate::compare::PairTest;
+    use crate::input::SearchInput;
 
     /// The plan for spheres on a lattice of this spacing whose radii take turns.
-    fn plan(n: u32, spacing: f32, radii: &[f32]) -> Levels {
+    fn plan(n: u32, spacing: f32, radii: &[f32]) -> LevelPlan {
         let side = f64::from(n).cbrt().ceil() as u32;
         let spheres: Vec<_> = (0..n)
             .map(|k| {
@@ -192,8 +192,8 @@ mod tests {
             })
             .collect();
         let settings = Settings::default();
-        let input = Input::surveyed(Rule::new((&spheres).into(), None), &settings);
-        Levels::plan(&input.survey, &Crowding::sample(&input).expect("there is memory"))
+        let input = SearchInput::surveyed(PairTest::new((&spheres).into(), None), &settings);
+        LevelPlan::plan(&input.stats, &DensityProfile::sample(&input).expect("there is memory"))
     }
 
     #[test]
@@ -201,7 +201,7 @@ mod tests {
         let plan = plan(100_000, 4.0, &[1.0]);
         assert_eq!(plan.levels.len(), 1);
         assert_eq!((plan.levels[0].spheres, plan.levels[0].largest), (100_000, 1.0));
-        assert!((4.0..=20.0).contains(&plan.levels[0].edge), "{:?}", plan.levels);
+        assert!((4.0..=20.0).contains(&plan.levels[0].cell_size), "{:?}", plan.levels);
     }
 
     #[test]
@@ -212,8 +212,8 @@ mod tests {
         radii[7] = 64.0;
         let crowded = plan(50_000, 1.0, &radii);
         assert_eq!(crowded.levels.len(), 2, "{:?}", crowded.levels);
-        assert_eq!(crowded.of_class[Survey::class_of(64.0)], 0);
-        assert_eq!(crowded.of_class[Survey::class_of(0.01)], 1);
+        assert_eq!(crowded.of_class[InputStats::class_of(64.0)], 0);
+        assert_eq!(crowded.of_class[InputStats::class_of(0.01)], 1);
     }
 
     #[test]
@@ -223,9 +223,9 @@ mod tests {
             for radii in [&[0.0][..], &[1.0], &radii] {
                 let plan = plan(n, spacing, radii);
                 assert_eq!(plan.levels.iter().map(|level| level.spheres).sum::<u32>(), n);
-                assert!(plan.levels.len() <= MAX_GROUPS);
+                assert!(plan.levels.len() <= MAX_CLASS_GROUPS);
                 for level in &plan.levels {
-                    assert!(level.edge > 0.0 && level.edge.is_finite(), "{level:?}");
+                    assert!(level.cell_size > 0.0 && level.cell_size.is_finite(), "{level:?}");
                 }
             }
         }

@@ -10,10 +10,10 @@
 //!
 //! `crowding` estimates, `levels` plans, `members` counts the spheres of groups, `sort` builds, `search` finds.
 
-mod crowding;
+mod density;
 mod grid;
+mod group_members;
 mod levels;
-mod members;
 mod search;
 mod sort;
 #[cfg(test)]
@@ -21,20 +21,20 @@ mod tests;
 
 use std::ops::Range;
 
-use crate::classes::CLASSES;
-use crate::compare::{Columns, Output, Vector};
-use crate::input::Input;
-use crate::memory::{push, with_growth};
+use crate::compare::{Columns, Output, SimdWidth};
+use crate::input::SearchInput;
+use crate::input::SizeClass;
+use crate::input::{Grouping, SpeciesGroups};
+use crate::memory::{try_push, with_growth};
 use crate::report::Report;
-use crate::species_groups::{Grouping, SpeciesGroups};
-use crate::survey::Class;
-use crate::{Error, Survey};
-pub(crate) use crowding::{Crowding, Outlook};
-use grid::Grid;
+use crate::size_class::SIZE_CLASSES;
+use crate::{Error, InputStats};
+pub(crate) use density::{DensityCache, DensityProfile};
+use grid::CellGrid;
+use group_members::GroupMembers;
 use levels::CELLS_PER_SPHERE;
-pub(crate) use levels::Levels;
-use members::Members;
-pub(crate) use sort::Entry;
+pub(crate) use levels::LevelPlan;
+pub(crate) use sort::SortRecord;
 use sort::Sorter;
 
 /// Table entries per level at most, so that 32 bits number the entries of all levels.
@@ -47,39 +47,39 @@ const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 #[derive(Debug, Default)]
 pub(crate) struct CellList {
     /// Coarsest first.
-    levels: Vec<Placed>,
+    levels: Vec<LevelGrid>,
     /// The spheres, level by level and cell by cell.
     columns: Columns,
     /// The start of each cell's spheres in `columns`, and the end of the last one.
     starts: Vec<u32>,
     /// The levels that each level looks at besides itself.
     targets: Vec<Target>,
-    members: Vec<Members>,
+    members: Vec<GroupMembers>,
     groups: SpeciesGroups,
     /// `true` if all spheres that are compared are a pair if and only if their effective radii touch.
     touch_decides: bool,
     sorter: Sorter,
-    plan: Option<Planned>,
+    plan: Option<CachedPlan>,
     /// Estimated time of a search by one thread, in nanoseconds.
     time: f32,
 }
 
 /// A plan, and what it was made of.
 #[derive(Debug)]
-struct Planned {
-    classes: [Class; CLASSES],
-    crowding: Crowding,
-    levels: Levels,
+struct CachedPlan {
+    classes: [SizeClass; SIZE_CLASSES],
+    density: DensityProfile,
+    levels: LevelPlan,
 }
 
-impl Planned {
+impl CachedPlan {
     /// The plan for spheres of these sizes that are so crowded: the `last` one, if it is.
-    fn of(last: Option<Self>, survey: &Survey, crowding: &Crowding) -> Self {
+    fn of(last: Option<Self>, stats: &InputStats, density: &DensityProfile) -> Self {
         match last {
-            Some(last) if last.classes == survey.classes && last.crowding == *crowding => last,
+            Some(last) if last.classes == stats.classes && last.density == *density => last,
             _ => {
-                let levels = Levels::plan(survey, crowding);
-                Self { classes: survey.classes, crowding: crowding.clone(), levels }
+                let levels = LevelPlan::plan(stats, density);
+                Self { classes: stats.classes, density: density.clone(), levels }
             }
         }
     }
@@ -87,8 +87,8 @@ impl Planned {
 
 /// One level of the plan for the spheres of one group, placed in the table.
 #[derive(Clone, Debug)]
-struct Placed {
-    grid: Grid,
+struct LevelGrid {
+    grid: CellGrid,
     /// Table entry of its first cell.
     base: usize,
     /// The spheres of this level in the columns.
@@ -99,7 +99,7 @@ struct Placed {
     targets: Range<usize>,
 }
 
-impl Placed {
+impl LevelGrid {
     /// The number of rows of cells that its spheres look at on a level, with radii up to `cap`.
     fn effort(&self, other: &Self, cap: f64) -> f64 {
         self.members.len() as f64 * other.grid.rows_around(self.grid.reach().min(cap))
@@ -116,14 +116,14 @@ struct Target {
 
 /// Maps spheres to entries of the table.
 #[derive(Clone, Copy)]
-struct Places<'p> {
-    levels: &'p [Placed],
-    of_class: &'p [u8; CLASSES],
+struct CellLocator<'p> {
+    levels: &'p [LevelGrid],
+    of_class: &'p [u8; SIZE_CLASSES],
     /// The groups of the spheres. Each has levels of its own, one group after the other.
     grouping: Grouping<'p>,
 }
 
-impl Places<'_> {
+impl CellLocator<'_> {
     /// The number of entries of the table.
     fn cells(&self) -> usize {
         self.levels.last().map_or(0, |level| level.base + level.grid.cells() as usize)
@@ -131,12 +131,12 @@ impl Places<'_> {
 
     /// The table entry of sphere `id`.
     #[inline(always)]
-    fn cell_of<V: Vector>(&self, vector: V, id: usize, [x, y, z, radius]: [f32; 4]) -> u32 {
+    fn cell_of<V: SimdWidth>(&self, vector: V, id: usize, [x, y, z, radius]: [f32; 4]) -> u32 {
         let level = match self.levels {
             [only] => only,
             levels => {
                 let first = self.grouping.of(id) * (levels.len() / self.grouping.count());
-                &levels[first + usize::from(self.of_class[Survey::class_of(radius)])]
+                &levels[first + usize::from(self.of_class[InputStats::class_of(radius)])]
             }
         };
         (level.base + level.grid.index(level.grid.cell_of(vector, [x, y, z]))) as u32
@@ -148,12 +148,16 @@ impl CellList {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`], and those of the threads.
-    pub(crate) fn outlook(&mut self, last: Option<Outlook>, input: &Input<'_>) -> Result<Outlook, Error> {
-        let table = input.settings.interactions.as_ref().zip(input.rule.spheres().species());
+    pub(crate) fn density_cache(
+        &mut self,
+        last: Option<DensityCache>,
+        input: &SearchInput<'_>,
+    ) -> Result<DensityCache, Error> {
+        let table = input.settings.interactions.as_ref().zip(input.test.spheres().species());
         if let Some((table, ids)) = table {
-            self.groups.update(ids, table, input.threads)?;
+            self.groups.update(ids, table, input.executor)?;
         }
-        Outlook::of(last, input, table.map(|_| &self.groups))
+        DensityCache::of(last, input, table.map(|_| &self.groups))
     }
 
     /// Plans and builds for these spheres, which are so crowded.
@@ -162,19 +166,20 @@ impl CellList {
     /// [`Error::OutOfMemory`].
     pub(crate) fn build(
         &mut self,
-        input: &Input<'_>,
-        outlook: &Outlook,
+        input: &SearchInput<'_>,
+        density_cache: &DensityCache,
         report: &mut Report,
     ) -> Result<(), Error> {
         let last = self.plan.take();
-        let planned = report.time("plan", || Planned::of(last, &input.survey, outlook.crowding()));
+        let planned = report.time("plan", || CachedPlan::of(last, &input.stats, density_cache.density()));
         let plan = &self.plan.insert(planned).levels;
         self.time = plan.cost;
-        let groups = input.settings.interactions.as_ref().map(|_| (&self.groups, outlook.is_separate()));
+        let groups =
+            input.settings.interactions.as_ref().map(|_| (&self.groups, density_cache.is_separate()));
         let grouping = input.grouping(groups);
         let is_divided = grouping.count() > 1;
         if is_divided {
-            report.time("plan", || Members::count(&mut self.members, input, &grouping))?;
+            report.time("plan", || GroupMembers::count(&mut self.members, input, &grouping))?;
         }
         self.levels.clear();
         let (mut base, mut from) = (0, 0);
@@ -186,33 +191,37 @@ impl CellList {
             let to =
                 from + members.map_or(plan.levels[of].spheres, |own| own.of_level(plan, of).count) as usize;
             let pairs_within = grouping.meeting(group, group).is_some();
-            let level = Placed { grid, base, members: from..to, pairs_within, targets: 0..0 };
-            push(&mut self.levels, level, "levels")?;
+            let level = LevelGrid { grid, base, members: from..to, pairs_within, targets: 0..0 };
+            try_push(&mut self.levels, level, "levels")?;
             (base, from) = (base + cells, to);
         }
         let members = if is_divided { &self.members[..] } else { &[] };
         link(&mut self.levels, &mut self.targets, (members, &grouping), input)?;
         self.touch_decides = grouping.is_by_radii();
-        let places = Places { levels: &self.levels, of_class: &plan.of_class, grouping };
+        let places = CellLocator { levels: &self.levels, of_class: &plan.of_class, grouping };
         report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
     }
 
     /// The cells of a level for all spheres, or for those of one group.
-    fn grid(input: &Input<'_>, plan: &Levels, (of, members): (usize, Option<&Members>)) -> Grid {
-        let Survey { min, max, .. } = input.survey;
+    fn grid(
+        input: &SearchInput<'_>,
+        plan: &LevelPlan,
+        (of, members): (usize, Option<&GroupMembers>),
+    ) -> CellGrid {
+        let InputStats { min, max, .. } = input.stats;
         let level = &plan.levels[of];
         let (spheres, largest, bounds) = match members {
             None => (level.spheres, level.largest, (min, max)),
             Some(members) => {
-                let Class { count, largest } = members.of_level(plan, of);
+                let SizeClass { count, largest } = members.of_level(plan, of);
                 (count, largest, members.bounds())
             }
         };
         let most = ((spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
-        let grid = |edge| Grid::new(edge, bounds, input.rule.lengths(), largest, most);
-        let wider = WIDER.map(|by| level.edge * by).into_iter().map(grid).find(|grid| !grid.folded);
-        let grid = wider.unwrap_or_else(|| grid(level.edge));
-        log::trace!("level of {spheres} spheres: edge {}, {grid:?}", level.edge);
+        let grid = |cell_size| CellGrid::new(cell_size, bounds, input.test.lengths(), largest, most);
+        let wider = WIDER.map(|by| level.cell_size * by).into_iter().map(grid).find(|grid| !grid.folded);
+        let grid = wider.unwrap_or_else(|| grid(level.cell_size));
+        log::trace!("level of {spheres} spheres: cell_size {}, {grid:?}", level.cell_size);
         grid
     }
 
@@ -232,7 +241,7 @@ impl CellList {
     /// [`Error::OutOfMemory`].
     pub(crate) fn search<'o, O: Output>(
         &self,
-        input: &Input<'_>,
+        input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
         search::search(self, input, output)
@@ -248,12 +257,12 @@ impl CellList {
     }
 
     /// What is noted of each sphere, place by place: room that the list has no use for until it is built again.
-    pub(crate) fn notes(&self) -> &[Entry] {
+    pub(crate) fn notes(&self) -> &[SortRecord] {
         self.sorter.entries()
     }
 
     /// The same, to be written.
-    pub(crate) fn notes_mut(&mut self) -> &mut [Entry] {
+    pub(crate) fn notes_mut(&mut self) -> &mut [SortRecord] {
         self.sorter.entries_mut()
     }
 
@@ -267,10 +276,10 @@ impl CellList {
 /// Decides from which of two levels each pair of them is searched: within a group from the finer one, between groups from
 /// the one that looks at fewer cells. `members` is empty if there is one group.
 fn link(
-    levels: &mut [Placed],
+    levels: &mut [LevelGrid],
     targets: &mut Vec<Target>,
-    (members, grouping): (&[Members], &Grouping<'_>),
-    input: &Input<'_>,
+    (members, grouping): (&[GroupMembers], &Grouping<'_>),
+    input: &SearchInput<'_>,
 ) -> Result<(), Error> {
     targets.clear();
     let per_group = levels.len() / grouping.count();
@@ -283,7 +292,7 @@ fn link(
             };
             let reach = match members {
                 [] => f64::INFINITY,
-                _ if input.rule.is_framed() || grouping.sets().is_some() => f64::INFINITY,
+                _ if input.test.is_framed() || grouping.sets().is_some() => f64::INFINITY,
                 members => members[a].reach(&members[b], meeting),
             };
             let [cap, back] = [other, own].map(|level| reach - f64::from(levels[level].grid.largest()));
@@ -292,7 +301,7 @@ fn link(
             let is_from_own =
                 if a == b { own > other } else { forth < back || (forth == back && own < other) };
             if is_from_own {
-                push(targets, Target { level: other, cap: (cap as f32).next_up() }, "levels")?;
+                try_push(targets, Target { level: other, cap: (cap as f32).next_up() }, "levels")?;
             }
         }
         levels[own].targets = start..targets.len();

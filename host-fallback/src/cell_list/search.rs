@@ -2,51 +2,53 @@
 
 use std::ops::Range;
 
-use super::grid::Block;
-use super::{CellList, Placed, Target};
+use super::grid::CellRange;
+use super::{CellList, LevelGrid, Target};
 use crate::Error;
-use crate::compare::{Around, Jobs, MAX_LANES, Output, Rule, Sink, Task, Touches, Vector, scan};
-use crate::input::{Input, search_pieces};
+use crate::compare::{
+    HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, SimdTask, SimdWidth, Sink, scan,
+};
+use crate::input::{SearchInput, search_pieces};
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
-const PIECE: usize = 1 << 10;
+const CHUNK_SPHERES: usize = 1 << 10;
 /// Spheres are crowded if one of this number of runs holds some that touch.
-const CROWDED: usize = 2;
+const RUNS_PER_HIT: usize = 2;
 
 /// Finds all pairs of the list, piece by piece over the threads.
 pub(super) fn search<'o, O: Output>(
     list: &CellList,
-    input: &Input<'_>,
+    input: &SearchInput<'_>,
     output: &'o O,
 ) -> Result<O::Sink<'o>, Error> {
     let n = list.columns.len();
-    search_pieces((output, input), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
-        let range = piece * PIECE..n.min((piece + 1) * PIECE);
-        input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
+    search_pieces((output, input), (n.div_ceil(CHUNK_SPHERES), usize::MAX), |mut sink, piece| {
+        let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
+        input.run(Piece { list, test: &input.test, range, sink: &mut sink });
         Ok(sink)
     })
 }
 
 struct Piece<'p, S> {
     list: &'p CellList,
-    rule: &'p Rule<'p>,
+    test: &'p PairTest<'p>,
     range: Range<usize>,
     sink: &'p mut S,
 }
 
-impl<S: Sink> Task for Piece<'_, S> {
+impl<S: Sink> SimdTask for Piece<'_, S> {
     type Result = ();
 
     #[inline(always)]
-    fn run<V: Vector>(self, vector: V) {
-        let Self { list, rule, range, sink } = self;
+    fn run<V: SimdWidth>(self, vector: V) {
+        let Self { list, test, range, sink } = self;
         let mut finder = Finder {
             vector,
             list,
-            rule,
+            test,
             sink,
-            jobs: Jobs::new(),
-            touches: Touches::new(),
+            runs: RunQueue::new(),
+            hits: HitQueue::new(),
             is_crowded: false,
         };
         for level in &list.levels {
@@ -70,7 +72,7 @@ impl<S: Sink> Task for Piece<'_, S> {
 
 /// Returns the rows around a cell, and the end of the cell's spheres.
 #[inline(always)]
-fn around(list: &CellList, level: &Placed, cell: [u32; 3]) -> (Around, usize) {
+fn around(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, usize) {
     let [size_x, size_y, size_z] = level.grid.size;
     let own = level.base + level.grid.index(cell);
     let lower_y = if cell[1] > 0 { size_x as usize } else { 0 };
@@ -78,7 +80,7 @@ fn around(list: &CellList, level: &Placed, cell: [u32; 3]) -> (Around, usize) {
     let higher_z = if cell[2] + 1 < size_z { (size_x * size_y) as usize } else { 0 };
     let rows = [own, own + higher_y, own + higher_z - lower_y, own + higher_z, own + higher_z + higher_y];
     let (low, high) = level.grid.bounds(cell);
-    let mut around = Around { low, high, rows: [[0; 4]; 5] };
+    let mut around = NeighborRows { low, high, rows: [[0; 4]; 5] };
     for (row, first) in rows.into_iter().enumerate() {
         let starts = &list.starts[first..first + 3];
         around.rows[row] = [list.starts[first.saturating_sub(1)], starts[0], starts[1], starts[2]];
@@ -96,19 +98,19 @@ fn wrap(at: u32, size: u32) -> u32 {
 struct Finder<'p, V, S> {
     vector: V,
     list: &'p CellList,
-    rule: &'p Rule<'p>,
+    test: &'p PairTest<'p>,
     sink: &'p mut S,
-    jobs: Jobs,
-    touches: Touches,
+    runs: RunQueue,
+    hits: HitQueue,
     /// `true` if many touched in the last comparisons.
     is_crowded: bool,
 }
 
-impl<V: Vector, S: Sink> Finder<'_, V, S> {
+impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     /// Looks around the spheres at `members`, one cell after another: spheres of one cell have the same cells around
     /// them. At its own level a sphere meets the later ones only, so that each pair is met once.
     #[inline(always)]
-    fn cell_by_cell(&mut self, level: &Placed, targets: &[Target], members: Range<usize>) {
+    fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
         while at < members.end {
             let [x, y, z, _] = self.list.columns.sphere(at);
@@ -125,7 +127,7 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
             while at < end {
                 let count = MAX_LANES.min(end - at);
                 self.work_if_full();
-                self.vector.look_around(&self.list.columns, (at, count), &around, &mut self.jobs);
+                self.vector.find_neighbor_runs(&self.list.columns, (at, count), &around, &mut self.runs);
                 if !targets.is_empty() {
                     for at in at..at + count {
                         self.others(targets, at);
@@ -147,11 +149,11 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     /// Finds what is in reach of the sphere at `at` on any level, without what lies before place `from`. Its radius is
     /// taken to be `cap` at most.
     #[inline(always)]
-    fn level(&mut self, level: &Placed, (at, cap): (usize, f32), from: usize) {
+    fn level(&mut self, level: &LevelGrid, (at, cap): (usize, f32), from: usize) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
         let block = level.grid.block(self.vector, [x, y, z, radius.min(cap)]);
         let count = block.count();
-        if (level.grid.circular && block.goes_round(level.grid.size)) || count[1] > 2 || count[2] > 2 {
+        if (level.grid.circular && block.wraps(level.grid.size)) || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, (at, from));
         }
         self.work_if_full();
@@ -164,14 +166,14 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
         let wanted = [true, more_y > 0, more_z > 0, (more_y > 0) & (more_z > 0)];
         for (row, wanted) in rows.into_iter().zip(wanted) {
             let start = self.list.starts[row].max(from as u32);
-            self.jobs.push(at as u32, start..self.list.starts[row + width], wanted);
+            self.runs.push(at as u32, start..self.list.starts[row + width], wanted);
         }
     }
 
     /// Finds the rows of any block. Where the grid wraps around, no axis is followed for longer than it is, so no
     /// row is met twice.
     #[inline(always)]
-    fn rows(&mut self, level: &Placed, block: Block, (at, from): (usize, usize)) {
+    fn rows(&mut self, level: &LevelGrid, block: CellRange, (at, from): (usize, usize)) {
         let (size, first, count) = (level.grid.size, block.first, block.count());
         let before = count[0].min(size[0] - first[0]);
         for z in 0..count[2] {
@@ -182,7 +184,7 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
                 for cells in [first[0]..first[0] + before, 0..count[0] - before] {
                     let start = self.list.starts[row + cells.start as usize].max(from as u32);
                     let end = self.list.starts[row + cells.end as usize];
-                    self.jobs.push(at as u32, start..end, true);
+                    self.runs.push(at as u32, start..end, true);
                 }
             }
         }
@@ -190,7 +192,7 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
 
     #[inline(always)]
     fn work_if_full(&mut self) {
-        if self.jobs.is_full() {
+        if self.runs.is_full() {
             self.work();
         }
     }
@@ -198,21 +200,21 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     /// Compares what was found.
     #[inline(always)]
     fn work(&mut self) {
-        let Self { vector, list, rule, ref mut sink, ref jobs, ref mut touches, is_crowded } = *self;
-        let among = (&list.columns, rule);
-        let mut held = 0;
+        let Self { vector, list, test, ref mut sink, ref runs, ref mut hits, is_crowded } = *self;
+        let among = (&list.columns, test);
+        let mut hit_vectors = 0;
         if is_crowded {
-            for k in 0..jobs.len() {
-                touches.scan(vector, among, jobs.get(k), *sink);
+            for k in 0..runs.len() {
+                hits.scan(vector, among, runs.get(k), *sink);
             }
-            held = touches.settle(vector, among, *sink);
+            hit_vectors = hits.flush(vector, among, *sink);
         } else {
-            for k in 0..jobs.len() {
-                let (at, run) = jobs.get(k);
-                held += scan(vector, among, at, run, *sink);
+            for k in 0..runs.len() {
+                let (at, run) = runs.get(k);
+                hit_vectors += scan(vector, among, at, run, *sink);
             }
         }
-        self.is_crowded = held > jobs.len() / CROWDED;
-        self.jobs.clear();
+        self.is_crowded = hit_vectors > runs.len() / RUNS_PER_HIT;
+        self.runs.clear();
     }
 }

@@ -7,18 +7,18 @@
 use bytemuck::Zeroable;
 use glam::Vec3;
 
-use super::Places;
+use super::CellLocator;
 use crate::Error;
-use crate::compare::{Columns, ColumnsMut, Rule, Task, Vector};
-use crate::input::Input;
-use crate::memory::{collect, resize};
-use crate::scatter::{Disjoint, split_at};
+use crate::compare::{Columns, ColumnsMut, PairTest, SimdTask, SimdWidth};
+use crate::disjoint_writes::{DisjointSlice, split_at};
+use crate::input::SearchInput;
+use crate::memory::{try_collect, try_resize};
 
 /// Spheres per piece of the first pass at least and at most.
-const PIECE: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
+const CHUNK_SPHERES: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
 /// Pieces of the first pass, within these bounds: enough that threads end together, few enough for a counter per piece and
 /// bucket.
-const PIECES: usize = 32;
+const MAX_CHUNKS: usize = 32;
 /// Spheres per bucket aimed at: 48 KiB of entries.
 const BUCKET: usize = 1 << 11;
 /// The most buckets: one cache line each stays in the second-level cache.
@@ -27,7 +27,7 @@ const MAX_BUCKETS: usize = 1 << 11;
 /// A sphere on its way to its place.
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
 #[repr(C)]
-pub(crate) struct Entry {
+pub(crate) struct SortRecord {
     pub(crate) center: Vec3,
     pub(crate) radius: f32,
     pub(crate) id: u32,
@@ -38,7 +38,7 @@ pub(crate) struct Entry {
 #[derive(Debug, Default)]
 pub(super) struct Sorter {
     keys: Vec<u32>,
-    entries: Vec<Entry>,
+    entries: Vec<SortRecord>,
     /// Indexed by piece and bucket: first how many spheres there are, then where the next one goes.
     offsets: Vec<u32>,
     /// The end of each bucket.
@@ -46,15 +46,15 @@ pub(super) struct Sorter {
 }
 
 impl Sorter {
-    pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<Entry>() as u64;
+    pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<SortRecord>() as u64;
 
     /// One entry for each sphere, of no meaning after a sort and free for notes until the next.
-    pub(super) fn entries(&self) -> &[Entry] {
+    pub(super) fn entries(&self) -> &[SortRecord] {
         &self.entries
     }
 
     /// The same, to be written.
-    pub(super) fn entries_mut(&mut self) -> &mut [Entry] {
+    pub(super) fn entries_mut(&mut self) -> &mut [SortRecord] {
         &mut self.entries
     }
 
@@ -68,18 +68,18 @@ impl Sorter {
     /// [`Error::OutOfMemory`].
     pub(super) fn sort(
         &mut self,
-        input: &Input<'_>,
-        places: Places<'_>,
+        input: &SearchInput<'_>,
+        places: CellLocator<'_>,
         columns: &mut Columns,
         starts: &mut Vec<u32>,
     ) -> Result<(), Error> {
-        let (n, cells) = (input.survey.spheres, places.cells());
+        let (n, cells) = (input.stats.spheres, places.cells());
         let wanted = (n / BUCKET).next_power_of_two().min(MAX_BUCKETS);
         let shift = cells.div_ceil(wanted).next_power_of_two().trailing_zeros();
         let buckets = cells.div_ceil(1 << shift).max(1);
-        resize(&mut self.keys, n, "cells of spheres")?;
-        resize(&mut self.entries, n, "sorting spheres")?;
-        resize(starts, cells + Self::BEHIND, "the table of cells")?;
+        try_resize(&mut self.keys, n, "cells of spheres")?;
+        try_resize(&mut self.entries, n, "sorting spheres")?;
+        try_resize(starts, cells + Self::BEHIND, "the table of cells")?;
         let ColumnsMut { xyzr, id } = columns.resize(n)?;
 
         self.spread(input, places, (shift, buckets))?;
@@ -89,8 +89,8 @@ impl Sorter {
         let columns = x?.into_iter().zip(y?).zip(z?).zip(r?).zip(split_at(id, cut())?);
         let cells = split_at(&mut starts[1..=cells], (0..buckets).map(|k| cells.min((k + 1) << shift)))?;
         let entries = split_at(&mut self.entries, cut())?;
-        let mut pieces = collect(entries.into_iter().zip(cells).zip(columns), "buckets of spheres")?;
-        input.threads.each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
+        let mut pieces = try_collect(entries.into_iter().zip(cells).zip(columns), "buckets of spheres")?;
+        input.executor.for_each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
             let first = bucket << shift;
             count(entries, first, cells);
             for entry in entries.iter() {
@@ -112,24 +112,24 @@ impl Sorter {
     /// The first pass.
     fn spread(
         &mut self,
-        input: &Input<'_>,
-        places: Places<'_>,
+        input: &SearchInput<'_>,
+        places: CellLocator<'_>,
         (shift, buckets): (u32, usize),
     ) -> Result<(), Error> {
         let Self { keys, entries, offsets, ends } = self;
-        let size = keys.len().div_ceil(PIECES).clamp(*PIECE.start(), *PIECE.end());
-        resize(offsets, keys.len().div_ceil(size) * buckets, "buckets of spheres")?;
+        let size = keys.len().div_ceil(MAX_CHUNKS).clamp(*CHUNK_SPHERES.start(), *CHUNK_SPHERES.end());
+        try_resize(offsets, keys.len().div_ceil(size) * buckets, "buckets of spheres")?;
         let pieces = keys.chunks_mut(size).zip(offsets.chunks_mut(buckets));
-        let mut pieces = collect(pieces, "buckets of spheres")?;
-        input.threads.each(&mut pieces, |piece, (keys, counts)| {
+        let mut pieces = try_collect(pieces, "buckets of spheres")?;
+        input.executor.for_each(&mut pieces, |piece, (keys, counts)| {
             let keys = &mut **keys;
-            input.simd.run(Keys { rule: &input.rule, places, first: piece * size, keys }, None);
+            input.simd.run(Keys { test: &input.test, places, first: piece * size, keys }, None);
             counts.fill(0);
             for key in keys {
                 counts[(*key >> shift) as usize] += 1;
             }
         });
-        resize(ends, buckets, "buckets of spheres")?;
+        try_resize(ends, buckets, "buckets of spheres")?;
         let mut at = 0;
         for (bucket, end) in ends.iter_mut().enumerate() {
             for (_, counts) in &mut pieces {
@@ -138,17 +138,17 @@ impl Sorter {
             *end = at as usize;
         }
 
-        let entries = Disjoint::new(entries);
-        input.threads.each(&mut pieces, |piece, (keys, next)| {
+        let entries = DisjointSlice::new(entries);
+        input.executor.for_each(&mut pieces, |piece, (keys, next)| {
             let mut place = |key: u32, id: usize, (center, radius): (Vec3, f32)| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every sphere a slot of its own below
                 // their number, the length of `entries`.
-                unsafe { entries.write(*slot as usize, Entry { center, radius, id: id as u32, key }) };
+                unsafe { entries.write(*slot as usize, SortRecord { center, radius, id: id as u32, key }) };
                 *slot += 1;
             };
             let ids = piece * size..;
-            match input.rule.plain_rows() {
+            match input.test.plain_rows() {
                 Some(rows) => {
                     let rows = &rows[ids.start..];
                     for ((&key, id), sphere) in keys.iter().zip(ids).zip(rows) {
@@ -157,7 +157,7 @@ impl Sorter {
                 }
                 None => {
                     for (&key, id) in keys.iter().zip(ids) {
-                        place(key, id, input.rule.effective(id as u32));
+                        place(key, id, input.test.effective(id as u32));
                     }
                 }
             }
@@ -168,18 +168,18 @@ impl Sorter {
 
 /// Finds the cells of the spheres from `first` on.
 struct Keys<'k> {
-    rule: &'k Rule<'k>,
-    places: Places<'k>,
+    test: &'k PairTest<'k>,
+    places: CellLocator<'k>,
     first: usize,
     keys: &'k mut [u32],
 }
 
-impl Task for Keys<'_> {
+impl SimdTask for Keys<'_> {
     type Result = ();
 
     #[inline(always)]
-    fn run<V: Vector>(self, vector: V) {
-        match self.rule.plain_rows() {
+    fn run<V: SimdWidth>(self, vector: V) {
+        match self.test.plain_rows() {
             Some(rows) => {
                 for ((key, sphere), id) in self.keys.iter_mut().zip(&rows[self.first..]).zip(self.first..) {
                     *key = self.places.cell_of(vector, id, bytemuck::cast(*sphere));
@@ -187,7 +187,7 @@ impl Task for Keys<'_> {
             }
             None => {
                 for (key, id) in self.keys.iter_mut().zip(self.first..) {
-                    *key = self.places.cell_of(vector, id, self.rule.row(id as u32));
+                    *key = self.places.cell_of(vector, id, self.test.row(id as u32));
                 }
             }
         }
@@ -195,7 +195,7 @@ impl Task for Keys<'_> {
 }
 
 /// Turns the cells of one bucket into where their spheres start, counted from the bucket's first sphere.
-fn count(entries: &[Entry], first: usize, cells: &mut [u32]) {
+fn count(entries: &[SortRecord], first: usize, cells: &mut [u32]) {
     cells.fill(0);
     for entry in entries {
         cells[entry.key as usize - first] += 1;

@@ -1,10 +1,10 @@
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
 use super::CellList;
-use crate::compare::{Rule, To, Written};
-use crate::input::Input;
-use crate::judged::judge;
-use crate::threads::Threads;
+use crate::compare::{ChunkTarget, ChunkedOutput, PairTest};
+use crate::executor::Executor;
+use crate::input::SearchInput;
+use crate::test_support::assert_matches_naive;
 use crate::{HostDetector, Order, Report, Settings, Simd};
 
 fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
@@ -42,7 +42,7 @@ fn every_vector_width_finds_what_all_pairs_find() {
 
 #[test]
 fn agrees_with_all_pairs() {
-    judge(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
+    assert_matches_naive(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
 }
 
 /// Cells wider than the reach, most of them away from the seam, and pairs across every face, edge and corner.
@@ -106,30 +106,33 @@ fn groups_of_species_find_what_all_pairs_find() {
         let settings = Settings { interactions: Some(table), space, ..Settings::default() };
         for split in [None, Some(300)] {
             let mut report = Report::default();
-            let mut places = crate::Places::default();
+            let mut buffers = crate::QueryBuffers::default();
             let phases = &mut report.phases;
             let query = spheres.into();
-            let placed = places.place(&query, (&settings, true), Threads::Calling, phases);
-            let placed = placed.expect("all are valid");
-            let rule = Rule::of_placed(&placed, &settings);
-            let mut input = Input { threads: Threads::Calling, split, ..Input::surveyed(rule, &settings) };
+            let prepared = buffers.prepare(&query, (&settings, true), Executor::Caller, phases);
+            let prepared = prepared.expect("all are valid");
+            let test = prepared.test(&settings);
+            let mut input =
+                SearchInput { executor: Executor::Caller, split, ..SearchInput::surveyed(test, &settings) };
             let mut expected = Vec::new();
             for i in 0..900 {
                 for j in i + 1..900 {
                     let is_asked_for = split.is_none_or(|split| (i < split as u32) != (j < split as u32));
-                    if is_asked_for && input.rule.pairs(i, j) {
+                    if is_asked_for && input.test.is_pair(i, j) {
                         expected.push(Pair { i, j });
                     }
                 }
             }
             for is_separate in [false, true] {
                 let mut list = CellList::default();
-                let outlook = list.outlook(None, &input).expect("there is memory").with_groups(is_separate);
-                list.build(&input, &outlook, &mut report).expect("there is memory");
+                let density_cache =
+                    list.density_cache(None, &input).expect("there is memory").with_groups(is_separate);
+                list.build(&input, &density_cache, &mut report).expect("there is memory");
                 if list.touch_decides() {
-                    input.rule.decided_by_radii();
+                    input.test.decided_by_radii();
                 }
-                let output = Written::new(To::List { limit: u64::MAX, kept: 0.into() }, Vec::new());
+                let output =
+                    ChunkedOutput::new(ChunkTarget::List { limit: u64::MAX, kept: 0.into() }, Vec::new());
                 let (_, chunks) =
                     list.search(&input, &output).and_then(|sink| sink.finish()).expect("there is memory");
                 let mut found = chunks.concat();
@@ -152,10 +155,10 @@ fn a_few_cells_too_many_are_no_reason_to_fold() {
         let mut spheres = cloud.clone();
         spheres.iter_mut().for_each(|sphere| sphere.center += 1700.0 * shift as f32);
         let settings = Settings::default();
-        let input = Input::surveyed(Rule::new((&spheres).into(), None), &settings);
+        let input = SearchInput::surveyed(PairTest::new((&spheres).into(), None), &settings);
         let mut list = CellList::default();
-        let outlook = list.outlook(None, &input).expect("there is memory");
-        list.build(&input, &outlook, &mut Report::default()).expect("there is memory");
+        let density_cache = list.density_cache(None, &input).expect("there is memory");
+        list.build(&input, &density_cache, &mut Report::default()).expect("there is memory");
         assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
     }
 }

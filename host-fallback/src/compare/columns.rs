@@ -1,6 +1,6 @@
-use super::rule::Rule;
+use super::pair_test::PairTest;
 use crate::Error;
-use crate::memory::resize;
+use crate::memory::try_resize;
 
 /// The most lanes of any vector; columns are padded by this many so that a load at their end stays inside.
 pub(crate) const MAX_LANES: usize = 16;
@@ -43,10 +43,10 @@ impl Columns {
         let columns = [x, y, z, r];
         let mut xyzr: [&mut [f32]; 4] = Default::default();
         for (column, made) in columns.into_iter().zip(&mut xyzr) {
-            resize(column, len + MAX_LANES, "columns of spheres")?;
+            try_resize(column, len + MAX_LANES, "columns of spheres")?;
             *made = &mut column[..len];
         }
-        resize(id, len + MAX_LANES, "columns of spheres")?;
+        try_resize(id, len + MAX_LANES, "columns of spheres")?;
         self.len = len;
         Ok(ColumnsMut { xyzr, id: &mut id[..len] })
     }
@@ -56,7 +56,7 @@ impl Columns {
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
-        resize(order, self.len, "the order of spheres")?;
+        try_resize(order, self.len, "the order of spheres")?;
         order.copy_from_slice(&self.id[..self.len]);
         self.id.iter_mut().zip(0..).for_each(|(id, at)| *id = at);
         Ok(())
@@ -68,12 +68,12 @@ impl Columns {
     /// [`Error::OutOfMemory`].
     pub(crate) fn gather(
         &mut self,
-        rule: &Rule<'_>,
+        test: &PairTest<'_>,
         ids: impl ExactSizeIterator<Item = u32>,
     ) -> Result<(), Error> {
         let ColumnsMut { xyzr: [x, y, z, r], id: column } = self.resize(ids.len())?;
         for (at, id) in ids.enumerate() {
-            let (center, radius) = rule.effective(id);
+            let (center, radius) = test.effective(id);
             (x[at], y[at], z[at]) = (center.x, center.y, center.z);
             (r[at], column[at]) = (radius, id);
         }

@@ -1,16 +1,21 @@
 //! The contact test of two spheres, and its vector code for one sphere and many.
 //!
-//! rule → columns → vectors → sink → scan: each file knows those before it.
+//! filter → pair_test → columns → simd → sink → scan: each file uses those before it only.
 
 mod columns;
-mod rule;
+mod filter;
+mod pair_test;
 mod scan;
 mod simd;
 mod sink;
 
 pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
-pub(crate) use rule::{Effective, Rule, Widening};
-pub(crate) use scan::{COMPARE, Touches, scan};
+pub use filter::PairFilter;
+pub(crate) use pair_test::{PairTest, SkinMargin, SphereRadii};
+pub(crate) use scan::{COMPARE_NS, HitQueue, scan};
 pub use simd::Simd;
-pub(crate) use simd::{Around, Axes, Images, Jobs, Portable, Row, Task, Vector, prefetch};
-pub(crate) use sink::{Count, Output, Sink, To, Written, at_places, memory_of_list};
+pub(crate) use simd::{
+    Axes, NeighborRows, PeriodicBox, Portable, RunQueue, SimdTask, SimdWidth, Xyzr, prefetch,
+};
+pub use sink::PairConsumer;
+pub(crate) use sink::{ChunkTarget, ChunkedOutput, Count, Output, Sink, at_places, memory_of_list};

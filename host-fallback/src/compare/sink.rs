@@ -3,17 +3,16 @@
 //! An [`Output`] is shared by all threads; each opens a [`Sink`] of its own, and the sinks of neighbouring pieces of
 //! work are merged in the order of the work, so that a list has the same order for any number of threads.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid_kernels::Pair;
 
 use super::columns::MAX_LANES;
-use super::simd::Vector;
+use super::simd::SimdWidth;
 use crate::Error;
-use crate::finder::TakePairs;
-use crate::memory::{self, resize};
+use crate::memory::{self, try_resize};
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
 const CHUNK: usize = 8192;
@@ -31,10 +30,13 @@ pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     kept.saturating_add(chunks(threads.saturating_add(1)))
 }
 
+/// Receives pairs as they are found.
+pub type PairConsumer<'t> = &'t mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send);
+
 /// One thread's end of an output.
 pub(crate) trait Sink: Send + Sized {
     /// Takes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes`.
-    fn hits<V: Vector>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
+    fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
     /// Takes one pair.
     fn pair(&mut self, pair: Pair);
@@ -94,7 +96,7 @@ impl Output for Count {
 
 impl Sink for Counter {
     #[inline(always)]
-    fn hits<V: Vector>(&mut self, _: V, _: u32, _: &[u32; MAX_LANES], lanes: u32) {
+    fn hits<V: SimdWidth>(&mut self, _: V, _: u32, _: &[u32; MAX_LANES], lanes: u32) {
         self.0 += u64::from(lanes.count_ones());
     }
 
@@ -114,39 +116,39 @@ impl Sink for Counter {
 }
 
 /// Writes pairs into chunks, which `to` keeps or hands over.
-pub(crate) struct Written<'c> {
-    pub(crate) to: To<'c>,
+pub(crate) struct ChunkedOutput<'c> {
+    pub(crate) to: ChunkTarget<'c>,
     /// Only pairs whose smaller index lies in here are taken; all if there is none.
     pub(crate) window: Option<Range<u32>>,
     /// Chunks to be used again, whatever stands in them.
-    pub(crate) spare: Mutex<Vec<Vec<Pair>>>,
+    pub(crate) free_chunks: Mutex<Vec<Vec<Pair>>>,
     pub(crate) stop: AtomicBool,
 }
 
 /// The destination of full chunks.
-pub(crate) enum To<'c> {
-    /// Kept in order while they are at most `limit` pairs in all; beyond it only counted.
+pub(crate) enum ChunkTarget<'c> {
+    /// CandidateListStats in order while they are at most `limit` pairs in all; beyond it only counted.
     List { limit: u64, kept: AtomicU64 },
     /// Handed over at once, one at a time, by the thread that filled it.
-    Consumer(Mutex<TakePairs<'c>>),
+    Consumer(Mutex<PairConsumer<'c>>),
     /// Counted by smaller index.
     Tally(&'c [AtomicU32]),
 }
 
-impl<'c> Written<'c> {
-    pub(crate) fn new(to: To<'c>, spare: Vec<Vec<Pair>>) -> Self {
-        let (spare, stop) = (Mutex::new(spare), AtomicBool::new(false));
-        Self { to, window: None, spare, stop }
+impl<'c> ChunkedOutput<'c> {
+    pub(crate) fn new(to: ChunkTarget<'c>, free_chunks: Vec<Vec<Pair>>) -> Self {
+        let (free_chunks, stop) = (Mutex::new(free_chunks), AtomicBool::new(false));
+        Self { to, window: None, free_chunks, stop }
     }
 
     /// The chunks that can be used again.
-    pub(crate) fn into_spare(self) -> Vec<Vec<Pair>> {
-        self.spare.into_inner().unwrap_or_else(PoisonError::into_inner)
+    pub(crate) fn into_free_chunks(self) -> Vec<Vec<Pair>> {
+        self.free_chunks.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns `true` if a list has passed its limit.
     fn is_too_long(&self) -> bool {
-        matches!(&self.to, To::List { limit, kept } if kept.load(Relaxed) > *limit)
+        matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
     /// Those of the `lanes` of `ids` whose pairs with sphere `id` are inside the window. Pairs outside it never fill a
@@ -163,15 +165,15 @@ impl<'c> Written<'c> {
     }
 
     /// Disposes of a chunk; `Some` gives it back to be kept.
-    fn dispose(&self, chunk: Vec<Pair>) -> Result<Option<Vec<Pair>>, Error> {
+    fn finish_chunk(&self, chunk: Vec<Pair>) -> Result<Option<Vec<Pair>>, Error> {
         match &self.to {
-            To::List { limit, kept } => {
+            ChunkTarget::List { limit, kept } => {
                 let len = chunk.len() as u64;
                 if kept.fetch_add(len, Relaxed) + len <= *limit {
                     return Ok(Some(chunk));
                 }
             }
-            To::Consumer(consume) => match consume.lock() {
+            ChunkTarget::Consumer(consume) => match consume.lock() {
                 Ok(mut consume) => {
                     if !self.stop.load(Relaxed) && consume(&chunk).is_break() {
                         self.stop.store(true, Relaxed);
@@ -180,7 +182,7 @@ impl<'c> Written<'c> {
                 // The consumer has panicked in another thread: it must not be called again.
                 Err(_) => self.stop.store(true, Relaxed),
             },
-            To::Tally(counts) => {
+            ChunkTarget::Tally(counts) => {
                 for pair in &chunk {
                     counts[pair.i as usize].fetch_add(1, Relaxed);
                 }
@@ -193,13 +195,13 @@ impl<'c> Written<'c> {
     /// Keeps a chunk to be used again. It stays as long as it is, since what it is given room for is cleared.
     fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
-            memory::push(&mut lock(&self.spare), chunk, "chunks of pairs")?;
+            memory::try_push(&mut lock(&self.free_chunks), chunk, "chunks of pairs")?;
         }
         Ok(())
     }
 }
 
-impl<'c> Output for Written<'c> {
+impl<'c> Output for ChunkedOutput<'c> {
     type Sink<'o>
         = Writer<'o, 'c>
     where
@@ -213,7 +215,7 @@ impl<'c> Output for Written<'c> {
 
 /// One thread's chunk in the making, and those it keeps.
 pub(crate) struct Writer<'o, 'c> {
-    output: &'o Written<'c>,
+    output: &'o ChunkedOutput<'c>,
     found: u64,
     /// Empty, or [`CHUNK`] pairs of which `len` are taken.
     chunk: Vec<Pair>,
@@ -254,8 +256,8 @@ impl Writer<'_, '_> {
     #[inline(never)]
     fn renew(&mut self) -> Result<(), Error> {
         self.flush()?;
-        self.chunk = lock(&self.output.spare).pop().unwrap_or_default();
-        resize(&mut self.chunk, CHUNK, "pairs")
+        self.chunk = lock(&self.output.free_chunks).pop().unwrap_or_default();
+        try_resize(&mut self.chunk, CHUNK, "pairs")
     }
 
     #[cold]
@@ -269,8 +271,8 @@ impl Writer<'_, '_> {
         chunk.truncate(std::mem::take(&mut self.len));
         if chunk.capacity() > 0 {
             self.found += chunk.len() as u64;
-            if let Some(chunk) = self.output.dispose(chunk)? {
-                memory::push(&mut self.chunks, chunk, "chunks of pairs")?;
+            if let Some(chunk) = self.output.finish_chunk(chunk)? {
+                memory::try_push(&mut self.chunks, chunk, "chunks of pairs")?;
             }
             self.counting = self.output.is_too_long();
         }
@@ -280,7 +282,7 @@ impl Writer<'_, '_> {
 
 impl Sink for Writer<'_, '_> {
     #[inline(always)]
-    fn hits<V: Vector>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32) {
+    fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32) {
         if self.counting {
             self.found += u64::from(lanes.count_ones());
         } else {
@@ -328,7 +330,7 @@ impl Sink for Writer<'_, '_> {
             self.output.put_back(chunk)?;
         } else {
             self.flush()?;
-            memory::extend(&mut self.chunks, chunks.drain(..), "chunks of pairs")?;
+            memory::try_extend(&mut self.chunks, chunks.drain(..), "chunks of pairs")?;
             (self.chunk, self.len) = (chunk, len);
         }
         self.counting |= counting;

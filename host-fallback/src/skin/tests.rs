@@ -1,7 +1,7 @@
 use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
-use crate::judged::Random;
-use crate::{Error, HostDetector, Order, Rebuilt, Settings, Skin};
+use crate::test_support::Random;
+use crate::{Error, HostDetector, Order, RebuildReason, Settings, Skin};
 
 /// Spheres of several sizes in a cube of this edge.
 fn gas(n: usize, sizes: i32, edge: f32) -> Vec<Sphere> {
@@ -60,7 +60,8 @@ fn candidates_never_change_an_answer() {
                 assert_eq!(pairs(&mut kept, &spheres), expected, "{skin:?}, settings {k}, call {call}");
                 let report = kept.report().candidates;
                 served += usize::from(report.is_some_and(|kept| kept.rebuilt.is_none()));
-                moved += usize::from(report.is_some_and(|kept| kept.rebuilt == Some(Rebuilt::Moved)));
+                moved +=
+                    usize::from(report.is_some_and(|kept| kept.rebuilt == Some(RebuildReason::Displacement)));
                 assert!(report.is_none_or(|kept| kept.count >= expected.len() as u64));
                 step(&mut spheres, if call < 30 { 0.05 } else { 0.2 }, &mut random);
             }
@@ -100,21 +101,21 @@ fn spheres_that_change_are_searched_anew() {
     let mut off =
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let mut spheres = gas(3000, 2, 20.0);
-    let mut judge = |spheres: &[Sphere], why: Option<Rebuilt>| {
+    let mut judge = |spheres: &[Sphere], why: Option<RebuildReason>| {
         let found = kept.count(spheres).expect("valid");
         assert_eq!(found, off.count(spheres).expect("valid"));
         assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, why);
     };
-    judge(&spheres, Some(Rebuilt::First));
+    judge(&spheres, Some(RebuildReason::NoList));
     judge(&spheres, None);
     spheres[17].radius *= 1.5;
-    judge(&spheres, Some(Rebuilt::Changed));
+    judge(&spheres, Some(RebuildReason::InputChanged));
     spheres.push(spheres[5]);
-    judge(&spheres, Some(Rebuilt::Changed));
+    judge(&spheres, Some(RebuildReason::InputChanged));
     spheres[2999].center.y += 0.49;
     judge(&spheres, None);
     spheres[2999].center.y += 0.02;
-    judge(&spheres, Some(Rebuilt::Moved));
+    judge(&spheres, Some(RebuildReason::Displacement));
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn table(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<D
         out.write_all(header_line(ids.is_some()))?;
         let mut rows = Rows::new(out);
         for i in 0..lists.len() {
-            let neighbors = lists.of(i).iter();
+            let neighbors = lists.neighbors_of(i).iter();
             match ids {
                 None => neighbors.copied().try_for_each(|j| rows.row([i as u32, j], b','))?,
                 Some(ids) => {

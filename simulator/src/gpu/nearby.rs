@@ -114,7 +114,7 @@ impl Listing {
             let near = detector.neighbors(sets)?;
             for at in 0..cells {
                 words[k * (cells + 1) + at] = words.len() as u32;
-                words.extend(near.of(at).iter().map(|&receiver| kind.fates_begin + receiver));
+                words.extend(near.neighbors_of(at).iter().map(|&receiver| kind.fates_begin + receiver));
             }
             words[k * (cells + 1) + cells] = words.len() as u32;
         }

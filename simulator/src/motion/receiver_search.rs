@@ -160,7 +160,7 @@ impl ReceiverSearch {
             Sphere::new(before, radius + slack(before, radius, bodies, *travelled))
         }));
         let near = detector.neighbors((&*queries, &*receivers))?;
-        let found: usize = (0..near.len()).map(|k| near.of(k).len()).sum();
+        let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
         worth.see([queries.len(), found], clear_spheres.len() * receivers.len());
         let [_, least, most] = FACTORS;
         // A few say little about the next step.
@@ -221,7 +221,7 @@ impl Found<'_> {
         let slack = slack(before, radius, bodies, self.travelled);
         let mut clear = radius - slack;
         let mut candidates = Vec::new();
-        for &other in self.near.of(k) {
+        for &other in self.near.neighbors_of(k) {
             let body = &bodies.all[other as usize];
             let gap =
                 crate::model::receiver::signed_distance(body.receiver.radius, body.center, boundary, before)

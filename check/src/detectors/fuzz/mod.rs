@@ -178,7 +178,7 @@ fn answer(detector: &mut Detector, call: Call, scenario: &TestInput) -> Result<A
         Call::List => detector.pairs(view).map(|pairs| Answer::Pairs(pairs.to_vec())).or_else(refused),
         Call::Count => detector.count(view).map(Answer::Count).or_else(refused),
         Call::Neighbors => match detector.neighbors(view) {
-            Ok(lists) => pairs_of(scenario.spheres.len(), |i| lists.of(i)).map(Answer::Pairs),
+            Ok(lists) => pairs_of(scenario.spheres.len(), |i| lists.neighbors_of(i)).map(Answer::Pairs),
             Err(error) => refused(error),
         },
         Call::Stream { chunk } => {

@@ -130,7 +130,7 @@ impl Ask {
                 Err(error) => Ok(Answer::Refused(error)),
                 Ok(lists) if lists.len() != first => Err(format!("{} lists of {first} spheres", lists.len())),
                 Ok(lists) if self.split.is_some() => forward(&lists, split).map(Answer::Pairs),
-                Ok(lists) => pairs_of(n, |i| lists.of(i)).map(Answer::Pairs),
+                Ok(lists) => pairs_of(n, |i| lists.neighbors_of(i)).map(Answer::Pairs),
             },
             Output::Stream { chunk, ending } => {
                 streamed((chunk, ending), split, stop, |consume| detector.stream(query, chunk, consume))
@@ -191,10 +191,10 @@ fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
     if lists.len() != split {
         return Err(format!("{} lists of {split} spheres", lists.len()));
     }
-    if let Some(i) = (0..split).find(|&i| !lists.of(i).is_sorted()) {
+    if let Some(i) = (0..split).find(|&i| !lists.neighbors_of(i).is_sorted()) {
         return Err(format!("the neighbors of {i} do not ascend"));
     }
-    let of = |i: usize| lists.of(i).iter().map(move |&j| Pair { i: i as u32, j });
+    let of = |i: usize| lists.neighbors_of(i).iter().map(move |&j| Pair { i: i as u32, j });
     Ok(among_all((0..split).flat_map(of).collect(), split))
 }
 

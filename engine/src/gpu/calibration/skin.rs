@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use lazygrid_host::Costs;
+use lazygrid_host::TunerCosts;
 use lazygrid_kernels::{Algorithm, Sphere};
 
 use super::{CLEARLY, scene, time};
@@ -62,7 +62,7 @@ impl SkinCosts {
     }
 }
 
-impl From<SkinCosts> for Costs {
+impl From<SkinCosts> for TunerCosts {
     fn from(costs: SkinCosts) -> Self {
         let SkinCosts { search, find, keep, measure, test, call } = costs;
         Self { search, levels: 0.0, find, keep, measure, test, call }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use lazygrid_host::{Kept, Rebuilt};
+use lazygrid_host::{CandidateListStats, RebuildReason};
 use lazygrid_kernels::layout::{Outcome, SkinState};
 
 use super::{GpuSession, SLOTS, Work};
@@ -87,7 +87,7 @@ impl GpuSession {
     }
 
     /// The candidates that the last finished call was answered from; `None` where it searched without any.
-    pub fn kept(&self) -> Option<Kept> {
+    pub fn kept(&self) -> Option<CandidateListStats> {
         self.kept
     }
 
@@ -97,12 +97,12 @@ impl GpuSession {
         let Some(skin) = &mut self.skin else { return };
         let rebuilt = match state.rebuilt {
             0 => None,
-            SkinState::MOVED => Some(Rebuilt::Moved),
-            SkinState::CHANGED => Some(Rebuilt::Changed),
-            _ => Some(Rebuilt::First),
+            SkinState::MOVED => Some(RebuildReason::Displacement),
+            SkinState::CHANGED => Some(RebuildReason::InputChanged),
+            _ => Some(RebuildReason::NoList),
         };
         let before = self.kept.take();
-        let mut kept = Kept::default();
+        let mut kept = CandidateListStats::default();
         kept.count = state.candidates.into();
         kept.rebuilt = before.and_then(|kept| kept.rebuilt).or(rebuilt);
         if before.is_none() {
@@ -114,7 +114,7 @@ impl GpuSession {
             (None, None) => skin.age.saturating_add(1),
         };
         kept.age = skin.age;
-        kept.moved = if kept.rebuilt.is_some() { 0.0 } else { skin.went.1 };
+        kept.displacement_fraction = if kept.rebuilt.is_some() { 0.0 } else { skin.went.1 };
         self.kept = Some(kept);
     }
 

@@ -1,7 +1,7 @@
 //! One sphere against several: the vector code of every detector.
 //!
 //! The comparison is a filter in `f32` with an error band around tangency. What lies clear of the band is decided
-//! here; what lies inside it is left to the exact test of [`Rule`](super::rule::Rule). So vector width, fused
+//! here; what lies inside it is left to the exact test of [`PairTest`](super::rule::PairTest). So vector width, fused
 //! multiply-adds and the order of operations cannot change a result.
 
 use std::env;
@@ -11,16 +11,16 @@ use std::sync::OnceLock;
 use lazygrid_kernels::Pair;
 
 use super::columns::{Columns, MAX_LANES};
-pub(crate) use jobs::{Around, Jobs};
-pub(crate) use nearest::Images;
-use nearest::Nearest;
+use minimum_image::MinimumImage;
+pub(crate) use minimum_image::PeriodicBox;
 pub(crate) use portable::Portable;
-pub(crate) use rows::Row;
+pub(crate) use run_queue::{NeighborRows, RunQueue};
+pub(crate) use scalar::Xyzr;
 
-mod jobs;
-mod nearest;
+mod minimum_image;
 mod portable;
-mod rows;
+mod run_queue;
+mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
@@ -113,25 +113,25 @@ impl Simd {
 
     /// Runs `task` with this width, or the portable one where the processor lacks it; comparisons are between nearest
     /// images if there are any.
-    pub(crate) fn run<T: Task>(self, task: T, images: Option<Images>) -> T::Result {
+    pub(crate) fn run<T: SimdTask>(self, task: T, periodic: Option<PeriodicBox>) -> T::Result {
         match self.narrower(Self::detect()) {
             // SAFETY: nothing wider is returned than `detect` does, for which this processor has all features.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => unsafe { x86::with_avx512(task, images) },
+            Self::Avx512 => unsafe { x86::with_avx512(task, periodic) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => unsafe { x86::with_avx2(task, images) },
-            _ => over(task, Portable, images),
+            Self::Avx2 => unsafe { x86::with_avx2(task, periodic) },
+            _ => over(task, Portable, periodic),
         }
     }
 }
 
 /// Runs `task` with this width in the space of `images`.
 #[inline(always)]
-fn over<T: Task>(task: T, vector: impl Width, images: Option<Images>) -> T::Result {
-    match images {
+fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<PeriodicBox>) -> T::Result {
+    match periodic {
         None => task.run(vector),
-        Some(images) => task.run(Nearest { vector, images }),
+        Some(periodic) => task.run(MinimumImage { vector, periodic }),
     }
 }
 
@@ -152,37 +152,43 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
 ///
 /// Only what is inlined into [`Task::run`] takes on the instructions: its callees are `#[inline(always)]`, and none
 /// of them passes a closure to a function that is not.
-pub(crate) trait Task {
+pub(crate) trait SimdTask {
     type Result;
     /// Must be `#[inline(always)]`, so that it takes on the features of its caller.
-    fn run<V: Vector>(self, vector: V) -> Self::Result;
+    fn run<V: SimdWidth>(self, vector: V) -> Self::Result;
 }
 
 /// A vector width. A value of the type is proof that the processor has it.
-pub(crate) trait Vector: Copy {
+pub(crate) trait SimdWidth: Copy {
     /// Spheres per comparison, at most [`MAX_LANES`].
     const LANES: usize;
     /// One sphere in every lane.
     type Query: Copy;
     /// Squared distances and squared sums of radii.
-    type Gaps: Copy;
+    type SquaredDistances: Copy;
 
     /// A sphere from its centre and radius.
     fn query(self, sphere: [f32; 4]) -> Self::Query;
     /// Compares with the spheres at `base..base + LANES`, which may reach into the padding.
-    fn gaps(self, columns: &Columns, base: usize, query: Self::Query) -> Self::Gaps;
+    fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
     /// Lanes that may be pairs: all that are, and those inside the band.
-    fn possible(self, gaps: Self::Gaps) -> u32;
+    fn possible(self, distances: Self::SquaredDistances) -> u32;
     /// Lanes that touch without doubt.
-    fn certain(self, gaps: Self::Gaps) -> u32;
+    fn certain(self, distances: Self::SquaredDistances) -> u32;
     /// Which of the pairs of places in `rows` may touch, and which do without doubt: a bit for each.
-    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
+    fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
     /// The cell of the point `center + offset`, cut to the grid. Monotone along each axis, and the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
     /// Appends the runs that some spheres of one cell have to be compared with, five for each sphere at most.
     /// `spheres` says where they start and how many they are, at most [`MAX_LANES`]. Runs begin no earlier than the sphere behind their own.
-    fn look_around(self, columns: &Columns, spheres: (usize, usize), around: &Around, jobs: &mut Jobs);
+    fn find_neighbor_runs(
+        self,
+        columns: &Columns,
+        spheres: (usize, usize),
+        neighbors: &NeighborRows,
+        queue: &mut RunQueue,
+    );
     /// Writes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes` to the front of
     /// `pairs`; what stands behind them is then of no meaning. Returns how many there are.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
@@ -192,16 +198,16 @@ pub(crate) trait Vector: Copy {
 }
 
 /// The further operations of a vector width for periodic spaces.
-pub(crate) trait Width: Vector {
+pub(crate) trait PeriodicSimd: SimdWidth {
     /// The same as [`gaps`](Vector::gaps), between nearest images: with the slack added to the sum of radii, and with it taken
     /// away, but never below zero.
-    fn nearest_gaps(
+    fn minimum_image_distances(
         self,
         columns: &Columns,
         base: usize,
         query: Self::Query,
-        images: &Images,
-    ) -> [Self::Gaps; 2];
+        periodic: &PeriodicBox,
+    ) -> [Self::SquaredDistances; 2];
 }
 
 /// From coordinates to cells, for `x`, `y` and `z`; the fourth lane only fills a vector.
@@ -220,7 +226,7 @@ mod tests {
     use lazygrid_kernels::Sphere;
 
     use super::*;
-    use crate::compare::Rule;
+    use crate::compare::PairTest;
 
     const AXES: Axes = Axes {
         per_length: [0.7, 0.7, 0.7, 0.0],
@@ -240,11 +246,11 @@ mod tests {
     /// Everything a vector width computes besides distances, which the detectors' tests compare.
     struct Everything;
 
-    impl Task for Everything {
+    impl SimdTask for Everything {
         type Result = Vec<u32>;
 
         #[inline(always)]
-        fn run<V: Vector>(self, vector: V) -> Vec<u32> {
+        fn run<V: SimdWidth>(self, vector: V) -> Vec<u32> {
             let mut all = Vec::new();
             for point in POINTS {
                 for offset in [0.0, 1.5, -1.5, 1e10] {
@@ -262,18 +268,18 @@ mod tests {
             let mut columns = Columns::default();
             let spheres: Vec<_> =
                 (0..40).map(|k| Sphere::new([k as f32, 39.0 - k as f32, 0.3], 0.5)).collect();
-            columns.gather(&Rule::new((&spheres).into(), None), 0..40).expect("there is memory");
-            let mut jobs = Jobs::new();
+            columns.gather(&PairTest::new((&spheres).into(), None), 0..40).expect("there is memory");
+            let mut queue = RunQueue::new();
             for count in [1, 2, 15, 16] {
                 for (low, high) in [(8.0, 12.0), (f32::NEG_INFINITY, 30.5), (20.0, f32::INFINITY)] {
                     let rows =
                         [[0, 0, 20, 25], [30, 31, 35, 40], [28, 30, 30, 30], [1, 1, 1, 2], [36, 36, 40, 40]];
-                    let around = Around { low: [low; 3], high: [high, high, 0.5], rows };
-                    jobs.clear();
-                    vector.look_around(&columns, (10, count), &around, &mut jobs);
-                    let mut found: Vec<_> = (0..jobs.len()).map(|k| jobs.get(k)).collect();
+                    let neighbors = NeighborRows { low: [low; 3], high: [high, high, 0.5], rows };
+                    queue.clear();
+                    vector.find_neighbor_runs(&columns, (10, count), &neighbors, &mut queue);
+                    let mut found: Vec<_> = (0..queue.len()).map(|k| queue.get(k)).collect();
                     found.sort_unstable_by_key(|(at, run)| (*at, run.start, run.end));
-                    all.push(jobs.len() as u32);
+                    all.push(queue.len() as u32);
                     all.extend(
                         found.iter().flat_map(|(at, run)| [*at, run.start, run.end]).map(|k| k as u32),
                     );

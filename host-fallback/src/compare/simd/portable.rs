@@ -2,16 +2,18 @@ use lazygrid_kernels::Pair;
 use wide::f32x8;
 
 use super::super::columns::Columns;
-use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Row, Vector, Width, rows};
+use super::{
+    Axes, BAND, FLOOR, MAX_LANES, NeighborRows, PeriodicBox, PeriodicSimd, RunQueue, SimdWidth, Xyzr, scalar,
+};
 
 /// Eight lanes in vectors that every processor has, two of four on most.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 
-impl Vector for Portable {
+impl SimdWidth for Portable {
     const LANES: usize = 8;
     type Query = [f32x8; 4];
-    type Gaps = (f32x8, f32x8);
+    type SquaredDistances = (f32x8, f32x8);
 
     #[inline(always)]
     fn query(self, sphere: [f32; 4]) -> [f32x8; 4] {
@@ -19,25 +21,25 @@ impl Vector for Portable {
     }
 
     #[inline(always)]
-    fn gaps(self, columns: &Columns, base: usize, q: [f32x8; 4]) -> Self::Gaps {
+    fn squared_distances(self, columns: &Columns, base: usize, q: [f32x8; 4]) -> Self::SquaredDistances {
         let [x, y, z, r] = columns.lanes::<8>(base).map(|lanes| f32x8::new(*lanes));
         let (dx, dy, dz, s) = (x - q[0], y - q[1], z - q[2], r + q[3]);
         (dx * dx + dy * dy + dz * dz, s * s)
     }
 
     #[inline(always)]
-    fn possible(self, (d2, s2): Self::Gaps) -> u32 {
+    fn possible(self, (d2, s2): Self::SquaredDistances) -> u32 {
         d2.simd_le(s2 * f32x8::splat(1.0 + BAND) + f32x8::splat(FLOOR)).to_bitmask()
     }
 
     #[inline(always)]
-    fn certain(self, (d2, s2): Self::Gaps) -> u32 {
+    fn certain(self, (d2, s2): Self::SquaredDistances) -> u32 {
         d2.simd_lt(s2 * f32x8::splat(1.0 - BAND) - f32x8::splat(FLOOR)).to_bitmask()
     }
 
     #[inline(always)]
-    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
-        rows::touching(rows, pairs)
+    fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+        scalar::touching(rows, pairs)
     }
 
     #[inline(always)]
@@ -51,8 +53,14 @@ impl Vector for Portable {
     }
 
     #[inline(always)]
-    fn look_around(self, columns: &Columns, spheres: (usize, usize), around: &Around, jobs: &mut Jobs) {
-        look_around(columns, spheres, around, jobs);
+    fn find_neighbor_runs(
+        self,
+        columns: &Columns,
+        spheres: (usize, usize),
+        neighbors: &NeighborRows,
+        queue: &mut RunQueue,
+    ) {
+        find_neighbor_runs(columns, spheres, neighbors, queue);
     }
 
     #[inline(always)]
@@ -66,18 +74,24 @@ impl Vector for Portable {
     }
 }
 
-impl Width for Portable {
+impl PeriodicSimd for Portable {
     #[inline(always)]
-    fn nearest_gaps(self, columns: &Columns, base: usize, q: [f32x8; 4], images: &Images) -> [Self::Gaps; 2] {
+    fn minimum_image_distances(
+        self,
+        columns: &Columns,
+        base: usize,
+        q: [f32x8; 4],
+        periodic: &PeriodicBox,
+    ) -> [Self::SquaredDistances; 2] {
         let [x, y, z, r] = columns.lanes::<8>(base).map(|lanes| f32x8::new(*lanes));
         let nearest = |column: f32x8, axis: usize| {
             let apart = (column - q[axis]).abs();
-            let other = f32x8::splat(images.lengths[axis]) - apart;
+            let other = f32x8::splat(periodic.lengths[axis]) - apart;
             // Not the minimum: where both are infinite the other is NaN, and not it.
             other.simd_lt(apart).select(other, apart)
         };
         let (dx, dy, dz, s) = (nearest(x, 0), nearest(y, 1), nearest(z, 2), r + q[3]);
-        let slack = f32x8::splat(images.slack);
+        let slack = f32x8::splat(periodic.slack);
         let (more, less) = (s + slack, (s - slack).max(f32x8::ZERO));
         let d2 = dx * dx + dy * dy + dz * dz;
         [(d2, more * more), (d2, less * less)]
@@ -86,17 +100,22 @@ impl Width for Portable {
 
 /// Looking around sphere by sphere.
 #[inline(always)]
-pub(super) fn look_around(columns: &Columns, (at, count): (usize, usize), around: &Around, jobs: &mut Jobs) {
-    let Around { low, high, rows } = around;
+pub(super) fn find_neighbor_runs(
+    columns: &Columns,
+    (at, count): (usize, usize),
+    neighbors: &NeighborRows,
+    queue: &mut RunQueue,
+) {
+    let NeighborRows { low, high, rows } = neighbors;
     for at in at..at + count {
         let [x, y, z, r] = columns.sphere(at);
         let [lower_x, lower_y] = [x - r < low[0], y - r < low[1]];
         let [higher_x, higher_y, higher_z] = [x + r > high[0], y + r > high[1], z + r > high[2]];
         let (first, end) = (1 - usize::from(lower_x), 2 + usize::from(higher_x));
         let wanted = [true, higher_y, higher_z & lower_y, higher_z, higher_z & higher_y];
-        jobs.push(at as u32, at as u32 + 1..rows[0][end], true);
+        queue.push(at as u32, at as u32 + 1..rows[0][end], true);
         for row in 1..rows.len() {
-            jobs.push(at as u32, rows[row][first]..rows[row][end], wanted[row]);
+            queue.push(at as u32, rows[row][first]..rows[row][end], wanted[row]);
         }
     }
 }

@@ -4,7 +4,8 @@ use lazygrid_kernels::Pair;
 
 use super::super::columns::Columns;
 use super::{
-    Around, Axes, BAND, FLOOR, Feature, Images, Jobs, MAX_LANES, Row, Task, Vector, Width, over, portable,
+    Axes, BAND, FLOOR, Feature, MAX_LANES, NeighborRows, PeriodicBox, PeriodicSimd, RunQueue, SimdTask,
+    SimdWidth, Xyzr, over, portable,
 };
 
 /// A width, from one list of instruction sets: those that its tasks are compiled with are those that the processor is
@@ -23,8 +24,8 @@ macro_rules! width {
 
         /// Runs a task with this width.
         #[target_feature($(enable = $feature),+)]
-        pub(super) fn $run<T: Task>(task: T, images: Option<Images>) -> T::Result {
-            over(task, $name(()), images)
+        pub(super) fn $run<T: SimdTask>(task: T, periodic: Option<PeriodicBox>) -> T::Result {
+            over(task, $name(()), periodic)
         }
     };
 }
@@ -65,7 +66,7 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
 /// # Safety
 /// The processor must have FMA.
 #[inline(always)]
-unsafe fn touching(rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     // One question for all of them.
     let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
     assert!((last as usize) < rows.len(), "every place has a row");
@@ -96,10 +97,10 @@ unsafe fn touching(rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     masks
 }
 
-impl Vector for Avx512 {
+impl SimdWidth for Avx512 {
     const LANES: usize = 16;
     type Query = [__m512; 4];
-    type Gaps = (__m512, __m512);
+    type SquaredDistances = (__m512, __m512);
 
     #[inline(always)]
     fn query(self, [x, y, z, r]: [f32; 4]) -> [__m512; 4] {
@@ -108,7 +109,7 @@ impl Vector for Avx512 {
     }
 
     #[inline(always)]
-    fn gaps(self, columns: &Columns, base: usize, q: [__m512; 4]) -> Self::Gaps {
+    fn squared_distances(self, columns: &Columns, base: usize, q: [__m512; 4]) -> Self::SquaredDistances {
         let [x, y, z, r] = columns.lanes::<16>(base);
         // SAFETY: `self` proves AVX-512F; each column's sixteen values are a reference's.
         unsafe {
@@ -122,7 +123,7 @@ impl Vector for Avx512 {
     }
 
     #[inline(always)]
-    fn possible(self, (d2, s2): Self::Gaps) -> u32 {
+    fn possible(self, (d2, s2): Self::SquaredDistances) -> u32 {
         // SAFETY: `self` proves AVX-512F.
         unsafe {
             let bound = _mm512_fmadd_ps(s2, _mm512_set1_ps(1.0 + BAND), _mm512_set1_ps(FLOOR));
@@ -131,7 +132,7 @@ impl Vector for Avx512 {
     }
 
     #[inline(always)]
-    fn certain(self, (d2, s2): Self::Gaps) -> u32 {
+    fn certain(self, (d2, s2): Self::SquaredDistances) -> u32 {
         // SAFETY: `self` proves AVX-512F.
         unsafe {
             let bound = _mm512_fmsub_ps(s2, _mm512_set1_ps(1.0 - BAND), _mm512_set1_ps(FLOOR));
@@ -140,7 +141,7 @@ impl Vector for Avx512 {
     }
 
     #[inline(always)]
-    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+    fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
         // SAFETY: `self` proves FMA.
         unsafe { touching(rows, pairs) }
     }
@@ -152,10 +153,16 @@ impl Vector for Avx512 {
     }
 
     #[inline(always)]
-    fn look_around(self, columns: &Columns, (at, count): (usize, usize), around: &Around, jobs: &mut Jobs) {
-        assert!(!jobs.is_full() && count <= MAX_LANES, "there is room for the runs of a vector");
+    fn find_neighbor_runs(
+        self,
+        columns: &Columns,
+        (at, count): (usize, usize),
+        neighbors: &NeighborRows,
+        queue: &mut RunQueue,
+    ) {
+        assert!(!queue.is_full() && count <= MAX_LANES, "there is room for the runs of a vector");
         let [x, y, z, r] = columns.lanes::<16>(at);
-        let Around { low, high, rows } = around;
+        let NeighborRows { low, high, rows } = neighbors;
         // SAFETY: `self` proves AVX-512F. Each array read is one vector long. `len` starts below `FULL` and grows by at
         // most sixteen for each of five rows, so every vector is written inside the columns of `jobs`.
         unsafe {
@@ -172,7 +179,7 @@ impl Vector for Avx512 {
             let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
             let ats = _mm512_add_epi32(_mm512_set1_epi32(at as i32), lanes);
             let own = _mm512_add_epi32(ats, _mm512_set1_epi32(1));
-            let mut len = jobs.len;
+            let mut len = queue.len;
             for (row, &[lower, same, higher, end]) in rows.iter().enumerate() {
                 let (lower, same) = (_mm512_set1_epi32(lower as i32), _mm512_set1_epi32(same as i32));
                 let (higher, end) = (_mm512_set1_epi32(higher as i32), _mm512_set1_epi32(end as i32));
@@ -182,14 +189,14 @@ impl Vector for Avx512 {
                 };
                 let ends = _mm512_mask_blend_epi32(higher_x, higher, end);
                 let runs = _mm512_cmplt_epu32_mask(starts, ends) & wanted[row] & live;
-                let (to_at, to_start) = (jobs.at.as_mut_ptr().add(len), jobs.start.as_mut_ptr().add(len));
-                let to_end = jobs.end.as_mut_ptr().add(len);
+                let (to_at, to_start) = (queue.at.as_mut_ptr().add(len), queue.start.as_mut_ptr().add(len));
+                let to_end = queue.end.as_mut_ptr().add(len);
                 _mm512_storeu_si512(to_at.cast(), _mm512_maskz_compress_epi32(runs, ats));
                 _mm512_storeu_si512(to_start.cast(), _mm512_maskz_compress_epi32(runs, starts));
                 _mm512_storeu_si512(to_end.cast(), _mm512_maskz_compress_epi32(runs, ends));
                 len += runs.count_ones() as usize;
             }
-            jobs.len = len;
+            queue.len = len;
         }
     }
 
@@ -225,10 +232,10 @@ impl Vector for Avx512 {
     }
 }
 
-impl Vector for Avx2 {
+impl SimdWidth for Avx2 {
     const LANES: usize = 8;
     type Query = [__m256; 4];
-    type Gaps = (__m256, __m256);
+    type SquaredDistances = (__m256, __m256);
 
     #[inline(always)]
     fn query(self, [x, y, z, r]: [f32; 4]) -> [__m256; 4] {
@@ -237,7 +244,7 @@ impl Vector for Avx2 {
     }
 
     #[inline(always)]
-    fn gaps(self, columns: &Columns, base: usize, q: [__m256; 4]) -> Self::Gaps {
+    fn squared_distances(self, columns: &Columns, base: usize, q: [__m256; 4]) -> Self::SquaredDistances {
         let [x, y, z, r] = columns.lanes::<8>(base);
         // SAFETY: `self` proves AVX2 and FMA; each column's eight values are a reference's.
         unsafe {
@@ -251,7 +258,7 @@ impl Vector for Avx2 {
     }
 
     #[inline(always)]
-    fn possible(self, (d2, s2): Self::Gaps) -> u32 {
+    fn possible(self, (d2, s2): Self::SquaredDistances) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let bound = _mm256_fmadd_ps(s2, _mm256_set1_ps(1.0 + BAND), _mm256_set1_ps(FLOOR));
@@ -260,7 +267,7 @@ impl Vector for Avx2 {
     }
 
     #[inline(always)]
-    fn certain(self, (d2, s2): Self::Gaps) -> u32 {
+    fn certain(self, (d2, s2): Self::SquaredDistances) -> u32 {
         // SAFETY: `self` proves AVX2 and FMA.
         unsafe {
             let bound = _mm256_fmsub_ps(s2, _mm256_set1_ps(1.0 - BAND), _mm256_set1_ps(FLOOR));
@@ -269,7 +276,7 @@ impl Vector for Avx2 {
     }
 
     #[inline(always)]
-    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+    fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
         // SAFETY: `self` proves FMA.
         unsafe { touching(rows, pairs) }
     }
@@ -281,8 +288,14 @@ impl Vector for Avx2 {
     }
 
     #[inline(always)]
-    fn look_around(self, columns: &Columns, spheres: (usize, usize), around: &Around, jobs: &mut Jobs) {
-        portable::look_around(columns, spheres, around, jobs);
+    fn find_neighbor_runs(
+        self,
+        columns: &Columns,
+        spheres: (usize, usize),
+        neighbors: &NeighborRows,
+        queue: &mut RunQueue,
+    ) {
+        portable::find_neighbor_runs(columns, spheres, neighbors, queue);
     }
 
     #[inline(always)]
@@ -296,15 +309,15 @@ impl Vector for Avx2 {
     }
 }
 
-impl Width for Avx512 {
+impl PeriodicSimd for Avx512 {
     #[inline(always)]
-    fn nearest_gaps(
+    fn minimum_image_distances(
         self,
         columns: &Columns,
         base: usize,
         q: Self::Query,
-        images: &Images,
-    ) -> [Self::Gaps; 2] {
+        periodic: &PeriodicBox,
+    ) -> [Self::SquaredDistances; 2] {
         let [x, y, z, r] = columns.lanes::<16>(base);
         // SAFETY: `self` proves AVX-512F; each column's sixteen values are a reference's.
         unsafe {
@@ -314,11 +327,11 @@ impl Width for Avx512 {
                 // Of two operands of which one is NaN, the minimum is the second.
                 _mm512_min_ps(_mm512_sub_ps(_mm512_set1_ps(length), apart), apart)
             };
-            let [dx, dy] = [nearest(x, q[0], images.lengths[0]), nearest(y, q[1], images.lengths[1])];
-            let dz = nearest(z, q[2], images.lengths[2]);
+            let [dx, dy] = [nearest(x, q[0], periodic.lengths[0]), nearest(y, q[1], periodic.lengths[1])];
+            let dz = nearest(z, q[2], periodic.lengths[2]);
             let d2 = _mm512_fmadd_ps(dx, dx, _mm512_fmadd_ps(dy, dy, _mm512_mul_ps(dz, dz)));
             let s = _mm512_add_ps(_mm512_loadu_ps(r.as_ptr()), q[3]);
-            let slack = _mm512_set1_ps(images.slack);
+            let slack = _mm512_set1_ps(periodic.slack);
             let wide = _mm512_add_ps(s, slack);
             let narrow = _mm512_max_ps(_mm512_sub_ps(s, slack), _mm512_setzero_ps());
             [(d2, _mm512_mul_ps(wide, wide)), (d2, _mm512_mul_ps(narrow, narrow))]
@@ -326,15 +339,15 @@ impl Width for Avx512 {
     }
 }
 
-impl Width for Avx2 {
+impl PeriodicSimd for Avx2 {
     #[inline(always)]
-    fn nearest_gaps(
+    fn minimum_image_distances(
         self,
         columns: &Columns,
         base: usize,
         q: Self::Query,
-        images: &Images,
-    ) -> [Self::Gaps; 2] {
+        periodic: &PeriodicBox,
+    ) -> [Self::SquaredDistances; 2] {
         let [x, y, z, r] = columns.lanes::<8>(base);
         // SAFETY: `self` proves AVX2 and FMA; each column's eight values are a reference's.
         unsafe {
@@ -344,11 +357,11 @@ impl Width for Avx2 {
                 // Of two operands of which one is NaN, the minimum is the second.
                 _mm256_min_ps(_mm256_sub_ps(_mm256_set1_ps(length), apart), apart)
             };
-            let [dx, dy] = [nearest(x, q[0], images.lengths[0]), nearest(y, q[1], images.lengths[1])];
-            let dz = nearest(z, q[2], images.lengths[2]);
+            let [dx, dy] = [nearest(x, q[0], periodic.lengths[0]), nearest(y, q[1], periodic.lengths[1])];
+            let dz = nearest(z, q[2], periodic.lengths[2]);
             let d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
             let s = _mm256_add_ps(_mm256_loadu_ps(r.as_ptr()), q[3]);
-            let slack = _mm256_set1_ps(images.slack);
+            let slack = _mm256_set1_ps(periodic.slack);
             let wide = _mm256_add_ps(s, slack);
             let narrow = _mm256_max_ps(_mm256_sub_ps(s, slack), _mm256_setzero_ps());
             [(d2, _mm256_mul_ps(wide, wide)), (d2, _mm256_mul_ps(narrow, narrow))]

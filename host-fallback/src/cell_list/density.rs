@@ -1,0 +1,369 @@
+//! Occupancy: the mean number of spheres that share a cube of a given edge with a sphere.
+//!
+//! Estimated from a sample, because a cost model needs it before anything is built, and bounds alone say nothing of
+//! clusters. The sample is sorted along the Morton curve, where the members of every octree cell are neighbours, so
+//! one sort answers for all edges.
+
+use glam::{DVec3, Vec3};
+use lazygrid_kernels::{Space, Spheres};
+
+use super::LevelPlan;
+use crate::input::SearchInput;
+use crate::input::{Grouping, MAX_GROUPS, SpeciesGroups};
+use crate::memory::try_collect;
+use crate::{Error, InputStats};
+
+/// Halvings of the bounding cube's edge: 21 bits per axis fill a 63-bit Morton code.
+const DEPTHS: usize = 21;
+/// Fewer coincidences than this at one depth say more about chance than about space.
+const MIN_COINCIDENCES: u64 = 24;
+
+/// Spheres below which a sample serves several calls: to take one is a sixth of a call of 1000 spheres. What a poor plan
+/// costs so few is little.
+const MAX_REUSE_SPHERES: usize = 1 << 12;
+/// The most further calls that a sample serves.
+const MAX_REUSES: u32 = 15;
+/// Part of the extent by which bounds may have moved meanwhile.
+const MAX_BOUNDS_SHIFT: f32 = 0.0625;
+/// Groups of species are kept apart if a search is estimated to take less than this part of the time.
+const MAX_SEPARATE_COST: f32 = 0.9;
+/// Estimated time of an exact test, whose spheres lie anywhere in memory, in nanoseconds.
+const EXACT_TEST_NS: f32 = 60.0;
+/// The most groups: two sets of [`MAX_GROUPS`] and one that never pairs.
+const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
+
+/// Mean number of spheres in the cube of a sphere, by the cube's edge, as points of a line in log-log scale.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct DensityProfile {
+    /// log₂ of the edge of the bounding cube.
+    top: f32,
+    /// log₂ of the mean number at edge `2^(top - depth)`, for the depths that the sample can tell.
+    log_mean: Vec<f32>,
+    /// The decrease of log₂ of the mean per halving below these depths.
+    slope: f32,
+}
+
+impl DensityProfile {
+    /// Samples the input.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    #[cfg(test)]
+    pub(crate) fn sample(input: &SearchInput<'_>) -> Result<Self, Error> {
+        Ok(Sample::take(input)?.density(None))
+    }
+
+    /// Samples spheres that may lie anywhere in a periodic space, and of which no bounds are known.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn of_places(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
+        let n = spheres.len();
+        let size = sample_size(n);
+        let place = |k| space.wrap(spheres.get(sample_index(k, size, n)).center);
+        let places = try_collect((0..size).map(place), "a sample of the spheres")?;
+        let wide = |(min, max): (Vec3, Vec3), place: &Vec3| (min.min(*place), max.max(*place));
+        let bounds = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), wide);
+        // Without groups, indices do not matter.
+        let places = places.into_iter().map(|place| (place, 0));
+        Ok(Sample::new(bounds, places, n)?.density(None))
+    }
+
+    /// The crowding by sorted codes, each with the index of its sphere. With a grouping, only spheres of groups that
+    /// meet count.
+    #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
+    fn from_codes(codes: &[(u64, u32)], n: usize, cell_size: f64, grouping: Option<&Grouping<'_>>) -> Self {
+        let (n, size) = (n as f32, codes.len() as f32);
+        let pairs = size * (size - 1.0) / 2.0;
+        let mut log_mean = vec![n.max(1.0).log2()];
+        for depth in 1..=DEPTHS {
+            let shared = coincidences(codes, depth);
+            if shared < MIN_COINCIDENCES {
+                break;
+            }
+            log_mean.push((n * shared as f32 / pairs).log2());
+        }
+        if let Some(grouping) = grouping {
+            // Too few meetings at a depth tell no fraction; that of the cubes around is an upper estimate.
+            let mut fraction = 1.0;
+            for (depth, log_mean) in log_mean.iter_mut().enumerate() {
+                let [met, all] = meetings(codes, depth, grouping);
+                if met >= MIN_COINCIDENCES || depth == 0 {
+                    fraction = (met.max(1) as f32 / all.max(1) as f32).min(1.0);
+                }
+                *log_mean += fraction.log2();
+            }
+        }
+        let falls = match log_mean[..] {
+            [.., a, b] if log_mean.len() > 2 => a - b,
+            _ => 3.0,
+        };
+        let top = if cell_size > 0.0 { cell_size.log2() as f32 } else { f32::NEG_INFINITY };
+        Self { top, log_mean, slope: falls.clamp(0.0, 3.0) }
+    }
+
+    /// log₂ of the edge of the bounding cube; −∞ where all centres coincide.
+    pub(crate) fn log_extent(&self) -> f32 {
+        self.top
+    }
+
+    /// About how many pairs touch.
+    fn contacts(&self, stats: &InputStats) -> f32 {
+        // The cube with the volume of the sphere in which the centers of equal spheres in contact lie.
+        let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
+        stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
+    }
+
+    /// Mean number of spheres, itself included, in the cube of this edge around a sphere.
+    pub(crate) fn mean(&self, log_size: f32) -> f32 {
+        let (depth, last) = ((self.top - log_size).max(0.0), self.log_mean.len() - 1);
+        let log_mean = if depth >= last as f32 {
+            self.log_mean[last] - self.slope * (depth - last as f32)
+        } else {
+            let (k, part) = (depth as usize, depth.fract());
+            self.log_mean[k] + part * (self.log_mean[k + 1] - self.log_mean[k])
+        };
+        log_mean.exp2()
+    }
+}
+
+/// Sorted Morton codes of some spheres, with their indices.
+struct Sample {
+    codes: Vec<(u64, u32)>,
+    spheres: usize,
+    cell_size: f64,
+}
+
+impl Sample {
+    /// Samples the input.
+    fn take(input: &SearchInput<'_>) -> Result<Self, Error> {
+        let InputStats { spheres: n, min, max, .. } = input.stats;
+        let (spheres, size) = (input.test.spheres(), sample_size(n));
+        let indices = (0..size).map(|k| sample_index(k, size, n));
+        Self::new((min, max), indices.map(|index| (spheres.get(index).center, index as u32)), n)
+    }
+
+    /// Creates a sample of `n` spheres between these bounds from some positions and indices.
+    fn new(
+        (min, max): (Vec3, Vec3),
+        places: impl ExactSizeIterator<Item = (Vec3, u32)>,
+        n: usize,
+    ) -> Result<Self, Error> {
+        let origin = min.as_dvec3();
+        let cell_size = (max.as_dvec3() - origin).max_element();
+        let scale = if cell_size > 0.0 { f64::from(1 << DEPTHS) / cell_size } else { 0.0 };
+        let codes = places.map(|(place, index)| (morton((place.as_dvec3() - origin) * scale), index));
+        let mut codes = try_collect(codes, "a sample of the spheres")?;
+        codes.sort_unstable();
+        Ok(Self { codes, spheres: n, cell_size })
+    }
+
+    /// The crowding of spheres of groups that meet; of all spheres without a grouping.
+    fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
+        DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping)
+    }
+
+    /// The number of looks at neighboring cells if groups are kept apart, over the number if they are not.
+    fn looks(&self, grouping: &Grouping<'_>) -> f32 {
+        let mut members = [0.0_f32; MAX_SEPARATE];
+        for (_, index) in &self.codes {
+            members[grouping.of(*index as usize)] += 1.0;
+        }
+        let looks =
+            |(a, b): (usize, usize)| if a == b { members[a] / 2.0 } else { members[a].min(members[b]) };
+        let apart: f32 = grouping.meetings().map(looks).sum();
+        2.0 * apart / self.codes.len().max(1) as f32
+    }
+}
+
+/// The crowding that a plan is made for, and whether groups of species are kept apart in it. Small inputs reuse it in
+/// several calls.
+#[derive(Debug)]
+pub(crate) struct DensityCache {
+    density: DensityProfile,
+    is_separate: bool,
+    /// The version of the groups of species.
+    groups: u32,
+    spheres: usize,
+    bounds: [Vec3; 2],
+    /// For how many calls more.
+    left: u32,
+}
+
+impl DensityCache {
+    /// Returns the `last` outlook if it still serves, else one of a new sample.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn of(
+        last: Option<Self>,
+        input: &SearchInput<'_>,
+        groups: Option<&SpeciesGroups>,
+    ) -> Result<Self, Error> {
+        let InputStats { spheres, min, max, .. } = input.stats;
+        let version = groups.map_or(0, SpeciesGroups::version);
+        match last {
+            Some(last) if last.groups == version && last.serves(spheres, [min, max]) => {
+                Ok(Self { left: last.left - 1, ..last })
+            }
+            _ => {
+                let left = if spheres < MAX_REUSE_SPHERES { MAX_REUSES } else { 0 };
+                let (density, is_separate) = Self::sample(input, groups)?;
+                Ok(Self { density, is_separate, groups: version, spheres, bounds: [min, max], left })
+            }
+        }
+    }
+
+    /// Samples the input. Groups of species are kept apart if a search is then expected to take less time.
+    fn sample(
+        input: &SearchInput<'_>,
+        groups: Option<&SpeciesGroups>,
+    ) -> Result<(DensityProfile, bool), Error> {
+        let sample = Sample::take(input)?;
+        let Some(groups) = groups else { return Ok((sample.density(None), false)) };
+        let grouping = |is_separate| input.grouping(Some((groups, is_separate)));
+        let merged = sample.density(Some(&grouping(false)));
+        if !groups.are_several() {
+            return Ok((merged, false));
+        }
+        // In merged groups, species that never pair are compared.
+        let apart = sample.density(Some(&grouping(true)));
+        let cost = |density: &DensityProfile, is_separate| {
+            let exact = match grouping(is_separate).is_by_radii() {
+                true => 0.0,
+                false => EXACT_TEST_NS * density.contacts(&input.stats),
+            };
+            (LevelPlan::plan(&input.stats, density).cost, exact)
+        };
+        let looks = [false, true].map(|is_separate| sample.looks(&grouping(is_separate)));
+        let (search, exact) = cost(&apart, true);
+        let time = search * (looks[1] / looks[0].max(0.5)).max(1.0) + exact;
+        let (search, exact) = cost(&merged, false);
+        let is_separate = time < MAX_SEPARATE_COST * (search + exact);
+        Ok((if is_separate { apart } else { merged }, is_separate))
+    }
+
+    /// The same with groups kept apart or not, for any cost.
+    #[cfg(test)]
+    pub(crate) fn with_groups(self, is_separate: bool) -> Self {
+        Self { is_separate, ..self }
+    }
+
+    pub(crate) fn density(&self) -> &DensityProfile {
+        &self.density
+    }
+
+    /// Returns `true` if groups of species are kept apart.
+    pub(crate) fn is_separate(&self) -> bool {
+        self.is_separate
+    }
+
+    /// Returns `true` if it serves for this number of spheres between these bounds.
+    fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
+        let [low, high] = self.bounds;
+        let margin = (high - low).max_element() * MAX_BOUNDS_SHIFT;
+        let near = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= margin;
+        self.left > 0 && self.spheres == spheres && near(min, low) && near(max, high)
+    }
+}
+
+/// Enough that the mean of one sphere per cell shows as some dozens of coincidences, few enough to be cheap.
+fn sample_size(n: usize) -> usize {
+    n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
+}
+
+/// The `k`-th of `size` indices below `n`: one from each stretch, at a place in it that follows no pattern.
+fn sample_index(k: usize, size: usize, n: usize) -> usize {
+    let (from, to) = (k * n / size, (k + 1) * n / size);
+    let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
+    from + ((mixed * (to - from) as u64) >> 32) as usize
+}
+
+/// Interleaves the bits of three coordinates below 2²¹.
+fn morton(at: DVec3) -> u64 {
+    let spread = |v: f64| {
+        let mut v = (v as u64).min((1 << DEPTHS) - 1);
+        v = (v | v << 32) & 0x1F_0000_0000_FFFF;
+        v = (v | v << 16) & 0x1F_0000_FF00_00FF;
+        v = (v | v << 8) & 0x100F_00F0_0F00_F00F;
+        v = (v | v << 4) & 0x10C3_0C30_C30C_30C3;
+        (v | v << 2) & 0x1249_2492_4924_9249
+    };
+    spread(at.x) | (spread(at.y) << 1) | (spread(at.z) << 2)
+}
+
+/// The spheres of the sorted sample that share a cell at `depth` halvings, cell by cell.
+fn cells(codes: &[(u64, u32)], depth: usize) -> impl Iterator<Item = &[(u64, u32)]> {
+    let shift = 3 * (DEPTHS - depth);
+    codes.chunk_by(move |(a, _), (b, _)| a >> shift == b >> shift)
+}
+
+/// The number of pairs of the sorted sample that share a cell at `depth` halvings.
+fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
+    cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
+}
+
+/// The number of pairs that share a cell at `depth` halvings: of spheres of groups that meet, and in all.
+fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
+    cells(codes, depth).fold([0, 0], |[met, all], run| {
+        let mut members = [0_u64; MAX_SEPARATE];
+        run.iter().for_each(|(_, index)| members[grouping.of(*index as usize)] += 1);
+        let pairs = |(a, b): (usize, usize)| match a == b {
+            true => members[a] * members[a].saturating_sub(1) / 2,
+            false => members[a] * members[b],
+        };
+        [
+            met + grouping.meetings().map(pairs).sum::<u64>(),
+            all + run.len() as u64 * (run.len() as u64 - 1) / 2,
+        ]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_lattice_has_its_density_at_every_edge() {
+        let codes: Vec<_> = (0..1 << 12).map(|k| (k << 51, k as u32)).collect();
+        let density = DensityProfile::from_codes(&codes, 1 << 20, 16.0, None);
+        for (log_size, expected) in [(4.0, 20.0), (3.0, 17.0), (2.0, 14.0), (1.5, 12.5), (-2.0, 2.0)] {
+            let mean = density.mean(log_size).log2();
+            assert!((mean - expected).abs() < 0.6, "cell_size 2^{log_size}: 2^{mean}, not 2^{expected}");
+        }
+    }
+
+    #[test]
+    fn coincident_spheres_are_crowded_at_every_edge() {
+        let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 0.0, None);
+        assert!(density.mean(-100.0) > 990.0);
+        assert!(density.mean(10.0) > 990.0);
+    }
+
+    #[test]
+    fn a_sample_serves_few_spheres_a_few_times_and_only_about_where_it_was_taken() {
+        let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 1.0, None);
+        let density_cache = |left| DensityCache {
+            density: density.clone(),
+            is_separate: false,
+            groups: 0,
+            spheres: 1000,
+            bounds: [Vec3::ZERO, Vec3::ONE],
+            left,
+        };
+        assert!(density_cache(1).serves(1000, [Vec3::splat(0.06), Vec3::ONE]));
+        assert!(!density_cache(0).serves(1000, [Vec3::ZERO, Vec3::ONE]), "it has served");
+        assert!(!density_cache(1).serves(1001, [Vec3::ZERO, Vec3::ONE]), "another number");
+        assert!(!density_cache(1).serves(1000, [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.07)]), "another place");
+        assert!(!density_cache(1).serves(1000, [Vec3::ZERO, Vec3::INFINITY]), "far away");
+    }
+
+    #[test]
+    fn samples_are_distinct_and_inside() {
+        for n in [1, 2, 63, 64, 65, 1000, 123_457] {
+            let size = sample_size(n);
+            let picked: Vec<_> = (0..size).map(|k| sample_index(k, size, n)).collect();
+            assert!(picked.windows(2).all(|w| w[0] < w[1]) && picked.iter().all(|&i| i < n), "n = {n}");
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! The spheres of each group: how many of which size, how large, and where.
+
+use glam::Vec3;
+
+use super::levels::LevelPlan;
+use crate::Error;
+use crate::compare::{PairTest, SphereRadii};
+use crate::input::SearchInput;
+use crate::input::{Grouping, Meeting};
+use crate::input::{InputStats, SizeClass};
+use crate::memory::try_collect;
+use crate::size_class::SIZE_CLASSES;
+
+/// Spheres per work item.
+const CHUNK_SPHERES: usize = 1 << 14;
+
+/// The spheres of a group.
+#[derive(Clone, Debug)]
+pub(super) struct GroupMembers {
+    /// By size of the effective radius, widened if candidates are searched.
+    classes: [SizeClass; SIZE_CLASSES],
+    min: Vec3,
+    max: Vec3,
+    /// The largest radius as given.
+    radius: f32,
+    /// The largest amount by which an effective radius is widened.
+    margin: f32,
+}
+
+impl GroupMembers {
+    const NONE: Self = Self {
+        classes: [SizeClass { count: 0, largest: 0.0 }; SIZE_CLASSES],
+        min: Vec3::INFINITY,
+        max: Vec3::NEG_INFINITY,
+        radius: 0.0,
+        margin: 0.0,
+    };
+
+    fn add(&mut self, test: &PairTest<'_>, id: usize) {
+        let SphereRadii { center, own, effective, widened } = test.radii(id as u32);
+        self.classes[InputStats::class_of(widened)].add(widened);
+        self.min = self.min.min(center);
+        self.max = self.max.max(center);
+        self.radius = self.radius.max(own);
+        self.margin = self.margin.max(widened - effective);
+    }
+
+    fn merge(&mut self, other: &Self) {
+        for (class, with) in self.classes.iter_mut().zip(&other.classes) {
+            class.merge(with);
+        }
+        self.min = self.min.min(other.min);
+        self.max = self.max.max(other.max);
+        self.radius = self.radius.max(other.radius);
+        self.margin = self.margin.max(other.margin);
+    }
+
+    /// Counts the spheres of each group. Of two sets without other groups, both have the bounds of all spheres.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], and those of the threads.
+    pub(super) fn count(
+        all: &mut Vec<Self>,
+        input: &SearchInput<'_>,
+        grouping: &Grouping<'_>,
+    ) -> Result<(), Error> {
+        if let Some(split) = grouping.sets() {
+            *all = try_collect(Self::of_sets(input, split).into_iter(), "groups of spheres")?;
+            return Ok(());
+        }
+        let (n, groups) = (input.stats.spheres, grouping.count());
+        let open = || try_collect(std::iter::repeat_n(Self::NONE, groups), "groups of spheres");
+        let piece = |members: Result<Vec<Self>, Error>, piece: usize| {
+            let mut members = members?;
+            for id in piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES) {
+                members[grouping.of(id)].add(&input.test, id);
+            }
+            Ok::<_, Error>(Ok(members))
+        };
+        let merge = |a: Result<Vec<Self>, Error>, b: Result<Vec<Self>, Error>| {
+            let (mut a, b) = (a?, b?);
+            a.iter_mut().zip(&b).for_each(|(a, b)| a.merge(b));
+            Ok::<_, Error>(Ok(a))
+        };
+        let pieces = (n.div_ceil(CHUNK_SPHERES), usize::MAX);
+        *all = input.executor.for_light_work(n).fold(pieces, open, piece, merge)??;
+        Ok(())
+    }
+
+    /// The members of two sets.
+    fn of_sets(input: &SearchInput<'_>, split: usize) -> [Self; 2] {
+        let InputStats { min, max, classes, .. } = input.stats;
+        let mut first = Self { classes, min, max, ..Self::NONE };
+        let mut second = first.clone();
+        first.classes.iter_mut().for_each(|class| class.count = 0);
+        for id in 0..split as u32 {
+            let (_, radius) = input.test.effective(id);
+            first.classes[InputStats::class_of(radius)].count += 1;
+        }
+        for (class, of_first) in second.classes.iter_mut().zip(&first.classes) {
+            class.count -= of_first.count;
+        }
+        [first, second]
+    }
+
+    /// The number and the largest effective radius of the spheres of a level.
+    pub(super) fn of_level(&self, plan: &LevelPlan, level: usize) -> SizeClass {
+        let mut all = SizeClass::default();
+        for (class, of) in self.classes.iter().zip(&plan.of_class) {
+            if usize::from(*of) == level {
+                all.merge(class);
+            }
+        }
+        all
+    }
+
+    /// The smallest and the largest coordinates of the centers.
+    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+        if self.min.x <= self.max.x { (self.min, self.max) } else { (Vec3::ZERO, Vec3::ZERO) }
+    }
+
+    /// The largest distance between centers of a candidate of this group and the other.
+    pub(super) fn reach(&self, other: &Self, meeting: Meeting) -> f64 {
+        let radii = f64::from(self.radius) + f64::from(other.radius);
+        let reach = meeting.distance.max(if meeting.touches { radii } else { 0.0 });
+        reach + f64::from(self.margin) + f64::from(other.margin)
+    }
+}

@@ -1,0 +1,236 @@
+//! The exact contact test, which every filter ends in.
+
+use glam::{DVec3, Vec3};
+use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
+
+use super::{PairFilter, PeriodicBox, Xyzr};
+use crate::frame::SearchFrame;
+use crate::size_class::{SIZE_CLASSES, class_of};
+
+/// Returns `true` if two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
+/// cannot overflow, underflow or lose the digits that decide exact contact.
+///
+/// With the lengths of a periodic space, between nearest images: centres are wrapped, so that no axis has them farther
+/// apart than its length, and taking their difference from it does not round.
+#[inline]
+fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, reach: f64) -> bool {
+    let mut d = a.as_dvec3() - b.as_dvec3();
+    if let Some(lengths) = lengths {
+        d = d.abs().min(lengths - d.abs());
+    }
+    d.x * d.x + d.y * d.y + d.z * d.z <= reach * reach
+}
+
+/// Which spheres make a pair.
+#[derive(Clone, Debug)]
+pub(crate) struct PairTest<'a> {
+    spheres: Spheres<'a>,
+    species: Option<Species<'a>>,
+    space: Space,
+    /// The length of each axis, infinite where it is unbounded; `None` where all are.
+    lengths: Option<DVec3>,
+    margin: Option<SkinMargin<'a>>,
+    /// The exact filter that is applied after the contact test.
+    filter: Option<&'a PairFilter<'a>>,
+    /// The number of spheres of the first of two sets, for a search that finds pairs within a set too.
+    split: Option<u32>,
+    /// The frame in which the spheres are searched.
+    frame: Option<&'a SearchFrame>,
+    /// `true` if spheres that touch without doubt are a pair, so that nothing else is asked.
+    is_plain: bool,
+}
+
+/// The center of a sphere and its radii.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SphereRadii {
+    pub(crate) center: Vec3,
+    /// As given.
+    pub(crate) own: f32,
+    /// By the interactions of the species.
+    pub(crate) effective: f32,
+    /// The effective radius, widened if candidates are searched.
+    pub(crate) widened: f32,
+}
+
+/// Widens radii, so that a search finds candidates instead of pairs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SkinMargin<'a> {
+    /// The amount by which the radii of each [class](class_of) grow.
+    pub(crate) by_class: &'a [f32; SIZE_CLASSES],
+    /// The spheres that the ids of columns stand for, where these are places in another order.
+    pub(crate) order: Option<&'a [u32]>,
+}
+
+/// Interactions by species, with the ids checked against the table.
+#[derive(Clone, Debug)]
+struct Species<'a> {
+    table: &'a Interactions,
+    ids: &'a [u32],
+    reach: Vec<Reach>,
+}
+
+impl<'a> PairTest<'a> {
+    /// The rule for spheres whose species ids, where interactions are given, are already checked.
+    pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
+        #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
+        let species = interactions.zip(spheres.species()).map(|(table, ids)| {
+            let reach = (0..table.species()).map(|s| table.reach(s)).collect();
+            Species { table, ids, reach }
+        });
+        let is_plain = species.is_none();
+        Self {
+            spheres,
+            species,
+            space: Space::UNBOUNDED,
+            lengths: None,
+            margin: None,
+            filter: None,
+            split: None,
+            frame: None,
+            is_plain,
+        }
+    }
+
+    /// The same for spheres that are searched in `frame`, with the exact filter that is applied after the contact test.
+    pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
+        // In orthogonalized coordinates, and between effective radii of species, no contact is certain.
+        let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
+            && filter.is_none_or(PairFilter::is_contact_of_radii);
+        Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
+    }
+
+    /// The same in a space in which the spheres are already wrapped.
+    pub(crate) fn in_space(self, space: Space) -> Self {
+        let lengths = space.lengths().map(|length| length.unwrap_or(f64::INFINITY));
+        Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
+    }
+
+    /// The same for pairs of one of the first `split` spheres and one of the others.
+    pub(crate) fn across(self, split: Option<usize>) -> Self {
+        // Below 2³² by the number of spheres.
+        let split = split.map(|split| split as u32);
+        Self { split, is_plain: self.is_plain && split.is_none(), ..self }
+    }
+
+    /// The same for candidates.
+    pub(crate) fn widened(&self, margin: SkinMargin<'a>) -> Self {
+        Self { margin: Some(margin), ..self.clone() }
+    }
+
+    /// The space that is searched.
+    pub(crate) fn space(&self) -> &Space {
+        &self.space
+    }
+
+    /// The space as the filter sees it, for spheres up to this radius; `None` if it is unbounded and contact needs no slack.
+    pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
+        match self.frame.is_some_and(SearchFrame::is_orthogonal) {
+            true => Some(PeriodicBox::of_frame(&self.space, largest)),
+            // No contact in straight coordinates is without doubt.
+            false => PeriodicBox::of(&self.space),
+        }
+    }
+
+    /// A distance as it is where pairs are searched.
+    pub(crate) fn searched(&self, distance: f64) -> f32 {
+        (distance * self.frame.map_or(1.0, SearchFrame::scale)) as f32
+    }
+
+    /// The length of each periodic axis.
+    pub(crate) fn lengths(&self) -> [Option<f32>; 3] {
+        self.space.lengths_f32()
+    }
+
+    pub(crate) fn spheres(&self) -> Spheres<'a> {
+        self.spheres
+    }
+
+    /// The spheres as rows whose radii are the effective ones, where that is what they are.
+    #[inline(always)]
+    pub(crate) fn plain_rows(&self) -> Option<&'a [Sphere]> {
+        let are_effective = self.species.is_none() && self.margin.is_none();
+        if are_effective { self.spheres.as_rows() } else { None }
+    }
+
+    /// Returns `true` if touching alone decides, so that a certain contact needs no further question.
+    #[inline(always)]
+    pub(crate) fn is_plain(&self) -> bool {
+        self.is_plain
+    }
+
+    /// Centre and effective radius of sphere `id`.
+    #[inline(always)]
+    pub(crate) fn effective(&self, id: u32) -> (Vec3, f32) {
+        let SphereRadii { center, widened, .. } = self.radii(id);
+        (center, widened)
+    }
+
+    /// Center and radii of sphere `id`.
+    #[inline(always)]
+    pub(crate) fn radii(&self, id: u32) -> SphereRadii {
+        let sphere = self.spheres.get(id as usize);
+        let effective = match &self.species {
+            None => sphere.radius,
+            Some(s) => s.reach[s.ids[id as usize] as usize].effective_radius(sphere.radius),
+        };
+        let widened = match &self.margin {
+            None => effective,
+            // Rounded up, as candidates are all that may be needed.
+            Some(margin) => (effective + margin.by_class[class_of(effective)]).next_up(),
+        };
+        SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
+    }
+
+    /// Declares that touching by effective radii decides, if nothing else is asked. The spheres must have been found to be
+    /// of groups for which it does.
+    pub(crate) fn decided_by_radii(&mut self) {
+        self.is_plain = self.filter.is_none() && self.frame.is_none() && self.split.is_none();
+    }
+
+    /// Returns `true` if spheres are searched in a frame, where distances are others than those of the table.
+    pub(crate) fn is_framed(&self) -> bool {
+        self.frame.is_some()
+    }
+
+    /// The same as the row of a table.
+    #[inline(always)]
+    pub(crate) fn row(&self, id: u32) -> Xyzr {
+        let (center, radius) = self.effective(id);
+        [center.x, center.y, center.z, radius]
+    }
+
+    /// Whether lanes that may be pairs count as pairs: the places `i` and `j`, where the rule is for candidates. Of
+    /// species that never interact there are none.
+    #[inline(always)]
+    pub(crate) fn is_candidate(&self, i: u32, j: u32) -> Option<bool> {
+        let order = self.margin?.order?;
+        let ids = |species: &Species<'_>| [i, j].map(|at| species.ids[order[at as usize] as usize]);
+        Some(self.species.as_ref().is_none_or(|species| {
+            let [i, j] = ids(species);
+            species.table.get(i, j) != Interaction::Never
+        }))
+    }
+
+    /// The exact test.
+    pub(crate) fn is_pair(&self, i: u32, j: u32) -> bool {
+        if self.split.is_some_and(|split| (i < split) == (j < split)) {
+            return false;
+        }
+        match self.filter {
+            None => self.touch(i, j),
+            Some(filter) if filter.decides_contact() => filter.accepts(i, j),
+            Some(filter) => self.touch(i, j) && filter.accepts(i, j),
+        }
+    }
+
+    /// The exact test where space is not sheared.
+    fn touch(&self, i: u32, j: u32) -> bool {
+        let (a, b) = (self.spheres.get(i as usize), self.spheres.get(j as usize));
+        let radii = f64::from(a.radius) + f64::from(b.radius);
+        let reach = match &self.species {
+            None => Some(radii),
+            Some(s) => s.table.get(s.ids[i as usize], s.ids[j as usize]).reach(radii),
+        };
+        reach.is_some_and(|reach| within(self.lengths, a.center, b.center, reach))
+    }
+}

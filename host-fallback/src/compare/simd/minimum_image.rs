@@ -1,0 +1,101 @@
+use lazygrid_kernels::{Pair, Space};
+
+use super::super::columns::Columns;
+use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdWidth, Xyzr, scalar};
+use crate::frame::SearchFrame;
+
+/// A periodic space as the filter sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PeriodicBox {
+    /// The length of each axis; infinite where it is unbounded, so that no image is ever nearer.
+    pub(super) lengths: [f32; 3],
+    /// How much farther than they are, or nearer, two centres may seem. Their coordinates, of at most half a length,
+    /// are exact; their difference is rounded to 2⁻²⁴ of a length, and taking it from the length rounds no more.
+    /// This is twice that and more, for three axes together.
+    pub(super) slack: f32,
+}
+
+impl PeriodicBox {
+    /// Those of a periodic space; `None` where it is unbounded.
+    pub(crate) fn of(space: &Space) -> Option<Self> {
+        let lengths = space.lengths_f32();
+        let longest = lengths.into_iter().flatten().fold(0.0, f32::max);
+        let periodic = Self {
+            lengths: lengths.map(|length| length.unwrap_or(f32::INFINITY)),
+            slack: longest / (1 << 22) as f32,
+        };
+        space.is_periodic().then_some(periodic)
+    }
+
+    /// Those of the space of a frame, unbounded or periodic, for spheres up to this radius.
+    pub(crate) fn of_frame(space: &Space, largest: f32) -> Self {
+        let lengths = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
+        Self { lengths, slack: SearchFrame::slack(largest) }
+    }
+}
+
+/// A vector width that compares nearest images. Everything else is the width's own, and all of it is compiled once
+/// more for periodic spaces: the unbounded pay nothing for them.
+#[derive(Clone, Copy)]
+pub(super) struct MinimumImage<V> {
+    pub(super) vector: V,
+    pub(super) periodic: PeriodicBox,
+}
+
+impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
+    const LANES: usize = V::LANES;
+    type Query = V::Query;
+    /// Against the sum of radii with the slack added, and with the slack taken away.
+    type SquaredDistances = [V::SquaredDistances; 2];
+
+    #[inline(always)]
+    fn query(self, sphere: [f32; 4]) -> V::Query {
+        self.vector.query(sphere)
+    }
+
+    #[inline(always)]
+    fn squared_distances(self, columns: &Columns, base: usize, query: V::Query) -> Self::SquaredDistances {
+        self.vector.minimum_image_distances(columns, base, query, &self.periodic)
+    }
+
+    #[inline(always)]
+    fn possible(self, [wide, _]: Self::SquaredDistances) -> u32 {
+        self.vector.possible(wide)
+    }
+
+    #[inline(always)]
+    fn certain(self, [_, narrow]: Self::SquaredDistances) -> u32 {
+        self.vector.certain(narrow)
+    }
+
+    #[inline(always)]
+    fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+        scalar::nearest_touching(rows, pairs, &self.periodic)
+    }
+
+    #[inline(always)]
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+        self.vector.cell(axes, center, offset)
+    }
+
+    #[inline(always)]
+    fn find_neighbor_runs(
+        self,
+        columns: &Columns,
+        spheres: (usize, usize),
+        neighbors: &NeighborRows,
+        queue: &mut RunQueue,
+    ) {
+        self.vector.find_neighbor_runs(columns, spheres, neighbors, queue);
+    }
+
+    #[inline(always)]
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+        self.vector.pack(id, ids, lanes, pairs)
+    }
+
+    #[inline(always)]
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
+        self.vector.keep(pairs, lanes, kept)
+    }
+}

@@ -1,0 +1,63 @@
+use lazygrid_kernels::Pair;
+
+use super::{BAND, FLOOR, MAX_LANES, PeriodicBox};
+
+/// A sphere as `x`, `y`, `z` and its effective radius.
+pub(crate) type Xyzr = [f32; 4];
+
+/// Squared distances, and the squares of the sums of radii they are held against.
+struct SquaredDistances {
+    d2: [f32; MAX_LANES],
+    s2: [f32; MAX_LANES],
+}
+
+impl SquaredDistances {
+    /// Which pairs may touch.
+    #[inline(always)]
+    fn possible(&self) -> u32 {
+        (0..MAX_LANES)
+            .fold(0, |mask, k| mask | u32::from(self.d2[k] <= self.s2[k] * (1.0 + BAND) + FLOOR) << k)
+    }
+
+    /// Which do so without doubt.
+    #[inline(always)]
+    fn certain(&self) -> u32 {
+        (0..MAX_LANES)
+            .fold(0, |mask, k| mask | u32::from(self.d2[k] < self.s2[k] * (1.0 - BAND) - FLOOR) << k)
+    }
+}
+
+/// Pair by pair, in an unbounded space.
+#[inline(always)]
+pub(super) fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+    let mut distances = SquaredDistances { d2: [0.0; MAX_LANES], s2: [0.0; MAX_LANES] };
+    for (k, pair) in pairs.iter().enumerate() {
+        let (a, b) = (rows[pair.i as usize], rows[pair.j as usize]);
+        let [dx, dy, dz, s] = [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] + b[3]];
+        (distances.d2[k], distances.s2[k]) = (dx * dx + dy * dy + dz * dz, s * s);
+    }
+    [distances.possible(), distances.certain()]
+}
+
+/// Pair by pair, between nearest images.
+#[inline(always)]
+pub(super) fn nearest_touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES], periodic: &PeriodicBox) -> [u32; 2] {
+    let none = || SquaredDistances { d2: [0.0; MAX_LANES], s2: [0.0; MAX_LANES] };
+    let (mut wide, mut narrow) = (none(), none());
+    for (k, pair) in pairs.iter().enumerate() {
+        let (a, b) = (rows[pair.i as usize], rows[pair.j as usize]);
+        let nearest = |axis: usize| {
+            let apart = (a[axis] - b[axis]).abs();
+            let other = periodic.lengths[axis] - apart;
+            // Not `min`: where both are infinite the other is NaN, and not it.
+            if other < apart { other } else { apart }
+        };
+        let [dx, dy, dz] = [nearest(0), nearest(1), nearest(2)];
+        let s = a[3] + b[3];
+        let (more, less) = (s + periodic.slack, (s - periodic.slack).max(0.0));
+        let d2 = dx * dx + dy * dy + dz * dz;
+        (wide.d2[k], narrow.d2[k]) = (d2, d2);
+        (wide.s2[k], narrow.s2[k]) = (more * more, less * less);
+    }
+    [wide.possible(), narrow.certain()]
+}

@@ -1,0 +1,110 @@
+//! Which detector runs: a pure function of the input's survey, with its reason.
+
+use lazygrid_kernels::{Algorithm, Backend};
+
+use crate::{Error, InputStats};
+
+/// The structure that the CPU path builds and searches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum IndexKind {
+    Naive,
+    HashGrid,
+    ArrayGrid,
+    RecursiveGrid,
+    CellList,
+}
+
+impl IndexKind {
+    /// That of an algorithm, for `Auto` the one that takes most.
+    ///
+    /// # Errors
+    /// [`Error::NotOnBackend`] for an algorithm that the CPU path does not have.
+    pub(crate) fn from_algorithm(algorithm: Algorithm) -> Result<Self, Error> {
+        match algorithm {
+            Algorithm::Naive => Ok(Self::Naive),
+            Algorithm::HashGrid => Ok(Self::HashGrid),
+            Algorithm::ArrayGrid => Ok(Self::ArrayGrid),
+            Algorithm::RecursiveGrid => Ok(Self::RecursiveGrid),
+            Algorithm::CellList | Algorithm::Auto => Ok(Self::CellList),
+            _ => Err(Error::NotOnBackend { algorithm, backend: Backend::Cpu }),
+        }
+    }
+}
+
+/// Below this many spheres of one size class all pairs are tested: sampling, sorting and looking around cost more.
+/// Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs some microseconds.
+pub const NAIVE_BELOW: usize = 400;
+/// The number of further spheres for every size class, since each makes the cell list's plan slower.
+pub const NAIVE_PER_CLASS: usize = 80;
+
+/// The algorithm for spheres of this survey where `asked` leaves it open, and why.
+pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
+    if asked != Algorithm::Auto {
+        return (asked, format!("{asked}: asked for"));
+    }
+    let (n, classes) = (stats.spheres, stats.occupied().count());
+    let crossover = NAIVE_BELOW + NAIVE_PER_CLASS * classes;
+    let sizes = if classes == 1 { "1 size class" } else { &format!("{classes} size classes") };
+    if n < crossover {
+        (Algorithm::Naive, format!("naive: {n} spheres in {sizes} are fewer than {crossover}"))
+    } else {
+        (Algorithm::CellList, format!("cell-list: {n} spheres in {sizes}, {crossover} or more"))
+    }
+}
+
+/// The number of comparisons of two sets' spheres that cost no more than sorting one sphere and looking around it.
+const COMPARED_PER_SPHERE: u64 = 200;
+
+/// The same for pairs of one of the first `split` spheres and one of the others.
+pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
+    if asked != Algorithm::Auto {
+        return choose(asked, stats);
+    }
+    let [a, b] = [split as u64, (stats.spheres - split) as u64];
+    if a * b < COMPARED_PER_SPHERE * (a + b) {
+        (Algorithm::Naive, format!("naive: {a} times {b} comparisons are few"))
+    } else {
+        (Algorithm::CellList, format!("cell-list: {a} spheres and {b} others"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Sphere;
+
+    use super::*;
+    use crate::compare::PairTest;
+    use crate::executor::Executor;
+
+    fn chosen(n: usize, radii: &[f32]) -> Algorithm {
+        let spheres: Vec<_> = (0..n).map(|k| Sphere::new([k as f32; 3], radii[k % radii.len()])).collect();
+        let stats =
+            InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool).expect("all are valid");
+        choose(Algorithm::Auto, &stats).0
+    }
+
+    #[test]
+    fn few_spheres_are_compared_all_with_all_and_many_sorted_into_cells() {
+        for (n, radii, expected) in [
+            (0, &[1.0][..], Algorithm::Naive),
+            (1, &[1.0], Algorithm::Naive),
+            (479, &[1.0], Algorithm::Naive),
+            (480, &[1.0], Algorithm::CellList),
+            (480, &[1.0, 0.1], Algorithm::Naive),
+            (560, &[1.0, 0.1], Algorithm::CellList),
+            (100_000, &[1.0, 0.1, 0.0], Algorithm::CellList),
+        ] {
+            assert_eq!(chosen(n, radii), expected, "{n} spheres of radii {radii:?}");
+        }
+    }
+
+    #[test]
+    fn what_was_asked_for_is_never_overruled() {
+        let spheres = [Sphere::default()];
+        let stats =
+            InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool).expect("all are valid");
+        for &asked in Algorithm::CPU {
+            assert_eq!(choose(asked, &stats).0, asked);
+        }
+    }
+}

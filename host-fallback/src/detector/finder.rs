@@ -1,0 +1,338 @@
+//! Pairs as a list, as neighbor lists, as a stream or as a number: what both backends do with what they find.
+
+use std::ops::{ControlFlow, Range};
+use std::sync::Arc;
+use std::time::Instant;
+
+use lazygrid_kernels::{Pair, Query};
+
+use crate::compare::PairConsumer;
+use crate::disjoint_writes::split_at;
+use crate::executor::{MIN_PARALLEL_SPHERES, Team};
+use crate::memory::{try_collect, try_resize};
+use crate::output::NeighborsBuilder;
+use crate::output::PairSorter;
+use crate::{Error, Neighbors, Order, PhaseTime, Settings};
+
+/// The most pairs per chunk of a stream between two sets, 8 MiB.
+const MAX_STREAM_CHUNK: usize = 1 << 20;
+/// Tiles into which the threads divide a list to order it.
+const ORDER_TILES: usize = 128;
+
+/// Receives chunks of pairs, which together are one part of the result.
+pub type ChunkConsumer<'t> = &'t mut (dyn FnMut(&mut [Vec<Pair>]) -> ControlFlow<()> + Send);
+/// Searches in what a backend has built for a query.
+pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error> + Send);
+
+/// The structure that a backend has built for one query. Spheres of a second set have indices after those of the first.
+pub trait PairSource {
+    /// Counts the pairs.
+    ///
+    /// # Errors
+    /// Fails if the backend fails.
+    fn count(&mut self) -> Result<u64, Error>;
+
+    /// Hands over all pairs as one part unless there are more than `limit`. Returns their number.
+    ///
+    /// # Errors
+    /// Fails if the backend fails.
+    fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
+
+    /// Hands over all pairs in parts whose first indices ascend from part to part. A part has at most `limit` pairs,
+    /// except if a single sphere, or the output of a device, has more.
+    ///
+    /// # Errors
+    /// Fails if the backend fails.
+    fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error>;
+
+    /// Hands over all pairs in any order.
+    ///
+    /// # Errors
+    /// Fails if the backend fails.
+    fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;
+}
+
+/// A way to search: on the CPU or on a device.
+pub trait SearchBackend {
+    /// The settings that it was made with.
+    fn settings(&self) -> &Settings;
+
+    /// The threads of the host.
+    fn team(&self) -> &Arc<Team>;
+
+    /// The number of pairs and the phases in the report of the last call.
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>);
+
+    /// Checks a query, chooses, builds, and lets `work` search.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a bad input, and those of the backend and of `work`.
+    fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error>;
+}
+
+impl<B: SearchBackend + ?Sized> SearchBackend for Box<B> {
+    fn settings(&self) -> &Settings {
+        (**self).settings()
+    }
+
+    fn team(&self) -> &Arc<Team> {
+        (**self).team()
+    }
+
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>) {
+        (**self).report_mut()
+    }
+
+    fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
+        (**self).search(query, work)
+    }
+}
+
+/// Finds overlapping pairs on a backend, call after call, in buffers that survive between calls.
+#[derive(Debug)]
+pub struct PairFinder<B> {
+    backend: B,
+    sorter: PairSorter,
+    lists: NeighborsBuilder,
+    pairs: Vec<Pair>,
+    numbering: Numbering,
+}
+
+impl<B: SearchBackend> PairFinder<B> {
+    /// Creates a finder that searches on `backend`.
+    pub fn on(backend: B) -> Self {
+        let (sorter, lists, pairs, numbering) = Default::default();
+        Self { backend, sorter, lists, pairs, numbering }
+    }
+
+    /// The overlapping pairs, each once, in the order of the settings.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a bad input, [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`], and those of the
+    /// backend.
+    pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
+        self.list(&query.into(), self.backend.settings().order)?;
+        Ok(&self.pairs)
+    }
+
+    /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) returns them.
+    ///
+    /// # Errors
+    /// The same as [`pairs`](Self::pairs).
+    pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
+        let Self { backend, sorter, pairs, .. } = self;
+        let (limit, team) = (backend.settings().max_pairs, backend.team().clone());
+        let (mut found, mut ordering) = (0, None);
+        backend.search(query, &mut |source| {
+            let mut arranged = Ok(());
+            found = source.list(limit, &mut |chunks| {
+                let start = Instant::now();
+                arranged = match order {
+                    Order::Canonical => put_in_order(sorter, (chunks, query.len()), &team, pairs),
+                    Order::Unordered => join(chunks, &team, pairs),
+                };
+                ordering = Some(start.elapsed());
+                ControlFlow::Continue(())
+            })?;
+            arranged
+        })?;
+        let (count, phases) = backend.report_mut();
+        *count = found;
+        if let Some(time) = ordering {
+            PhaseTime::add(phases, "order", time);
+        }
+        if found > limit {
+            return Err(Error::TooManyPairs { found, limit });
+        }
+        if let Some(split) = query.split() {
+            pairs.iter_mut().for_each(|pair| pair.j -= split as u32);
+        }
+        Ok(())
+    }
+
+    /// The pairs of the last list.
+    pub fn last_pairs(&self) -> &[Pair] {
+        &self.pairs
+    }
+
+    /// The pairs of the last list, without a copy.
+    pub fn into_pairs(self) -> Vec<Pair> {
+        self.pairs
+    }
+
+    /// The backend.
+    pub fn backend(&self) -> &B {
+        &self.backend
+    }
+
+    /// The phases of the last call, to which a caller that works on with its pairs adds its own.
+    pub fn phases_mut(&mut self) -> &mut Vec<PhaseTime> {
+        self.backend.report_mut().1
+    }
+
+    /// The pairs as neighbor lists.
+    ///
+    /// # Errors
+    /// The same as [`pairs`](Self::pairs).
+    pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
+        let query = query.into();
+        self.list(&query, Order::Canonical)?;
+        let start = Instant::now();
+        let neighbors = self.lists.of_query(&self.pairs, &query)?;
+        PhaseTime::add(self.backend.report_mut().1, "neighbors", start.elapsed());
+        Ok(neighbors)
+    }
+
+    /// The number of pairs.
+    ///
+    /// # Errors
+    /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
+    pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
+        let mut found = 0;
+        self.backend.search(&query.into(), &mut |source| {
+            found = source.count()?;
+            Ok(())
+        })?;
+        *self.backend.report_mut().0 = found;
+        Ok(found)
+    }
+
+    /// Hands the pairs over in chunks of at most `chunk` and returns their number.
+    ///
+    /// # Errors
+    /// The same as [`count`](Self::count).
+    pub fn stream<'a, F>(
+        &mut self,
+        query: impl Into<Query<'a>>,
+        chunk: usize,
+        mut consume: F,
+    ) -> Result<u64, Error>
+    where
+        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
+    {
+        let query = query.into();
+        let Self { backend, sorter, pairs: ordered, numbering, .. } = self;
+        let Settings { order, max_pairs: limit, .. } = *backend.settings();
+        let team = backend.team().clone();
+        let chunk = numbering.begin(chunk, query.split())?;
+        let mut handed = 0;
+        let mut hand_over = |pairs: &[Pair]| {
+            pairs.chunks(chunk).try_for_each(|part| {
+                handed += part.len() as u64;
+                consume(numbering.of_second(part))
+            })
+        };
+        backend.search(&query, &mut |source| {
+            if order == Order::Unordered {
+                return source.unordered(&mut hand_over);
+            }
+            let mut arranged = Ok(());
+            source.ascending(limit, &mut |chunks| {
+                arranged = put_in_order(sorter, (chunks, query.len()), &team, ordered);
+                if arranged.is_ok() { hand_over(ordered) } else { ControlFlow::Break(()) }
+            })?;
+            arranged
+        })?;
+        *backend.report_mut().0 = handed;
+        Ok(handed)
+    }
+}
+
+/// Writes the pairs of some chunks in canonical order.
+fn put_in_order(
+    sorter: &mut PairSorter,
+    (chunks, spheres): (&[Vec<Pair>], usize),
+    team: &Team,
+    pairs: &mut Vec<Pair>,
+) -> Result<(), Error> {
+    let found: usize = chunks.iter().map(Vec::len).sum();
+    let tile = found.div_ceil(ORDER_TILES).max(MIN_PARALLEL_SPHERES);
+    let tiles = chunks.iter().map(|chunk| chunk.len().div_ceil(tile)).sum();
+    let mut parts = chunks.iter().flat_map(|chunk| chunk.chunks(tile));
+    let parts = try_collect((0..tiles).map(|_| parts.next().unwrap_or_default()), "chunks of pairs")?;
+    team.pass(found, |executor| sorter.order(executor, &parts, spheres, pairs))
+}
+
+/// Joins chunks.
+fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<(), Error> {
+    if let [only] = chunks
+        && only.len() > MIN_PARALLEL_SPHERES
+    {
+        // A list of a device. Chunks of the CPU are shorter, and keep their memory.
+        std::mem::swap(only, pairs);
+        return Ok(());
+    }
+    let mut end = 0;
+    let ends = chunks.iter().map(|chunk| {
+        end += chunk.len();
+        end
+    });
+    let ends = try_collect(ends, "chunks of pairs")?;
+    try_resize(pairs, end, "pairs")?;
+    let mut targets = split_at(pairs, ends.into_iter())?;
+    team.pass(end, |executor| {
+        executor.for_each(&mut targets, |k, target| target.copy_from_slice(&chunks[k]));
+        Ok(())
+    })
+}
+
+/// The largest ranges of indices, one after the other, that have at most `most` pairs each by their `counts`, or one index.
+pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
+    let mut from = 0;
+    std::iter::from_fn(move || {
+        let mut total = 0;
+        let fits = |count: &&u32| {
+            total += u64::from(**count);
+            total <= most
+        };
+        let to = from + counts.get(from..)?.iter().take_while(fits).count().max(1);
+        let range = (from < counts.len()).then_some(from as u32..to as u32);
+        from = to;
+        range
+    })
+}
+
+/// The names of spheres in a stream: those of the second of two sets have their index there.
+#[derive(Debug, Default)]
+struct Numbering {
+    split: Option<u32>,
+    /// A chunk of a stream between two sets.
+    part: Vec<Pair>,
+}
+
+impl Numbering {
+    /// Begins a stream in chunks of at most `chunk` pairs. Returns the number of pairs of a chunk.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    fn begin(&mut self, chunk: usize, split: Option<usize>) -> Result<usize, Error> {
+        self.split = split.map(|split| split as u32);
+        if split.is_none() {
+            return Ok(chunk.max(1));
+        }
+        let chunk = chunk.clamp(1, MAX_STREAM_CHUNK);
+        try_resize(&mut self.part, chunk, "a chunk of pairs")?;
+        Ok(chunk)
+    }
+
+    fn of_second<'p>(&'p mut self, pairs: &'p [Pair]) -> &'p [Pair] {
+        let Some(split) = self.split else { return pairs };
+        let part = &mut self.part[..pairs.len()];
+        part.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - split });
+        part
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_hold_at_most_so_many_pairs_or_one_index() {
+        let of = |counts: &[u32], most| ranges(counts, most).collect::<Vec<_>>();
+        assert_eq!(of(&[], 3), []);
+        assert_eq!(of(&[1, 1, 1, 1], 2), [0..2, 2..4]);
+        assert_eq!(of(&[5, 0, 0, 3, 9, 1], 3), [0..1, 1..4, 4..5, 5..6]);
+        assert_eq!(of(&[0, 0, 1], 0), [0..2, 2..3]);
+    }
+}

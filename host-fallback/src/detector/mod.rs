@@ -1,0 +1,229 @@
+//! The CPU detector: prepares a query, chooses an algorithm, builds its index and searches it.
+//!
+//! `finder` turns what any backend finds into lists, counts and streams; `algorithm_choice` chooses; `state` holds the
+//! indexes and searches the chosen one.
+
+pub mod algorithm_choice;
+mod finder;
+mod state;
+
+use std::sync::Arc;
+
+use lazygrid_kernels::{Query, Sphere};
+
+use crate::cell_list::CellList;
+use crate::compare::Columns;
+use crate::executor::{Executor, MIN_PARALLEL_SPHERES, Team};
+use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
+use crate::input::QueryBuffers;
+use crate::input::SearchInput;
+use crate::input::{InputStats, check_valid};
+use crate::memory::with_growth;
+use crate::skin::memory_of_candidates;
+use crate::{Error, PhaseTime, RebuildReason, Report, Settings};
+use algorithm_choice::IndexKind;
+pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
+use state::{Built, DetectorState};
+
+/// Finds overlapping pairs on the CPU, call after call, reusing its buffers.
+pub type HostDetector = PairFinder<HostBackend>;
+
+/// Searches with the threads of the host.
+#[derive(Debug)]
+pub struct HostBackend {
+    settings: Settings,
+    /// The structure that takes most of those which its calls may build.
+    structure: IndexKind,
+    team: Arc<Team>,
+    buffers: QueryBuffers,
+    state: DetectorState,
+}
+
+impl PairFinder<HostBackend> {
+    /// Creates a detector with these settings.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a setting outside its range, [`Error::NotOnBackend`] for a GPU algorithm,
+    /// [`Error::Threads`] if the system refuses the threads.
+    pub fn new(settings: Settings) -> Result<Self, Error> {
+        HostBackend::new(settings).map(Self::on)
+    }
+
+    /// The report of the last call.
+    pub fn report(&self) -> &Report {
+        self.backend().report()
+    }
+}
+
+impl HostBackend {
+    /// Creates a backend with these settings.
+    ///
+    /// # Errors
+    /// The same as [`HostDetector::new`].
+    pub fn new(settings: Settings) -> Result<Self, Error> {
+        settings.check()?;
+        let structure = IndexKind::from_algorithm(settings.algorithm)?;
+        let team = Arc::new(Team::new(settings.threads)?);
+        log::debug!("vector code: {:?}", settings.simd);
+        let mut state = DetectorState::default();
+        state.report.algorithm = settings.algorithm;
+        Ok(Self { settings, structure, team, buffers: QueryBuffers::default(), state })
+    }
+
+    /// The report of the last call.
+    pub fn report(&self) -> &Report {
+        &self.state.report
+    }
+
+    /// The most bytes held for `spheres` spheres, besides the result and what threads write it to.
+    ///
+    /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
+    /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
+    /// recursive grid there is room for one crowd of all spheres, and none inside another: each that is adds up to 150
+    /// bytes for each of its spheres. The candidates that a skin keeps are included, as many as it may keep: up to 96 of
+    /// 8 bytes for each sphere, although few scenes have more than ten. [`Skin::Off`](crate::Skin::Off) keeps none.
+    pub fn memory_for(&self, spheres: u64) -> u64 {
+        let (ratio, threads) = (self.settings.raster_ratio, self.team.count() as u64);
+        let wrapped = match self.settings.space.is_periodic() {
+            true => with_growth(spheres * size_of::<Sphere>() as u64),
+            false => 0,
+        };
+        let own = match self.structure {
+            IndexKind::Naive => with_growth(spheres * Columns::BYTES_PER_SPHERE),
+            IndexKind::HashGrid => HashGrid::memory_for(spheres, ratio, threads),
+            IndexKind::ArrayGrid => ArrayGrid::memory_for(spheres, ratio, threads),
+            IndexKind::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
+            IndexKind::CellList => CellList::memory_for(spheres),
+        };
+        let kept = match self.settings.keeps_candidates() {
+            true => memory_of_candidates(spheres, self.settings.max_pairs, threads),
+            false => 0,
+        };
+        own.saturating_add(wrapped).saturating_add(kept)
+    }
+}
+
+impl SearchBackend for HostBackend {
+    fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    fn team(&self) -> &Arc<Team> {
+        &self.team
+    }
+
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>) {
+        (&mut self.state.report.pairs, &mut self.state.report.phases)
+    }
+
+    /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool; of small
+    /// inputs only what takes long.
+    fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
+        let Self { settings, structure, team, buffers, state } = self;
+        let settings = &*settings;
+        // The time that the paper's grids take cannot be told beforehand.
+        let is_large = query.len() >= MIN_PARALLEL_SPHERES
+            || !matches!(structure, IndexKind::Naive | IndexKind::CellList);
+        let mut task = || {
+            state.report = Report { spheres: query.len() as u64, ..Report::default() };
+            let executor = if is_large { team.executor()? } else { Executor::Caller };
+            let prepared = buffers.prepare(query, (settings, true), executor, &mut state.report.phases)?;
+            // The cell list and naive compare spheres of different sets only.
+            let finds_all = !matches!(structure, IndexKind::Naive | IndexKind::CellList);
+            let test = prepared.test(settings).across(prepared.split.filter(|_| finds_all));
+            let lapsed = match prepared.split {
+                None => state.advance(settings, &test, executor)?,
+                Some(_) => Some(RebuildReason::NoList),
+            };
+            let stats = match (lapsed, state.skin.candidates.input_stats()) {
+                (None, Some(stats)) => stats.clone(),
+                _ => {
+                    let stats = state.report.time("survey", || InputStats::of(&test, executor));
+                    // An error names the spheres as they were given.
+                    stats.or_else(|error| check_valid(query, executor).and(Err(error)))?
+                }
+            };
+            let mut input =
+                SearchInput { test, stats, settings, simd: settings.simd, executor, split: prepared.split };
+            state.build(&mut input, lapsed)?;
+            if is_large || state.is_short(&input) {
+                work(&mut Built { state, input: &input })
+            } else {
+                team.within(|| {
+                    input.executor = team.executor()?;
+                    work(&mut Built { state, input: &input })
+                })
+            }
+        };
+        if is_large { team.within(task) } else { task() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+    use std::thread;
+
+    use lazygrid_kernels::{Algorithm, Sphere};
+
+    use super::*;
+    use crate::Order;
+
+    /// Returns `true` if a search of so many spheres, one at a place, is done by the thread that asks for it.
+    fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
+        let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
+        let settings =
+            Settings { threads: Some(2), algorithm, order: Order::Unordered, ..Settings::default() };
+        let mut detector = HostDetector::new(settings).expect("the settings are in range");
+        let (caller, mut are_here) = (thread::current().id(), Vec::new());
+        let found = detector.stream(&spheres, 1 << 20, |_| {
+            are_here.push(thread::current().id() == caller);
+            ControlFlow::Continue(())
+        });
+        assert!(found.expect("the spheres are valid") > 0);
+        are_here.into_iter().all(|is_here| is_here)
+    }
+
+    #[test]
+    fn nobody_is_woken_for_what_ends_sooner() {
+        assert!(is_done_here(500, 1.5, Algorithm::Auto) && is_done_here(3000, 1.5, Algorithm::Auto));
+        assert!(!is_done_here(100_000, 1.5, Algorithm::Auto), "many spheres");
+        assert!(!is_done_here(6000, 0.0, Algorithm::CellList), "few spheres that all touch");
+    }
+
+    /// Executor that find more pairs meanwhile must not call it either.
+    #[test]
+    fn consumer_that_panicked_is_not_called_again() {
+        let spheres = vec![Sphere::new([0.0; 3], 1.0); 4000];
+        let settings = Settings { threads: Some(2), order: Order::Unordered, ..Settings::default() };
+        let mut detector = HostDetector::new(settings).expect("the settings are in range");
+        let mut calls = 0;
+        let streamed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            detector.stream(&spheres, 1 << 10, |_| {
+                calls += 1;
+                panic!("a consumer's own");
+            })
+        }));
+        assert!(streamed.is_err());
+        assert_eq!(calls, 1);
+        assert_eq!(detector.count(&spheres), Ok(4000 * 3999 / 2));
+    }
+
+    #[test]
+    fn a_plan_of_an_earlier_call_loses_no_pair() {
+        let settings = |algorithm| Settings { algorithm, ..Settings::default() };
+        let mut detector =
+            HostDetector::new(settings(Algorithm::CellList)).expect("the settings are in range");
+        let mut naive = HostDetector::new(settings(Algorithm::Naive)).expect("the settings are in range");
+        let corners = [0.0, 100.0].map(|at| Sphere::new([at; 3], 1.0));
+        // Spread out, then in ever smaller clumps between the same bounds; at last some are larger.
+        for (width, radii) in [(90.0, [1.0, 0.1]), (10.0, [1.0, 0.1]), (0.0, [1.0, 0.1]), (90.0, [20.0, 0.1])]
+        {
+            let at = |k: u32| [7, 11, 13].map(|step| 5.0 + width * ((k * step) % 101) as f32 / 101.0);
+            let inner = (0..500).map(|k| Sphere::new(at(k), radii[k as usize % 2]));
+            let spheres: Vec<_> = corners.into_iter().chain(inner).collect();
+            let expected = naive.pairs(&spheres).expect("the spheres are valid");
+            assert_eq!(detector.pairs(&spheres).expect("the spheres are valid"), expected, "{width}");
+        }
+    }
+}

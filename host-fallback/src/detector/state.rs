@@ -1,0 +1,233 @@
+use std::ops::{ControlFlow, Range};
+use std::sync::Mutex;
+use std::sync::atomic::AtomicU64;
+
+use lazygrid_kernels::{Algorithm, Pair};
+
+use super::algorithm_choice::{self, IndexKind};
+use super::finder::{ChunkConsumer, PairSource, ranges};
+use crate::cell_list::CellList;
+use crate::compare::PairConsumer;
+use crate::compare::{ChunkTarget, ChunkedOutput, Columns, Count, Output, PairTest};
+use crate::disjoint_writes::shared;
+use crate::executor::Executor;
+use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
+use crate::input::SearchInput;
+use crate::memory::{try_collect, try_extend};
+use crate::skin::SkinController;
+use crate::{CandidateListStats, Error, RebuildReason, Report, Settings, naive};
+
+/// All that survives between calls, apart from the pool, in which the rest of the work runs.
+#[derive(Debug, Default)]
+pub(crate) struct DetectorState {
+    pub(crate) report: Report,
+    columns: Columns,
+    cell_list: CellList,
+    pub(crate) skin: SkinController,
+    /// `true` if this call is served from candidates.
+    from_candidates: bool,
+    hash_grid: HashGrid,
+    array_grid: ArrayGrid,
+    recursive_grid: RecursiveGrid,
+    free_chunks: Vec<Vec<Pair>>,
+}
+
+impl DetectorState {
+    /// Takes up where the spheres are now, where candidates are kept. Says why they cannot serve the call, if they
+    /// cannot; [`RebuildReason::NoList`] if there are none.
+    pub(crate) fn advance(
+        &mut self,
+        settings: &Settings,
+        test: &PairTest<'_>,
+        executor: Executor,
+    ) -> Result<Option<RebuildReason>, Error> {
+        if !settings.keeps_candidates() {
+            return Ok(Some(RebuildReason::NoList));
+        }
+        let Self { report, skin, cell_list, .. } = self;
+        let is_kept = skin.candidates.input_stats().is_some();
+        let mut advance = || skin.advance(settings.skin, (test, cell_list), executor);
+        match is_kept {
+            true => report.time("measure", advance),
+            // There is nothing to measure but a sample.
+            false => advance(),
+        }
+    }
+
+    /// Chooses and builds, unless candidates serve the call.
+    pub(crate) fn build(
+        &mut self,
+        input: &mut SearchInput<'_>,
+        lapsed: Option<RebuildReason>,
+    ) -> Result<(), Error> {
+        self.from_candidates = lapsed.is_none();
+        if self.from_candidates {
+            self.report.algorithm = Algorithm::CellList;
+        } else {
+            let (algorithm, reason) = match input.split {
+                None => algorithm_choice::choose(input.settings.algorithm, &input.stats),
+                Some(split) => {
+                    algorithm_choice::choose_between(input.settings.algorithm, &input.stats, split)
+                }
+            };
+            (self.report.algorithm, self.report.reason) = (algorithm, reason);
+            self.structure(input)?;
+        }
+        if self.report.algorithm == Algorithm::CellList && self.cell_list.touch_decides() {
+            // Candidates are those of the list as it is, and of its groups.
+            input.test.decided_by_radii();
+        }
+        if self.from_candidates {
+            let kept = self.skin.candidates.stats(lapsed);
+            self.report.candidates = Some(kept);
+            let CandidateListStats { count, age, .. } = kept;
+            self.report.reason = match lapsed {
+                None => format!("cell-list: {count} candidates of {age} calls ago"),
+                Some(why) => format!("{}; {count} candidates were found: {why}", self.report.reason),
+            };
+        }
+        log::debug!("{}", self.report.reason);
+        Ok(())
+    }
+
+    /// Returns `true` if a search is expected to end before other threads would be awake.
+    pub(crate) fn is_short(&self, input: &SearchInput<'_>) -> bool {
+        match self.report.algorithm {
+            _ if self.from_candidates => false,
+            Algorithm::Naive => Executor::is_short(naive::time(input.stats.spheres)),
+            Algorithm::CellList => Executor::is_short(self.cell_list.time()),
+            _ => false,
+        }
+    }
+
+    /// Builds what the algorithm searches.
+    fn structure(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
+        let Self {
+            report,
+            columns,
+            cell_list,
+            skin,
+            from_candidates,
+            hash_grid,
+            array_grid,
+            recursive_grid,
+            ..
+        } = self;
+        match IndexKind::from_algorithm(report.algorithm)? {
+            IndexKind::Naive => {
+                report.time("gather", || columns.gather(&input.test, 0..input.stats.spheres as u32))
+            }
+            IndexKind::HashGrid => hash_grid.build(input, report),
+            IndexKind::ArrayGrid => array_grid.build(input, report),
+            IndexKind::RecursiveGrid => recursive_grid.build(input, report),
+            IndexKind::CellList => {
+                *from_candidates = skin.find(cell_list, input, report)?;
+                Ok(())
+            }
+        }
+    }
+
+    pub(crate) fn search<'o, O: Output>(
+        &mut self,
+        input: &SearchInput<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        let Self { report, columns, cell_list, skin, hash_grid, array_grid, recursive_grid, .. } = self;
+        if self.from_candidates {
+            return report.time("test", || skin.candidates.search(input, output));
+        }
+        let structure = IndexKind::from_algorithm(report.algorithm)?;
+        report.time("search", || match structure {
+            IndexKind::Naive => naive::search(input, columns, output),
+            IndexKind::HashGrid => hash_grid.search(input, output),
+            IndexKind::ArrayGrid => array_grid.search(input, output),
+            IndexKind::RecursiveGrid => recursive_grid.search(input, output),
+            IndexKind::CellList => cell_list.search(input, output),
+        })
+    }
+
+    /// Collects at most `limit` pairs, of those with `i` in `window` if there is one; returns how many there are and
+    /// the chunks.
+    fn collect(
+        &mut self,
+        input: &SearchInput<'_>,
+        limit: u64,
+        window: Option<Range<u32>>,
+    ) -> Result<(u64, Vec<Vec<Pair>>), Error> {
+        let list = ChunkTarget::List { limit, kept: AtomicU64::new(0) };
+        let output =
+            ChunkedOutput { window, ..ChunkedOutput::new(list, std::mem::take(&mut self.free_chunks)) };
+        let found = self.search(input, &output)?.finish()?;
+        self.free_chunks = output.into_free_chunks();
+        Ok(found)
+    }
+
+    /// Hands over collected chunks and keeps their memory.
+    fn deliver_chunks(
+        &mut self,
+        mut chunks: Vec<Vec<Pair>>,
+        take: ChunkConsumer<'_>,
+    ) -> Result<ControlFlow<()>, Error> {
+        let flow = take(&mut chunks);
+        try_extend(&mut self.free_chunks, chunks.drain(..), "chunks of pairs")?;
+        Ok(flow)
+    }
+}
+
+/// The structure that is built for a query.
+pub(crate) struct Built<'b> {
+    pub(crate) state: &'b mut DetectorState,
+    pub(crate) input: &'b SearchInput<'b>,
+}
+
+impl PairSource for Built<'_> {
+    fn count(&mut self) -> Result<u64, Error> {
+        Ok(self.state.search(self.input, &Count)?.0)
+    }
+
+    fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error> {
+        let (found, chunks) = self.state.collect(self.input, limit, None)?;
+        if found > limit {
+            self.state.free_chunks.clear();
+        } else {
+            let _ = self.state.deliver_chunks(chunks, take)?;
+        }
+        Ok(found)
+    }
+
+    /// As one part if there are at most `limit` pairs, else by one search for each range of consecutive `i`.
+    fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
+        let Self { state, input } = self;
+        let (found, chunks) = state.collect(input, limit, None)?;
+        if found <= limit {
+            return state.deliver_chunks(chunks, take).map(|_| ());
+        }
+        drop(chunks);
+        let mut counts =
+            try_collect(std::iter::repeat_n(0_u32, input.stats.spheres), "pairs of each sphere")?;
+        let tally = ChunkedOutput::new(
+            ChunkTarget::Tally(shared(&mut counts)),
+            std::mem::take(&mut state.free_chunks),
+        );
+        state.search(input, &tally)?.finish()?;
+        state.free_chunks = tally.into_free_chunks();
+        for range in ranges(&counts, limit) {
+            let (_, chunks) = state.collect(input, u64::MAX, Some(range))?;
+            if state.deliver_chunks(chunks, take)?.is_break() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error> {
+        let Self { state, input } = self;
+        let output = ChunkedOutput::new(
+            ChunkTarget::Consumer(Mutex::new(take)),
+            std::mem::take(&mut state.free_chunks),
+        );
+        state.search(input, &output)?.finish()?;
+        state.free_chunks = output.into_free_chunks();
+        Ok(())
+    }
+}

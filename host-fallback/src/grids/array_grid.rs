@@ -1,0 +1,120 @@
+//! The paper's ArrayGrid: an array of (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
+
+use super::cell::{Batch, OverfullCell};
+use super::entries::{ENTRY, Entries, KeyLayout, Visit, cells_of_piece, most_entries, run_end};
+use super::workspace::Workspaces;
+use crate::Error;
+use crate::compare::Output;
+use crate::input::{SearchInput, search_pieces};
+use crate::radix::{KeyedSphere, RadixKey};
+use crate::report::Report;
+
+/// Entries per piece of work: their spheres' columns take 40 KiB.
+const CHUNK_ENTRIES: usize = 1 << 11;
+/// A cell with more entries than this is compared in tiles, by several threads if need be.
+const CROWDED: usize = CHUNK_ENTRIES;
+
+/// The structure and its buffers, which survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct ArrayGrid {
+    entries: Entries,
+    batches: Workspaces<Batch>,
+    overfull: Workspaces<OverfullCell>,
+}
+
+impl ArrayGrid {
+    /// Builds for these spheres.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
+        self.entries.build(input, report)
+    }
+
+    /// Finds all pairs.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        self.entries.visit(Search { grid: self, input, output })
+    }
+
+    /// The most bytes held for `spheres` spheres whose keys are narrow.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let batches = threads * Batch::memory_for(entries.min((CHUNK_ENTRIES + CROWDED) as u64));
+        entries * ENTRY + batches + OverfullCell::memory_for(spheres, threads)
+    }
+}
+
+struct Search<'s, 'o, O> {
+    grid: &'s ArrayGrid,
+    input: &'s SearchInput<'s>,
+    output: &'o O,
+}
+
+impl<'o, O: Output> Visit for Search<'_, 'o, O> {
+    type Result = Result<O::Sink<'o>, Error>;
+
+    fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], _: KeyLayout) -> Self::Result {
+        let Self { grid, input, output } = self;
+        let pieces = (entries.len().div_ceil(CHUNK_ENTRIES), usize::MAX);
+        search_pieces((output, input), pieces, |sink, piece| {
+            grid.batches.lend(|batch| {
+                let entries = cells_of_piece(entries, piece, CHUNK_ENTRIES);
+                cells(grid, entries, batch, (input, output, sink))
+            })
+        })
+    }
+}
+
+/// Compares inside all cells of `entries`, one after the other.
+fn cells<'o, K: RadixKey, O: Output>(
+    grid: &ArrayGrid,
+    entries: &[KeyedSphere<K>],
+    batch: &mut Batch,
+    (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
+) -> Result<O::Sink<'o>, Error> {
+    let mut from = 0;
+    while from < entries.len() {
+        let to = run_end(entries, from);
+        let run = &entries[from..to];
+        from = to;
+        if run.len() <= CROWDED {
+            batch.push(run)?;
+        } else {
+            batch.search(input, &mut sink)?;
+            sink = grid.overfull.lend(|overfull| overfull.within(input, run, (output, sink)))?;
+        }
+    }
+    batch.search(input, &mut sink)?;
+    Ok(sink)
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Algorithm;
+
+    use crate::Settings;
+    use crate::test_support::{assert_matches_naive, assert_threads_match_naive};
+
+    fn settings(raster_ratio: f32) -> Settings {
+        Settings { algorithm: Algorithm::ArrayGrid, raster_ratio, ..Settings::default() }
+    }
+
+    #[test]
+    fn agrees_with_all_pairs() {
+        for ratio in [0.5, 1.0, 1.5, 3.0, 16.0] {
+            assert_matches_naive(&settings(ratio));
+        }
+    }
+
+    #[test]
+    fn threads_share_the_work() {
+        assert_threads_match_naive(&settings(Settings::RASTER_RATIO));
+    }
+}

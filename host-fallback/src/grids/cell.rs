@@ -1,0 +1,330 @@
+//! Comparisons inside a cell: which of its spheres meet, by class, so that every pair is the business of one cell.
+
+use std::ops::Range;
+
+use super::entries::MASK_BITS;
+use super::workspace::Workspaces;
+use crate::Error;
+use crate::compare::{Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
+use crate::input::{SearchInput, search_pieces};
+use crate::memory::{try_extend, try_push, with_growth};
+use crate::radix::{KeyedSphere, RadixKey};
+
+/// The number of classes.
+const MASKS: usize = 1 << MASK_BITS;
+/// Neighbouring classes: the first, and the one behind the last.
+type MaskRange = (usize, usize);
+/// For each class, the classes from itself on whose pairs with it belong to the cell.
+const LATER_PARTNERS: [&[MaskRange]; MASKS] =
+    [&[(7, 8)], &[(6, 8)], &[(5, 6), (7, 8)], &[(4, 8)], &[(7, 8)], &[(6, 8)], &[(7, 8)], &[(7, 8)]];
+/// For each class, all classes whose pairs with it belong to the cell.
+const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
+    &[(7, 8)],
+    &[(6, 8)],
+    &[(5, 6), (7, 8)],
+    &[(4, 8)],
+    &[(3, 4), (7, 8)],
+    &[(2, 4), (6, 8)],
+    &[(1, 2), (3, 4), (5, 6), (7, 8)],
+    &[(0, 8)],
+];
+/// Spheres per tile side, so that what a tile loops over stays in the first-level cache's reach.
+const TILE: usize = 1024;
+/// Spheres that one row of tiles compares with at most: a unit of work for a thread.
+const ROW: usize = 1 << 13;
+/// Comparisons from which a cell's rows are spread over threads, about 0.1 ms.
+const SPREAD: usize = 1 << 20;
+
+/// A sphere in a cell.
+pub(crate) trait CellMember: Sync {
+    /// Its index in the input.
+    fn id(&self) -> u32;
+    /// On which axes the cell is its lowest, one bit per axis.
+    fn corner_mask(&self) -> usize;
+}
+
+impl<K: RadixKey> CellMember for KeyedSphere<K> {
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    #[inline(always)]
+    fn corner_mask(&self) -> usize {
+        self.key.low() as usize & (MASKS - 1)
+    }
+}
+
+/// The start of each class among the spheres of a cell, and the end of the last one.
+type Starts = [u32; MASKS + 1];
+
+/// The start of each class among entries sorted by class, of which the first is at `from`.
+fn starts(run: &[impl CellMember], from: usize) -> Starts {
+    let mut starts = [from as u32; MASKS + 1];
+    for entry in run {
+        starts[entry.corner_mask() + 1] += 1;
+    }
+    for corner_mask in 1..=MASKS {
+        starts[corner_mask] += starts[corner_mask - 1] - from as u32;
+    }
+    starts
+}
+
+/// Returns `true` if classes make any pair of these the cell's own.
+pub(crate) fn owns_pairs(run: &[impl CellMember]) -> bool {
+    run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.corner_mask()) == MASKS - 1
+}
+
+fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
+    starts[first] as usize..starts[end] as usize
+}
+
+/// Small cells, gathered so that their spheres are fetched together and compared in one go.
+#[derive(Debug, Default)]
+pub(crate) struct Batch {
+    ids: Vec<u32>,
+    cells: Vec<Starts>,
+    columns: Columns,
+}
+
+impl Batch {
+    /// Adds the entries of one cell, sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    #[inline]
+    pub(crate) fn push(&mut self, run: &[impl CellMember]) -> Result<(), Error> {
+        if owns_pairs(run) {
+            try_push(&mut self.cells, starts(run, self.ids.len()), "a batch of cells")?;
+            try_extend(&mut self.ids, run.iter().map(CellMember::id), "a batch of cells")?;
+        }
+        Ok(())
+    }
+
+    /// The most bytes held where no more than `entries` are gathered: ids, columns, and the classes of cells of two, for
+    /// which room is doubled.
+    pub(crate) fn memory_for(entries: u64) -> u64 {
+        with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
+    }
+
+    /// The number of spheres that wait.
+    pub(crate) fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// Compares inside every cell, and empties the batch.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
+        let Self { ids, cells, columns } = self;
+        columns.gather(&input.test, ids.iter().copied())?;
+        input.run(Cells { columns, test: &input.test, cells, sink });
+        ids.clear();
+        cells.clear();
+        Ok(())
+    }
+}
+
+struct Cells<'c, S> {
+    columns: &'c Columns,
+    test: &'c PairTest<'c>,
+    cells: &'c [Starts],
+    sink: &'c mut S,
+}
+
+impl<S: Sink> SimdTask for Cells<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, vector: V) {
+        let Self { columns, test, cells, sink } = self;
+        for starts in cells {
+            for (corner_mask, later) in LATER_PARTNERS.iter().enumerate() {
+                for at in range(starts, (corner_mask, corner_mask + 1)) {
+                    for &masks in *later {
+                        let run = range(starts, masks);
+                        let run = run.start.max(at + 1)..run.end;
+                        if !run.is_empty() {
+                            scan(vector, (columns, test), at, run, sink);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A crowded cell, whose comparisons are cut into rows of tiles. Each row's spheres are fetched for it alone, so that
+/// no more of them are held than a row has, however many are in the cell.
+#[derive(Debug, Default)]
+pub(crate) struct OverfullCell {
+    rows: Vec<TileRow>,
+    columns: Workspaces<Columns>,
+}
+
+/// Some spheres and a range of others, none of them earlier, to compare them with.
+#[derive(Clone, Debug)]
+struct TileRow {
+    of: Range<usize>,
+    with: Range<usize>,
+}
+
+impl OverfullCell {
+    /// The most bytes held for cells of `spheres` spheres.
+    pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
+        threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
+    }
+
+    /// Compares inside one cell, whose entries are sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn within<'o, O: Output>(
+        &mut self,
+        input: &SearchInput<'_>,
+        run: &[impl CellMember],
+        (output, sink): (&'o O, O::Sink<'o>),
+    ) -> Result<O::Sink<'o>, Error> {
+        if !owns_pairs(run) {
+            return Ok(sink);
+        }
+        self.rows.clear();
+        let starts = starts(run, 0);
+        self.plan(&starts, &starts, &LATER_PARTNERS)?;
+        self.search(input, |k| run[k].id(), (output, sink))
+    }
+
+    /// Compares the spheres `large` of one cell with each other and with its other spheres `small`; the entries of
+    /// both are sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn among<'o, O: Output>(
+        &mut self,
+        input: &SearchInput<'_>,
+        (large, small): (&[impl CellMember], &[impl CellMember]),
+        (output, sink): (&'o O, O::Sink<'o>),
+    ) -> Result<O::Sink<'o>, Error> {
+        self.rows.clear();
+        let (first, second) = (starts(large, 0), starts(small, large.len()));
+        self.plan(&first, &first, &LATER_PARTNERS)?;
+        self.plan(&first, &second, &ALL_PARTNERS)?;
+        let id = |k: usize| if k < large.len() { large[k].id() } else { small[k - large.len()].id() };
+        self.search(input, id, (output, sink))
+    }
+
+    /// Adds rows for every class of `of` with its partners among those of `with`.
+    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[MaskRange]; MASKS]) -> Result<(), Error> {
+        for (corner_mask, partners) in partners.iter().enumerate() {
+            for &partners in *partners {
+                let (of, with) = (range(of, (corner_mask, corner_mask + 1)), range(with, partners));
+                for tile in pieces(of, TILE) {
+                    let with = with.start.max(tile.start)..with.end;
+                    for with in pieces(with, ROW) {
+                        try_push(
+                            &mut self.rows,
+                            TileRow { of: tile.clone(), with },
+                            "tiles of a crowded cell",
+                        )?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Compares the rows; `id` tells the sphere at a place in the cell.
+    fn search<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        id: impl Fn(usize) -> u32 + Sync,
+        (output, sink): (&'o O, O::Sink<'o>),
+    ) -> Result<O::Sink<'o>, Error> {
+        let compare = |mut sink: O::Sink<'o>, row: usize| {
+            let row = &self.rows[row];
+            self.columns.lend(|columns| {
+                let local = row.gather(columns, &input.test, &id)?;
+                input.run(TileTask { columns, test: &input.test, row: &local, sink: &mut sink });
+                sink.checked()
+            })
+        };
+        let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
+        if comparisons < SPREAD {
+            return (0..self.rows.len()).try_fold(sink, compare);
+        }
+        sink.merge(search_pieces((output, input), (self.rows.len(), 1), compare)?)
+    }
+}
+
+impl TileRow {
+    /// Fetches the row's spheres; returns where they are in the columns.
+    fn gather(
+        &self,
+        columns: &mut Columns,
+        test: &PairTest<'_>,
+        id: impl Fn(usize) -> u32,
+    ) -> Result<Self, Error> {
+        let Self { of, with } = self;
+        // From here on those compared with follow in the columns, whether they do in the cell or not.
+        let rest = with.start.max(of.end)..with.end.max(of.end);
+        let (own, fetched) = (of.len(), of.len() + rest.len());
+        let place = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
+        columns.gather(test, (0..fetched).map(|k| id(place(k))))?;
+        let local = |at: usize| if at < of.end { at - of.start } else { at - rest.start + own };
+        Ok(Self { of: 0..own, with: local(with.start)..local(with.end) })
+    }
+}
+
+/// Cuts a range into pieces of at most `size`.
+fn pieces(range: Range<usize>, size: usize) -> impl Iterator<Item = Range<usize>> {
+    let end = range.end;
+    range.step_by(size).map(move |from| from..end.min(from + size))
+}
+
+struct TileTask<'t, S> {
+    columns: &'t Columns,
+    test: &'t PairTest<'t>,
+    row: &'t TileRow,
+    sink: &'t mut S,
+}
+
+impl<S: Sink> SimdTask for TileTask<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, vector: V) {
+        let Self { columns, test, row, sink } = self;
+        for tile in pieces(row.with.clone(), TILE) {
+            for at in row.of.clone() {
+                // Spheres of one class meet among themselves: each only those later than itself.
+                let run = tile.start.max(at + 1)..tile.end;
+                if !run.is_empty() {
+                    scan(vector, (columns, test), at, run, sink);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn partners_are_the_classes_that_have_all_bits_together() {
+        for corner_mask in 0..MASKS {
+            let among =
+                |ranges: &[MaskRange], other| ranges.iter().any(|&(from, to)| from <= other && other < to);
+            for other in 0..MASKS {
+                let own = corner_mask | other == MASKS - 1;
+                assert_eq!(among(ALL_PARTNERS[corner_mask], other), own, "any of {corner_mask} and {other}");
+                assert_eq!(
+                    among(LATER_PARTNERS[corner_mask], other),
+                    own && other >= corner_mask,
+                    "later of {corner_mask} and {other}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! An array of (cell, sphere) entries, one for every cell that a sphere overlaps, sorted by cell and class.
+
+use glam::UVec3;
+
+use super::uniform_grid::{ALL_AXES, CellBox, UniformGrid};
+use crate::Error;
+use crate::disjoint_writes::split_at;
+use crate::executor::Executor;
+use crate::input::SearchInput;
+use crate::memory::{try_reserve, try_resize};
+use crate::radix::{KeyedSphere, Radix, RadixKey};
+use crate::report::Report;
+
+/// Spheres per piece of the passes that count and write entries.
+const CHUNK_SPHERES: usize = 1 << 14;
+/// Low bits of a key that hold the class; those above number the cell.
+pub(crate) const MASK_BITS: u32 = 3;
+
+impl<K: RadixKey> KeyedSphere<K> {
+    #[inline(always)]
+    pub(crate) fn cell(self) -> K {
+        self.key.without(MASK_BITS)
+    }
+}
+
+/// How a cell's coordinates are packed into a key: counted from the lowest cell, in as many bits as the highest
+/// needs.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct KeyLayout {
+    low: UVec3,
+    bits: UVec3,
+}
+
+impl KeyLayout {
+    /// For cells in `low..=high`.
+    pub(crate) fn new(low: UVec3, high: UVec3) -> Self {
+        let bits = (high - low).to_array().map(|extent| u32::BITS - extent.leading_zeros());
+        Self { low, bits: bits.into() }
+    }
+
+    /// Bits of a key, those of the class included.
+    pub(crate) fn bits(&self) -> u32 {
+        self.bits.element_sum() + MASK_BITS
+    }
+
+    fn is_narrow(&self) -> bool {
+        self.bits() <= u32::BITS
+    }
+
+    #[inline(always)]
+    pub(crate) fn key<K: RadixKey>(&self, cell: UVec3, corner_mask: u8) -> K {
+        let at = cell - self.low;
+        let number = K::from(at.z).append(at.y, self.bits.y).append(at.x, self.bits.x);
+        number.append(u32::from(corner_mask), MASK_BITS)
+    }
+
+    pub(crate) fn cell<K: RadixKey>(&self, key: K) -> UVec3 {
+        let mut number = key.without(MASK_BITS);
+        let mut take = |bits: u32| {
+            let axis = u64::from(number.low()) & ((1 << bits) - 1);
+            number = number.without(bits);
+            axis as u32
+        };
+        let (x, y) = (take(self.bits.x), take(self.bits.y));
+        self.low + UVec3::new(x, y, number.low())
+    }
+}
+
+/// The sorted entries of all spheres. Buffers survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct Entries {
+    pub(crate) grid: UniformGrid,
+    layout: KeyLayout,
+    offsets: Vec<usize>,
+    /// Where keys fit 32 bits, as they do unless the space is wide and the cells small.
+    narrow: Radix<u32>,
+    /// Where they do not; three coordinates of 32 bits always fit these.
+    wide: Radix<u128>,
+}
+
+/// Work on entries whose keys have either width.
+pub(crate) trait Visit {
+    type Result;
+    fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], layout: KeyLayout) -> Self::Result;
+}
+
+impl Entries {
+    /// Writes and sorts the entries.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
+        match input.is_periodic() {
+            true => self.build_in::<true>(input, report),
+            false => self.build_in::<false>(input, report),
+        }
+    }
+
+    fn build_in<const PERIODIC: bool>(
+        &mut self,
+        input: &SearchInput<'_>,
+        report: &mut Report,
+    ) -> Result<(), Error> {
+        let stats = &input.stats;
+        let (n, ratio) = (stats.spheres, input.settings.raster_ratio);
+        let executor = input.executor.for_light_work(n);
+        let sphere = |k: usize| input.test.effective(k as u32);
+        let (mut grid, mut most) =
+            (UniformGrid::new(stats, ratio, input.test.lengths()), most_entries(n, ratio));
+        let Self { layout, offsets, narrow, wide, .. } = self;
+        // At the second try the grid is where it has the fewest entries.
+        while !report.time("map", || {
+            if n > 0 {
+                let (low, high) = grid.bounds_of(stats.min, stats.max, stats.largest_radius());
+                *layout = KeyLayout::new(low, high);
+            }
+            let cover = |k: usize| {
+                let (center, radius) = sphere(k);
+                (grid.cover::<PERIODIC>(center, radius), ALL_AXES, k as u32)
+            };
+            let place = |cell| grid.wrap::<PERIODIC>(cell);
+            narrow.entries.clear();
+            wide.entries.clear();
+            match layout.is_narrow() {
+                true => fill((n, executor), (cover, place), *layout, (narrow, offsets, most)),
+                false => fill((n, executor), (cover, place), *layout, (wide, offsets, most)),
+            }
+        })? {
+            grid = report.time("map", || grid.shifted::<PERIODIC>(ratio, sphere, (n, executor)));
+            most = usize::MAX;
+        }
+        self.grid = grid;
+        report.time("sort", || match layout.is_narrow() {
+            true => narrow.sort(layout.bits(), executor),
+            false => wide.sort(layout.bits(), executor),
+        })?;
+        log::trace!("{} entries, {} key bits", narrow.entries.len() + wide.entries.len(), layout.bits());
+        Ok(())
+    }
+
+    /// The entries, at the width they have.
+    pub(crate) fn visit<V: Visit>(&self, visitor: V) -> V::Result {
+        match self.layout.is_narrow() {
+            true => visitor.visit(&self.narrow.entries, self.layout),
+            false => visitor.visit(&self.wide.entries, self.layout),
+        }
+    }
+}
+
+/// Bytes per entry whose key is narrow, as it is but for spaces of more than 2²⁹ cells; a wide one takes four times as
+/// much.
+pub(crate) const ENTRY: u64 = Radix::<u32>::BYTES_PER_ENTRY;
+
+/// How many entries `spheres` spheres have at most, where the grid is shifted when it would be more. A twentieth more
+/// than the bound, since chance is no reason to look for another place; most of small numbers is chance.
+pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
+    (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
+}
+
+/// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th
+/// covers, the most that its classes can have, and its id; if there are many it is asked twice, to count first.
+/// `place` tells the cell from one that is covered. If there are more than `most`, says `false` and holds none.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub(crate) fn fill<K: RadixKey>(
+    (n, executor): (usize, Executor),
+    (sphere, place): (impl Fn(usize) -> (CellBox, u8, u32) + Sync, impl Fn(UVec3) -> UVec3 + Sync),
+    layout: KeyLayout,
+    (radix, offsets, most): (&mut Radix<K>, &mut Vec<usize>, usize),
+) -> Result<bool, Error> {
+    let entries = &mut radix.entries;
+    entries.clear();
+    if n <= CHUNK_SPHERES {
+        for (cover, masks, id) in (0..n).map(&sphere) {
+            if cover.cells() > most - entries.len() {
+                entries.clear();
+                return Ok(false);
+            }
+            try_reserve(entries, cover.cells(), "entries of cells")?;
+            #[expect(clippy::disallowed_methods, reason = "there is room for all cells of the sphere")]
+            cover.for_each(|cell, corner_mask| {
+                entries.push(KeyedSphere { key: layout.key(place(cell), corner_mask & masks), id });
+            });
+        }
+        return Ok(true);
+    }
+    let range = |piece: usize| piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
+    try_resize(offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
+    executor.for_each(offsets, |piece, count| {
+        *count = range(piece).map(|k| sphere(k).0.cells()).sum();
+    });
+    let total = accumulate(offsets);
+    if total > most {
+        return Ok(false);
+    }
+    try_resize(entries, total, "entries of cells")?;
+    let mut targets = split_at(entries, offsets.iter().copied())?;
+    executor.for_each(&mut targets, |piece, target| {
+        let mut slots = target.iter_mut();
+        for (cover, masks, id) in range(piece).map(&sphere) {
+            cover.for_each(|cell, corner_mask| {
+                if let Some(slot) = slots.next() {
+                    *slot = KeyedSphere { key: layout.key(place(cell), corner_mask & masks), id };
+                }
+            });
+        }
+    });
+    Ok(true)
+}
+
+/// Turns the lengths of pieces into their ends; returns the last.
+pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
+    lengths.iter_mut().fold(0, |total, length| {
+        *length += total;
+        *length
+    })
+}
+
+/// Where the run of entries of one cell that starts at `from` ends: galloping, since most runs are short, then a
+/// binary search.
+#[inline]
+pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
+    let cell = entries[from].cell();
+    let (mut last, mut step) = (from, 1);
+    while last + step < entries.len() && entries[last + step].cell() == cell {
+        last += step;
+        step *= 2;
+    }
+    let window = &entries[last..entries.len().min(last + step)];
+    last + window.partition_point(|entry| entry.cell() == cell)
+}
+
+/// The entries of the cells that start in piece `piece` of `size` entries each.
+pub(crate) fn cells_of_piece<K: RadixKey>(
+    entries: &[KeyedSphere<K>],
+    piece: usize,
+    size: usize,
+) -> &[KeyedSphere<K>] {
+    let cut = |at: usize| match at {
+        0 => 0,
+        _ if at >= entries.len() => entries.len(),
+        _ if entries[at - 1].cell() == entries[at].cell() => run_end(entries, at),
+        _ => at,
+    };
+    &entries[cut(piece * size)..cut((piece + 1) * size)]
+}

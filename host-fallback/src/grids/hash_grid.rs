@@ -1,0 +1,270 @@
+//! The paper's HashGrid: a hash table with separate chaining, in which every sphere hangs under every cell it
+//! overlaps. Only occupied cells cost memory; cells of one hash share a chain and are told apart by coordinates.
+
+use std::ops::Range;
+use std::sync::atomic::Ordering::Relaxed;
+
+use bytemuck::Zeroable;
+use glam::UVec3;
+
+use super::cell::{Batch, CellMember, OverfullCell};
+use super::entries::{accumulate, most_entries};
+use super::uniform_grid::{CellBox, UniformGrid};
+use super::workspace::Workspaces;
+use crate::Error;
+use crate::compare::Output;
+use crate::disjoint_writes::{shared, split_at};
+use crate::input::{SearchInput, search_pieces};
+use crate::memory::{try_push, try_resize, with_growth};
+use crate::report::Report;
+
+/// Spheres per piece of the passes that count and insert.
+const CHUNK_SPHERES: usize = 1 << 14;
+/// Chains per piece of the search.
+const CHUNK_CHAINS: usize = 1 << 11;
+/// Spheres gathered before they are compared.
+const BATCH_SPHERES: usize = 1 << 11;
+/// The end of a chain.
+const END: u32 = u32::MAX;
+
+/// The table and its buffers, which survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct HashGrid {
+    /// The last entry inserted in each chain.
+    heads: Vec<u32>,
+    entries: Vec<Linked>,
+    offsets: Vec<usize>,
+    workspaces: Workspaces<Workspace>,
+}
+
+/// A sphere in a cell, and the entry before it in its chain.
+#[derive(Clone, Copy, Debug, Zeroable)]
+struct Linked {
+    cell: UVec3,
+    corner_mask: u32,
+    id: u32,
+    next: u32,
+}
+
+#[derive(Debug, Default)]
+struct Workspace {
+    chain: Vec<InChain>,
+    batch: Batch,
+    overfull: OverfullCell,
+}
+
+/// A sphere in a cell, in the order in which a chain is searched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct InChain {
+    cell: [u32; 3],
+    corner_mask: u32,
+    id: u32,
+}
+
+impl CellMember for InChain {
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    fn corner_mask(&self) -> usize {
+        self.corner_mask as usize
+    }
+}
+
+impl HashGrid {
+    /// Builds for these spheres: counts the entries, sizes the table, inserts.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
+        match input.is_periodic() {
+            true => self.build_in::<true>(input, report),
+            false => self.build_in::<false>(input, report),
+        }
+    }
+
+    fn build_in<const PERIODIC: bool>(
+        &mut self,
+        input: &SearchInput<'_>,
+        report: &mut Report,
+    ) -> Result<(), Error> {
+        let grid = report.time("count", || self.count::<PERIODIC>(input))?;
+        let total = self.offsets.last().copied().unwrap_or(0);
+        log::trace!("{total} entries");
+        report.time("insert", || {
+            let chains = total.next_power_of_two().max(2);
+            try_resize(&mut self.heads, chains, "chains of a hash table")?;
+            input.executor.for_each_chunk(&mut self.heads, CHUNK_SPHERES, |_, heads| heads.fill(END));
+            try_resize(&mut self.entries, total, "entries of cells")?;
+            self.insert::<PERIODIC>(input, &grid)
+        })
+    }
+
+    /// Counts entries, piece by piece, in a grid where they are few, of cells large enough that 32 bits number them.
+    fn count<const PERIODIC: bool>(&mut self, input: &SearchInput<'_>) -> Result<UniformGrid, Error> {
+        let (n, ratio, lengths) = (input.stats.spheres, input.settings.raster_ratio, input.test.lengths());
+        let mut grid = UniformGrid::new(&input.stats, ratio, lengths);
+        let mut most = most_entries(n, ratio);
+        try_resize(&mut self.offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
+        loop {
+            let cells = |id| cover::<PERIODIC>(input, &grid, id).cells();
+            input.executor.for_each(&mut self.offsets, |piece, count| {
+                *count = spheres(input, piece).map(cells).sum();
+            });
+            let total = accumulate(&mut self.offsets);
+            if total <= most.min(END as usize - 1) {
+                return Ok(grid);
+            }
+            grid = if total > most {
+                most = usize::MAX;
+                let sphere = |k: usize| input.test.effective(k as u32);
+                grid.shifted::<PERIODIC>(ratio, sphere, (n, input.executor))
+            } else {
+                grid.coarser(lengths)
+            };
+        }
+    }
+
+    /// Hangs every entry at the head of its chain; threads swap heads without locks.
+    fn insert<const PERIODIC: bool>(
+        &mut self,
+        input: &SearchInput<'_>,
+        grid: &UniformGrid,
+    ) -> Result<(), Error> {
+        let Self { heads, entries, offsets, .. } = self;
+        let shift = shift(heads.len());
+        let heads = shared(heads);
+        let mut targets = split_at(entries, offsets.iter().copied())?;
+        input.executor.for_each(&mut targets, |piece, target| {
+            let mut number = if piece == 0 { 0 } else { offsets[piece - 1] as u32 };
+            let mut slots = target.iter_mut();
+            for id in spheres(input, piece) {
+                cover::<PERIODIC>(input, grid, id).for_each(|cell, corner_mask| {
+                    let cell = grid.wrap::<PERIODIC>(cell);
+                    if let Some(slot) = slots.next() {
+                        let next = heads[chain_of(cell, shift)].swap(number, Relaxed);
+                        *slot = Linked { cell, corner_mask: u32::from(corner_mask), id, next };
+                        number += 1;
+                    }
+                });
+            }
+        });
+        Ok(())
+    }
+
+    /// Finds all pairs.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        let pieces = (self.heads.len().div_ceil(CHUNK_CHAINS), usize::MAX);
+        search_pieces((output, input), pieces, |sink, piece| {
+            let heads = &self.heads[piece * CHUNK_CHAINS..self.heads.len().min((piece + 1) * CHUNK_CHAINS)];
+            self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
+        })
+    }
+
+    /// Compares inside all cells of some chains.
+    fn chains<'o, O: Output>(
+        &self,
+        heads: &[u32],
+        workspace: &mut Workspace,
+        (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
+    ) -> Result<O::Sink<'o>, Error> {
+        let Workspace { chain, batch, overfull } = workspace;
+        for &head in heads {
+            self.collect(head, chain)?;
+            for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
+                if run.len() > BATCH_SPHERES {
+                    batch.search(input, &mut sink)?;
+                    sink = overfull.within(input, run, (output, sink))?;
+                } else {
+                    batch.push(run)?;
+                }
+            }
+            if batch.len() > BATCH_SPHERES {
+                batch.search(input, &mut sink)?;
+            }
+        }
+        batch.search(input, &mut sink)?;
+        Ok(sink)
+    }
+
+    /// Gathers a chain, ordered by cell, class and sphere: the order in which threads inserted must not show.
+    fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
+        chain.clear();
+        let mut at = head;
+        while at != END {
+            let Linked { cell, corner_mask, id, next } = self.entries[at as usize];
+            try_push(chain, InChain { cell: cell.to_array(), corner_mask, id }, "a chain of a hash table")?;
+            at = next;
+        }
+        if chain.len() > 1 {
+            chain.sort_unstable();
+        }
+        Ok(())
+    }
+
+    /// The most bytes held for `spheres` spheres: the table, one chain of all, and what is gathered.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let table = entries.next_power_of_two() * size_of::<u32>() as u64;
+        let batches = threads * Batch::memory_for(entries.min(2 * BATCH_SPHERES as u64));
+        let chain =
+            with_growth(spheres * size_of::<InChain>() as u64) + OverfullCell::memory_for(spheres, threads);
+        entries * size_of::<Linked>() as u64 + table + batches + chain
+    }
+}
+
+fn spheres(input: &SearchInput<'_>, piece: usize) -> Range<u32> {
+    (piece * CHUNK_SPHERES) as u32..input.stats.spheres.min((piece + 1) * CHUNK_SPHERES) as u32
+}
+
+#[inline(always)]
+fn cover<const PERIODIC: bool>(input: &SearchInput<'_>, grid: &UniformGrid, id: u32) -> CellBox {
+    let (center, radius) = input.test.effective(id);
+    grid.cover::<PERIODIC>(center, radius)
+}
+
+/// How far a 64-bit hash is moved down to number `chains` chains, a power of two and at least 2.
+fn shift(chains: usize) -> u32 {
+    u64::BITS - chains.trailing_zeros()
+}
+
+/// The chain of a cell: multiplications by odd constants, of which the upper bits are well mixed.
+#[inline(always)]
+fn chain_of(cell: UVec3, shift: u32) -> usize {
+    let [x, y, z] = cell.to_array().map(u64::from);
+    let mixed = x.wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        ^ y.wrapping_mul(0xC2B2_AE3D_27D4_EB4F)
+        ^ z.wrapping_mul(0x1656_67B1_9E37_79F9);
+    (mixed.wrapping_mul(0xFF51_AFD7_ED55_8CCD) >> shift) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Algorithm;
+
+    use crate::Settings;
+    use crate::test_support::{assert_matches_naive, assert_threads_match_naive};
+
+    fn settings(raster_ratio: f32) -> Settings {
+        Settings { algorithm: Algorithm::HashGrid, raster_ratio, ..Settings::default() }
+    }
+
+    #[test]
+    fn agrees_with_all_pairs() {
+        for ratio in [0.5, 1.0, 1.5, 3.0, 16.0] {
+            assert_matches_naive(&settings(ratio));
+        }
+    }
+
+    #[test]
+    fn threads_share_the_work() {
+        assert_threads_match_naive(&settings(Settings::RASTER_RATIO));
+    }
+}

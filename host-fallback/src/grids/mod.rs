@@ -1,0 +1,13 @@
+//! The grids of the paper: every sphere is entered into each cell that it overlaps.
+
+mod array_grid;
+mod cell;
+mod entries;
+mod hash_grid;
+mod recursive_grid;
+mod uniform_grid;
+mod workspace;
+
+pub(crate) use array_grid::ArrayGrid;
+pub(crate) use hash_grid::HashGrid;
+pub(crate) use recursive_grid::RecursiveGrid;

@@ -1,0 +1,421 @@
+//! The paper's RecursiveGrid: a grid for the largest spheres, whose crowded cells are split for the smaller ones.
+//!
+//! The top grid is an [`ArrayGrid`](crate::array_grid)'s. In each cell, pairs with a large sphere, one that no
+//! finer grid suits, are found among all its spheres. Where more than τ smaller spheres remain, the cell is split
+//! into a finer grid, else they are compared with each other. Finer cells are a power of two smaller and nest in
+//! the cell they split, so that a pair's own cell lies in its own coarser cell: what is refined are the cell's
+//! entries, and a finer entry's class has a bit only where the coarser one had it.
+//!
+//! A split goes straight to the size that the largest remaining sphere asks for, or, where spheres are few, to cells
+//! that hold a handful. It must separate the centres: where it cannot, because spheres as large as the extent of all
+//! remain, those count as large in this very cell. So every step halves the largest remaining size or the extent of
+//! the spheres in a cell, and a recursion ends after some tens of steps on any input.
+
+use glam::{BVec3, DVec3, UVec3, Vec3};
+
+use super::cell::{Batch, CellMember, OverfullCell, owns_pairs};
+use super::entries::{ENTRY, Entries, KeyLayout, Visit, cells_of_piece, fill, most_entries, run_end};
+use super::uniform_grid::{CellBox, UniformGrid};
+use super::workspace::Workspaces;
+use crate::Error;
+use crate::compare::{Output, Sink};
+use crate::input::{SearchInput, search_pieces};
+use crate::memory::{try_extend, try_reserve};
+use crate::radix::{KeyedSphere, Radix, RadixKey};
+use crate::report::Report;
+
+/// Entries per piece of work: their spheres' columns take 40 KiB.
+const CHUNK_ENTRIES: usize = 1 << 11;
+/// Spheres per finer cell aimed at where the largest of them would allow smaller cells. Fewer mean more entries,
+/// more mean more comparisons.
+const PER_CELL: f64 = 16.0;
+/// Halvings of a cell in one split at most, so that 32 bits hold a finer cell's key.
+const MAX_HALVINGS: f64 = 7.0;
+/// Finer cells at most from the origin to a coordinate: boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, and by
+/// no more than an eighth of a cell with it. Coordinates that differ are 2²² such cells apart, so that on an axis with so
+/// many all spheres of a cell agree, and it need not be split any further.
+const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
+
+/// The structure and its buffers, which survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct RecursiveGrid {
+    entries: Entries,
+    workspaces: Workspaces<Workspace>,
+}
+
+/// Buffers for one cell after the other.
+#[derive(Debug, Default)]
+struct Workspace {
+    batch: Batch,
+    overfull: OverfullCell,
+    split: CellSplit,
+}
+
+/// The spheres of a crowded cell, both kinds sorted by class, and the finer entries of the small ones.
+#[derive(Debug, Default)]
+struct CellSplit {
+    large: Vec<Member>,
+    small: Vec<Member>,
+    finer: Radix<u32>,
+    offsets: Vec<usize>,
+}
+
+/// A sphere of a crowded cell.
+#[derive(Clone, Copy, Debug)]
+struct Member {
+    center: Vec3,
+    radius: f32,
+    id: u32,
+    corner_mask: u8,
+}
+
+impl CellMember for Member {
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    fn corner_mask(&self) -> usize {
+        self.corner_mask.into()
+    }
+}
+
+impl CellSplit {
+    /// Starts with the spheres of a run, all of them small.
+    fn start(&mut self, input: &SearchInput<'_>, run: &[impl CellMember]) -> Result<(), Error> {
+        self.small.clear();
+        let members = run.iter().map(|entry| {
+            let (center, radius) = input.test.effective(entry.id());
+            Member { center, radius, id: entry.id(), corner_mask: entry.corner_mask() as u8 }
+        });
+        try_extend(&mut self.small, members, "spheres of a crowded cell")
+    }
+
+    /// Moves those with a radius above `limit` out of the small ones.
+    fn separate_large(&mut self, limit: f64) -> Result<(), Error> {
+        let Self { large, small, .. } = self;
+        large.clear();
+        let is_large = |member: &Member| f64::from(member.radius) > limit;
+        try_reserve(
+            large,
+            small.iter().filter(|member| is_large(member)).count(),
+            "spheres of a crowded cell",
+        )?;
+        #[expect(clippy::disallowed_methods, reason = "there is room for all that are large")]
+        large.extend(small.extract_if(.., |member| is_large(member)));
+        Ok(())
+    }
+
+    /// Makes them all large.
+    fn merge_large(&mut self) -> Result<(), Error> {
+        let Self { large, small, .. } = self;
+        let joined = !large.is_empty();
+        // The small ones were all once, so that there is room.
+        try_extend(small, large.drain(..), "spheres of a crowded cell")?;
+        std::mem::swap(large, small);
+        if joined {
+            large.sort_unstable_by_key(|member| (member.corner_mask, member.id));
+        }
+        Ok(())
+    }
+
+    /// Where the small spheres lie, seen from this cell.
+    fn extent<const PERIODIC: bool>(&self, grid: &UniformGrid, cell: &NestedCell) -> Extent {
+        let radius = self.small.iter().fold(0.0_f32, |radius, member| radius.max(member.radius));
+        if PERIODIC {
+            let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            let ([low, min], [high, max]) =
+                self.small.iter().fold(([empty.0; 2], [empty.1; 2]), |([low, min], [high, max]), member| {
+                    let (from, to) = cell.bounds::<true>(grid, member);
+                    let center = 0.5 * (from + to);
+                    ([low.min(from), min.min(center)], [high.max(to), max.max(center)])
+                });
+            return Extent { low, high, wide: grid.widest(max - min), radius };
+        }
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (min, max) = self
+            .small
+            .iter()
+            .fold(empty, |(min, max), member| (min.min(member.center), max.max(member.center)));
+        let wide = (max.as_dvec3() - min.as_dvec3()).max_element();
+        let (low, high) = (grid.bounds::<false>(min, radius).0, grid.bounds::<false>(max, radius).1);
+        Extent { low, high, wide, radius }
+    }
+}
+
+/// Where some spheres lie.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    /// Corners of a box around them, in cells of the top grid.
+    low: DVec3,
+    high: DVec3,
+    /// How far apart their centres lie along any axis.
+    wide: f64,
+    /// The largest of their radii.
+    radius: f32,
+}
+
+/// What to do with the small spheres of a crowded cell.
+enum SplitDecision {
+    /// Split the cell into this many parts per axis, a power of two.
+    Split(f64),
+    /// Compare those of a radius above this with all, and look again.
+    CompareLarge(f64),
+    /// Compare all with each other: no finer grid tells them apart.
+    BruteForce,
+}
+
+/// A cell of some level: how to get from cells of the top grid to cells of its own size, counted from its corner.
+#[derive(Clone, Copy, Debug)]
+struct NestedCell {
+    /// The top cell.
+    top: DVec3,
+    /// How many cells of this size a top cell has per axis, a power of two.
+    fineness: f64,
+    /// The same, but zero on an axis on which all spheres of the top cell have one coordinate, or which is a ring of
+    /// one cell.
+    scale: DVec3,
+    /// This cell, counted from the top cell's corner.
+    corner: DVec3,
+    /// How many top cells a coordinate in here is from the origin at most, or a ring has.
+    away: DVec3,
+}
+
+impl NestedCell {
+    fn top(grid: &UniformGrid, cell: UVec3) -> Self {
+        let corner = grid.corner(cell);
+        let top = DVec3::from_array(corner.map(|at| at.unwrap_or(0.0)));
+        let scale = DVec3::from_array(corner.map(|at| f64::from(u8::from(at.is_some()))));
+        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: grid.away(top) }
+    }
+
+    /// One of the cells that this one is split into, `parts` per axis.
+    fn finer(&self, parts: f64, at: DVec3) -> Self {
+        let (fineness, scale) = (self.fineness * parts, self.scale * parts);
+        Self { fineness, scale, corner: self.corner * parts + at, ..*self }
+    }
+
+    /// How often cells can be halved along each axis.
+    fn halvings(&self) -> DVec3 {
+        (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
+    }
+
+    /// The axes along which it can be split, and how often at most along all of them.
+    fn divisible(&self) -> (BVec3, f64) {
+        let halvings = self.halvings();
+        let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
+        (axes, DVec3::select(axes, halvings, DVec3::INFINITY).min_element())
+    }
+
+    /// The same cell, whole along the axes that are not to be split any more.
+    fn along(&self, axes: BVec3) -> Self {
+        Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
+    }
+
+    /// Lower and upper corner of the box around a sphere that is in this cell, in cells of the top grid.
+    #[inline(always)]
+    fn bounds<const PERIODIC: bool>(&self, grid: &UniformGrid, member: &Member) -> (DVec3, DVec3) {
+        let bounds = grid.bounds::<PERIODIC>(member.center, member.radius);
+        if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
+    }
+
+    /// In which of the `parts` finer cells per axis a coordinate of the top grid lies; the first or the last where
+    /// it lies outside this cell.
+    ///
+    /// This is monotone, so that the larger of two lower bounds never lies above either upper bound; and a
+    /// coordinate keeps its place when the cell is split again, since all but the first subtraction are exact inside
+    /// the cell.
+    #[inline(always)]
+    fn part(&self, at: DVec3, parts: f64) -> DVec3 {
+        let at = ((at - self.top) * self.scale - self.corner) * parts;
+        // Not `floor`, which is a call where the target lacks it.
+        at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as i64 as f64)
+    }
+}
+
+impl RecursiveGrid {
+    /// Builds the top grid for these spheres.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
+        self.entries.build(input, report)
+    }
+
+    /// Finds all pairs.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        match input.is_periodic() {
+            true => self.entries.visit(Search::<O, true> { grid: self, input, output }),
+            false => self.entries.visit(Search::<O, false> { grid: self, input, output }),
+        }
+    }
+
+    /// The most bytes held for `spheres` spheres whose keys are narrow and of which no crowd lies in another: the top
+    /// grid, one crowd of all that is split, and what is gathered.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let batches = 2 * threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
+        // Finer cells may be no wider than the spheres in them.
+        let split = spheres * (size_of::<Member>() as u64 + 8 * ENTRY);
+        entries * ENTRY + split + batches + OverfullCell::memory_for(spheres, threads)
+    }
+}
+
+struct Search<'s, 'o, O, const PERIODIC: bool> {
+    grid: &'s RecursiveGrid,
+    input: &'s SearchInput<'s>,
+    output: &'o O,
+}
+
+impl<'o, O: Output, const PERIODIC: bool> Visit for Search<'_, 'o, O, PERIODIC> {
+    type Result = Result<O::Sink<'o>, Error>;
+
+    fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], layout: KeyLayout) -> Self::Result {
+        self.level(
+            entries,
+            |key| NestedCell::top(&self.grid.entries.grid, layout.cell(key)),
+            self.output.open(),
+        )
+    }
+}
+
+impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
+    /// Finds the pairs of all cells of one grid; `cell` tells a cell from a key.
+    fn level<K: RadixKey>(
+        &self,
+        entries: &[KeyedSphere<K>],
+        cell: impl Fn(K) -> NestedCell + Sync,
+        sink: O::Sink<'o>,
+    ) -> Result<O::Sink<'o>, Error> {
+        let piece = |sink: O::Sink<'o>, piece: usize| {
+            self.grid.workspaces.lend(|workspace| {
+                self.cells(cells_of_piece(entries, piece, CHUNK_ENTRIES), &cell, (workspace, sink))
+            })
+        };
+        match entries.len().div_ceil(CHUNK_ENTRIES) {
+            0 | 1 if sink.stopped() => Ok(sink),
+            // Without a task: most cells that are split hold little.
+            pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece)?.checked(),
+            pieces => sink.merge(search_pieces((self.output, self.input), (pieces, usize::MAX), piece)?),
+        }
+    }
+
+    /// Finds the pairs of some cells one after the other.
+    fn cells<K: RadixKey>(
+        &self,
+        entries: &[KeyedSphere<K>],
+        cell: impl Fn(K) -> NestedCell,
+        (workspace, mut sink): (&mut Workspace, O::Sink<'o>),
+    ) -> Result<O::Sink<'o>, Error> {
+        let mut from = 0;
+        while from < entries.len() {
+            let to = run_end(entries, from);
+            let run = &entries[from..to];
+            from = to;
+            if run.len() <= self.tau().min(CHUNK_ENTRIES) {
+                workspace.batch.push(run)?;
+            } else if owns_pairs(run) {
+                workspace.batch.search(self.input, &mut sink)?;
+                workspace.split.start(self.input, run)?;
+                sink = self.crowded(cell(run[0].key), workspace, sink)?;
+            }
+            if workspace.batch.len() > CHUNK_ENTRIES {
+                workspace.batch.search(self.input, &mut sink)?;
+            }
+        }
+        workspace.batch.search(self.input, &mut sink)?;
+        Ok(sink)
+    }
+
+    fn tau(&self) -> usize {
+        self.input.settings.tau as usize
+    }
+
+    /// Finds the pairs of the cell whose many spheres are the small ones in the workspace.
+    fn crowded(
+        &self,
+        cell: NestedCell,
+        workspace: &mut Workspace,
+        mut sink: O::Sink<'o>,
+    ) -> Result<O::Sink<'o>, Error> {
+        let Workspace { split, overfull, .. } = workspace;
+        let cell_size = self.grid.entries.grid.cell_size() / cell.fineness;
+        let mut limit = cell_size / 4.0;
+        loop {
+            split.separate_large(limit)?;
+            let extent = split.extent::<PERIODIC>(&self.grid.entries.grid, &cell);
+            let few = split.small.len() <= self.tau();
+            let step = if few {
+                SplitDecision::BruteForce
+            } else {
+                decide(&cell, cell_size, split.small.len(), &extent)
+            };
+            if let SplitDecision::BruteForce = step {
+                split.merge_large()?;
+            }
+            if !split.large.is_empty() {
+                sink = overfull.among(self.input, (&split.large, &split.small), (self.output, sink))?;
+            }
+            match step {
+                SplitDecision::BruteForce => return Ok(sink),
+                SplitDecision::CompareLarge(radius) => limit = radius,
+                SplitDecision::Split(parts) => return self.split(&cell, (parts, extent), (split, sink)),
+            }
+        }
+    }
+
+    /// Splits a cell for its small spheres.
+    fn split(
+        &self,
+        cell: &NestedCell,
+        (parts, extent): (f64, Extent),
+        (split, sink): (&mut CellSplit, O::Sink<'o>),
+    ) -> Result<O::Sink<'o>, Error> {
+        let CellSplit { small, finer, offsets, .. } = split;
+        let cell = &cell.along(cell.divisible().0);
+        let grid = &self.grid.entries.grid;
+        // One cell more on either side, for what rounding may do.
+        let first = cell.part(extent.low, parts) - 1.0;
+        let last = cell.part(extent.high, parts) + 1.0;
+        let layout = KeyLayout::new(UVec3::ZERO, (last - first).as_uvec3());
+        let sphere = |k: usize| {
+            let member = &small[k];
+            let (low, high) = cell.bounds::<PERIODIC>(grid, member);
+            let within = |at| (cell.part(at, parts) - first).as_uvec3();
+            (CellBox { low: within(low), high: within(high) }, member.corner_mask, member.id)
+        };
+        let executor = self.input.executor;
+        fill((small.len(), executor), (sphere, |at| at), layout, (finer, offsets, usize::MAX))?;
+        finer.sort(layout.bits(), executor)?;
+        let cell = |key: u32| cell.finer(parts, first + layout.cell(key).as_dvec3());
+        self.level(&finer.entries, cell, sink)
+    }
+}
+
+/// Decides by the number, the extent and the sizes of the small spheres in a cell of this edge.
+fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> SplitDecision {
+    let wide = extent.wide;
+    // Centres of a cell's small spheres lie within an edge and a half; farther ones are here by rounding, and no split
+    // parts them.
+    if wide == 0.0 || wide > 2.0 * cell_size {
+        return SplitDecision::BruteForce;
+    }
+    let by_count = ((count as f64 / PER_CELL).log2() / 3.0).ceil().clamp(1.0, MAX_HALVINGS);
+    let by_count = by_count + (cell_size / wide).log2().floor().max(0.0);
+    let by_size = (cell_size / (2.0 * f64::from(extent.radius))).log2().floor();
+    let halvings = by_count.min(by_size).max(1.0);
+    if by_size < by_count && cell_size / halvings.exp2() > wide {
+        return SplitDecision::CompareLarge(f64::from(extent.radius) / 2.0);
+    }
+    let (axes, most) = cell.divisible();
+    if axes.any() { SplitDecision::Split(halvings.min(most).exp2()) } else { SplitDecision::BruteForce }
+}
+
+#[cfg(test)]
+mod tests;

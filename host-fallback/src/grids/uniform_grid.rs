@@ -1,0 +1,353 @@
+//! Which cells of an unbounded grid a sphere overlaps: the geometry of the paper's grids.
+//!
+//! A pair can share several cells. The one that reports it has, on each axis, the larger of the two spheres' lowest
+//! cells. Every (cell, sphere) entry therefore carries a class: one bit per axis, set where the cell is the sphere's
+//! lowest on that axis. Two spheres of a cell are that cell's own pair exactly if their classes have all three bits
+//! between them, so no pair is compared twice, let alone reported twice.
+//!
+//! A periodic axis is a ring of cells. There "the larger of the lowest" has no meaning, but the rule of the classes
+//! has: a cell owns a pair if on every axis one of the two begins in it and the other lies in it too. Spheres of `a`
+//! and `b` cells have one such cell where they share any, since two would mean that each begins inside the other, so
+//! that together they go all the way round: with `a + b − 2` cells at least. A ring therefore has 3 cells or more for
+//! spheres of at most 2, and 5 or more for those of 3; else it is one cell, in which all begin. For the same reason
+//! two spheres share one stretch of the ring only, so that inside it they can be treated as on a line.
+
+use std::convert::Infallible;
+
+use glam::{BVec3, DVec3, UVec3, Vec3};
+
+use crate::executor::Executor;
+use crate::input::InputStats;
+use crate::math::floor;
+
+/// The class of an entry whose cell is the sphere's lowest on every axis.
+pub(crate) const ALL_AXES: u8 = 0b111;
+/// Cells on either side of the origin that are counted. Farther out, different `f32` coordinates lie at least eight
+/// cells apart and no sphere is larger than two, so only equal coordinates can meet: those cells are named by the
+/// bits of the coordinate.
+const MAX_INTEGER_CELL: u32 = 1 << 27;
+/// Room between the counted cells and the named ones: spheres near the limit reach two cells beyond it.
+const FAR_GAP: u32 = 16;
+/// The number of the first cell at or above coordinate 0.
+const MIDDLE: u32 = 1 << 31;
+/// Relative widening of radii, far above the rounding of the exact test.
+const WIDER: f64 = 1.0 + 1e-9;
+/// The largest error of a coordinate by rounding, relative to it: some ulp of `f64`.
+const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
+/// Cells are this much larger than asked for, so that a widened sphere of one cell's diameter never spans three.
+const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
+/// Cells on a ring at most, so that rounding, some units in the last place of its length, is less than [`CELL_SLACK`].
+const MAX_RING_CELLS: f64 = (1 << 26) as f64;
+/// Points per cell aimed at where no sphere has a size.
+const POINTS_PER_CELL: f64 = 4.0;
+/// Places per axis at most that a grid is shifted to.
+const MAX_SHIFTS: usize = 4;
+/// Spheres per piece of the pass that chooses one.
+const CHUNK_SPHERES: usize = 1 << 14;
+
+/// Cells of one edge all over space, numbered per axis in ascending order.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct UniformGrid {
+    cell_size: f64,
+    per_length: f64,
+    /// Cells by which everything is moved before it is counted, below 1; for rings it is in their origin.
+    shift: DVec3,
+    /// The bits of the first coordinate whose cell is named, not counted.
+    first_far: u32,
+    periodic: PeriodicAxes,
+}
+
+/// The periodic axes of a grid. Cells of a ring are numbered from 0, at minus half a length.
+#[derive(Clone, Debug, Default)]
+struct PeriodicAxes {
+    /// Cells per axis; 0 where it is unbounded.
+    count: UVec3,
+    /// Cells per unit length.
+    per_length: DVec3,
+    /// The cell coordinate of the origin.
+    origin: DVec3,
+    /// The length of each axis, as the magnitude that rounding follows; 0 where it is unbounded.
+    lengths: DVec3,
+}
+
+impl PeriodicAxes {
+    /// Rings of cells no smaller than `edge`, or else than `diameter`, for spheres up to that diameter.
+    fn new(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
+        let (per_length, zero) = (DVec3::splat(cell_size.recip()), DVec3::ZERO);
+        let mut periodic = Self { count: UVec3::ZERO, per_length, origin: zero, lengths: zero };
+        for (axis, length) in lengths.into_iter().enumerate() {
+            let Some(length) = length.map(f64::from) else { continue };
+            let count = (length / cell_size).min(MAX_RING_CELLS);
+            let least = if cell_size >= diameter * CELL_SLACK { 3.0 } else { 5.0 };
+            let count = if count >= least {
+                count as u32
+            } else if length / 3.0 >= diameter * CELL_SLACK {
+                3
+            } else {
+                1
+            };
+            periodic.count[axis] = count;
+            periodic.per_length[axis] = f64::from(count) / length;
+            periodic.origin[axis] = 0.5 * f64::from(count);
+            periodic.lengths[axis] = length;
+        }
+        periodic
+    }
+}
+
+impl UniformGrid {
+    /// Cells of `ratio` × the largest diameter, or by density where all radii are zero.
+    pub(crate) fn new(stats: &InputStats, ratio: f32, lengths: [Option<f32>; 3]) -> Self {
+        let diameter = 2.0 * f64::from(stats.largest_radius());
+        let cell_size = match diameter > 0.0 {
+            true => f64::from(ratio) * diameter,
+            false => {
+                let extent = (stats.max.as_dvec3() - stats.min.as_dvec3()).max_element();
+                extent / (stats.spheres as f64 / POINTS_PER_CELL).cbrt().max(1.0)
+            }
+        };
+        Self::of_size(cell_size * CELL_SLACK, diameter, lengths)
+    }
+
+    /// The same with cells of twice the edge.
+    pub(crate) fn coarser(&self, lengths: [Option<f32>; 3]) -> Self {
+        Self::of_size(2.0 * self.cell_size, f64::INFINITY, lengths)
+    }
+
+    /// Subnormal edges are raised: so the names of far cells and the numbers of the others fit 32 bits together.
+    fn of_size(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
+        let cell_size = cell_size.max(f64::from(f32::MIN_POSITIVE));
+        let limit = (cell_size * f64::from(MAX_INTEGER_CELL)) as f32;
+        let first_far = limit.next_down().min(f32::MAX).to_bits();
+        let (per_length, periodic) = (cell_size.recip(), PeriodicAxes::new(cell_size, diameter, lengths));
+        Self { cell_size, per_length, shift: DVec3::ZERO, first_far, periodic }
+    }
+
+    /// How many places per axis the grid can be shifted to so that a sphere lies across a boundary at one of them at
+    /// most.
+    fn places(ratio: f32) -> usize {
+        (ratio as usize).clamp(1, MAX_SHIFTS)
+    }
+
+    /// How many cells a sphere overlaps at most in the mean, in a grid of this `ratio` that is
+    /// [shifted](Self::shifted) where it would be more.
+    ///
+    /// At each of *p* places per axis a sphere overlaps one cell along that axis, but two at one of the places. In the
+    /// mean over all *p*³ places it overlaps (1 + 1/*p*)³, so that at the best of them all spheres do in the mean.
+    pub(crate) fn most_cells(ratio: f32) -> f64 {
+        let places = Self::places(ratio) as f64;
+        if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
+    }
+
+    /// The same grid, shifted to where `n` spheres overlap the fewest cells.
+    pub(crate) fn shifted<const PERIODIC: bool>(
+        mut self,
+        ratio: f32,
+        sphere: impl Fn(usize) -> (Vec3, f32) + Sync + Send,
+        (n, executor): (usize, Executor),
+    ) -> Self {
+        let places = Self::places(ratio);
+        // By axis the place at which the sphere lies across a boundary, or the last entry for none.
+        let at = |low: f64, high: f64| {
+            let (low, high) = (floor(low * places as f64), floor(high * places as f64));
+            if low == high { MAX_SHIFTS } else { (-high).rem_euclid(places as i64) as usize }
+        };
+        type Counts = [[[u64; MAX_SHIFTS + 1]; MAX_SHIFTS + 1]; MAX_SHIFTS + 1];
+        let count = |mut counts: Counts, piece: usize| {
+            for k in piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES) {
+                let (center, radius) = sphere(k);
+                let (low, high) = self.bounds::<PERIODIC>(center, radius);
+                counts[at(low.x, high.x)][at(low.y, high.y)][at(low.z, high.z)] += 1;
+            }
+            Ok::<_, Infallible>(counts)
+        };
+        let add = |mut a: Counts, b: Counts| {
+            let cells = a.as_flattened_mut().as_flattened_mut().iter_mut();
+            cells.zip(b.as_flattened().as_flattened()).for_each(|(a, b)| *a += b);
+            Ok(a)
+        };
+        let Ok(counts) = executor.fold((n.div_ceil(CHUNK_SPHERES), usize::MAX), Counts::default, count, add);
+        let cells = |place: [usize; 3]| {
+            let mut cells = 0;
+            for (x, plane) in counts.iter().enumerate() {
+                for (y, row) in plane.iter().enumerate() {
+                    for (z, count) in row.iter().enumerate() {
+                        let across = [x, y, z].iter().zip(place).filter(|&(&at, place)| at == place).count();
+                        cells += count << across;
+                    }
+                }
+            }
+            cells
+        };
+        let all = (0..places.pow(3)).map(|k| [k % places, k / places % places, k / places / places]);
+        let best = all.min_by_key(|&place| cells(place)).unwrap_or_default();
+        let shift = DVec3::from_array(best.map(|place| place as f64 / places as f64));
+        self.shift += shift;
+        self.periodic.origin += shift;
+        self
+    }
+
+    /// The edge of a cell; the smallest if there are several, besides those that are a whole ring.
+    pub(crate) fn cell_size(&self) -> f64 {
+        let PeriodicAxes { count, per_length, lengths, .. } = &self.periodic;
+        if count.to_array() == [1; 3] {
+            return self.cell_size.min(lengths.max_element());
+        }
+        (0..3)
+            .filter(|&axis| count[axis] > 1)
+            .fold(self.cell_size, |cell_size, axis| cell_size.min(per_length[axis].recip()))
+    }
+
+    /// Lower and upper corner of the box around a sphere, in cells, moved outwards by more than rounding can move
+    /// them. Both corners come from one monotone expression.
+    #[inline(always)]
+    pub(crate) fn bounds<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
+        let center = center.as_dvec3();
+        if PERIODIC {
+            let PeriodicAxes { per_length, origin, lengths, .. } = self.periodic;
+            let reach = center.abs().max(lengths) * ROUNDING + f64::from(radius) * WIDER;
+            return ((center - reach) * per_length + origin, (center + reach) * per_length + origin);
+        }
+        let reach = center.abs() * ROUNDING + f64::from(radius) * WIDER;
+        ((center - reach) * self.per_length + self.shift, (center + reach) * self.per_length + self.shift)
+    }
+
+    /// The cells a sphere overlaps. On a ring they may count on behind its end; see [`wrap`](Self::wrap).
+    #[inline(always)]
+    pub(crate) fn cover<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> CellBox {
+        let (low, high) = self.bounds::<PERIODIC>(center, radius);
+        // Rounding down after the addition: the cast alone does it. (A `floor` is a call where the target lacks one.)
+        let counted = |at: DVec3| (at + f64::from(MIDDLE)).as_uvec3();
+        let mut cover = CellBox { low: counted(low), high: counted(high) };
+        let far = self.is_far(center);
+        if far.any() {
+            for axis in 0..3 {
+                if far.test(axis) {
+                    let name = self.name(center[axis]);
+                    (cover.low[axis], cover.high[axis]) = (name, name);
+                }
+            }
+        }
+        if PERIODIC {
+            for axis in 0..3 {
+                match i64::from(self.periodic.count[axis]) {
+                    0 => {}
+                    1 => (cover.low[axis], cover.high[axis]) = (0, 0),
+                    count => {
+                        let (first, last) = (floor(low[axis]), floor(high[axis]));
+                        let start = first + if first < 0 { count } else { 0 };
+                        let start = start - if start >= count { count } else { 0 };
+                        cover.low[axis] = start as u32;
+                        cover.high[axis] = (start + last - first) as u32;
+                    }
+                }
+            }
+        }
+        cover
+    }
+
+    /// The cell itself, where its number counts on behind the end of a ring.
+    #[inline(always)]
+    pub(crate) fn wrap<const PERIODIC: bool>(&self, mut cell: UVec3) -> UVec3 {
+        if PERIODIC {
+            for axis in 0..3 {
+                let count = self.periodic.count[axis];
+                cell[axis] -= if count > 0 && cell[axis] >= count { count } else { 0 };
+            }
+        }
+        cell
+    }
+
+    /// The lowest and the highest cell of any sphere up to `largest` with its centre between these corners.
+    pub(crate) fn bounds_of(&self, min: Vec3, max: Vec3, largest: f32) -> (UVec3, UVec3) {
+        let (mut low, mut high) =
+            (self.cover::<false>(min, largest).low, self.cover::<false>(max, largest).high);
+        for axis in 0..3 {
+            if self.periodic.count[axis] > 0 {
+                (low[axis], high[axis]) = (0, self.periodic.count[axis] - 1);
+            }
+        }
+        (low, high)
+    }
+
+    /// How many cells a coordinate in this cell is from the origin at most; on a ring, at most how many cells that has.
+    pub(crate) fn away(&self, corner: DVec3) -> DVec3 {
+        corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
+    }
+
+    /// The longest side of a box, from cells to the unit of length.
+    pub(crate) fn widest(&self, sides: DVec3) -> f64 {
+        (sides / self.periodic.per_length).max_element()
+    }
+
+    /// Bounds of that image of a sphere in a cell which lies there; the corner of the cell is in cells.
+    #[inline(always)]
+    pub(crate) fn image_at(&self, corner: DVec3, (mut low, mut high): (DVec3, DVec3)) -> (DVec3, DVec3) {
+        for axis in 0..3 {
+            let turn = f64::from(self.periodic.count[axis]);
+            if turn > 1.0 {
+                // A sphere of a cell has its centre within half a ring of the cell's.
+                let away = corner[axis] + 0.5 - 0.5 * (low[axis] + high[axis]);
+                let turn = if away.abs() > 0.5 * turn { turn.copysign(away) } else { 0.0 };
+                (low[axis], high[axis]) = (low[axis] + turn, high[axis] + turn);
+            }
+        }
+        (low, high)
+    }
+
+    #[inline(always)]
+    fn is_far(&self, center: Vec3) -> BVec3 {
+        (center.as_dvec3() * self.per_length).abs().cmpge(DVec3::splat(f64::from(MAX_INTEGER_CELL)))
+    }
+
+    fn name(&self, coordinate: f32) -> u32 {
+        let step = MAX_INTEGER_CELL + FAR_GAP + coordinate.abs().to_bits().saturating_sub(self.first_far);
+        if coordinate > 0.0 { MIDDLE + step } else { MIDDLE - step }
+    }
+
+    /// The lower corner of a cell, in cells; `None` on an axis where it is named, so that all coordinates agree, or
+    /// where it is the whole ring.
+    pub(crate) fn corner(&self, cell: UVec3) -> [Option<f64>; 3] {
+        [0, 1, 2].map(|axis| match (self.periodic.count[axis], cell[axis]) {
+            (0, k) if k.abs_diff(MIDDLE) < MAX_INTEGER_CELL + FAR_GAP => {
+                Some(f64::from(k) - f64::from(MIDDLE))
+            }
+            (0 | 1, _) => None,
+            (_, k) => Some(f64::from(k)),
+        })
+    }
+}
+
+/// A box of cells, both corners included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CellBox {
+    pub(crate) low: UVec3,
+    pub(crate) high: UVec3,
+}
+
+impl CellBox {
+    /// How many cells: at most 8 where the grid's edge is the largest diameter or more, 27 where it is half.
+    #[inline(always)]
+    pub(crate) fn cells(self) -> usize {
+        let size = self.high - self.low + 1;
+        (size.x * size.y * size.z) as usize
+    }
+
+    /// All cells with their classes.
+    #[inline(always)]
+    pub(crate) fn for_each(self, mut take: impl FnMut(UVec3, u8)) {
+        let Self { low, high } = self;
+        for z in low.z..=high.z {
+            let mask_z = u8::from(z == low.z) << 2;
+            for y in low.y..=high.y {
+                let mask_y = mask_z | u8::from(y == low.y) << 1;
+                for x in low.x..=high.x {
+                    take(UVec3::new(x, y, z), mask_y | u8::from(x == low.x));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,405 @@
+//! Species grouped by the species with which they pair, so that a search compares only spheres that may be a pair.
+//!
+//! Two of the species that are present belong to one group if they pair with the same present species. A group that
+//! pairs with no present species costs nothing but sorting, however crowded its spheres are.
+
+#![expect(
+    clippy::disallowed_methods,
+    clippy::disallowed_macros,
+    reason = "lists have at most MAX_PRESENT species or MAX_GROUPS groups"
+)]
+
+use lazygrid_kernels::{Interaction, Interactions, Reach};
+
+use crate::Error;
+use crate::executor::Executor;
+
+/// The most groups that pair. The species of all further groups share the last one.
+pub(crate) const MAX_GROUPS: usize = 8;
+/// The most present species that are grouped; grouping takes time in proportion to their square.
+const MAX_PRESENT: usize = 512;
+/// Species ids per work item.
+const CHUNK_SPHERES: usize = 1 << 14;
+/// Words of a set of species.
+const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
+
+/// The interactions between the species of two groups.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Meeting {
+    /// `true` if some species of one group pair by touching with some of the other.
+    pub(crate) touches: bool,
+    /// The largest distance at which species pair by distance, or 0.
+    pub(crate) distance: f64,
+    /// `true` if all spheres of one group are pairs with those of the other whose effective radii touch theirs.
+    pub(crate) is_by_radii: bool,
+}
+
+impl Meeting {
+    /// Any interaction at any distance.
+    pub(crate) const ANY: Self = Self { touches: true, distance: f64::INFINITY, is_by_radii: false };
+
+    /// The interactions of each two of some species; `None` if no two of them pair.
+    fn of(species: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> Option<Self> {
+        let none = Self { touches: false, distance: 0.0, is_by_radii: true };
+        let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
+            let interaction = table.get(a, b);
+            let is_by_radii = [a, b].into_iter().all(|species| {
+                let Reach { touches, half } = table.reach(species);
+                match interaction {
+                    Interaction::Never => false,
+                    Interaction::Touch => half == 0.0,
+                    Interaction::Within(distance) => !touches && 2.0 * f64::from(half) == distance,
+                }
+            });
+            meeting.is_by_radii &= is_by_radii;
+            match interaction {
+                Interaction::Never => return (meeting, pairs),
+                Interaction::Touch => meeting.touches = true,
+                Interaction::Within(distance) => meeting.distance = meeting.distance.max(distance),
+            }
+            (meeting, true)
+        });
+        pairs.then_some(meeting)
+    }
+}
+
+/// A division of the present species into groups.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SpeciesPartition {
+    /// The group of each species; of no meaning for species that are absent.
+    of_species: Vec<u8>,
+    count: usize,
+    /// Indexed by two groups, row by row; `None` if they never pair.
+    meetings: Vec<Option<Meeting>>,
+}
+
+impl SpeciesPartition {
+    /// The division of the species `present` into `count` groups.
+    fn new(of_species: Vec<u8>, count: usize, (present, table): (&[u32], &Interactions)) -> Self {
+        let members = |group: usize| {
+            let of_species = &of_species;
+            present.iter().copied().filter(move |&s| usize::from(of_species[s as usize]) == group)
+        };
+        let meeting =
+            |a: usize, b: usize| Meeting::of(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table);
+        let meetings = (0..count * count).map(|k| meeting(k / count, k % count)).collect();
+        Self { of_species, count, meetings }
+    }
+
+    /// The division of all species of a table by the species with which they pair.
+    pub fn of_table(table: &Interactions) -> Self {
+        let all: Vec<u32> = (0..table.species()).collect();
+        let [by_partners, _] = Self::of_present(&all, table);
+        by_partners
+    }
+
+    /// Two divisions of the species `present`: by their partners among these, and with all that pair in one group.
+    fn of_present(present: &[u32], table: &Interactions) -> [Self; 2] {
+        if present.len() > MAX_PRESENT {
+            return [(); 2].map(|()| Self::undivided(table.species()));
+        }
+        let (groups, count) = group_by_partners(present, table);
+        // Without spheres there is one group of no species.
+        let count = count.max(usize::from(present.is_empty()));
+        let is_idle = groups.iter().any(|group| group.is_none());
+        let partition = |group: &dyn Fn(usize) -> usize, count: usize| {
+            let mut of_species = vec![0; table.species() as usize];
+            for (&species, own) in present.iter().zip(&groups) {
+                of_species[species as usize] = own.map_or(count, group) as u8;
+            }
+            Self::new(of_species, count + usize::from(is_idle), (present, table))
+        };
+        [partition(&|own| own, count), partition(&|_| 0, count.min(1))]
+    }
+
+    /// The number of groups.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The group of a species of the table.
+    pub fn group_of(&self, species: u32) -> usize {
+        self.of_species[species as usize].into()
+    }
+
+    /// Returns `true` if some species of one group pairs with some species of the other.
+    pub fn meets(&self, a: usize, b: usize) -> bool {
+        self.meetings[a * self.count + b].is_some()
+    }
+
+    /// One group of all species, which may pair in any way.
+    fn undivided(species: u32) -> Self {
+        Self { of_species: vec![0; species as usize], count: 1, meetings: vec![Some(Meeting::ANY)] }
+    }
+}
+
+/// The groups of the species of an input, kept until other species are present.
+#[derive(Debug)]
+pub(crate) struct SpeciesGroups {
+    present: [u64; WORDS],
+    /// Species that pair with the same species share a group.
+    by_partners: SpeciesPartition,
+    /// All species that pair with any share a group.
+    merged: SpeciesPartition,
+    /// The number of times that the groups have changed.
+    version: u32,
+}
+
+impl Default for SpeciesGroups {
+    fn default() -> Self {
+        let (by_partners, merged) = Default::default();
+        Self { present: [0; WORDS], by_partners, merged, version: 0 }
+    }
+}
+
+impl SpeciesGroups {
+    /// Groups the species of `ids`, which are checked against `table`. The table must be the same in every call.
+    ///
+    /// # Errors
+    /// Fails if the threads fail.
+    pub(crate) fn update(
+        &mut self,
+        ids: &[u32],
+        table: &Interactions,
+        executor: Executor,
+    ) -> Result<(), Error> {
+        let found = find_present(ids, table.species(), executor)?;
+        if found == self.present && self.version > 0 {
+            return Ok(());
+        }
+        (self.present, self.version) = (found, self.version.wrapping_add(1).max(1));
+        let is_present = |s: &u32| found[*s as usize / 64] >> (s % 64) & 1 == 1;
+        let present: Vec<u32> = (0..table.species()).filter(is_present).collect();
+        [self.by_partners, self.merged] = SpeciesPartition::of_present(&present, table);
+        Ok(())
+    }
+
+    /// Groups by partners if `is_separate`, else all that pair in one.
+    pub(crate) fn partition(&self, is_separate: bool) -> &SpeciesPartition {
+        if is_separate { &self.by_partners } else { &self.merged }
+    }
+
+    /// Returns `true` if there are several groups that pair.
+    pub(crate) fn are_several(&self) -> bool {
+        self.by_partners.count > self.merged.count
+    }
+
+    /// A number that changes with the groups.
+    pub(crate) fn version(&self) -> u32 {
+        self.version
+    }
+}
+
+/// The set of the species in `ids`, a bit for each.
+fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; WORDS], Error> {
+    let piece = |mut seen: [u64; WORDS], piece: usize| {
+        let ids = &ids[piece * CHUNK_SPHERES..ids.len().min((piece + 1) * CHUNK_SPHERES)];
+        if species <= 64 {
+            seen[0] |= ids.iter().fold(0, |seen, id| seen | 1 << (id % 64));
+        } else {
+            ids.iter().for_each(|id| seen[*id as usize / 64] |= 1 << (id % 64));
+        }
+        Ok(seen)
+    };
+    let merge = |mut a: [u64; WORDS], b: [u64; WORDS]| {
+        a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
+        Ok(a)
+    };
+    executor.for_light_work(ids.len()).fold(
+        (ids.len().div_ceil(CHUNK_SPHERES), usize::MAX),
+        || [0; WORDS],
+        piece,
+        merge,
+    )
+}
+
+/// The group of each present species, `None` for a species that pairs with no present one; and the number of groups.
+fn group_by_partners(present: &[u32], table: &Interactions) -> (Vec<Option<usize>>, usize) {
+    let mut partners: Vec<[u64; MAX_PRESENT / 64]> = Vec::new();
+    let groups: Vec<_> = present
+        .iter()
+        .map(|&species| {
+            let mut own = [0; MAX_PRESENT / 64];
+            for (k, &other) in present.iter().enumerate() {
+                let pairs = table.get(species, other) != Interaction::Never;
+                own[k / 64] |= u64::from(pairs) << (k % 64);
+            }
+            if own.iter().all(|&word| word == 0) {
+                return None;
+            }
+            let known = partners.iter().position(|partners| *partners == own);
+            let group = known.unwrap_or_else(|| {
+                partners.push(own);
+                partners.len() - 1
+            });
+            Some(group.min(MAX_GROUPS - 1))
+        })
+        .collect();
+    (groups, partners.len().min(MAX_GROUPS))
+}
+
+/// The groups of spheres that a search keeps apart: those of the two sets, each divided by species.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grouping<'a> {
+    /// The number of spheres of the first of two sets.
+    split: Option<usize>,
+    /// The division of the species, and the species of each sphere.
+    species: Option<(&'a SpeciesPartition, &'a [u32])>,
+}
+
+impl<'a> Grouping<'a> {
+    /// The grouping of one set, or of two of which the first has `split` spheres.
+    pub(crate) fn new(split: Option<usize>, species: Option<(&'a SpeciesPartition, &'a [u32])>) -> Self {
+        Self { split, species }
+    }
+
+    /// The number of groups of each set.
+    fn per_set(&self) -> usize {
+        self.species.map_or(1, |(partition, _)| partition.count)
+    }
+
+    /// The number of groups.
+    pub(crate) fn count(&self) -> usize {
+        self.per_set() * if self.split.is_some() { 2 } else { 1 }
+    }
+
+    /// The number of spheres of the first of two sets, if the sets are the only groups.
+    pub(crate) fn sets(&self) -> Option<usize> {
+        self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
+    }
+
+    /// Returns `true` if all spheres of groups that meet are a pair if and only if their effective radii touch.
+    pub(crate) fn is_by_radii(&self) -> bool {
+        self.species
+            .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
+    }
+
+    /// The group of sphere `id`.
+    #[inline(always)]
+    pub(crate) fn of(&self, id: usize) -> usize {
+        let set = usize::from(self.split.is_some_and(|split| id >= split));
+        match self.species {
+            None => set,
+            Some((partition, ids)) => {
+                set * partition.count + usize::from(partition.of_species[ids[id] as usize])
+            }
+        }
+    }
+
+    /// The groups that meet, two at a time, the smaller number first.
+    pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
+        let groups = self.count();
+        let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
+        all.filter(|&(a, b)| self.meeting(a, b).is_some())
+    }
+
+    /// The interactions between two groups; `None` if their spheres never pair.
+    pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
+        let per_set = self.per_set();
+        if self.split.is_some() && a / per_set == b / per_set {
+            return None;
+        }
+        self.species.map_or(Some(Meeting::ANY), |(partition, _)| {
+            partition.meetings[a % per_set * per_set + b % per_set]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn groups(ids: &[u32], table: &Interactions) -> SpeciesGroups {
+        let mut groups = SpeciesGroups::default();
+        groups.update(ids, table, Executor::Caller).expect("nothing fails");
+        groups
+    }
+
+    /// The group of each species of `ids`.
+    fn of(ids: &[u32], table: &Interactions) -> Vec<u8> {
+        let groups = groups(ids, table);
+        ids.iter().map(|&species| groups.by_partners.of_species[species as usize]).collect()
+    }
+
+    #[test]
+    fn ring_of_reactions_has_two_groups() {
+        let mut table = Interactions::new(4, Interaction::Never).expect("a table");
+        for species in 0..4 {
+            table.set(species, (species + 1) % 4, Interaction::Within(1.0)).expect("species of the table");
+        }
+        assert_eq!(of(&[0, 1, 2, 3], &table), [0, 1, 0, 1]);
+        let groups = groups(&[3, 2, 1, 0], &table);
+        let meeting = Some(Meeting { touches: false, distance: 1.0, is_by_radii: true });
+        assert_eq!(groups.by_partners.meetings, [None, meeting, meeting, None]);
+        assert!(!groups.merged.meetings[0].expect("some pair").is_by_radii);
+        assert_eq!((groups.by_partners.count, groups.merged.count), (2, 1));
+        assert!(groups.are_several());
+    }
+
+    #[test]
+    fn species_without_present_partner_is_idle() {
+        let mut table = Interactions::new(3, Interaction::Never).expect("a table");
+        table.set(0, 1, Interaction::Touch).expect("species of the table");
+        assert_eq!(of(&[0, 2, 1], &table), [0, 2, 1]);
+        assert_eq!(of(&[0, 2], &table), [0, 0], "its partner is absent");
+        let mut groups = groups(&[0, 1, 2], &table);
+        let grouping = Grouping::new(None, Some((groups.partition(true), &[0, 1, 2])));
+        assert!((0..3).all(|other| grouping.meeting(2, other).is_none()));
+        assert_eq!(groups.merged.of_species, [0, 0, 1]);
+        groups.update(&[2], &table, Executor::Caller).expect("nothing fails");
+        assert_eq!((groups.merged.count, groups.merged.meetings[0], groups.version()), (1, None, 2));
+    }
+
+    #[test]
+    fn groups_beyond_the_most_share_one() {
+        let mut table = Interactions::new(100, Interaction::Never).expect("a table");
+        for species in 0..100 {
+            table.set(species, species, Interaction::Touch).expect("species of the table");
+        }
+        let all: Vec<u32> = (0..100).collect();
+        let groups = groups(&all, &table);
+        assert_eq!(groups.by_partners.count, MAX_GROUPS);
+        let meeting = |a: usize, b: usize| groups.by_partners.meetings[a * MAX_GROUPS + b];
+        assert_eq!(meeting(0, 0).map(|of| of.is_by_radii), Some(true));
+        assert_eq!(meeting(0, 1), None);
+        assert_eq!(meeting(MAX_GROUPS - 1, MAX_GROUPS - 1).map(|of| of.is_by_radii), Some(false));
+    }
+
+    #[test]
+    fn radii_decide_only_if_no_species_has_another_distance() {
+        let touch = Interactions::new(2, Interaction::Touch).expect("a table");
+        let mut within = Interactions::new(3, Interaction::Within(0.3)).expect("a table");
+        let decides = |ids: &[u32], table: &Interactions| {
+            let groups = groups(ids, table);
+            Grouping::new(None, Some((groups.partition(true), ids))).is_by_radii()
+        };
+        assert!(decides(&[0, 1], &touch));
+        let half_is_no_f32 = f64::from(0.3_f32) != 0.3;
+        assert!(half_is_no_f32 && !decides(&[0, 1], &within));
+        within.set(0, 0, Interaction::Within(0.5)).expect("species of the table");
+        within.set(1, 1, Interaction::Within(0.25)).expect("species of the table");
+        within.set(1, 2, Interaction::Within(0.75)).expect("species of the table");
+        assert!(decides(&[0], &within));
+        assert!(
+            !decides(&[1], &within),
+            "the effective radius is that of the distance with an absent species"
+        );
+        let mut mixed = touch.clone();
+        mixed.set(0, 1, Interaction::Within(0.5)).expect("species of the table");
+        assert!(!decides(&[0, 1], &mixed) && !decides(&[0], &mixed));
+    }
+
+    #[test]
+    fn sets_meet_each_other_only() {
+        let mut table = Interactions::new(2, Interaction::Never).expect("a table");
+        table.set(0, 1, Interaction::Touch).expect("species of the table");
+        let ids = [0, 1, 0, 1];
+        let groups = groups(&ids, &table);
+        let grouping = Grouping::new(Some(2), Some((groups.partition(true), &ids)));
+        assert_eq!([0, 1, 2, 3].map(|id| grouping.of(id)), [0, 1, 2, 3]);
+        let meets = |a: usize, b: usize| grouping.meeting(a, b).is_some();
+        assert!(!meets(0, 1) && !meets(0, 2) && meets(0, 3) && meets(1, 2));
+        let sets = Grouping::new(Some(2), None);
+        assert_eq!((sets.count(), sets.meeting(0, 0), sets.meeting(1, 0)), (2, None, Some(Meeting::ANY)));
+    }
+}

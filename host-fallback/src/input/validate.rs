@@ -1,0 +1,70 @@
+//! Refuses spheres that no search can handle, with the first of them by name.
+
+use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Query, Spheres};
+
+use crate::executor::Executor;
+
+/// Spheres per chunk of a pass.
+const CHUNK_SPHERES: usize = 1 << 13;
+
+/// Refuses a query with spheres that are not valid.
+///
+/// # Errors
+/// [`InputError::Sphere`] for the first set, [`InputError::Second`] for the second.
+pub fn check_valid(query: &Query<'_>, executor: Executor) -> Result<(), InputError> {
+    query.check_each(|spheres| check(spheres, executor))
+}
+
+/// Refuses spheres that are not valid.
+///
+/// # Errors
+/// [`InputError::Sphere`], which names the first and counts all.
+pub(super) fn check(spheres: Spheres<'_>, executor: Executor) -> Result<(), InputError> {
+    let total = spheres.len() as u64;
+    match find(spheres.len(), executor, |i| !spheres.is_valid(i))? {
+        (Some(index), count) => {
+            let [x, y, z, radius] = spheres.get_f64(index as usize);
+            Err(InputError::Sphere { index, center: [x, y, z], radius, count, total })
+        }
+        (None, _) => Ok(()),
+    }
+}
+
+/// Refuses more spheres than indices, and species outside the table.
+///
+/// # Errors
+/// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`] or [`InputError::SpeciesId`] for the first.
+pub(crate) fn check_species(
+    spheres: Spheres<'_>,
+    interactions: Option<&Interactions>,
+    executor: Executor,
+) -> Result<(), InputError> {
+    if spheres.len() as u64 > MAX_SPHERES {
+        return Err(InputError::TooManySpheres { count: spheres.len() as u64 });
+    }
+    let Some(table) = interactions else { return Ok(()) };
+    let ids = spheres.species().ok_or(InputError::SpeciesMissing)?;
+    match find(ids.len(), executor, |i| ids[i] >= table.species())? {
+        (Some(i), _) => {
+            Err(InputError::SpeciesId { index: Some(i), id: ids[i as usize], count: table.species() })
+        }
+        (None, _) => Ok(()),
+    }
+}
+
+/// The first of `0..n` that is `bad`, and how many are.
+fn find(
+    n: usize,
+    executor: Executor,
+    bad: impl Fn(usize) -> bool + Sync + Send,
+) -> Result<(Option<u32>, u64), InputError> {
+    let merge = |(a, m): (Option<u32>, u64), (b, n)| Ok((a.or(b), m + n));
+    let piece = |sum, piece: usize| {
+        let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
+        // Nearly always there is none, and a sum without a branch is what the compiler vectorises.
+        let count = range.clone().map(|i| u64::from(bad(i))).sum::<u64>();
+        let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
+        merge(sum, (first, count))
+    };
+    executor.fold((n.div_ceil(CHUNK_SPHERES), usize::MAX), || (None, 0), piece, merge)
+}

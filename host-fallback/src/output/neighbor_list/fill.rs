@@ -1,0 +1,243 @@
+//! The entries of a neighbor list, row by row.
+
+use std::ops::Range;
+
+use lazygrid_kernels::{Bond, Error, Pair};
+
+use super::{CHUNK_ROWS, ContactTest, ListOptions, PeriodicImages};
+use crate::compare::PairFilter;
+use crate::memory::{try_collect, try_push};
+use crate::output::Neighbors;
+
+/// The pairs that rows are filled from.
+pub(super) struct Fill<'a> {
+    pub contact: ContactTest<'a>,
+    /// The numbers of the spheres whose rows are filled, and of their neighbors.
+    pub first: &'a [[f64; 4]],
+    pub second: &'a [[f64; 4]],
+    pub images: Option<&'a PeriodicImages>,
+    pub options: ListOptions,
+    /// Groups and exclusions, if the search has not considered them.
+    pub filter: Option<PairFilter<'a>>,
+    /// For each sphere those that the search has found: their indices, or those of images.
+    pub candidates: Neighbors<'a>,
+}
+
+/// A sphere and its neighbor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Neighbor {
+    pub i: u32,
+    pub j: u32,
+}
+
+/// One entry. The shift is that of the bond, which would not tell that it is beyond its type.
+struct Entry {
+    pair: Pair,
+    bond: Bond,
+    distance: f64,
+}
+
+/// The output arrays; those of quantities that were not requested are empty.
+pub(super) struct Slots<'s> {
+    pub pairs: &'s mut [Pair],
+    pub shifts: &'s mut [[i32; 3]],
+    pub vectors: &'s mut [[f64; 3]],
+    pub distances: &'s mut [f64],
+}
+
+impl<'s> Slots<'s> {
+    /// The first entries, and the rest.
+    fn split(self, at: usize) -> (Self, Self) {
+        fn part<T>(all: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
+            all.split_at_mut(at.min(all.len()))
+        }
+        let (pairs, shifts) = (part(self.pairs, at), part(self.shifts, at));
+        let (vectors, distances) = (part(self.vectors, at), part(self.distances, at));
+        let first = Self { pairs: pairs.0, shifts: shifts.0, vectors: vectors.0, distances: distances.0 };
+        (first, Self { pairs: pairs.1, shifts: shifts.1, vectors: vectors.1, distances: distances.1 })
+    }
+
+    #[inline]
+    fn put(&mut self, at: usize, entry: &Entry) {
+        fn put<T>(slots: &mut [T], at: usize, value: T) {
+            if let Some(slot) = slots.get_mut(at) {
+                *slot = value;
+            }
+        }
+        put(self.pairs, at, entry.pair);
+        put(self.shifts, at, entry.bond.shift);
+        put(self.vectors, at, entry.bond.vector);
+        put(self.distances, at, entry.distance);
+    }
+}
+
+/// Some rows of a list, and room for all of their candidates.
+pub(super) struct Piece<'s> {
+    rows: Range<usize>,
+    slots: Slots<'s>,
+    /// The number of neighbors of each row.
+    counts: &'s mut [u64],
+    /// Where its room starts among that of all.
+    pub start: usize,
+    /// The number of its entries.
+    pub filled: usize,
+    /// Two spheres whose shift is beyond 32 bits.
+    pub too_far: Option<Neighbor>,
+}
+
+impl<'s> Piece<'s> {
+    /// All pieces of a list.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(super) fn all(fill: &Fill<'_>, all: Slots<'s>, counts: &'s mut [u64]) -> Result<Vec<Self>, Error> {
+        let mut pieces = try_collect([].into_iter(), "pieces of a list")?;
+        let (mut slots, mut start) = (all, 0);
+        for (piece, counts) in counts.chunks_mut(CHUNK_ROWS).enumerate() {
+            let rows = piece * CHUNK_ROWS..piece * CHUNK_ROWS + counts.len();
+            let offsets = fill.candidates.offsets();
+            let found = (offsets[rows.end] - offsets[rows.start]) as usize;
+            let room = found + if fill.options.has_self { rows.len() } else { 0 };
+            let (own, rest) = slots.split(room);
+            slots = rest;
+            try_push(
+                &mut pieces,
+                Self { rows, slots: own, counts, start, filled: 0, too_far: None },
+                "pieces of a list",
+            )?;
+            start += room;
+        }
+        Ok(pieces)
+    }
+
+    /// Writes the entries of all rows.
+    pub(super) fn fill(&mut self, fill: &Fill<'_>) {
+        for row in self.rows.clone() {
+            let before = self.filled;
+            fill.row(row as u32, |entry| {
+                if entry.bond.shift.iter().any(|&count| count == i32::MIN || count == i32::MAX) {
+                    self.too_far.get_or_insert(Neighbor { i: entry.pair.i, j: entry.pair.j });
+                }
+                self.slots.put(self.filled, &entry);
+                self.filled += 1;
+            });
+            self.counts[row - self.rows.start] = (self.filled - before) as u64;
+        }
+    }
+}
+
+impl Fill<'_> {
+    /// Calls `take` with the entries of a sphere, in their order.
+    #[inline]
+    fn row(&self, i: u32, mut take: impl FnMut(Entry)) {
+        let candidates = self.candidates.neighbors_of(i as usize);
+        match self.images {
+            Some(images) => {
+                candidates.iter().filter_map(|&image| self.image(images, i, image)).for_each(take);
+            }
+            None => {
+                let mut own = self.itself(i);
+                for &j in candidates {
+                    let before = if j > i { own.take() } else { None };
+                    before.into_iter().chain(self.nearest(i, j)).for_each(&mut take);
+                }
+                own.into_iter().for_each(take);
+            }
+        }
+    }
+
+    /// The entry of a sphere with itself, if it is asked for.
+    fn itself(&self, i: u32) -> Option<Entry> {
+        let is_asked_for = self.options.has_self && self.contact.query.second().is_none();
+        if !is_asked_for || self.reach(i, i)? <= 0.0 {
+            return None;
+        }
+        Some(Entry { pair: Pair { i, j: i }, bond: Bond::default(), distance: 0.0 })
+    }
+
+    /// The entry of a pair that the search has decided on.
+    #[inline(always)]
+    fn nearest(&self, i: u32, j: u32) -> Option<Entry> {
+        let ContactTest { query, space, .. } = self.contact;
+        // Which image is nearest may depend on the direction if two are equally far away: the pair decides, not the entry.
+        let is_mirrored = query.second().is_none() && j < i;
+        let (from, to) = if is_mirrored { (j, i) } else { (i, j) };
+        let mut bond = space.bond(center(self.first[from as usize]), center(self.second[to as usize]));
+        if is_mirrored {
+            bond.shift = bond.shift.map(|count| count.saturating_neg());
+            bond.vector = bond.vector.map(|number| -number);
+        }
+        self.entry(i, j, bond)
+    }
+
+    /// The entry of a sphere and an image that the search has found within their largest reach.
+    #[inline(never)]
+    fn image(&self, images: &PeriodicImages, i: u32, image: u32) -> Option<Entry> {
+        let ContactTest { query, space, .. } = self.contact;
+        let (j, shift) = images.shift(i, image);
+        if query.second().is_none() && i == j && shift == [0.0; 3] {
+            return self.itself(i);
+        }
+        let is_second_half = i > j || (i == j && shift < [0.0; 3]);
+        if self.options.is_half && query.second().is_none() && is_second_half {
+            return None;
+        }
+        let (a, b) = (self.first[i as usize], self.second[j as usize]);
+        let distance = self.distance(i, j)?;
+        let split = query.split().unwrap_or(0) as u32;
+        if !space.touch_image(a, b, shift, distance)
+            || self.filter.as_ref().is_some_and(|filter| !filter.accepts(i, split + j))
+        {
+            return None;
+        }
+        let apart = [0, 1, 2].map(|axis| b[axis] - a[axis]);
+        let mut bond = Bond::default();
+        bond.shift = shift.map(|count| count as i32);
+        bond.vector = space.image(apart, shift);
+        self.entry(i, j, bond)
+    }
+
+    /// The entry of two spheres that touch; none if they do no more than that and this does not count.
+    #[inline(always)]
+    fn entry(&self, i: u32, j: u32, bond: Bond) -> Option<Entry> {
+        let ListOptions { is_open, distances, .. } = self.options;
+        if is_open && !is_clear(bond.vector, self.reach(i, j)?) && bond.length() >= self.reach(i, j)? {
+            return None;
+        }
+        let distance = if distances { bond.length() } else { 0.0 };
+        Some(Entry { pair: Pair { i, j }, bond, distance })
+    }
+
+    /// The distance at which two spheres pair, if it is not that of their radii; `None` if they never do.
+    #[inline]
+    fn distance(&self, i: u32, j: u32) -> Option<Option<f64>> {
+        let ContactTest { query, table, .. } = self.contact;
+        let Some(table) = table else { return Some(None) };
+        let second = query.second().unwrap_or(query.first());
+        let (Some(species), Some(others)) = (query.first().species(), second.species()) else {
+            return Some(None);
+        };
+        table.get(species[i as usize], others[j as usize]).distance()
+    }
+
+    /// The distance at which two spheres pair; `None` if they never do.
+    #[inline]
+    fn reach(&self, i: u32, j: u32) -> Option<f64> {
+        let radii = || self.first[i as usize][3] + self.second[j as usize][3];
+        Some(self.distance(i, j)?.unwrap_or_else(radii))
+    }
+}
+
+/// Returns `true` if a vector is shorter than a reach by so much that no rounding matters, which needs no root.
+#[inline]
+fn is_clear([x, y, z]: [f64; 3], reach: f64) -> bool {
+    const CLEAR: f64 = 1.0 - 1.0 / (1_u64 << 40) as f64;
+    let (squared, most) = (x * x + y * y + z * z, reach * reach * CLEAR);
+    // Not so of squares that underflow.
+    squared < most && most > 1e-280
+}
+
+#[inline]
+fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
+    [x, y, z]
+}

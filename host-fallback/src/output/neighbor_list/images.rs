@@ -1,0 +1,244 @@
+//! The images of spheres within reach, for spaces that repeat after less than two reaches.
+//!
+//! # Correctness
+//!
+//! The spheres of the first set are folded into the box, and images of the second set are made of all that may touch any of
+//! them: an image by `m` vectors of the basis touches none if, along a vector, its fraction is farther from all fractions of
+//! the first set than its reach over the height of the box. A search in unbounded space then finds all that touch. Radii grow
+//! by what folds, images and the decision may be rounded by ([`Lattice::rounding`]), so that none is lost; the decision is made
+//! on the numbers as given.
+
+use lazygrid_kernels::{Error, Folded, InputError, Lattice, MAX_SPHERES, Query, Spheres};
+
+use super::ContactTest;
+use crate::memory::{try_extend, try_push, try_resize};
+
+/// The relative part by which reaches grow, for what is rounded in proportion to them.
+const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
+/// How much less than the distance of images two reaches must be if nearest images are to be all.
+const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
+
+/// Spheres folded into the box, and the images of spheres near them, in buffers that survive between calls.
+#[derive(Debug, Default)]
+pub struct PeriodicImages {
+    first: Vec<[f64; 4]>,
+    images: Vec<[f64; 4]>,
+    /// The sphere that each image is of.
+    of: Vec<u32>,
+    /// The numbers of edges that were subtracted from each sphere of the first set, and added to each image.
+    folds: Vec<[f64; 3]>,
+    shifts: Vec<[f64; 3]>,
+    folded: Vec<Folded>,
+    reaches: Vec<f64>,
+    /// Steps to the images of one sphere, and the numbers of edges they lead along.
+    steps: Vec<([f64; 3], [f64; 3])>,
+}
+
+/// The largest reach of a sphere of one set with one of the other, by their largest radii.
+fn largest_reach(contact: &ContactTest<'_>) -> f64 {
+    let ContactTest { query, table, .. } = contact;
+    let largest = |set: Spheres<'_>| (0..set.len()).map(|k| set.get_f64(k)[3]).fold(0.0, f64::max);
+    let touching = largest(query.first()) + largest(query.second().unwrap_or(query.first()));
+    let Some(table) = table else { return touching };
+    (0..table.species()).fold(0.0, |most, species| {
+        let (half, touches) = table.largest_half(species);
+        most.max(2.0 * half).max(if touches { touching } else { 0.0 })
+    })
+}
+
+impl PeriodicImages {
+    /// Returns `true` if more than the nearest image of a sphere may be within reach of another.
+    pub fn are_needed(contact: &ContactTest<'_>) -> bool {
+        let Some(lattice) = Lattice::new(contact.space) else { return false };
+        let nearest = lattice.heights().into_iter().take(lattice.rank()).fold(f64::INFINITY, f64::min);
+        // Not so of a reach that is infinite or no number.
+        let is_short = 2.0 * largest_reach(contact) * lattice.unit() < SPARE * nearest;
+        !is_short
+    }
+
+    /// Folds the spheres and makes their images. The spheres are valid.
+    ///
+    /// # Errors
+    /// [`InputError::Images`] for more images than 32-bit indices can name, [`Error::OutOfMemory`].
+    pub fn build(&mut self, contact: &ContactTest<'_>) -> Result<(), Error> {
+        let Some(lattice) = Lattice::new(contact.space) else { return Ok(()) };
+        let query = contact.query;
+        let second = query.second().unwrap_or(query.first());
+        let largest = largest_reach(contact);
+        let spread = self.fold_all(&lattice, query)?;
+        let growth = spread.rounding(&lattice, largest * lattice.unit());
+        self.reaches.clear();
+        // Half of the largest reach of each sphere, so that two of them cover each reach of two.
+        for set in [query.first(), second] {
+            let reaches =
+                (0..set.len()).map(|k| half_reach(contact, set, k) * lattice.unit() * GROWTH + growth);
+            try_extend(&mut self.reaches, reaches, "reaches of spheres")?;
+        }
+        let most = self.reaches[..query.first().len()].iter().copied().fold(0.0, f64::max);
+        self.first.clear();
+        let rows = self.folded[..query.first().len()].iter().zip(&self.reaches);
+        try_extend(&mut self.first, rows.map(|(folded, &reach)| row(folded.point, reach)), "folded spheres")?;
+        let ranges = |k: usize, images: &Self| {
+            let (folded, reach) = (images.folded[k], images.reaches[k] + most);
+            spread.steps(&lattice, &folded, reach)
+        };
+        let offset = query.first().len();
+        let counted = |k: usize| {
+            ranges(offset + k, self).iter().map(|[from, to]| (to - from + 1.0).max(0.0)).product::<f64>()
+        };
+        let count: f64 = (0..second.len()).map(counted).sum();
+        // Not so of a count that is no number.
+        let is_possible = count + query.first().len() as f64 <= MAX_SPHERES as f64;
+        if !is_possible {
+            return Err(InputError::Images { images: count, reach: largest }.into());
+        }
+        self.reserve(count as usize)?;
+        for k in 0..second.len() {
+            let ranges = ranges(offset + k, self);
+            self.add(&lattice, (k, offset + k), ranges)?;
+        }
+        Ok(())
+    }
+
+    /// The query that finds the pairs of a sphere and an image.
+    pub fn query(&self) -> Query<'_> {
+        Query::new((&self.first, &self.images))
+    }
+
+    /// The sphere that an image is of, and the numbers of edges that lead from sphere `i` to the image.
+    pub(super) fn shift(&self, i: u32, image: u32) -> (u32, [f64; 3]) {
+        let (fold, shift) = (self.folds[i as usize], self.shifts[image as usize]);
+        (self.of[image as usize], [0, 1, 2].map(|edge| shift[edge] + fold[edge]))
+    }
+
+    /// Folds both sets, and returns where the first one lies.
+    fn fold_all(&mut self, lattice: &Lattice, query: &Query<'_>) -> Result<Spread, Error> {
+        let second = query.second().unwrap_or(query.first());
+        let mut spread = Spread::default();
+        self.folded.clear();
+        self.folds.clear();
+        for (is_first, set) in [(true, query.first()), (false, second)] {
+            for k in 0..set.len() {
+                let [x, y, z, _] = set.get_f64(k);
+                let folded = lattice.fold([x, y, z]);
+                spread.add(&folded, [x, y, z].map(|number| (number * lattice.unit()).abs()), is_first);
+                try_push(&mut self.folded, folded, "folded spheres")?;
+                if is_first {
+                    try_push(&mut self.folds, lattice.shift(folded.counts), "folded spheres")?;
+                }
+            }
+        }
+        Ok(spread)
+    }
+
+    /// Reserves memory for this number of images.
+    fn reserve(&mut self, count: usize) -> Result<(), Error> {
+        const WHAT: &str = "images of spheres";
+        try_resize(&mut self.images, count, WHAT)?;
+        try_resize(&mut self.of, count, WHAT)?;
+        try_resize(&mut self.shifts, count, WHAT)?;
+        self.images.clear();
+        self.of.clear();
+        self.shifts.clear();
+        Ok(())
+    }
+
+    /// Adds the images of a sphere, in order of their shifts.
+    fn add(
+        &mut self,
+        lattice: &Lattice,
+        (k, at): (usize, usize),
+        ranges: [[f64; 2]; 3],
+    ) -> Result<(), Error> {
+        const WHAT: &str = "images of spheres";
+        let (folded, reach) = (self.folded[at], self.reaches[at]);
+        let along = |axis: usize| {
+            let [from, to] = ranges[axis];
+            (0..(to - from + 1.0).max(0.0) as u64).map(move |step| from + step as f64)
+        };
+        self.steps.clear();
+        for a in along(0) {
+            for b in along(1) {
+                for c in along(2) {
+                    let steps = [a, b, c];
+                    let counts = [0, 1, 2].map(|axis| steps[axis] - folded.counts[axis]);
+                    try_push(&mut self.steps, (steps, lattice.shift(counts)), WHAT)?;
+                }
+            }
+        }
+        self.steps.sort_unstable_by(|(_, a), (_, b)| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+        for &(steps, shift) in &self.steps {
+            try_push(&mut self.images, row(lattice.image(&folded, steps), reach), WHAT)?;
+            try_push(&mut self.of, k as u32, WHAT)?;
+            try_push(&mut self.shifts, shift, WHAT)?;
+        }
+        Ok(())
+    }
+}
+
+/// Where spheres lie: how far from the origin, in how many boxes, and between which fractions those of the first set.
+#[derive(Debug)]
+struct Spread {
+    extent: f64,
+    counts: [f64; 3],
+    fractions: [[f64; 2]; 3],
+}
+
+impl Default for Spread {
+    fn default() -> Self {
+        Self { extent: 0.0, counts: [0.0; 3], fractions: [[f64::INFINITY, f64::NEG_INFINITY]; 3] }
+    }
+}
+
+impl Spread {
+    fn add(&mut self, folded: &Folded, point: [f64; 3], is_first: bool) {
+        self.extent = point.into_iter().fold(self.extent, f64::max);
+        for axis in 0..3 {
+            self.counts[axis] = self.counts[axis].max(folded.counts[axis].abs());
+            if is_first {
+                let [from, to] = self.fractions[axis];
+                let fraction = folded.fractions[axis];
+                self.fractions[axis] = [from.min(fraction), to.max(fraction)];
+            }
+        }
+    }
+
+    /// The largest rounding error of vectors between images within a reach.
+    fn rounding(&self, lattice: &Lattice, reach: f64) -> f64 {
+        let heights = lattice.heights();
+        // Two folds, and the steps to the image.
+        let counts = [0, 1, 2].map(|axis| 2.0 * self.counts[axis] + reach / heights[axis] + 2.0);
+        lattice.rounding(2.0 * self.extent + reach, counts)
+    }
+
+    /// The steps along each vector of the basis that lead to images within `reach` of the first set: from, to.
+    fn steps(&self, lattice: &Lattice, folded: &Folded, reach: f64) -> [[f64; 2]; 3] {
+        let heights = lattice.heights();
+        [0, 1, 2].map(|axis| {
+            if axis >= lattice.rank() {
+                return [0.0; 2];
+            }
+            let ([from, to], part) = (self.fractions[axis], reach / heights[axis]);
+            let fraction = folded.fractions[axis];
+            [(from - part - fraction).ceil(), (to + part - fraction).floor()]
+        })
+    }
+}
+
+/// Half of the largest reach of a sphere with any other, as for [`Interactions::largest_half`].
+///
+/// [`Interactions::largest_half`]: lazygrid_kernels::Interactions::largest_half
+fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
+    let radius = set.get_f64(k)[3];
+    match (contact.table, set.species()) {
+        (Some(table), Some(species)) => {
+            let (half, touches) = table.largest_half(species[k]);
+            if touches { half.max(radius) } else { half }
+        }
+        _ => radius,
+    }
+}
+
+fn row([x, y, z]: [f64; 3], radius: f64) -> [f64; 4] {
+    [x, y, z, radius]
+}

@@ -1,0 +1,194 @@
+//! Neighbor lists with geometry: shifts, vectors and distances, of all images within reach.
+//!
+//! A search finds the pairs. If no two images of a sphere are within reach of another, the nearest images are all there are;
+//! else the search is one between the spheres and [their images](PeriodicImages). The lists are then filled by pieces of rows.
+
+mod fill;
+mod images;
+mod options;
+
+use lazygrid_kernels::{Error, InputError, Interactions, Pair, Query, Space, Spheres};
+
+pub use images::PeriodicImages;
+pub use options::ListOptions;
+
+use crate::compare::PairFilter;
+use crate::executor::{Executor, Team};
+use crate::memory::try_resize;
+use crate::output::NeighborsBuilder;
+use fill::{Fill, Neighbor, Piece, Slots};
+
+/// Spheres per piece of a list.
+const CHUNK_ROWS: usize = 1 << 9;
+/// Spheres per piece of a copy.
+const CHUNK_SPHERES: usize = 1 << 13;
+
+/// A neighbor list with geometry, in compressed sparse rows: the neighbors of sphere `k` are the entries
+/// `offsets()[k]..offsets()[k + 1]`, in order of their indices, and those of one index in order of their shifts.
+///
+/// Arrays of quantities that were not asked for are empty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NeighborList<'a> {
+    offsets: &'a [u64],
+    pairs: &'a [Pair],
+    shifts: &'a [[i32; 3]],
+    vectors: &'a [[f64; 3]],
+    distances: &'a [f64],
+}
+
+impl<'a> NeighborList<'a> {
+    /// Where the neighbors of each sphere start: one more number than there are rows, the last the number of entries.
+    pub fn offsets(&self) -> &'a [u64] {
+        self.offsets
+    }
+
+    /// For each entry the sphere and its neighbor. In a full list `i` may be larger than `j`, and equal to it if an image of a
+    /// sphere is its own neighbor.
+    pub fn pairs(&self) -> &'a [Pair] {
+        self.pairs
+    }
+
+    /// For each entry the number of each edge of the space that leads to the image of the neighbor.
+    pub fn shifts(&self) -> &'a [[i32; 3]] {
+        self.shifts
+    }
+
+    /// For each entry the vector from sphere `i` to the image of its neighbor, `(cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    pub fn vectors(&self) -> &'a [[f64; 3]] {
+        self.vectors
+    }
+
+    /// For each entry the length of the vector.
+    pub fn distances(&self) -> &'a [f64] {
+        self.distances
+    }
+
+    /// The number of entries.
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Returns `true` if there is no entry.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+}
+
+/// The contact test of a query.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactTest<'a> {
+    /// The spheres and the excluded pairs.
+    pub query: &'a Query<'a>,
+    /// The space they are in.
+    pub space: &'a Space,
+    /// Which species pair, and at which distance.
+    pub table: Option<&'a Interactions>,
+}
+
+/// Builds neighbor lists, in buffers that survive between calls.
+#[derive(Debug, Default)]
+pub struct NeighborListBuilder {
+    lists: NeighborsBuilder,
+    /// The numbers of all spheres, as rows that entries read.
+    numbers: Vec<[f64; 4]>,
+    offsets: Vec<u64>,
+    pairs: Vec<Pair>,
+    shifts: Vec<[i32; 3]>,
+    vectors: Vec<[f64; 3]>,
+    distances: Vec<f64>,
+}
+
+/// Copies the numbers of a set.
+fn read(set: Spheres<'_>, into: &mut [[f64; 4]], executor: Executor) {
+    executor.for_each_chunk(into, CHUNK_SPHERES, |stretch, into| set.read(stretch * CHUNK_SPHERES, into));
+}
+
+impl NeighborListBuilder {
+    /// Builds the list from the pairs of a query in canonical order, where nearest images are all within reach; or from
+    /// those between the spheres and their `images`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], [`Error::Threads`], and [`InputError::Shift`] for a shift beyond 32 bits.
+    pub fn build(
+        &mut self,
+        contact: ContactTest<'_>,
+        (pairs, images): (&[Pair], Option<&PeriodicImages>),
+        options: ListOptions,
+        team: &Team,
+    ) -> Result<NeighborList<'_>, Error> {
+        let rows = contact.query.first().len();
+        let is_mirrored = images.is_none() && contact.query.second().is_none() && !options.is_half;
+        let candidates = self.lists.rows(pairs, rows, is_mirrored)?;
+        let entries = candidates.indices().len() + if options.has_self { rows } else { 0 };
+        const WHAT: &str = "a neighbor list";
+        try_resize(&mut self.offsets, rows + 1, WHAT)?;
+        try_resize(&mut self.pairs, entries, WHAT)?;
+        try_resize(&mut self.shifts, if options.shifts { entries } else { 0 }, WHAT)?;
+        try_resize(&mut self.vectors, if options.vectors { entries } else { 0 }, WHAT)?;
+        try_resize(&mut self.distances, if options.distances { entries } else { 0 }, WHAT)?;
+        try_resize(&mut self.numbers, contact.query.len(), WHAT)?;
+        let (first, second) = self.numbers.split_at_mut(rows);
+        team.pass(contact.query.len(), |executor| {
+            read(contact.query.first(), first, executor);
+            contact.query.second().into_iter().for_each(|set| read(set, second, executor));
+            Ok(())
+        })?;
+        let (first, second) = (&*first, if contact.query.second().is_some() { &*second } else { &*first });
+        let filter = images.and_then(|_| PairFilter::new(*contact.query, None));
+        let fill = Fill { contact, first, second, images, options, filter, candidates };
+        let all = Slots {
+            pairs: &mut self.pairs,
+            shifts: &mut self.shifts,
+            vectors: &mut self.vectors,
+            distances: &mut self.distances,
+        };
+        self.offsets[0] = 0;
+        let (_, counts) = self.offsets.split_at_mut(1);
+        let mut pieces = Piece::all(&fill, all, counts)?;
+        team.pass(entries, |executor| {
+            executor.for_each(&mut pieces, |_, piece| piece.fill(&fill));
+            Ok(())
+        })?;
+        if options.shifts
+            && let Some(Neighbor { i, j }) = pieces.iter().find_map(|piece| piece.too_far)
+        {
+            return Err(InputError::Shift { i, j }.into());
+        }
+        let filled = pieces.iter().map(|piece| (piece.start, piece.filled));
+        let filled = crate::memory::try_collect(filled, WHAT)?;
+        drop(pieces);
+        self.close(&filled);
+        Ok(NeighborList {
+            offsets: &self.offsets,
+            pairs: &self.pairs,
+            shifts: &self.shifts,
+            vectors: &self.vectors,
+            distances: &self.distances,
+        })
+    }
+
+    /// Closes the gaps that pieces have left, given where each starts and how many entries it has; and sums up the counts of
+    /// rows.
+    fn close(&mut self, filled: &[(usize, usize)]) {
+        fn moved<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
+            if values.is_empty() {
+                return;
+            }
+            let mut end = 0;
+            for &(start, count) in filled {
+                if start != end {
+                    values.copy_within(start..start + count, end);
+                }
+                end += count;
+            }
+            values.truncate(end);
+        }
+        moved(&mut self.pairs, filled);
+        moved(&mut self.shifts, filled);
+        moved(&mut self.vectors, filled);
+        moved(&mut self.distances, filled);
+        for k in 1..self.offsets.len() {
+            self.offsets[k] += self.offsets[k - 1];
+        }
+    }
+}

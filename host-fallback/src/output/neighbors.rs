@@ -1,0 +1,171 @@
+use lazygrid_kernels::{Pair, Query};
+
+use crate::Error;
+use crate::memory::try_resize;
+
+/// Neighbor lists in compressed sparse rows: the neighbors of sphere `k` are `indices()[offsets()[k]..offsets()[k + 1]]`,
+/// ascending. Every pair stands in the lists of both spheres; of two sets only spheres of the first have a list, with
+/// indices in the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Neighbors<'a> {
+    offsets: &'a [u64],
+    indices: &'a [u32],
+}
+
+impl<'a> Neighbors<'a> {
+    /// The start of each sphere's list: one more number than there are lists, the last the length of
+    /// [`indices`](Self::indices).
+    pub fn offsets(&self) -> &'a [u64] {
+        self.offsets
+    }
+
+    /// The indices of the neighbors, list after list.
+    pub fn indices(&self) -> &'a [u32] {
+        self.indices
+    }
+
+    /// The lists in order of their spheres.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &'a [u32]> + use<'a> {
+        let (offsets, indices) = (self.offsets, self.indices);
+        offsets.windows(2).map(move |ends| &indices[ends[0] as usize..ends[1] as usize])
+    }
+
+    /// The neighbours of sphere `k`.
+    ///
+    /// # Panics
+    /// Panics if there is no sphere `k`.
+    pub fn neighbors_of(&self, k: usize) -> &'a [u32] {
+        &self.indices[self.offsets[k] as usize..self.offsets[k + 1] as usize]
+    }
+
+    /// The number of lists.
+    pub fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Returns `true` if there is no sphere.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl<'a> IntoIterator for Neighbors<'a> {
+    type Item = &'a [u32];
+    type IntoIter = Box<dyn ExactSizeIterator<Item = &'a [u32]> + 'a>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        Box::new(self.iter())
+    }
+}
+
+/// Turns pairs into neighbor lists, in buffers that survive between calls.
+#[derive(Debug, Default)]
+pub struct NeighborsBuilder {
+    offsets: Vec<u64>,
+    next: Vec<u64>,
+    indices: Vec<u32>,
+}
+
+impl NeighborsBuilder {
+    /// Builds the lists of a query from its pairs in canonical order.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn of_query(&mut self, pairs: &[Pair], query: &Query<'_>) -> Result<Neighbors<'_>, Error> {
+        self.rows(pairs, query.first().len(), query.split().is_none())
+    }
+
+    /// Builds the lists of the first `rows` spheres from pairs in canonical order; if they are mirrored, the second sphere of
+    /// a pair has the first one in its list too.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn rows(
+        &mut self,
+        pairs: &[Pair],
+        rows: usize,
+        is_mirrored: bool,
+    ) -> Result<Neighbors<'_>, Error> {
+        if is_mirrored { self.fill(pairs, rows) } else { self.fill_between(pairs, rows) }
+    }
+
+    /// The lists of `spheres` spheres from their pairs in canonical order.
+    ///
+    /// For each sphere the pairs in which it comes second are met before those in which it comes first, each kind
+    /// ascending, so writing them in that order leaves every list sorted.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    ///
+    /// # Panics
+    /// Where an index is not below `spheres`.
+    fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
+        let Self { offsets, next, indices } = self;
+        try_resize(offsets, spheres + 1, "neighbour lists")?;
+        try_resize(next, spheres, "neighbour lists")?;
+        try_resize(indices, 2 * pairs.len(), "neighbour lists")?;
+        offsets.fill(0);
+        for pair in pairs {
+            offsets[pair.i as usize + 1] += 1;
+            offsets[pair.j as usize + 1] += 1;
+        }
+        for k in 1..=spheres {
+            offsets[k] += offsets[k - 1];
+        }
+        next.copy_from_slice(&offsets[..spheres]);
+        for backward in [true, false] {
+            for pair in pairs {
+                let (of, other) = if backward { (pair.j, pair.i) } else { (pair.i, pair.j) };
+                let slot = &mut next[of as usize];
+                indices[*slot as usize] = other;
+                *slot += 1;
+            }
+        }
+        Ok(Neighbors { offsets, indices })
+    }
+
+    /// The lists of the first spheres only, of the second ones of their pairs, from `rows` first spheres and pairs in
+    /// canonical order.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    fn fill_between(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
+        let Self { offsets, indices, .. } = self;
+        try_resize(offsets, rows + 1, "neighbour lists")?;
+        try_resize(indices, pairs.len(), "neighbour lists")?;
+        offsets.fill(0);
+        for (index, pair) in indices.iter_mut().zip(pairs) {
+            offsets[pair.i as usize + 1] += 1;
+            *index = pair.j;
+        }
+        for k in 1..=rows {
+            offsets[k] += offsets[k - 1];
+        }
+        Ok(Neighbors { offsets, indices })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pair_stands_in_both_lists_ascending() {
+        let pairs = [(0, 2), (0, 4), (1, 2), (2, 3), (2, 4)].map(|(i, j)| Pair { i, j });
+        let mut lists = NeighborsBuilder::default();
+        let neighbors = lists.fill(&pairs, 6).expect("there is memory");
+        let expected: [&[u32]; 6] = [&[2, 4], &[2], &[0, 1, 3, 4], &[2], &[0, 2], &[]];
+        assert_eq!(neighbors.len(), 6);
+        for (k, list) in expected.iter().enumerate() {
+            assert_eq!(neighbors.neighbors_of(k), *list, "sphere {k}");
+        }
+    }
+
+    #[test]
+    fn no_spheres_and_no_pairs() {
+        let mut lists = NeighborsBuilder::default();
+        let mut none = |spheres| lists.fill(&[], spheres).expect("there is memory").len();
+        assert_eq!((none(0), none(2)), (0, 2));
+        assert_eq!(lists.fill(&[], 2).expect("there is memory").neighbors_of(1), &[] as &[u32]);
+    }
+}

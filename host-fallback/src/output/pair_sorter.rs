@@ -1,0 +1,288 @@
+//! Puts pairs in canonical order: by `i`, then `j`.
+//!
+//! One pass spreads the pairs over buckets of neighbouring `i`, small enough for the cache, as keys: the digits of `i`
+//! that a bucket leaves open, and `j`. Up to millions of spheres a key has half the size of a pair. Each bucket is then
+//! ordered on its own by a radix sort, whose last pass makes pairs of keys.
+
+use bytemuck::{Pod, cast_slice_mut};
+use lazygrid_kernels::Pair;
+
+use crate::Error;
+use crate::disjoint_writes::{DisjointSlice, split_at};
+use crate::executor::Executor;
+use crate::memory::{try_collect, try_resize};
+
+/// Pieces of the first pass at most: enough for any number of threads, few enough for a counter per piece and bucket.
+const MAX_CHUNKS: usize = 128;
+/// The most buckets: their write positions stay in the second-level cache.
+const MAX_BUCKETS: usize = 1 << 11;
+/// Pairs per bucket aimed at, 64 KiB.
+const BUCKET: usize = 1 << 13;
+
+/// Indices per bucket at most, where [`MAX_BUCKETS`] allows: their counters stay in the cache.
+const MAX_WIDTH: usize = 1 << 15;
+/// Bits per pass at most: counters of 8 KiB beside a bucket of 64 KiB.
+const DIGIT: u32 = 11;
+/// Fewer pairs of a bucket are sorted by comparisons, which takes no counters.
+const MIN_RADIX_KEYS: usize = 256;
+
+/// Puts pairs in canonical order, by `i`, then `j`, in buffers that survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct PairSorter {
+    /// Keys of one word or of two.
+    scratch: Vec<u32>,
+    starts: Vec<usize>,
+    /// Indexed by piece and bucket: first how many pairs there are, then where the next one goes.
+    offsets: Vec<usize>,
+}
+
+/// A pair whose bucket is known.
+trait PairKey: Pod + Send {
+    fn new(bits: u64) -> Self;
+    fn bits(self) -> u64;
+}
+
+impl PairKey for u32 {
+    #[inline(always)]
+    fn new(bits: u64) -> Self {
+        bits as Self
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u64 {
+        self.into()
+    }
+}
+
+/// Two words, which need no more alignment than a pair has.
+impl PairKey for [u32; 2] {
+    #[inline(always)]
+    fn new(bits: u64) -> Self {
+        [bits as u32, (bits >> 32) as u32]
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u64 {
+        u64::from(self[0]) | (u64::from(self[1]) << 32)
+    }
+}
+
+/// The layout of a pair's key.
+#[derive(Clone, Copy)]
+struct BucketLayout {
+    buckets: usize,
+    /// The number of bits of `i` that differ within a bucket.
+    i_bits: u32,
+    /// The number of bits of `j`.
+    j_bits: u32,
+}
+
+impl BucketLayout {
+    fn new(total: usize, spheres: usize) -> Self {
+        let buckets = (total / BUCKET).max(spheres / MAX_WIDTH).next_power_of_two().min(MAX_BUCKETS);
+        let width = spheres.div_ceil(buckets).max(1).next_power_of_two();
+        let j_bits = usize::BITS - spheres.saturating_sub(1).leading_zeros();
+        Self { buckets: spheres.div_ceil(width).max(1), i_bits: width.trailing_zeros(), j_bits }
+    }
+
+    fn bits(self) -> u32 {
+        self.i_bits + self.j_bits
+    }
+
+    #[inline(always)]
+    fn bucket(self, pair: Pair) -> usize {
+        (pair.i >> self.i_bits) as usize
+    }
+
+    #[inline(always)]
+    fn key<K: PairKey>(self, pair: Pair) -> K {
+        let open = u64::from(pair.i) & ((1 << self.i_bits) - 1);
+        K::new((open << self.j_bits) | u64::from(pair.j))
+    }
+
+    #[inline(always)]
+    fn pair<K: PairKey>(self, bucket: usize, key: K) -> Pair {
+        let open = (key.bits() >> self.j_bits) as u32;
+        let j = key.bits() & ((1 << self.j_bits) - 1);
+        Pair { i: ((bucket << self.i_bits) as u32) | open, j: j as u32 }
+    }
+}
+
+impl PairSorter {
+    /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Executor share the
+    /// chunks out, so that a hundred are better than one.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], [`Error::Threads`].
+    ///
+    /// # Panics
+    /// Panics if an `i` is far above `spheres`.
+    pub(crate) fn order(
+        &mut self,
+        executor: Executor,
+        chunks: &[&[Pair]],
+        spheres: usize,
+        out: &mut Vec<Pair>,
+    ) -> Result<(), Error> {
+        let total: usize = chunks.iter().map(|chunk| chunk.len()).sum();
+        try_resize(out, total, "pairs")?;
+        let layout = BucketLayout::new(total, spheres);
+        match layout.bits() <= u32::BITS {
+            true => self.order_as::<u32>(executor, layout, chunks, out),
+            false => self.order_as::<[u32; 2]>(executor, layout, chunks, out),
+        }
+    }
+
+    fn order_as<K: PairKey>(
+        &mut self,
+        executor: Executor,
+        layout: BucketLayout,
+        chunks: &[&[Pair]],
+        out: &mut [Pair],
+    ) -> Result<(), Error> {
+        let total = out.len();
+        try_resize(&mut self.scratch, total * size_of::<K>() / size_of::<u32>(), "ordering pairs")?;
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let keys = cast_slice_mut::<_, K>(&mut scratch);
+        let ordered = self.spread(executor, layout, chunks, keys).and_then(|()| {
+            let ends = self.starts[1..].iter().copied();
+            let (targets, sources) = (split_at(out, ends.clone())?, split_at(keys, ends)?);
+            let mut pieces = try_collect(targets.into_iter().zip(sources), "buckets of pairs")?;
+            executor.for_each(&mut pieces, |bucket, (target, source)| {
+                order_bucket(source, target, bucket, layout)
+            });
+            Ok(())
+        });
+        self.scratch = scratch;
+        ordered
+    }
+
+    /// Moves the pairs to `keys`, bucket by bucket, and notes where each bucket starts.
+    fn spread<K: PairKey>(
+        &mut self,
+        executor: Executor,
+        layout: BucketLayout,
+        chunks: &[&[Pair]],
+        keys: &mut [K],
+    ) -> Result<(), Error> {
+        let Self { starts, offsets, .. } = self;
+        let buckets = layout.buckets;
+        let share = chunks.len().div_ceil(MAX_CHUNKS).max(1);
+        let pieces = chunks.len().div_ceil(share);
+        let piece = |k: usize| chunks[k * share..chunks.len().min((k + 1) * share)].iter().copied().flatten();
+        try_resize(offsets, pieces * buckets, "buckets of pairs")?;
+        let mut rows = try_collect(offsets.chunks_mut(buckets), "buckets of pairs")?;
+        executor.for_each(&mut rows, |k, counts| {
+            counts.fill(0);
+            for &pair in piece(k) {
+                counts[layout.bucket(pair)] += 1;
+            }
+        });
+        try_resize(starts, buckets + 1, "buckets of pairs")?;
+        let mut at = 0;
+        for bucket in 0..buckets {
+            starts[bucket] = at;
+            for row in &mut rows {
+                at += std::mem::replace(&mut row[bucket], at);
+            }
+        }
+        starts[buckets] = at;
+
+        let keys = DisjointSlice::new(keys);
+        executor.for_each(&mut rows, |k, next| {
+            for &pair in piece(k) {
+                let slot = &mut next[layout.bucket(pair)];
+                // SAFETY: the exclusive prefix sums over (bucket, piece) give every pair a slot of its own below
+                // the number of all pairs, the length of `keys`.
+                unsafe { keys.write(*slot, layout.key(pair)) };
+                *slot += 1;
+            }
+        });
+        Ok(())
+    }
+}
+
+/// Orders one bucket into `target`: a radix sort, digit by digit from the lowest. Each pass counts the next one's digits.
+fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize, layout: BucketLayout) {
+    if source.len() < MIN_RADIX_KEYS {
+        source.sort_unstable_by_key(|key| key.bits());
+        let pairs = source.iter().map(|&key| layout.pair(bucket, key));
+        return target.iter_mut().zip(pairs).for_each(|(to, pair)| *to = pair);
+    }
+    let passes = layout.bits().div_ceil(DIGIT).max(1);
+    let digit = layout.bits().div_ceil(passes);
+    let of = |key: K, pass: u32| (key.bits() >> (pass * digit)) as usize & ((1 << digit) - 1);
+    let (mut places, mut counts) = ([0_u32; 1 << DIGIT], [0_u32; 1 << DIGIT]);
+    for &key in source.iter() {
+        counts[of(key, 0)] += 1;
+    }
+
+    // The room for pairs holds keys until the last pass.
+    let spare = &mut cast_slice_mut::<_, K>(target)[..source.len()];
+    let (mut from, mut to) = (&mut *source, spare);
+    for pass in 0..passes - 1 {
+        starts(&mut counts[..1 << digit], &mut places);
+        for &key in from.iter() {
+            let place = &mut places[of(key, pass)];
+            to[*place as usize] = key;
+            *place += 1;
+            counts[of(key, pass + 1)] += 1;
+        }
+        (from, to) = (to, from);
+    }
+    if passes.is_multiple_of(2) {
+        to.copy_from_slice(from);
+    }
+    starts(&mut counts[..1 << digit], &mut places);
+    for &key in source.iter() {
+        let place = &mut places[of(key, passes - 1)];
+        target[*place as usize] = layout.pair(bucket, key);
+        *place += 1;
+    }
+}
+
+/// Where those of each digit begin; the counts are then 0 again.
+fn starts(counts: &mut [u32], places: &mut [u32]) {
+    let mut at = 0;
+    for (count, place) in counts.iter_mut().zip(places) {
+        *place = at;
+        at += std::mem::take(count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(spheres: u32, pairs: Vec<Pair>, pieces: usize) {
+        let chunks: Vec<&[Pair]> = pairs.chunks(pieces).collect();
+        let mut expected = pairs.clone();
+        expected.sort_unstable();
+        let (mut sorter, mut out) = (PairSorter::default(), Vec::new());
+        for _ in 0..2 {
+            sorter.order(Executor::Pool, &chunks, spheres as usize, &mut out).expect("there is memory");
+            assert_eq!(out, expected);
+        }
+    }
+
+    #[test]
+    fn any_number_of_pairs_in_any_order() {
+        // Keys of one word, and of two.
+        for spheres in [2, 3, 255, 256, 257, 100_000, 5_000_000, u32::MAX] {
+            for count in [0, 1, 2, 255, 256, 257, 70_000] {
+                let mix = |k: u32| k.wrapping_mul(2_654_435_761) >> 7;
+                let pairs = (0..count).filter_map(|k| {
+                    let (a, b) = (mix(k) % spheres, !mix(k + 77) % spheres);
+                    (a != b).then(|| Pair::new(a, b))
+                });
+                check(spheres, pairs.collect(), 1000);
+            }
+        }
+    }
+
+    #[test]
+    fn one_sphere_in_every_pair() {
+        check(50_001, (1..50_001).rev().map(|j| Pair::new(0, j)).collect(), 777);
+        check(50_001, (0..50_000).rev().map(|i| Pair::new(i, 50_000)).collect(), 777);
+    }
+}

@@ -1,0 +1,156 @@
+//! Chooses the skin: a pure function of the survey of the spheres, their motion, and the costs.
+//!
+//! A skin in proportion to the farthest steps of each size is used up by all sizes at about the same time. The wider
+//! it is, the longer candidates last, and the more of them there are.
+
+use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
+use super::displacement::DisplacementGrowth;
+use crate::cell_list::{DensityProfile, LevelPlan};
+use crate::input::{InputStats, SizeClass};
+use crate::size_class::{SIZE_CLASSES, class_of};
+
+/// Skins that are tried, in farthest steps of the sample.
+const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
+/// A skin has to be this much better than none, by the estimate: what it knows of the motion is uncertain.
+const MAX_RELATIVE_COST: f32 = 0.9;
+/// Groups of size classes that are told apart at most.
+const MAX_CLASS_GROUPS: usize = 16;
+/// The smallest allowance, as a part of the largest.
+const MIN_LIMIT_RATIO: f32 = 1e-3;
+
+/// The costs of calls, in nanoseconds or any other unit: only ratios count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TunerCosts {
+    /// For each sphere of a search, for any result: to survey and sort on the CPU.
+    pub search: f32,
+    /// Of a search besides, over what the plan of the CPU's levels says of looking around.
+    pub levels: f32,
+    /// For each pair or candidate that a search finds.
+    pub find: f32,
+    /// For each sphere, to keep where it was.
+    pub keep: f32,
+    /// For each sphere, to measure how far it has gone.
+    pub measure: f32,
+    /// To test a candidate.
+    pub test: f32,
+    /// Of a call that keeps candidates, over one that does not, however many spheres there are.
+    pub call: f32,
+}
+
+impl TunerCosts {
+    /// Nanoseconds of the CPU path, measured beside each other on AMD EPYC.
+    pub const CPU: Self =
+        Self { search: 24.0, levels: 1.4, find: 12.0, keep: 10.0, measure: 7.0, test: 2.5, call: 0.0 };
+
+    /// The cost of a search for each sphere.
+    fn of_search(&self, stats: &InputStats, density: &DensityProfile, found: f32) -> f32 {
+        let levels = match self.levels > 0.0 {
+            true => self.levels * LevelPlan::plan(stats, density).cost / stats.spheres as f32,
+            false => 0.0,
+        };
+        self.search + levels + self.find * found
+    }
+}
+
+/// The distribution of a skin among sizes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SkinScaling {
+    /// In proportion to the farthest steps of each.
+    BySize,
+    /// All have the same.
+    Alike,
+}
+
+impl SkinScaling {
+    /// The displacement limit of each class for a skin in farthest steps.
+    pub(super) fn limits(self, steps: &[f32; SIZE_CLASSES], skin: f32) -> DisplacementLimits {
+        let farthest = steps.iter().copied().fold(0.0, f32::max);
+        let least = if self == Self::Alike { 1.0 } else { MIN_LIMIT_RATIO };
+        steps.map(|step| (skin * step.max(least * farthest)).max(*LIMIT_RANGE.start()))
+    }
+}
+
+/// Candidates per sphere at most, so that memory stays in proportion.
+const MAX_CANDIDATES: f32 = 64.0;
+
+/// A skin that is worth it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SkinChoice {
+    /// The skin in farthest steps of the sample.
+    pub(super) skin: f32,
+    /// The number of calls that the candidates are expected to last.
+    pub(super) calls: f32,
+    /// The expected number of candidates for each sphere.
+    pub(super) candidates: f32,
+}
+
+/// The skin with which a call takes the least time on average, where one is better than none, if there are `excess` times as
+/// many candidates as the sample says.
+pub(super) fn choose(
+    (stats, density): (&InputStats, &DensityProfile),
+    (steps, growth): (&[f32; SIZE_CLASSES], DisplacementGrowth),
+    (costs, scaling): (&TunerCosts, SkinScaling),
+    excess: f32,
+) -> Option<SkinChoice> {
+    let n = stats.spheres as f32;
+    let around = |limits: &DisplacementLimits| excess * candidates(stats, density, limits);
+    let none = costs.of_search(stats, density, around(&[0.0; SIZE_CLASSES]));
+    let mut best: Option<(f32, SkinChoice)> = None;
+    for skin in SKIN_STEPS {
+        let limits = scaling.limits(steps, skin);
+        if !limits.iter().all(|limit| LIMIT_RANGE.contains(limit)) {
+            continue;
+        }
+        let candidates = around(&limits);
+        if candidates > MAX_CANDIDATES {
+            break;
+        }
+        let wide = widened(stats, &limits);
+        let find = costs.keep + costs.of_search(&wide, density, candidates);
+        let test = costs.measure + costs.test * candidates + costs.call / n;
+        let calls = growth.steps(skin).floor();
+        let time = (find + (calls + 1.0) * test) / (calls + 1.0);
+        match &best {
+            Some((least, _)) if *least <= time => {}
+            _ => best = Some((time, SkinChoice { skin, calls, candidates })),
+        }
+    }
+    let (time, choice) = best?;
+    log::debug!("a skin of {} steps, {time:.1} a sphere, {none:.1} without", choice.skin);
+    (time < MAX_RELATIVE_COST * none).then_some(choice)
+}
+
+/// The survey of the spheres with radii larger by their displacement limits.
+fn widened(stats: &InputStats, limits: &DisplacementLimits) -> InputStats {
+    let mut wide = InputStats { classes: [SizeClass::default(); SIZE_CLASSES], ..stats.clone() };
+    for (class, SizeClass { count, largest }) in stats.occupied() {
+        let largest = largest + limits[class];
+        let target = &mut wide.classes[class_of(largest)];
+        target.count += count;
+        target.largest = target.largest.max(largest);
+    }
+    wide
+}
+
+/// About how many candidates there are per sphere.
+fn candidates(stats: &InputStats, density: &DensityProfile, limits: &DisplacementLimits) -> f32 {
+    // The edge of a cube with the volume of a sphere of radius 1, as log₂.
+    const CUBE: f32 = 0.689;
+    let classes = stats.occupied().count();
+    let stride = classes.div_ceil(MAX_CLASS_GROUPS).max(1);
+    let mut groups = [(0.0_f32, 0.0_f32); MAX_CLASS_GROUPS];
+    for (k, (class, SizeClass { count, largest })) in stats.occupied().enumerate() {
+        let (share, reach) = &mut groups[k / stride];
+        *share += count as f32 / stats.spheres as f32;
+        *reach = reach.max(largest + limits[class]);
+    }
+    let groups = || groups.iter().filter(|(share, _)| *share > 0.0);
+    let met = |&(share, reach): &(f32, f32)| {
+        let around = |&(of, other): &(f32, f32)| {
+            // The sphere itself is no candidate.
+            of * (density.mean((reach + other).log2() + CUBE) - 1.0).max(0.0)
+        };
+        share * groups().map(around).sum::<f32>()
+    };
+    groups().map(met).sum::<f32>() / 2.0
+}

@@ -1,0 +1,159 @@
+//! The displacements of spheres from call to call, by size, from a sample of them.
+
+use glam::Vec3;
+
+use super::candidate_list::nearest;
+use crate::Error;
+use crate::compare::PairTest;
+use crate::memory::try_resize;
+use crate::size_class::{SIZE_CLASSES, class_of};
+
+/// Spheres of the sample at most.
+const MAX_SAMPLE: usize = 1 << 10;
+/// One sphere in so many at least is none of the sample, so that looking at it costs nothing beside the call.
+const MIN_SPHERES_PER_SAMPLE: usize = 32;
+/// What is left of the farthest step of a class from call to call, where none is as far.
+const STEP_DECAY: f32 = 0.9;
+/// The part of what was learned from candidates that is forgotten at a time.
+const GROWTH_DECAY: f32 = 0.2;
+
+/// The observed motion.
+#[derive(Debug)]
+pub(crate) struct DisplacementStats {
+    /// The number of spheres of the last call.
+    spheres: usize,
+    /// The last positions of the sample.
+    positions: Vec<Vec3>,
+    /// The farthest step of each class that was seen, or about to be forgotten.
+    steps: [f32; SIZE_CLASSES],
+    /// The number of successive calls with this number of spheres.
+    calls: u32,
+    growth: DisplacementGrowth,
+}
+
+/// How the distance of the farthest sphere grows with the number of steps: `factor · steps^exponent`, in farthest steps
+/// of the sample. Straight motion has the exponent 1, diffusion ½.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct DisplacementGrowth {
+    pub(crate) factor: f32,
+    pub(crate) exponent: f32,
+}
+
+impl DisplacementGrowth {
+    /// The assumption before candidates were ever kept.
+    const ASSUMED: Self = Self { factor: 1.3, exponent: 0.75 };
+
+    /// The number of steps in which the farthest sphere moves by `distance`, in farthest steps of the sample.
+    pub(crate) fn steps(self, distance: f32) -> f32 {
+        (distance / self.factor).max(0.0).powf(self.exponent.recip())
+    }
+
+    /// The growth with which the farthest had gone `first` after one step and `last` after `steps`.
+    fn between(first: f32, (steps, last): (u32, f32)) -> Self {
+        let exponent = if steps > 1 { (last / first).ln() / (steps as f32).ln() } else { 1.0 };
+        Self { factor: first, exponent: if exponent.is_finite() { exponent.clamp(0.3, 1.5) } else { 1.0 } }
+    }
+}
+
+impl Default for DisplacementStats {
+    fn default() -> Self {
+        let growth = DisplacementGrowth::ASSUMED;
+        Self { spheres: 0, positions: Vec::new(), steps: [0.0; SIZE_CLASSES], calls: 0, growth }
+    }
+}
+
+impl DisplacementStats {
+    /// Takes a look at where the spheres are now.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn observe(&mut self, test: &PairTest<'_>) -> Result<(), Error> {
+        let n = test.spheres().len();
+        let size = (n / MIN_SPHERES_PER_SAMPLE).clamp(n.min(MIN_SPHERES_PER_SAMPLE), MAX_SAMPLE);
+        let known = self.spheres == n && self.positions.len() == size;
+        if !known {
+            try_resize(&mut self.positions, size, "a sample of the spheres")?;
+            (self.spheres, self.calls, self.steps) = (n, 0, [0.0; SIZE_CLASSES]);
+        }
+        let lengths = test.lengths();
+        let mut steps = [0.0_f32; SIZE_CLASSES];
+        for (k, position) in self.positions.iter_mut().enumerate() {
+            let (center, radius) = test.effective((k * n / size) as u32);
+            let class = &mut steps[class_of(radius)];
+            *class = class.max(nearest(center - *position, lengths).length());
+            *position = center;
+        }
+        if known {
+            self.calls = self.calls.saturating_add(1);
+            for (step, seen) in self.steps.iter_mut().zip(steps) {
+                *step = seen.max(STEP_DECAY * *step);
+            }
+        }
+        Ok(())
+    }
+
+    /// Learns from candidates: the farthest sphere had gone `first` after one step and `last` after so many steps, in
+    /// farthest steps of the sample.
+    pub(crate) fn learn(&mut self, first: f32, last: (u32, f32)) {
+        if first > 0.0 {
+            self.growth = DisplacementGrowth::between(first, last);
+        }
+    }
+
+    /// Has what was learned from candidates count for less, if there are none from which to learn better.
+    pub(crate) fn forget(&mut self) {
+        let DisplacementGrowth { factor, exponent } = &mut self.growth;
+        *factor += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.factor - *factor);
+        *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
+    }
+
+    /// The farthest step of each class and how distances grow from there; none where nothing is known. Classes of
+    /// which none was seen to move may be as fast as any.
+    pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
+        let farthest = self.steps.iter().copied().fold(0.0, f32::max);
+        let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });
+        (self.calls > 0 && farthest.is_finite()).then_some((steps, self.growth))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::{Space, Sphere};
+
+    use super::*;
+
+    #[test]
+    fn the_farthest_step_of_each_class_is_seen_and_forgotten_slowly() {
+        let mut motion = DisplacementStats::default();
+        let at = |x: f32| [Sphere::new([x, 0.0, 0.0], 1.0), Sphere::new([0.0, 2.0 * x, 0.0], 0.25)];
+        let mut steps = |x: f32| {
+            let spheres = at(x);
+            motion.observe(&PairTest::new((&spheres).into(), None)).expect("there is memory");
+            motion.steps().map(|(steps, _)| [steps[class_of(1.0)], steps[class_of(0.25)], steps[7]])
+        };
+        assert_eq!(steps(5.0), None);
+        assert_eq!(steps(6.0), Some([1.0, 2.0, 2.0]));
+        assert_eq!(steps(6.0), Some([0.9, 1.8, 1.8]));
+    }
+
+    #[test]
+    fn a_step_across_the_seam_is_short() {
+        let space = Space::periodic([Some(8.0), None, None]).expect("a box");
+        let mut motion = DisplacementStats::default();
+        for x in [3.75, -3.75] {
+            let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
+            let test = PairTest::new((&spheres).into(), None).in_space(space);
+            motion.observe(&test).expect("there is memory");
+        }
+        assert_eq!(motion.steps().expect("two calls").0[class_of(1.0)], 0.5);
+    }
+
+    #[test]
+    fn growth_follows_from_two_distances() {
+        let diffusive = DisplacementGrowth::between(1.5, (16, 6.0));
+        assert_eq!(diffusive, DisplacementGrowth { factor: 1.5, exponent: 0.5 });
+        assert_eq!(diffusive.steps(6.0), 16.0);
+        assert_eq!(DisplacementGrowth::between(1.0, (1, 1.0)).exponent, 1.0);
+        assert_eq!(DisplacementGrowth::between(1.0, (4, 1.0)).exponent, 0.3);
+    }
+}

@@ -1,0 +1,257 @@
+//! Which skin the next candidates get, from what was seen of the spheres and of earlier candidates. It is the same on every
+//! backend; only what things cost differs.
+
+use lazygrid_kernels::{Interactions, Space, Spheres};
+
+use super::candidate_list::DisplacementLimits;
+use super::cost_model::{SkinChoice, SkinScaling, TunerCosts, choose};
+use super::displacement::{DisplacementGrowth, DisplacementStats};
+use crate::Error;
+use crate::cell_list::DensityProfile;
+use crate::compare::PairTest;
+use crate::executor::Executor;
+use crate::input::InputStats;
+use crate::report::RebuildReason;
+use crate::size_class::SIZE_CLASSES;
+
+/// Searches at most for which a choice is not thought over, and after candidates that were too many.
+const MAX_WAIT: u32 = 31;
+/// Lives of candidates, and numbers of them, over those expected with which a choice stands.
+const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
+
+/// What is known of the motion, and what follows from it for candidates that are kept from call to call. It never looks at a
+/// clock, so that runs are the same.
+#[derive(Debug, Default)]
+pub struct SkinTuner {
+    displacements: DisplacementStats,
+    choice: Option<SkinChoice>,
+    /// How far the farthest sphere had gone one call after the candidates were found, as a part of its allowance.
+    first: f32,
+    /// For how many searches the choice stands, and for how many it stood the last time.
+    wait: u32,
+    patience: u32,
+    /// For how many searches no candidates are looked for, as they were too many.
+    pause: u32,
+    /// log₂ of how many candidates there were for each that was expected.
+    excess: f32,
+}
+
+impl SkinTuner {
+    /// Takes a look at where the spheres of a call are.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn look(
+        &mut self,
+        spheres: Spheres<'_>,
+        interactions: Option<&Interactions>,
+        space: Space,
+    ) -> Result<(), Error> {
+        self.observe(&PairTest::new(spheres, interactions).in_space(space))
+    }
+
+    pub(super) fn observe(&mut self, test: &PairTest<'_>) -> Result<(), Error> {
+        self.displacements.observe(test)
+    }
+
+    /// Takes down that candidates were found so many calls ago and that the farthest sphere has gone this part of what it may;
+    /// and why they cannot serve, where they cannot.
+    pub fn record_age(&mut self, (age, moved): (u32, f32), lapsed: Option<RebuildReason>) {
+        if age == 1 {
+            self.first = moved;
+        }
+        if let (Some(RebuildReason::Displacement), Some(choice)) = (lapsed, &self.choice) {
+            self.displacements.learn(self.first * choice.skin, (age, moved * choice.skin));
+            // A list that lasted about as long as predicted is not reconsidered soon.
+            let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
+            self.wait = if is_as_expected { self.wait } else { 0 };
+        }
+    }
+
+    /// Takes down how many candidates were found for each sphere.
+    pub fn record_count(&mut self, candidates: f32) {
+        if let Some(choice) = &self.choice {
+            let excess = candidates / choice.candidates;
+            if excess.is_finite() && !AS_EXPECTED.contains(&excess) && choice.candidates.max(candidates) > 0.5
+            {
+                self.excess = (self.excess + excess.log2()).clamp(-4.0, 4.0);
+                self.wait = 0;
+            }
+        }
+    }
+
+    /// Takes down that there was no room for candidates: for some searches none are looked for.
+    pub fn record_overflow(&mut self) {
+        self.pause = MAX_WAIT;
+    }
+
+    /// Returns `true` if a search is one of those.
+    pub(super) fn is_paused(&mut self) -> bool {
+        let is_paused = self.pause > 0;
+        self.pause = self.pause.saturating_sub(1);
+        is_paused
+    }
+
+    /// The skin with which candidates are to be found for the next calls, the same for all spheres; `None` where searching anew
+    /// costs less. Spheres are surveyed only where the last choice no longer stands. Asked before a search, or after one that
+    /// found candidates.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`], [`Error::Threads`].
+    pub fn skin(
+        &mut self,
+        spheres: Spheres<'_>,
+        interactions: Option<&Interactions>,
+        space: Space,
+        costs: &TunerCosts,
+    ) -> Result<Option<f32>, Error> {
+        let think = |displacements: (&[f32; SIZE_CLASSES], DisplacementGrowth), excess: f32| {
+            let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
+            let density = DensityProfile::of_places(spheres, space)?;
+            Ok(choose((&stats, &density), displacements, (costs, SkinScaling::Alike), excess))
+        };
+        let limits = self.limits(SkinScaling::Alike, think)?;
+        Ok(limits.map(|limits| 2.0 * limits[0]))
+    }
+
+    /// The allowances that are worth it: by the last choice, or by what `think` makes of the motion and of how many times as
+    /// many candidates there are as expected.
+    pub(super) fn limits(
+        &mut self,
+        scaling: SkinScaling,
+        think: impl FnOnce((&[f32; SIZE_CLASSES], DisplacementGrowth), f32) -> Result<Option<SkinChoice>, Error>,
+    ) -> Result<Option<DisplacementLimits>, Error> {
+        if self.is_paused() {
+            return Ok(None);
+        }
+        let Some((steps, growth)) = self.displacements.steps() else { return Ok(None) };
+        if self.wait > 0 {
+            self.wait -= 1;
+        } else {
+            let choice = think((&steps, growth), self.excess.exp2())?;
+            let skin = |choice: Option<SkinChoice>| choice.map(|choice| choice.skin);
+            let same = skin(choice) == skin(self.choice);
+            self.patience = if same { (2 * self.patience + 1).min(MAX_WAIT) } else { 0 };
+            (self.wait, self.choice) = (self.patience, choice);
+            if choice.is_none() {
+                // No list is built, so nothing is measured: decay the old estimate.
+                self.displacements.forget();
+                self.excess *= 0.8;
+            }
+        }
+        Ok(self.choice.map(|choice| scaling.limits(&steps, choice.skin)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Sphere;
+
+    use super::*;
+    use crate::test_support::Random;
+
+    /// Costs of a backend on which a search takes as long as testing fifty candidates.
+    const COSTS: TunerCosts =
+        TunerCosts { search: 50.0, levels: 0.0, find: 5.0, keep: 5.0, measure: 5.0, test: 1.0, call: 0.0 };
+
+    /// Follows spheres in a periodic box that all go `step` at every call, some way each; how many calls candidates served,
+    /// and the last skin.
+    fn follow(
+        tuner: &mut SkinTuner,
+        (n, calls): (usize, u32),
+        step: f32,
+        costs: &TunerCosts,
+    ) -> (u32, Option<f32>) {
+        let mut random = Random(3);
+        // About one partner within a diameter.
+        let edge = (n as f32).cbrt() * 1.6;
+        let space = Space::periodic([Some(f64::from(edge)); 3]).expect("a box");
+        let mut spheres: Vec<_> = (0..n).map(|_| Sphere::new(random.point(edge / 2.0), 0.5)).collect();
+        let ways: Vec<_> = (0..n).map(|_| glam::Vec3::from(random.point(1.0)).normalize()).collect();
+        let (mut held, mut gone, mut age, mut served) = (None, 0.0, 0, 0);
+        for _ in 0..calls {
+            tuner.look((&spheres).into(), None, space).expect("there is memory");
+            if let Some(skin) = held {
+                (age, gone) = (age + 1, gone + step);
+                let lapsed = (gone > skin / 2.0).then_some(RebuildReason::Displacement);
+                tuner.record_age((age, gone / (skin / 2.0)), lapsed);
+                served += u32::from(lapsed.is_none());
+                held = held.filter(|_| lapsed.is_none());
+            }
+            if held.is_none() {
+                held = tuner.skin((&spheres).into(), None, space, costs).expect("valid");
+                (age, gone) = (0, 0.0);
+            }
+            for (sphere, way) in spheres.iter_mut().zip(&ways) {
+                sphere.center += step * way;
+            }
+        }
+        (served, held)
+    }
+
+    #[test]
+    fn skins_follow_from_the_motion_and_from_what_things_cost() {
+        let cheap = TunerCosts { search: 4.0, find: 1.0, ..COSTS };
+        // As if each call took as long as searching among a thousand spheres anew.
+        let by_the_call = TunerCosts { call: 1000.0 * COSTS.search, ..COSTS };
+        for (what, n, step, costs, calls_served) in [
+            ("little displacements", 3000, 0.002, COSTS, 90..=100),
+            ("none", 3000, 0.0, COSTS, 97..=100),
+            ("some", 3000, 0.02, COSTS, 60..=95),
+            ("more than a skin is worth", 3000, 0.5, COSTS, 0..=5),
+            ("a search that costs nothing", 3000, 0.02, cheap, 0..=5),
+            ("too few for what a call costs", 500, 0.002, by_the_call, 0..=0),
+            ("enough of them", 5000, 0.002, by_the_call, 90..=100),
+        ] {
+            let (served, _) = follow(&mut SkinTuner::default(), (n, 100), step, &costs);
+            assert!(calls_served.contains(&served), "{what}: {served} of 100");
+        }
+    }
+
+    #[test]
+    fn motion_that_changes_changes_the_skin() {
+        let mut tuner = SkinTuner::default();
+        let (_, slow) = follow(&mut tuner, (2000, 100), 0.001, &COSTS);
+        let (served, fast) = follow(&mut tuner, (2000, 300), 0.01, &COSTS);
+        assert!(fast > slow && served > 150, "{slow:?} {fast:?}, {served} served");
+        let (served, none) = follow(&mut tuner, (2000, 200), 0.6, &COSTS);
+        assert!(none.is_none() && served < 40, "{none:?}, {served} served");
+        let (served, _) = follow(&mut tuner, (2000, 400), 0.001, &COSTS);
+        assert!(served > 100, "{served} served after the displacements has come to rest");
+    }
+
+    /// A sphere that no sample sees ends candidates at once, for as long as it flies.
+    #[test]
+    fn who_is_seen_only_by_what_it_ends_is_tried_again_rarely() {
+        let n = 4000;
+        let mut random = Random(5);
+        let spheres: Vec<_> = (0..n).map(|_| Sphere::new(random.point(12.0), 0.5)).collect();
+        let mut tuner = SkinTuner::default();
+        let mut tried = 0;
+        for call in 0..1000 {
+            let mut spheres = spheres.clone();
+            spheres.iter_mut().for_each(|sphere| sphere.center.x += 1e-3 * call as f32);
+            tuner.look((&spheres).into(), None, Space::UNBOUNDED).expect("there is memory");
+            tuner.record_age((1, 80.0), Some(RebuildReason::Displacement));
+            let skin = tuner.skin((&spheres).into(), None, Space::UNBOUNDED, &COSTS).expect("valid");
+            tried += u32::from(skin.is_some());
+        }
+        assert!((1..60).contains(&tried), "{tried} of 1000 calls had a skin");
+    }
+
+    #[test]
+    fn more_candidates_than_expected_are_reckoned_with() {
+        let mut tuner = SkinTuner::default();
+        let (_, skin) = follow(&mut tuner, (3000, 50), 0.01, &COSTS);
+        assert!(skin.is_some());
+        // Each has as many as if space were sixteen times as crowded.
+        for _ in 0..3 {
+            tuner.record_count(16.0 * tuner.choice.map_or(1.0, |choice| choice.candidates));
+        }
+        let (_, narrower) = follow(&mut tuner, (3000, 1), 0.01, &COSTS);
+        assert!(narrower.is_none_or(|narrower| Some(narrower) < skin), "{narrower:?} {skin:?}");
+        tuner.record_overflow();
+        let (served, none) = follow(&mut tuner, (3000, MAX_WAIT), 0.01, &COSTS);
+        assert!(none.is_none() && served == 0, "{none:?}, {served} served");
+    }
+}
