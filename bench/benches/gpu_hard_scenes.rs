@@ -8,7 +8,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use clap::Parser;
-use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, Phase};
+use lazygrid::gpu::{Calibration, GpuConfig, GpuDevice, GpuPhase, GpuSession};
 use lazygrid::{Algorithm, Sphere, Spheres};
 use lazygrid_bench::measure::{markdown, provenance};
 use lazygrid_io::scenes::Scene;
@@ -32,7 +32,7 @@ struct Args {
     #[arg(long)]
     baseline: Option<Algorithm>,
     /// Numbers of spheres at or above which the cell list uses the radix sort, separated by commas; they take turns
-    #[arg(long, value_delimiter = ',', default_values_t = [GpuConfig::RADIX_FROM])]
+    #[arg(long, value_delimiter = ',', default_values_t = [Calibration::RADIX_SORT_FROM])]
     radix_from: Vec<u32>,
     /// Only the scenes of equal and of five sizes
     #[arg(long)]
@@ -61,7 +61,7 @@ struct SceneRun<'a> {
     sort: &'static str,
     session: GpuSession,
     pairs: u64,
-    stages: Vec<[Duration; Phase::ALL.len()]>,
+    stages: Vec<[Duration; GpuPhase::ALL.len()]>,
 }
 
 impl SceneRun<'_> {
@@ -69,14 +69,15 @@ impl SceneRun<'_> {
         let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
         self.pairs = self.session.finish_count(ticket)?;
         if is_warm {
-            let of = |phase: Phase| self.session.timings().iter().find(|t| t.name == phase.name());
-            self.stages.push(Phase::ALL.map(|phase| of(phase).map_or(Duration::ZERO, |timing| timing.time)));
+            let of = |phase: GpuPhase| self.session.timings().iter().find(|t| t.name == phase.name());
+            self.stages
+                .push(GpuPhase::ALL.map(|phase| of(phase).map_or(Duration::ZERO, |timing| timing.time)));
         }
         Ok(())
     }
 
     /// Seconds of each phase of the call with the median total.
-    fn median(&self) -> [f64; Phase::ALL.len()] {
+    fn median(&self) -> [f64; GpuPhase::ALL.len()] {
         let mut stages = self.stages.clone();
         stages.sort_by_key(|stages| stages.iter().sum::<Duration>());
         stages[stages.len() / 2].map(|time| time.as_secs_f64())
@@ -99,7 +100,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             runners.push(runner(&own, given, (Algorithm::CellList, radix_from))?);
         }
         if let Some(other) = args.baseline.filter(|_| given.is_uniform) {
-            runners.push(runner(&own, given, (other, GpuConfig::RADIX_FROM))?);
+            runners.push(runner(&own, given, (other, Calibration::RADIX_SORT_FROM))?);
         }
     }
     for round in 0..=args.rounds {
@@ -127,8 +128,8 @@ fn runner<'a>(
     let settings = GpuConfig::default()
         .algorithm(algorithm)
         .pair_capacity(pair_capacity)
-        .radix_from(radix_from)
-        .timed(true);
+        .radix_sort_from(radix_from)
+        .timestamps(true);
     let session = GpuSession::new(own.clone(), settings)?;
     let is_counted = algorithm == Algorithm::CellList && given.spheres.len() < radix_from as usize;
     let sort = if is_counted { "by counting" } else { "by radix" };
@@ -181,7 +182,7 @@ fn table(runners: &[SceneRun<'_>]) -> String {
                 .collect()
         })
         .collect();
-    let stages = Phase::ALL.map(|phase| format!("{}, ms", phase.name()));
+    let stages = GpuPhase::ALL.map(|phase| format!("{}, ms", phase.name()));
     let head: Vec<&str> = ["scene", "spheres", "algorithm", "pairs"]
         .into_iter()
         .chain(stages.iter().map(String::as_str))

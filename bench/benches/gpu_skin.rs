@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use lazygrid::gpu::{
-    GpuConfig, GpuDetector, GpuDevice, GpuPairs, GpuSkinDetector, GpuSpheres, Outcome, wgpu,
+    GpuConfig, GpuDetector, GpuDevice, GpuOutput, GpuSkinDetector, GpuSpheres, Outcome, wgpu,
 };
 use lazygrid::{Algorithm, Sphere};
 use lazygrid_bench::measure::{markdown, provenance};
@@ -52,7 +52,7 @@ impl TimedDetector {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
-    ) -> Result<GpuPairs, lazygrid::Error> {
+    ) -> Result<GpuOutput, lazygrid::Error> {
         match self {
             Self::EachStep(detector) => detector.encode(encoder, input),
             Self::Candidates(detector) => detector.encode(encoder, input),

@@ -111,7 +111,7 @@ impl PairFinder for List {
 
     fn gpu_time(&self) -> Option<Duration> {
         let report = self.0.report();
-        let on_device = |phase: &&PhaseTime| gpu::Phase::ALL.iter().any(|p| p.name() == phase.name);
+        let on_device = |phase: &&PhaseTime| gpu::GpuPhase::ALL.iter().any(|p| p.name() == phase.name);
         let times: Vec<Duration> = report.phases.iter().filter(on_device).map(|p| p.time).collect();
         (report.backend == Backend::Gpu && !times.is_empty()).then(|| times.iter().sum())
     }

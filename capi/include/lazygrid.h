@@ -412,8 +412,8 @@ LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector,
 /*
  * What the last search did and why, as one JSON object: "spheres" and "pairs" (how many; of two sets the spheres of
  * both), "backend", "adapter" (null on the CPU), "algorithm", "reason", "gpu" (what it cost a GPU: "dispatches",
- * "working_bytes", "pair_bytes", "moved_bytes"; null on the CPU), "candidates" (those that the search was answered from:
- * "count", "age" in calls, "moved", the part from 0 to 1 of what a sphere may move that one has moved, "rebuilt", why
+ * "working_bytes", "pair_bytes", "traffic_bytes"; null on the CPU), "candidates" (those that the search was answered from:
+ * "count", "age" in calls, "displacement_fraction", the largest used fraction of the displacement limit, "rebuilt", why
  * they were found anew in this call or null; null where it searched without any), "phases" (seconds by name, in the
  * order of the work). Later versions may add names.
  * The text lives until the next lazygrid_report_json with that detector.

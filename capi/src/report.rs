@@ -21,7 +21,7 @@ fn object(report: &Report) -> Value {
 
 fn candidates(list: &Candidates) -> Value {
     json!({
-        "count": list.count, "age": list.age, "moved": list.displacement_fraction,
+        "count": list.count, "age": list.age, "displacement_fraction": list.displacement_fraction,
         "rebuilt": list.rebuilt.map(|why| why.to_string()),
     })
 }
@@ -31,7 +31,7 @@ fn cost(report: &Report) -> Value {
     report.cost.as_ref().map_or(Value::Null, |cost| {
         json!({
             "dispatches": cost.dispatches, "working_bytes": cost.working_bytes,
-            "pair_bytes": cost.pair_bytes, "moved_bytes": cost.moved_bytes,
+            "pair_bytes": cost.pair_bytes, "traffic_bytes": cost.traffic_bytes,
         })
     })
 }

@@ -27,7 +27,7 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
     let size = bytes.max(16).next_multiple_of(16);
     let descriptor =
         wgpu::BufferDescriptor { label: Some("lazygrid::check"), size, usage, mapped_at_creation: false };
-    own.scoped("a buffer to check with", size, || own.device.create_buffer(&descriptor))
+    own.with_error_scope("a buffer to check with", size, || own.device.create_buffer(&descriptor))
 }
 
 /// Creates a buffer like [`storage_buffer`] with this content.
@@ -37,7 +37,7 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
 pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let buffer = storage_buffer(own, bytes.len() as u64)?;
-    own.scoped("an upload", bytes.len() as u64, || own.queue.write_buffer(&buffer, 0, bytes))?;
+    own.with_error_scope("an upload", bytes.len() as u64, || own.queue.write_buffer(&buffer, 0, bytes))?;
     Ok(buffer)
 }
 
@@ -55,7 +55,7 @@ pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
         encoder.copy_buffer_to_buffer(from, 0, &staging, 0, bytes);
         Ok(())
     })?;
-    own.scoped("a readback", bytes, || staging.slice(..).map_async(wgpu::MapMode::Read, |_| ()))?;
+    own.with_error_scope("a readback", bytes, || staging.slice(..).map_async(wgpu::MapMode::Read, |_| ()))?;
     wait(own)?;
     let refused = |reason: String| Error::Validation { what: "a readback", reason };
     let view = staging.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
@@ -101,7 +101,7 @@ pub fn submit<R>(
     own: &GpuDevice,
     record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
 ) -> Result<R, Error> {
-    own.scoped("a submission", 0, || {
+    own.with_error_scope("a submission", 0, || {
         let mut encoder = own.device.create_command_encoder(&Default::default());
         let result = record(&mut encoder)?;
         own.queue.submit([encoder.finish()]);

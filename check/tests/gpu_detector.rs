@@ -5,7 +5,7 @@ mod common;
 use bytemuck::Zeroable;
 use common::scenes::{cloud, detect, detect_with, scenes, settings, touching, verify};
 use common::{Random, device, download, upload};
-use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSpheres, Outcome, wgpu};
+use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSpheres, Outcome, SphereCount, wgpu};
 use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
 
@@ -136,7 +136,7 @@ fn sphere_count_is_read_from_a_buffer() {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
         for n in [0_u32, 1, 257, 3000] {
             let count = upload(&own, &[n]);
-            let count = Count::Buffer { buffer: &count, at_most: 3000 };
+            let count = SphereCount::Buffer { buffer: &count, at_most: 3000 };
             let input = GpuSpheres::new(&buffer, count);
             let found = detect_with(&own, &mut detector, &input);
             let part = &spheres[..n as usize];
@@ -144,7 +144,7 @@ fn sphere_count_is_read_from_a_buffer() {
             assert_eq!((found.outcome.spheres, found.outcome.overflow), (n, 0));
         }
         let count = upload(&own, &[4000_u32]);
-        let count = Count::Buffer { buffer: &count, at_most: 3000 };
+        let count = SphereCount::Buffer { buffer: &count, at_most: 3000 };
         let input = GpuSpheres::new(&buffer, count);
         let found = detect_with(&own, &mut detector, &input);
         assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::SPHERES));
@@ -306,10 +306,10 @@ fn default_limits_without_features_are_sufficient() {
     let (device, queue) =
         pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).expect("defaults");
     device.on_uncaptured_error(std::sync::Arc::new(|error: wgpu::Error| panic!("leaked: {error}")));
-    let lent = GpuDevice::lent(&device, &queue);
+    let lent = GpuDevice::from_wgpu(&device, &queue);
     let spheres = cloud(30, 2500, 12.0, |_| 0.4);
     for &algorithm in ALGORITHMS {
-        let settings = settings(algorithm, true).timed(true);
+        let settings = settings(algorithm, true).timestamps(true);
         let mut detector = GpuDetector::new(&device, settings).expect("made");
         assert!(detector.ticks().is_none(), "timestamps were not requested");
         let found = detect(&lent, &mut detector, &spheres);
@@ -330,13 +330,13 @@ fn caller_can_reuse_the_cell_order() {
     let boxed = Space::periodic([Some(9.0), None, Some(8.5)]).expect("a box");
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
     table.set(0, 0, Interaction::Never).expect("a species");
-    for (space, radix_from, species) in
+    for (space, radix_sort_from, species) in
         [(Space::UNBOUNDED, u32::MAX, false), (boxed, 1, false), (Space::UNBOUNDED, 1, true)]
     {
         let settings = settings(Algorithm::CellList, true)
             .sorted_pairs(true)
             .space(space)
-            .radix_from(radix_from)
+            .radix_sort_from(radix_sort_from)
             .interactions(species.then(|| table.clone()));
         let mut detector = GpuDetector::new(&own.device, settings).expect("made");
         let mut spheres = cloud(33, 4000, 10.0, |random| [0.3, 0.05][random.below(2) as usize]);

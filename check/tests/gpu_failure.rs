@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, SoftwareAdapter};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
 
 /// Locks the shared device for one test.
@@ -67,7 +67,7 @@ fn lost_device_fails_calls_in_flight() {
 #[test]
 fn lost_device_of_the_caller_is_reported() {
     let Some(own) = device() else { return };
-    let lent = GpuDevice::lent(&own.device, &own.queue);
+    let lent = GpuDevice::from_wgpu(&own.device, &own.queue);
     let spheres = cloud(3000);
     let mut session = GpuSession::new(lent, GpuConfig::default()).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
@@ -87,7 +87,7 @@ fn new_detector_works_after_device_loss() {
     let expected = on_cpu(&spheres);
     let mut detector = gpu();
     assert_eq!(detector.pairs(&spheres).expect("found"), expected);
-    GpuDevice::shared(true).expect("the detector's").device.destroy();
+    GpuDevice::shared(SoftwareAdapter::Allow).expect("the detector's").device.destroy();
     assert_lost(detector.pairs(&spheres));
     assert_lost(detector.count(&spheres));
     assert_lost(detector.neighbors(&spheres));
@@ -107,7 +107,7 @@ fn lost_device_ends_a_stream_with_an_error() {
     let mut handed = 0;
     let streamed = detector.stream(&spheres, 1 << 16, |pairs| {
         if handed == 0 {
-            GpuDevice::shared(true).expect("the detector's").device.destroy();
+            GpuDevice::shared(SoftwareAdapter::Allow).expect("the detector's").device.destroy();
         }
         handed += pairs.len();
         ControlFlow::Continue(())

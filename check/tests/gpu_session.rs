@@ -147,7 +147,7 @@ fn crowded_searches_continue_over_several_submissions() {
         })
         .collect();
     for algorithm in [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid] {
-        let settings = GpuConfig::default().algorithm(algorithm).timed(true).pair_capacity(500_000);
+        let settings = GpuConfig::default().algorithm(algorithm).timestamps(true).pair_capacity(500_000);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
         session.set_part_tests(1);
         let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");

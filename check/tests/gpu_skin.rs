@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Random, device, download, submit, upload};
-use lazygrid::gpu::{Count, GpuConfig, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome, SkinState};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome, SkinState, SphereCount};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;
 use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
@@ -21,7 +21,11 @@ fn ask(
         scenario.mixture.as_ref().map(|mixture| upload(own, &[&mixture.species[..], &[0; 5]].concat()));
     let known = upload(own, &[n]);
     // For odd numbers of spheres, only the device knows the number.
-    let count = if n.is_multiple_of(2) { Count::Host(n) } else { Count::Buffer { buffer: &known, at_most } };
+    let count = if n.is_multiple_of(2) {
+        SphereCount::Host(n)
+    } else {
+        SphereCount::Buffer { buffer: &known, at_most }
+    };
     let spheres = GpuSpheres::new(&input, count);
     let spheres = species.iter().fold(spheres, |spheres, species| spheres.with_species(species));
     let output = submit(own, |encoder| detector.encode(encoder, &spheres)).expect("recorded");

@@ -26,7 +26,7 @@ struct Entry {
     per_class: u32,
     /// Versions that did not measure this, or what follows, left it out; what they measured is passed over.
     #[serde(default)]
-    radix_from: Option<u32>,
+    radix_sort_from: Option<u32>,
     #[serde(default)]
     skin: Option<Skin>,
     #[serde(default)]
@@ -35,12 +35,12 @@ struct Entry {
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Skin {
-    search: f32,
-    find: f32,
-    keep: f32,
-    measure: f32,
-    test: f32,
-    call: f32,
+    search_ns: f32,
+    find_ns: f32,
+    keep_ns: f32,
+    measure_ns: f32,
+    test_ns: f32,
+    call_ns: f32,
 }
 
 /// What was kept. A file that cannot be read or makes no sense is worth a warning, and otherwise as good as none.
@@ -113,8 +113,9 @@ impl Entry {
     fn calibration(self) -> Option<Calibration> {
         let Self { adapter, driver, lazygrid: version, naive_below, per_class, .. } = self;
         let crossover = Crossover::new(naive_below, per_class);
-        let (radix_from, skin, device_from) = (self.radix_from?, self.skin?.into(), self.device_from?);
-        Some(Calibration::new([adapter, driver, version], crossover, radix_from, skin, device_from))
+        let (radix_sort_from, skin, device_from) =
+            (self.radix_sort_from?, self.skin?.into(), self.device_from?);
+        Some(Calibration::new([adapter, driver, version], crossover, radix_sort_from, skin, device_from))
     }
 }
 
@@ -122,17 +123,23 @@ impl From<Calibration> for Entry {
     fn from(measured: Calibration) -> Self {
         let Calibration { adapter, driver, version: lazygrid, crossover, skin, .. } = measured;
         let Crossover { naive_below, per_class, .. } = crossover;
-        let SkinCosts { search, find, keep, measure, test, call } = skin;
-        let skin = Some(Skin { search, find, keep, measure, test, call });
-        let [radix_from, device_from] = [measured.radix_from, measured.device_from].map(Some);
-        Self { adapter, driver, lazygrid, naive_below, per_class, radix_from, skin, device_from }
+        let skin = Some(Skin::from(skin));
+        let [radix_sort_from, device_from] = [measured.radix_sort_from, measured.device_from].map(Some);
+        Self { adapter, driver, lazygrid, naive_below, per_class, radix_sort_from, skin, device_from }
+    }
+}
+
+impl From<SkinCosts> for Skin {
+    fn from(costs: SkinCosts) -> Self {
+        let SkinCosts { search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns, .. } = costs;
+        Self { search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns }
     }
 }
 
 impl From<Skin> for SkinCosts {
     fn from(skin: Skin) -> Self {
-        let Skin { search, find, keep, measure, test, call } = skin;
-        Self { search, find, keep, measure, test, call }
+        let Skin { search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns } = skin;
+        Self { search_ns, levels_ns: 0.0, find_ns, keep_ns, measure_ns, test_ns, call_ns }
     }
 }
 
@@ -142,7 +149,8 @@ mod tests {
 
     #[test]
     fn what_cannot_have_been_measured_is_refused() {
-        let costs = Skin { search: 1.0, find: 0.0, keep: 0.0, measure: 0.0, test: 0.0, call: 0.0 };
+        let costs =
+            Skin { search_ns: 1.0, find_ns: 0.0, keep_ns: 0.0, measure_ns: 0.0, test_ns: 0.0, call_ns: 0.0 };
         for (naive_below, per_class, skin, good) in [
             (0, 0, Some(costs), true),
             (0, 0, None, true),
@@ -150,14 +158,22 @@ mod tests {
             (Crossover::MOST + 1, 0, Some(costs), false),
             (4_000_000_000, 0, None, false),
             (100, u32::MAX, Some(costs), false),
-            (100, 0, Some(Skin { search: 0.0, ..costs }), false),
-            (100, 0, Some(Skin { test: -1.0, ..costs }), false),
+            (100, 0, Some(Skin { search_ns: 0.0, ..costs }), false),
+            (100, 0, Some(Skin { test_ns: -1.0, ..costs }), false),
         ] {
             let [adapter, driver, lazygrid] = [(); 3].map(|()| String::new());
-            let radix_from = Some(1 << 19);
+            let radix_sort_from = Some(1 << 19);
             let device_from = Some(4096);
-            let entry =
-                Entry { adapter, driver, lazygrid, naive_below, per_class, radix_from, skin, device_from };
+            let entry = Entry {
+                adapter,
+                driver,
+                lazygrid,
+                naive_below,
+                per_class,
+                radix_sort_from,
+                skin,
+                device_from,
+            };
             let has_skin = entry.skin.is_some();
             let kept = checked(Kept { calibrations: vec![entry] });
             assert_eq!(kept.is_ok(), good, "{naive_below}, {per_class}, {has_skin}");

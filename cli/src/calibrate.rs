@@ -1,13 +1,13 @@
 use std::fmt::Write;
 
-use lazygrid::gpu::{self, AdapterId, GpuDevice};
+use lazygrid::gpu::{self, AdapterId, GpuDevice, SoftwareAdapter};
 
 use crate::failure::Failure;
 use crate::{cache, print};
 
 /// Measures on the GPU that `detect` would take, says what was seen, and keeps it for later runs.
 pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
-    let own = adapter.map_or_else(|| GpuDevice::shared(true), GpuDevice::shared_adapter);
+    let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
     let own = own.map_err(Failure::Calibration)?;
     print(format!(
         "{}\n{}\n\nsizes  spheres       naive        grid\n",
@@ -34,17 +34,17 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
         0 => String::new(),
         more => format!(", and {more} more for every further size class"),
     };
-    let gpu::SkinCosts { search, find, keep, measure, test, call } = measured.skin;
-    let (call, radix_from) = (call / 1e3, measured.radix_from);
+    let gpu::SkinCosts { search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns, .. } = measured.skin;
+    let (call_us, radix_sort_from) = (call_ns / 1e3, measured.radix_sort_from);
     let device = match measured.device_from {
         u32::MAX => "the CPU answers earlier than this adapter, however many spheres there are".to_owned(),
         from => format!("the CPU answers earlier than this adapter below {from} spheres"),
     };
     print(format!(
         "\nall pairs are tested of fewer than {naive_below} spheres{further};\ncell lists are sorted by radix from \
-        {radix_from} spheres on;\n{device}\n\n\
-        nanoseconds for each sphere: {search:.3} to search, {keep:.3} to keep where it was, {measure:.3} to measure how far \
-        it has gone;\nfor each candidate: {find:.3} to find, {test:.3} to test; {call:.1} microseconds more for a call that \
+        {radix_sort_from} spheres on;\n{device}\n\n\
+        nanoseconds for each sphere: {search_ns:.3} to search, {keep_ns:.3} to keep where it was, {measure_ns:.3} to measure how far \
+        it has gone;\nfor each candidate: {find_ns:.3} to find, {test_ns:.3} to test; {call_us:.1} microseconds more for a call that \
         keeps some\n\nkept in {}\n",
         path.display()
     ))

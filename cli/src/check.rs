@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime};
 
 use indicatif::ProgressBar;
 use lazygrid::Error;
-use lazygrid::gpu::GpuDevice;
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_check::detectors::compare::{self, FailedCase, Pace, SceneCase};
 use lazygrid_check::detectors::fuzz::Round;
 use lazygrid_check::detectors::sequence::{Sequence, Tally};
@@ -80,7 +80,7 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
     }
     let own = match &args.adapter {
         Some(adapter) => GpuDevice::shared_adapter(adapter),
-        None => GpuDevice::shared(true),
+        None => GpuDevice::shared(SoftwareAdapter::Allow),
     };
     match own {
         Ok(own) => Ok(Ok(Some(Gpu { own, adapter: args.adapter.clone() }))),

@@ -118,7 +118,7 @@ impl fmt::Display for Summary {
         }
         // What the GPU does, the host waits for.
         let waits = self.phases().any(|(name, _)| name == "wait");
-        let is_waited_for = |name: &str| waits && gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
+        let is_waited_for = |name: &str| waits && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);
         let total: Duration =
             self.phases().filter(|(name, _)| !is_waited_for(name)).map(|(_, time)| time).sum();
         let mut title = "time";
@@ -135,23 +135,23 @@ impl fmt::Display for Summary {
 /// The candidates of a call, as an object of `--json`.
 fn candidates_object(kept: &lazygrid::CandidateListStats) -> Value {
     json!({
-        "count": kept.count, "age": kept.age, "moved": kept.displacement_fraction,
+        "count": kept.count, "age": kept.age, "displacement_fraction": kept.displacement_fraction,
         "rebuilt": kept.rebuilt.map(|why| why.to_string()),
     })
 }
 
 /// The cost of a call on a GPU, as an object of `--json`.
-pub(crate) fn cost_object(cost: &gpu::Cost) -> Value {
+pub(crate) fn cost_object(cost: &gpu::CallCost) -> Value {
     json!({
         "dispatches": cost.dispatches, "working_bytes": cost.working_bytes, "pair_bytes": cost.pair_bytes,
-        "moved_bytes": cost.moved_bytes,
+        "traffic_bytes": cost.traffic_bytes,
     })
 }
 
 /// The same for a table.
-pub(crate) fn cost_text(cost: &gpu::Cost) -> String {
+pub(crate) fn cost_text(cost: &gpu::CallCost) -> String {
     let per_sphere = |bytes: u64| bytes as f64 / f64::from(cost.spheres.max(1));
-    let moved = cost.moved_bytes.map_or(String::new(), |bytes| format!(", moves {:.0}", per_sphere(bytes)));
+    let moved = cost.traffic_bytes.map_or(String::new(), |bytes| format!(", moves {:.0}", per_sphere(bytes)));
     format!("{} dispatches, {:.0} bytes a sphere{moved}", cost.dispatches, per_sphere(cost.working_bytes))
 }
 

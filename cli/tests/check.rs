@@ -59,7 +59,7 @@ fn the_gpu_is_all_right_where_there_is_one() {
     for speed in object["speeds"].as_array().expect("speeds") {
         let cost = &speed["gpu"];
         assert!(cost["dispatches"].as_u64() > Some(2) && cost["working_bytes"].as_u64() > Some(0), "{speed}");
-        assert_eq!(cost["moved_bytes"].is_u64(), speed["algorithm"] == "cell-list", "{speed}");
+        assert_eq!(cost["traffic_bytes"].is_u64(), speed["algorithm"] == "cell-list", "{speed}");
     }
 }
 

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use lazygrid::Sphere;
-use lazygrid::gpu::{GpuConfig, GpuDetector, GpuPairs, GpuSpheres, Outcome, wanted_features, wgpu};
+use lazygrid::gpu::{GpuConfig, GpuDetector, GpuOutput, GpuSpheres, Outcome, optional_features, wgpu};
 
 const SPHERES: u32 = 100_000;
 
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
 
     let mut detector = GpuDetector::new(&device, GpuConfig::default())?;
-    let GpuPairs { pairs, outcome, .. } = detector.reserve(SPHERES)?;
+    let GpuOutput { pairs, outcome, .. } = detector.reserve(SPHERES)?;
     let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("consume"),
         layout: &consumer.get_bind_group_layout(0),
@@ -81,7 +81,7 @@ fn simulator_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn Error>> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))?;
     let descriptor = wgpu::DeviceDescriptor {
-        required_features: adapter.features() & wanted_features(),
+        required_features: adapter.features() & optional_features(),
         required_limits: adapter.limits(),
         ..Default::default()
     };

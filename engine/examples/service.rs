@@ -8,7 +8,7 @@ use std::io::Write;
 use std::time::{Duration, Instant};
 
 use lazygrid::Sphere;
-use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, wgpu};
+use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SoftwareAdapter, wgpu};
 
 /// Moves every sphere along a fixed direction of its own and keeps it in the unit box.
 const MOVE: &str = "
@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut numbers = std::env::args().skip(1).map(|text| text.parse::<u32>());
     let spheres = numbers.next().transpose()?.unwrap_or(20_000).max(1);
     let steps = numbers.next().transpose()?.unwrap_or(100);
-    let GpuDevice { device, queue, adapter, .. } = GpuDevice::open(true)?;
+    let GpuDevice { device, queue, adapter, .. } = GpuDevice::open(SoftwareAdapter::Allow)?;
 
     let radius = (0.05 / (4.19 * f64::from(spheres))).cbrt() as f32;
     let start: Vec<Sphere> =

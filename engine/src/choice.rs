@@ -1,22 +1,26 @@
 //! Which backend runs, and which algorithm on a GPU: pure functions, each answer with its reason. The CPU path's own
 //! choice is in `lazygrid_host::algorithm_choice`.
 
+#[cfg(feature = "gpu")]
+use lazygrid_host::SkinCosts;
 use lazygrid_kernels::Algorithm;
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{AdapterId, AdapterSummary, Calibration, Crossover, GpuConfig, SkinCosts};
+use crate::gpu::costs::{AdapterProfile, Crossover};
+#[cfg(feature = "gpu")]
+use crate::gpu::device::AdapterId;
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU if there are too many spheres to test all pairs.
 #[cfg(feature = "gpu")]
-pub(crate) const GRID: Algorithm = Algorithm::CellList;
+pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 
 /// The backend that is meant where an adapter may have been named: nobody names one in order not to run on it.
 ///
 /// # Errors
 /// [`Error::AdapterOnCpu`] for the CPU and an adapter.
 #[cfg(feature = "gpu")]
-pub(crate) fn meant(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
+pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
     match (asked, adapter) {
         (asked, None) => Ok(asked),
         (Backend::Cpu, Some(adapter)) => Err(Error::AdapterOnCpu { adapter: adapter.to_string() }),
@@ -69,63 +73,11 @@ pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
 
 /// The backend of a call for this number of spheres in the host's memory, and why.
 #[cfg(feature = "gpu")]
-pub(crate) fn per_call(spheres: u64, known: &Known) -> (Backend, String) {
-    let Known { device_from, how, .. } = *known;
+pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String) {
+    let AdapterProfile { device_from, how, .. } = *known;
     match spheres < u64::from(device_from) {
         true => (Backend::Cpu, format!("CPU: {spheres} spheres are fewer than {device_from} ({how})")),
         false => (Backend::Gpu, format!("GPU: {spheres} spheres are at least {device_from} ({how})")),
-    }
-}
-
-/// The measured or assumed costs of an adapter.
-#[cfg(feature = "gpu")]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Known {
-    /// The number of spheres at which all pairs and the grid cost the same.
-    pub(crate) crossover: Crossover,
-    /// From how many spheres on a cell list is sorted by radix.
-    pub(crate) radix_from: u32,
-    /// The costs of keeping a candidate list.
-    pub(crate) skin: SkinCosts,
-    /// From how many spheres on the device answers earlier than the CPU.
-    pub(crate) device_from: u32,
-    /// The source of these numbers, for reasons in reports.
-    pub(crate) how: &'static str,
-}
-
-#[cfg(feature = "gpu")]
-impl Known {
-    /// The assumptions about an adapter that was not measured.
-    pub(crate) const fn assumed(adapter: &AdapterSummary) -> Self {
-        let crossover = Crossover::assumed(adapter.is_hardware);
-        let device_from = match adapter {
-            AdapterSummary { is_hardware: false, .. } => u32::MAX,
-            AdapterSummary { is_integrated: true, .. } => Calibration::INTEGRATED_DEVICE_FROM,
-            _ => Calibration::DEVICE_FROM,
-        };
-        let (radix_from, skin, how) = match adapter.is_hardware {
-            true => {
-                (GpuConfig::RADIX_FROM, SkinCosts::HARDWARE, "assumed of a GPU, not measured on this adapter")
-            }
-            false => (
-                GpuConfig::SOFTWARE_RADIX_FROM,
-                SkinCosts::SOFTWARE,
-                "assumed of a software adapter, not measured on this one",
-            ),
-        };
-        Self { crossover, radix_from, skin, device_from, how }
-    }
-}
-
-/// Returns the costs of an adapter, by calibrations or by assumption.
-#[cfg(feature = "gpu")]
-pub(crate) fn known(calibrations: &[Calibration], adapter: &AdapterSummary) -> Known {
-    let same = |known: &&Calibration| known.is_of(adapter);
-    match calibrations.iter().rev().find(same) {
-        Some(&Calibration { crossover, radix_from, skin, device_from, .. }) => {
-            Known { crossover, radix_from, skin, device_from, how: "measured on this adapter" }
-        }
-        None => Known::assumed(adapter),
     }
 }
 
@@ -145,24 +97,25 @@ pub(crate) fn algorithm(
         let [a, b] = [split, spheres - split].map(u64::from);
         // Where both cost the same, the grid costs as much for each of `at` spheres as comparing it with half of them.
         let is_few = 2 * a * b < (a + b) * u64::from(at);
-        let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (GRID, "many") };
+        let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (LARGE_INPUT_ALGORITHM, "many") };
         return (chosen, format!("{chosen}: {a} times {b} comparisons are {few} ({known})"));
     }
     let sizes = if classes == 1 { "1 size class" } else { &format!("{classes} size classes") };
-    let (chosen, relation) = if spheres < at { (Algorithm::Naive, "fewer than") } else { (GRID, "at least") };
+    let (chosen, relation) =
+        if spheres < at { (Algorithm::Naive, "fewer than") } else { (LARGE_INPUT_ALGORITHM, "at least") };
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
 }
 
 /// Whether a call on a GPU that runs as `chosen` may keep candidates where the skin is left open, and why not. Which skin is
 /// worth it, if any, is for the motion to say.
 #[cfg(feature = "gpu")]
-pub(crate) fn may_keep(
+pub(crate) fn can_use_skin(
     asked: Algorithm,
     chosen: Algorithm,
     spheres: u32,
     costs: &SkinCosts,
 ) -> Result<(), String> {
-    let least = costs.worth_from();
+    let least = costs.min_worthwhile_spheres();
     match least {
         _ if !matches!(asked, Algorithm::Auto | Algorithm::CellList) => Err(format!("{asked} keeps none")),
         _ if chosen == Algorithm::Naive => Err("all pairs of so few cost less".to_owned()),
@@ -181,7 +134,8 @@ pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
 #[cfg(all(test, feature = "gpu"))]
 mod tests {
     use super::*;
-    use crate::gpu::adapter::card;
+    use crate::gpu::costs::{Calibration, HARDWARE_SKIN_COSTS, SOFTWARE_SKIN_COSTS, profile_of};
+    use crate::gpu::device::{AdapterSummary, card};
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
 
@@ -232,14 +186,14 @@ mod tests {
     }
 
     #[test]
-    fn who_names_an_adapter_means_the_gpu() {
+    fn named_adapter_implies_the_gpu() {
         let card = AdapterId::from("card");
         for asked in Backend::ALL {
-            assert_eq!(meant(asked, None), Ok(asked));
+            assert_eq!(resolve_backend(asked, None), Ok(asked));
         }
-        assert_eq!(meant(Backend::Auto, Some(&card)), Ok(Backend::Gpu));
-        assert_eq!(meant(Backend::Gpu, Some(&card)), Ok(Backend::Gpu));
-        let refused = meant(Backend::Cpu, Some(&card)).expect_err("a contradiction").to_string();
+        assert_eq!(resolve_backend(Backend::Auto, Some(&card)), Ok(Backend::Gpu));
+        assert_eq!(resolve_backend(Backend::Gpu, Some(&card)), Ok(Backend::Gpu));
+        let refused = resolve_backend(Backend::Cpu, Some(&card)).expect_err("a contradiction").to_string();
         assert!(refused.contains("card") && refused.contains("cpu"), "{refused}");
         // The missing GPU is not the cause of the failure.
         let unknown = Error::UnknownAdapter { asked: String::new(), fitting: 0, there_are: String::new() };
@@ -273,11 +227,11 @@ mod tests {
             (Algorithm::Auto, 0, 0, Algorithm::Naive),
             (Algorithm::Auto, 1, 1, Algorithm::Naive),
             (Algorithm::Auto, 9_999, 1, Algorithm::Naive),
-            (Algorithm::Auto, 10_000, 1, GRID),
+            (Algorithm::Auto, 10_000, 1, LARGE_INPUT_ALGORITHM),
             (Algorithm::Auto, 10_000, 2, Algorithm::Naive),
             (Algorithm::Auto, 11_999, 5, Algorithm::Naive),
-            (Algorithm::Auto, 12_000, 5, GRID),
-            (Algorithm::Auto, u32::MAX, 256, GRID),
+            (Algorithm::Auto, 12_000, 5, LARGE_INPUT_ALGORITHM),
+            (Algorithm::Auto, u32::MAX, 256, LARGE_INPUT_ALGORITHM),
             (Algorithm::Naive, 1_000_000, 1, Algorithm::Naive),
             (Algorithm::ArrayGrid, 1, 1, Algorithm::ArrayGrid),
         ] {
@@ -300,9 +254,9 @@ mod tests {
         for (first, second, expected) in [
             (1, 10_000_000, Algorithm::Naive),
             (4_999, 10_000_000, Algorithm::Naive),
-            (5_004, 10_000_000, GRID),
+            (5_004, 10_000_000, LARGE_INPUT_ALGORITHM),
             (9_999, 9_999, Algorithm::Naive),
-            (10_000, 10_000, GRID),
+            (10_000, 10_000, LARGE_INPUT_ALGORITHM),
         ] {
             for (a, b) in [(first, second), (second, first)] {
                 let (chosen, reason) =
@@ -310,7 +264,10 @@ mod tests {
                 assert_eq!(chosen, expected, "{a} and {b}: {reason}");
             }
         }
-        assert_eq!(algorithm(GRID, (2, Some(1), 1), (crossover, "measured")).0, GRID);
+        assert_eq!(
+            algorithm(LARGE_INPUT_ALGORITHM, (2, Some(1), 1), (crossover, "measured")).0,
+            LARGE_INPUT_ALGORITHM
+        );
     }
 
     #[test]
@@ -330,8 +287,16 @@ mod tests {
     fn candidates() {
         use Algorithm::{Auto, CellList, LazyGrid, Naive};
         // A call costs as much as is saved for a thousand spheres.
-        let costs = SkinCosts { search: 11.0, find: 1.0, keep: 1.0, measure: 1.0, test: 1.0, call: 10_000.0 };
-        let never = SkinCosts { measure: 12.0, ..costs };
+        let costs = SkinCosts {
+            search_ns: 11.0,
+            levels_ns: 0.0,
+            find_ns: 1.0,
+            keep_ns: 1.0,
+            measure_ns: 1.0,
+            test_ns: 1.0,
+            call_ns: 10_000.0,
+        };
+        let never = SkinCosts { measure_ns: 12.0, ..costs };
         for (asked, chosen, spheres, costs, expected) in [
             (Auto, CellList, 1000, costs, Ok(())),
             (CellList, CellList, 1000, costs, Ok(())),
@@ -341,21 +306,21 @@ mod tests {
             (LazyGrid, LazyGrid, 1_000_000, costs, Err("lazy-grid keeps none")),
             (Auto, CellList, u32::MAX, never, Err("testing them costs more than searching anew")),
         ] {
-            let may = may_keep(asked, chosen, spheres, &costs);
+            let may = can_use_skin(asked, chosen, spheres, &costs);
             assert_eq!(may, expected.map_err(str::to_owned), "{asked}, {chosen}, {spheres}");
         }
     }
 
     #[test]
-    fn calibrations_are_of_one_adapter_driver_and_version() {
+    fn calibration_applies_to_one_adapter_driver_and_version() {
         let adapter = card("Card");
         let measured = |adapter: &str, driver: &str, version: &str, naive_below| Calibration {
             adapter: adapter.to_owned(),
             driver: driver.to_owned(),
             version: version.to_owned(),
             crossover: Crossover { naive_below, per_class: 0 },
-            radix_from: 1000 * naive_below,
-            skin: SkinCosts { call: naive_below as f32, ..SkinCosts::SOFTWARE },
+            radix_sort_from: 1000 * naive_below,
+            skin: SkinCosts { call_ns: naive_below as f32, ..SOFTWARE_SKIN_COSTS },
             device_from: 10 * naive_below,
         };
         let version = env!("CARGO_PKG_VERSION");
@@ -364,21 +329,21 @@ mod tests {
             measured("Card", "driver 2", version, 2),
             measured("Card", "driver 1", "0.0.1", 3),
         ];
-        let assumed = known(&others, &adapter);
-        assert!(assumed.crossover == Crossover::HARDWARE && assumed.skin == SkinCosts::HARDWARE);
+        let assumed = profile_of(&others, &adapter);
+        assert!(assumed.crossover == Crossover::HARDWARE && assumed.skin == HARDWARE_SKIN_COSTS);
         assert!(assumed.how.contains("not measured"), "{assumed:?}");
         assert_eq!(per_call(4095, &assumed).0, Backend::Cpu);
         assert_eq!(per_call(4096, &assumed).0, Backend::Gpu);
-        let integrated = known(&others, &AdapterSummary { is_integrated: true, ..adapter.clone() });
+        let integrated = profile_of(&others, &AdapterSummary { is_integrated: true, ..adapter.clone() });
         assert_eq!(integrated.device_from, Calibration::INTEGRATED_DEVICE_FROM);
         let software = AdapterSummary { is_hardware: false, ..adapter.clone() };
-        let assumed = known(&[], &software);
-        assert!(assumed.crossover == Crossover::SOFTWARE && assumed.skin == SkinCosts::SOFTWARE);
+        let assumed = profile_of(&[], &software);
+        assert!(assumed.crossover == Crossover::SOFTWARE && assumed.skin == SOFTWARE_SKIN_COSTS);
         assert_eq!(per_call(1_000_000_000, &assumed).0, Backend::Cpu);
-        let own = [4, 5].map(|naive_below| measured("Card", "driver 1", version, naive_below));
-        // The last word counts.
-        let last = known(&[&others[..], &own].concat(), &adapter);
-        assert!(last.crossover.naive_below == 5 && last.skin.call == 5.0, "{last:?}");
-        assert_eq!((last.radix_from, last.device_from), (5000, 50));
+        let current = [4, 5].map(|naive_below| measured("Card", "driver 1", version, naive_below));
+        // The latest calibration counts.
+        let last = profile_of(&[&others[..], &current].concat(), &adapter);
+        assert!(last.crossover.naive_below == 5 && last.skin.call_ns == 5.0, "{last:?}");
+        assert_eq!((last.radix_sort_from, last.device_from), (5000, 50));
     }
 }

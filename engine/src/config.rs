@@ -7,7 +7,9 @@ use lazygrid_host::{Settings, Simd};
 use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{AdapterId, Calibration};
+use crate::gpu::costs::Calibration;
+#[cfg(feature = "gpu")]
+use crate::gpu::device::AdapterId;
 use crate::{Order, Skin};
 
 /// The configuration of a [`Detector`](crate::Detector). The default suits almost all programs.
@@ -132,8 +134,8 @@ impl Config {
     /// A flag that ends searches on the CPU from outside, such as for Ctrl-C: while it is true they give
     /// [`Error::Stopped`](crate::Error::Stopped) within some milliseconds, though not while spheres are sorted or
     /// pairs put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
-    pub fn stop(mut self, stop: Arc<AtomicBool>) -> Self {
-        self.settings.stop = Some(stop);
+    pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
+        self.settings.stop = Some(flag);
         self
     }
 

@@ -1,12 +1,14 @@
-use std::fmt::Debug;
 use std::ops::ControlFlow;
 
-use lazygrid_host::{HostBackend, Neighbors, PairFinder, SearchBackend};
+use lazygrid_host::{HostBackend, Neighbors};
 use lazygrid_kernels::{MAX_SPHERES, Pair, Query};
 
+use crate::backend::BackendFinder;
+#[cfg(feature = "gpu")]
+use crate::backend::DetectorBackend;
 use crate::geometry::Geometry;
 #[cfg(feature = "gpu")]
-use crate::gpu::{AutoBackend, DeviceBackend, GpuDevice};
+use crate::gpu::{AutoBackend, GpuBackend, GpuDevice, SoftwareAdapter};
 use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 
 /// All pairs of overlapping spheres, in canonical order, with default settings.
@@ -25,61 +27,42 @@ pub fn detect<'a>(query: impl Into<Query<'a>>) -> Result<Vec<Pair>, Error> {
 /// the size of the input is allocated.
 #[derive(Debug)]
 pub struct Detector {
-    engine: Engine,
+    finder: BackendFinder,
     backend_reason: String,
     geometry: Box<Geometry>,
 }
 
-/// A backend of a detector.
-pub(crate) trait EngineBackend: SearchBackend + Debug + Send + Sync {
-    /// The report of the last call.
-    fn report(&self) -> Report;
-
-    /// Estimates the bytes held for `spheres` spheres.
-    fn memory_for(&self, spheres: u64) -> u64;
-}
-
-impl EngineBackend for HostBackend {
-    fn report(&self) -> Report {
-        self.report().into()
-    }
-
-    fn memory_for(&self, spheres: u64) -> u64 {
-        self.memory_for(spheres)
-    }
-}
-
-/// Finds pairs on the backend of a detector.
-pub(crate) type Engine = PairFinder<Box<dyn EngineBackend>>;
-
 /// The device that `config` asks for, the CPU, or both; and why.
 #[cfg(feature = "gpu")]
-fn engine(config: Config) -> Result<(Engine, String), Error> {
-    let open = |software| {
-        let own = match &config.adapter {
+fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
+    let open = |allows_software: bool| {
+        let gpu = match &config.adapter {
             Some(named) => GpuDevice::shared_adapter(named),
-            None => GpuDevice::shared(software),
+            None => GpuDevice::shared(match allows_software {
+                true => SoftwareAdapter::Allow,
+                false => SoftwareAdapter::Refuse,
+            }),
         };
-        own.map(|own| (own.adapter.name.clone(), own))
+        gpu.map(|gpu| (gpu.adapter.name.clone(), gpu))
     };
-    let asked = choice::meant(config.backend, config.adapter.as_ref())?;
-    let (own, reason) = choice::backend(asked, config.settings.algorithm, open)?;
-    let backend: Box<dyn EngineBackend> = match own {
-        Some(own) if choice::is_per_call(asked, config.settings.algorithm) => {
-            Box::new(AutoBackend::new(own, config)?)
+    let asked = choice::resolve_backend(config.backend, config.adapter.as_ref())?;
+    let (gpu, reason) = choice::backend(asked, config.settings.algorithm, open)?;
+    let backend: Box<dyn DetectorBackend> = match gpu {
+        Some(gpu) if choice::is_per_call(asked, config.settings.algorithm) => {
+            Box::new(AutoBackend::new(gpu, config)?)
         }
-        Some(own) => Box::new(DeviceBackend::new(own, config)?),
+        Some(gpu) => Box::new(GpuBackend::new(gpu, config)?),
         None => Box::new(HostBackend::new(config.settings)?),
     };
-    Ok((Engine::on(backend), reason))
+    Ok((BackendFinder::on(backend), reason))
 }
 
 /// The CPU, unless that is ruled out; and why.
 #[cfg(not(feature = "gpu"))]
-fn engine(config: Config) -> Result<(Engine, String), Error> {
+fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     let none = |_| Err::<(String, ()), _>(Error::WithoutGpu);
     let (_, reason) = choice::backend(config.backend, config.settings.algorithm, none)?;
-    Ok((Engine::on(Box::new(HostBackend::new(config.settings)?)), reason))
+    Ok((BackendFinder::on(Box::new(HostBackend::new(config.settings)?)), reason))
 }
 
 impl Detector {
@@ -91,9 +74,9 @@ impl Detector {
     /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Setting`] for a setting outside
     /// its range; [`Error::UnknownAdapter`] for an adapter that there is not.
     pub fn new(config: Config) -> Result<Self, Error> {
-        let (engine, backend_reason) = engine(config)?;
+        let (finder, backend_reason) = finder(config)?;
         log::info!("{backend_reason}");
-        Ok(Self { engine, backend_reason, geometry: Box::default() })
+        Ok(Self { finder, backend_reason, geometry: Box::default() })
     }
 
     /// The overlapping pairs, each once, in the order that was asked for. The slice lives until the next call.
@@ -118,7 +101,7 @@ impl Detector {
     /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
-        self.engine().pairs(query)
+        self.finder().pairs(query)
     }
 
     /// The pairs as neighbor lists: for every sphere all it overlaps, ascending, each pair in both lists. Of two sets, for
@@ -127,7 +110,7 @@ impl Detector {
     /// # Errors
     /// The same as [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
-        self.engine().neighbors(query)
+        self.finder().neighbors(query)
     }
 
     /// Neighbor lists with geometry: for every sphere those within reach, with the shifts of their images, the vectors to them
@@ -160,7 +143,7 @@ impl Detector {
         query: impl Into<Query<'a>>,
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
-        self.geometry.neighbor_list(&mut self.engine, &query.into(), options)
+        self.geometry.neighbor_list(&mut self.finder, &query.into(), options)
     }
 
     /// Counts the pairs. Needs no memory for them, so any number can be counted.
@@ -168,7 +151,7 @@ impl Detector {
     /// # Errors
     /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
-        self.engine().count(query)
+        self.finder().count(query)
     }
 
     /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns how many were handed over.
@@ -190,21 +173,21 @@ impl Detector {
     where
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
-        self.engine().stream(query, chunk, consume)
+        self.finder().stream(query, chunk, consume)
     }
 
     /// The report of the last call; before the first call, the backend and the reason for it.
     pub fn report(&self) -> Report {
         let geometry = self.geometry.report().cloned();
-        let mut report = geometry.unwrap_or_else(|| self.engine.backend().report());
+        let mut report = geometry.unwrap_or_else(|| self.finder.backend().report());
         report.precede(&self.backend_reason);
         report
     }
 
-    /// The engine, whose own report becomes that of the detector.
-    fn engine(&mut self) -> &mut Engine {
+    /// The pair finder, whose own report becomes that of the detector.
+    fn finder(&mut self) -> &mut BackendFinder {
         self.geometry.end();
-        &mut self.engine
+        &mut self.finder
     }
 
     /// Estimates the bytes that this detector holds for `spheres` spheres, besides the result. On the CPU the estimate is an
@@ -219,11 +202,11 @@ impl Detector {
     /// crowd together may have entries on several levels: ten sizes at one point have about 44 each. A call that needs
     /// more makes room for them, 16 bytes each, and later estimates count it.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        self.engine.backend().memory_for(spheres.min(MAX_SPHERES))
+        self.finder.backend().memory_for(spheres.min(MAX_SPHERES))
     }
 
     /// The list of [`pairs`](Self::pairs) where that was the last call, without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
-        self.engine.into_pairs()
+        self.finder.into_pairs()
     }
 }

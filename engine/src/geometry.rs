@@ -8,7 +8,7 @@ use lazygrid_host::{
 };
 use lazygrid_kernels::{Algorithm, Query, Space};
 
-use crate::detector::Engine;
+use crate::backend::BackendFinder;
 use crate::{Error, Report};
 
 /// The buffers of neighbor lists, and the search for pairs of spheres and images.
@@ -26,7 +26,7 @@ impl Geometry {
     /// Finds the pairs of a query with all images within reach, and builds their list.
     pub(crate) fn neighbor_list(
         &mut self,
-        engine: &mut Engine,
+        engine: &mut BackendFinder,
         query: &Query<'_>,
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
@@ -46,7 +46,7 @@ impl Geometry {
     /// The same of a box in which more than the nearest image of a sphere may be within reach.
     fn among_images(
         &mut self,
-        engine: &Engine,
+        engine: &BackendFinder,
         query: &Query<'_>,
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {

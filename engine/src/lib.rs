@@ -46,6 +46,7 @@
 #![cfg_attr(not(feature = "gpu"), allow(rustdoc::broken_intra_doc_links))]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+mod backend;
 mod choice;
 mod config;
 mod detector;

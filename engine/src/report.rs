@@ -21,7 +21,7 @@ pub struct Report {
     pub reason: String,
     /// What the call cost the GPU, by its plan; `None` on the CPU, and where it was answered from candidates that were kept.
     #[cfg(feature = "gpu")]
-    pub cost: Option<crate::gpu::Cost>,
+    pub cost: Option<crate::gpu::CallCost>,
     /// The candidates that the call was answered from; `None` where it searched without any.
     pub candidates: Option<CandidateListStats>,
     /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.

@@ -123,9 +123,9 @@ fn every_setting() -> Result<Config, Error> {
 #[cfg(feature = "gpu")]
 mod on_gpu {
     use lazygrid::gpu::{
-        AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, Cost, Count, GpuConfig, GpuDetector,
-        GpuDevice, GpuPairs, GpuSession, GpuSkinDetector, GpuSorted, GpuSpheres, Keyed, Outcome, PrefixScan,
-        RadixSort, Ticket, adapters, calibrate, wgpu,
+        AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, CallCost, CellOrder, GpuConfig,
+        GpuDetector, GpuDevice, GpuOutput, GpuSession, GpuSkinDetector, GpuSpheres, KeyValueBuffers, Outcome,
+        PrefixScan, RadixSort, SoftwareAdapter, SphereCount, Ticket, adapters, calibrate, wgpu,
     };
 
     use super::*;
@@ -137,10 +137,10 @@ mod on_gpu {
         crosses_threads::<GpuSkinDetector>();
         crosses_threads::<GpuConfig>();
         crosses_threads::<GpuSpheres<'_>>();
-        crosses_threads::<Count<'_>>();
+        crosses_threads::<SphereCount<'_>>();
         crosses_threads::<AdapterSummary>();
-        crosses_threads::<GpuPairs>();
-        crosses_threads::<GpuSorted>();
+        crosses_threads::<GpuOutput>();
+        crosses_threads::<CellOrder>();
         crosses_threads::<BoundScan>();
         crosses_threads::<BoundSort>();
         is_data::<AdapterId>();
@@ -150,8 +150,8 @@ mod on_gpu {
     #[expect(dead_code, reason = "compiled only")]
     fn every_way_in(device: &wgpu::Device, queue: &wgpu::Queue, rows: &[Sphere]) -> Result<(), Error> {
         let _: Vec<AdapterSummary> = adapters();
-        let own: GpuDevice = GpuDevice::lent(device, queue);
-        let _: GpuDevice = GpuDevice::open(true)?;
+        let own: GpuDevice = GpuDevice::from_wgpu(device, queue);
+        let _: GpuDevice = GpuDevice::open(SoftwareAdapter::Allow)?;
         let _: GpuDevice = GpuDevice::open_adapter(&AdapterId::from("name"))?;
         let known: Calibration = calibrate(&own, |_| ())?;
         let config = Config::default().adapter(0).timeout(Duration::from_secs(1)).calibration([known]);
@@ -160,7 +160,7 @@ mod on_gpu {
         let ticket: Ticket = session.begin(rows.into())?;
         let _: &[Pair] = session.finish(ticket, 1000)?;
         let _: &Outcome = session.outcome();
-        let _: Option<Cost> = session.cost();
+        let _: Option<CallCost> = session.cost();
         Ok(())
     }
 
@@ -171,18 +171,18 @@ mod on_gpu {
         spheres: &wgpu::Buffer,
     ) -> Result<(), Error> {
         let mut detector: GpuDetector = GpuDetector::new(device, GpuConfig::default())?;
-        let cost: Cost = detector.cost(1000)?;
+        let cost: CallCost = detector.cost(1000)?;
         let _: (u32, u64, u64, Option<u64>) =
-            (cost.dispatches, cost.working_bytes, cost.pair_bytes, cost.moved_bytes);
-        let reserved: GpuPairs = detector.reserve(1000)?;
-        let found: GpuPairs = detector.encode(encoder, &GpuSpheres::new(spheres, 1000))?;
+            (cost.dispatches, cost.working_bytes, cost.pair_bytes, cost.traffic_bytes);
+        let reserved: GpuOutput = detector.reserve(1000)?;
+        let found: GpuOutput = detector.encode(encoder, &GpuSpheres::new(spheres, 1000))?;
         let _: [&wgpu::Buffer; 3] = [&reserved.pairs, &found.outcome, &found.pairs];
         let scan: BoundScan = PrefixScan::new(device, true).bind(spheres, 1000)?;
         scan.encode(encoder);
-        let keyed = Keyed { keys: spheres.clone(), payload: scan.total().clone() };
+        let keyed = KeyValueBuffers { keys: spheres.clone(), payload: scan.total().clone() };
         let sort: BoundSort = RadixSort::new(device, true).bind(&keyed, 1000, 24)?;
         sort.encode(encoder);
-        let _: &Keyed = sort.sorted();
+        let _: &KeyValueBuffers = sort.sorted();
         Ok(())
     }
 }
@@ -207,7 +207,7 @@ fn a_flag_ends_a_search_and_is_no_part_of_the_next() -> Result<(), Error> {
     let rows: Vec<_> = (0..20_000_u16).map(|k| Sphere::new([f32::from(k), 0.0, 0.0], 0.5)).collect();
     for &algorithm in Algorithm::CPU {
         let stop = Arc::new(AtomicBool::new(true));
-        let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).stop(stop.clone());
+        let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).cancel_flag(stop.clone());
         let mut detector = Detector::new(config)?;
         assert_eq!(detector.count(&rows), Err(Error::Stopped), "{algorithm}");
         assert_eq!(detector.pairs(&rows).map(<[Pair]>::len), Err(Error::Stopped), "{algorithm}");

@@ -40,4 +40,4 @@ pub use output::{
 pub use report::{CandidateListStats, PhaseTime, RebuildReason, Report};
 pub use settings::{Order, SKIN_RANGE, Settings, Skin};
 pub use size_class::SIZE_CLASSES;
-pub use skin::{SkinTuner, TunerCosts};
+pub use skin::{SkinCosts, SkinTuner};

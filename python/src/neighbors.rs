@@ -45,7 +45,7 @@ impl Cutoffs<'_> {
 
     /// A detector that finds all atoms at most their cutoff apart.
     fn detector(&self, space: Space, stop: Arc<AtomicBool>) -> Result<Detector, Error> {
-        let config = Config::default().backend(Backend::Cpu).space(space).stop(stop);
+        let config = Config::default().backend(Backend::Cpu).space(space).cancel_flag(stop);
         let Self::Kinds { table, count, .. } = *self else { return Detector::new(config) };
         let mut interactions = Interactions::new(count as u32, Interaction::Never)?;
         for a in 0..count {

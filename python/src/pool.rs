@@ -68,7 +68,7 @@ impl DetectorPool {
 impl PooledDetector {
     fn new(config: &Config) -> Result<Box<Self>, Error> {
         let cancel = Arc::new(AtomicBool::new(false));
-        let detector = lazygrid::Detector::new(config.clone().stop(cancel.clone()))?;
+        let detector = lazygrid::Detector::new(config.clone().cancel_flag(cancel.clone()))?;
         Ok(Box::new(Self { detector, cancel }))
     }
 }

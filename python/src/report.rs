@@ -15,14 +15,14 @@ pub(crate) fn dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py,
         gpu.set_item("dispatches", cost.dispatches)?;
         gpu.set_item("working_bytes", cost.working_bytes)?;
         gpu.set_item("pair_bytes", cost.pair_bytes)?;
-        gpu.set_item("moved_bytes", cost.moved_bytes)?;
+        gpu.set_item("traffic_bytes", cost.traffic_bytes)?;
         Ok::<_, PyErr>(gpu)
     });
     let candidates = report.candidates.as_ref().map(|kept| {
         let candidates = PyDict::new(py);
         candidates.set_item("count", kept.count)?;
         candidates.set_item("age", kept.age)?;
-        candidates.set_item("moved", kept.displacement_fraction)?;
+        candidates.set_item("displacement_fraction", kept.displacement_fraction)?;
         candidates.set_item("rebuilt", kept.rebuilt.map(|why| why.to_string()))?;
         Ok::<_, PyErr>(candidates)
     });

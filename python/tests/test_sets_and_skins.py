@@ -182,7 +182,7 @@ def test_a_skin_never_changes_an_answer(skin: Skin) -> None:
         candidates = kept.report["candidates"]
         if candidates is not None:
             served += candidates["rebuilt"] is None
-            assert candidates["count"] >= kept.report["pairs"] and 0 <= candidates["moved"] <= 1
+            assert candidates["count"] >= kept.report["pairs"] and 0 <= candidates["displacement_fraction"] <= 1
         rows[:, :3] += random.uniform(-0.003, 0.003, (len(rows), 3)).astype(np.float32)
     assert served > 0 or skin == "auto"
 

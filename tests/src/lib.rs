@@ -18,7 +18,7 @@ pub mod variants;
 
 mod adapter;
 
-use lazygrid::gpu::GpuDevice;
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 
 pub use lazygrid_check::{
     DetectorVariant, SceneSeed, SeedReader, SpeciesSetup, TestInput, Tolerance, checksum, difference,
@@ -30,5 +30,5 @@ pub use variants::{SuiteVariant, THREADS, in_pool};
 /// # Panics
 /// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.
 pub fn device() -> Option<GpuDevice> {
-    adapter::or_skip(GpuDevice::open(true))
+    adapter::or_skip(GpuDevice::open(SoftwareAdapter::Allow))
 }

@@ -3,7 +3,7 @@
 use std::env;
 use std::sync::LazyLock;
 
-use lazygrid::gpu::GpuDevice;
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair, Simd, Sphere};
 use lazygrid_check::{DetectorVariant, TargetDevice};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -48,7 +48,7 @@ fn on_cpu() -> impl Iterator<Item = DetectorVariant> {
 
 /// The GPU variants, one for each algorithm except `Auto`. Empty if no adapter exists.
 fn on_gpu() -> Vec<DetectorVariant> {
-    let Some(gpu) = or_skip(GpuDevice::shared(true)) else { return Vec::new() };
+    let Some(gpu) = or_skip(GpuDevice::shared(SoftwareAdapter::Allow)) else { return Vec::new() };
     let target = TargetDevice::Gpu { subgroups: gpu.adapter.has_subgroups };
     Algorithm::GPU.iter().map(|&algorithm| DetectorVariant::new(algorithm, target)).collect()
 }

@@ -127,8 +127,9 @@ impl Ask {
             Self::Canonical | Self::Unordered => Ok(sum(detector.pairs(spheres)?)),
             Self::Neighbors => {
                 let lists = detector.neighbors(spheres)?;
-                let later =
-                    |i: u32| lists.neighbors_of(i as usize).iter().filter(move |&&j| i < j).map(move |&j| (i, j));
+                let later = |i: u32| {
+                    lists.neighbors_of(i as usize).iter().filter(move |&&j| i < j).map(move |&j| (i, j))
+                };
                 streamed.clear();
                 streamed.extend((0..spheres.len() as u32).flat_map(later).map(|(i, j)| Pair { i, j }));
                 Ok(sum(streamed))

@@ -178,8 +178,9 @@ fn neighbors_equal_the_pairs() {
             let pairs = variant.own_pairs(&scenario, &oracle)?;
             let expected = neighbor_lists(&pairs, scenario.spheres.len());
             let mut detector = detector(variant, Config::default().order(order))?;
-            let lists =
-                |n: Neighbors<'_>| -> Vec<Vec<u32>> { (0..n.len()).map(|k| n.neighbors_of(k).to_vec()).collect() };
+            let lists = |n: Neighbors<'_>| -> Vec<Vec<u32>> {
+                (0..n.len()).map(|k| n.neighbors_of(k).to_vec()).collect()
+            };
             let found = variant.run(|| detector.neighbors(scenario.query()).map(lists));
             if found.as_ref() != Ok(&expected) {
                 return Err(format!("{variant}: {found:?}, expected {expected:?}"));

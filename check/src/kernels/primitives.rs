@@ -1,6 +1,6 @@
 //! Checks of the radix sort and the prefix scan on the device, against plain sequential functions.
 
-use lazygrid::gpu::{GpuDevice, Keyed, PrefixScan, RadixSort};
+use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort};
 use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
 use lazygrid_kernels::layout::Lengths;
 
@@ -69,7 +69,7 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
 fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), KernelError> {
     let count = keys.len();
     let payload: Vec<u32> = (0..count as u32).collect();
-    let input = Keyed { keys: upload(own, keys)?, payload: upload(own, &payload)? };
+    let input = KeyValueBuffers { keys: upload(own, keys)?, payload: upload(own, &payload)? };
     let sort = sort.bind(&input, count as u32, bits)?;
     submit(own, |encoder| {
         sort.encode(encoder);

@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use lazygrid::Error;
-use lazygrid::gpu::{GpuDevice, Keyed, PrefixScan, RadixSort, wgpu};
+use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort, wgpu};
 use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
 use lazygrid_kernels::layout::Lengths;
 
@@ -58,7 +58,7 @@ impl GpuTimer {
         let ticks = own.adapter.has_timestamps.then(|| {
             let descriptor =
                 wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 };
-            own.scoped("timestamps", 16, || {
+            own.with_error_scope("timestamps", 16, || {
                 let resolved = wgpu::BufferDescriptor {
                     label: None,
                     size: 16,
@@ -116,8 +116,10 @@ impl GpuTimer {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
         let bytes = u64::from(n) * 4;
-        let work =
-            Keyed { keys: storage_buffer(&self.own, bytes)?, payload: storage_buffer(&self.own, bytes)? };
+        let work = KeyValueBuffers {
+            keys: storage_buffer(&self.own, bytes)?,
+            payload: storage_buffer(&self.own, bytes)?,
+        };
         let sort = RadixSort::new(&self.own.device, subgroups).bind(&work, n, bits)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| {
             copy_all(encoder, &fresh[0], &work.keys);

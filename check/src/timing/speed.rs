@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use lazygrid::gpu::{self, Cost, GpuConfig, GpuDevice, GpuSession};
+use lazygrid::gpu::{self, CallCost, GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, PhaseTime, Skin, Sphere, Spheres};
 
 use super::bandwidth::median;
@@ -34,7 +34,7 @@ pub struct Speed {
     /// The number of timed rounds.
     pub rounds: usize,
     /// The dispatches and memory traffic of a call by its plan; `None` on the CPU.
-    pub cost: Option<Cost>,
+    pub cost: Option<CallCost>,
 }
 
 /// The reason why an algorithm was not timed.
@@ -58,7 +58,7 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
         error.to_string()
     };
     let speed = catch_panic(|| {
-        let settings = GpuConfig::default().algorithm(algorithm).timed(true);
+        let settings = GpuConfig::default().algorithm(algorithm).timestamps(true);
         let mut session = GpuSession::new(own.clone(), settings).map_err(&mut said)?;
         session.set_timeout(TIMEOUT);
         let timed = timed(|| {
@@ -66,7 +66,7 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
             let pairs = session.finish_count(ticket).map_err(&mut said)?;
             Ok((pairs, session.timings().to_vec()))
         })?;
-        let is_stage = |name: &str| gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
+        let is_stage = |name: &str| gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);
         let stages: Vec<_> = timed.stages.iter().copied().filter(|(name, _)| is_stage(name)).collect();
         let busy = if stages.is_empty() { timed.seconds } else { stages.iter().map(|(_, s)| s).sum() };
         Ok(Speed { stages, busy, cost: session.cost(), ..timed })

@@ -8,14 +8,14 @@ pub(crate) mod scenes;
 
 use adapter::or_skip;
 use bytemuck::Pod;
-use lazygrid::gpu::{GpuDevice, wgpu};
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
 pub(crate) use lazygrid_check::Random;
 use lazygrid_check::device;
 use lazygrid_kernels::kernel::{Kernel, Variant};
 
 /// The device to test on. Without one, the test prints the reason and is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
 pub(crate) fn device() -> Option<GpuDevice> {
-    or_skip(GpuDevice::open(true))
+    or_skip(GpuDevice::open(SoftwareAdapter::Allow))
 }
 
 /// Opens a device of the same adapter and features with other limits.
@@ -30,7 +30,7 @@ pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu
         ..Default::default()
     };
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
-    GpuDevice::lent(&device, &queue)
+    GpuDevice::from_wgpu(&device, &queue)
 }
 
 pub(crate) fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {

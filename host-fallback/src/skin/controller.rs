@@ -1,7 +1,7 @@
 //! Decides what a detector with a skin does in a call: test the candidates, rebuild them, or search without any.
 
 use super::candidate_list::{CandidateList, DisplacementLimits, fixed};
-use super::cost_model::{SkinScaling, TunerCosts, choose};
+use super::cost_model::{SkinCosts, SkinScaling, choose};
 use super::tuner::SkinTuner;
 use crate::cell_list::{CellList, DensityCache, DensityProfile};
 use crate::compare::PairTest;
@@ -81,7 +81,7 @@ impl SkinController {
         density: &DensityProfile,
     ) -> Result<Option<DisplacementLimits>, Error> {
         self.tuner.limits(SkinScaling::BySize, |motion, excess| {
-            Ok(choose((&input.stats, density), motion, (&TunerCosts::CPU, SkinScaling::BySize), excess))
+            Ok(choose((&input.stats, density), motion, (&SkinCosts::CPU, SkinScaling::BySize), excess))
         })
     }
 }

@@ -18,37 +18,58 @@ const MAX_CLASS_GROUPS: usize = 16;
 /// The smallest allowance, as a part of the largest.
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
-/// The costs of calls, in nanoseconds or any other unit: only ratios count.
+/// The costs of calls with and without a candidate list. Only their ratios count.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TunerCosts {
-    /// For each sphere of a search, for any result: to survey and sort on the CPU.
-    pub search: f32,
-    /// Of a search besides, over what the plan of the CPU's levels says of looking around.
-    pub levels: f32,
-    /// For each pair or candidate that a search finds.
-    pub find: f32,
-    /// For each sphere, to keep where it was.
-    pub keep: f32,
-    /// For each sphere, to measure how far it has gone.
-    pub measure: f32,
-    /// To test a candidate.
-    pub test: f32,
-    /// Of a call that keeps candidates, over one that does not, however many spheres there are.
-    pub call: f32,
+pub struct SkinCosts {
+    /// Nanoseconds per sphere of a search, for any result: to survey and sort on the CPU.
+    pub search_ns: f32,
+    /// Nanoseconds per unit of cost in the CPU's level plan, which a search takes besides. 0 on a GPU.
+    pub levels_ns: f32,
+    /// Nanoseconds per pair or candidate that a search finds.
+    pub find_ns: f32,
+    /// Nanoseconds per sphere to store its reference position.
+    pub keep_ns: f32,
+    /// Nanoseconds per sphere to measure its displacement.
+    pub measure_ns: f32,
+    /// Nanoseconds per candidate test.
+    pub test_ns: f32,
+    /// Nanoseconds per call that a candidate list costs for any number of spheres: for its further dispatches.
+    pub call_ns: f32,
 }
 
-impl TunerCosts {
+impl SkinCosts {
     /// Nanoseconds of the CPU path, measured beside each other on AMD EPYC.
-    pub const CPU: Self =
-        Self { search: 24.0, levels: 1.4, find: 12.0, keep: 10.0, measure: 7.0, test: 2.5, call: 0.0 };
+    pub const CPU: Self = Self {
+        search_ns: 24.0,
+        levels_ns: 1.4,
+        find_ns: 12.0,
+        keep_ns: 10.0,
+        measure_ns: 7.0,
+        test_ns: 2.5,
+        call_ns: 0.0,
+    };
+
+    /// Returns the smallest number of spheres for which a call answered from candidates may cost less than a search; `None`
+    /// if it never does.
+    pub fn min_worthwhile_spheres(&self) -> Option<u32> {
+        let saved = self.search_ns - self.measure_ns;
+        (saved > 0.0).then(|| (self.call_ns / saved).ceil() as u32)
+    }
+
+    /// Returns `true` if each cost can have been measured: finite, not negative, and positive for a search.
+    pub fn is_valid(&self) -> bool {
+        let Self { search_ns, levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns } = *self;
+        let others = [levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns];
+        search_ns.is_finite() && search_ns > 0.0 && others.iter().all(|cost| cost.is_finite() && *cost >= 0.0)
+    }
 
     /// The cost of a search for each sphere.
     fn of_search(&self, stats: &InputStats, density: &DensityProfile, found: f32) -> f32 {
-        let levels = match self.levels > 0.0 {
-            true => self.levels * LevelPlan::plan(stats, density).cost / stats.spheres as f32,
+        let levels = match self.levels_ns > 0.0 {
+            true => self.levels_ns * LevelPlan::plan(stats, density).cost / stats.spheres as f32,
             false => 0.0,
         };
-        self.search + levels + self.find * found
+        self.search_ns + levels + self.find_ns * found
     }
 }
 
@@ -89,7 +110,7 @@ pub(super) struct SkinChoice {
 pub(super) fn choose(
     (stats, density): (&InputStats, &DensityProfile),
     (steps, growth): (&[f32; SIZE_CLASSES], DisplacementGrowth),
-    (costs, scaling): (&TunerCosts, SkinScaling),
+    (costs, scaling): (&SkinCosts, SkinScaling),
     excess: f32,
 ) -> Option<SkinChoice> {
     let n = stats.spheres as f32;
@@ -106,8 +127,8 @@ pub(super) fn choose(
             break;
         }
         let wide = widened(stats, &limits);
-        let find = costs.keep + costs.of_search(&wide, density, candidates);
-        let test = costs.measure + costs.test * candidates + costs.call / n;
+        let find = costs.keep_ns + costs.of_search(&wide, density, candidates);
+        let test = costs.measure_ns + costs.test_ns * candidates + costs.call_ns / n;
         let calls = growth.steps(skin).floor();
         let time = (find + (calls + 1.0) * test) / (calls + 1.0);
         match &best {

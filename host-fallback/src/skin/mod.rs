@@ -18,5 +18,5 @@ mod tuner;
 
 pub(crate) use candidate_list::memory_of_candidates;
 pub(crate) use controller::SkinController;
-pub use cost_model::TunerCosts;
+pub use cost_model::SkinCosts;
 pub use tuner::SkinTuner;

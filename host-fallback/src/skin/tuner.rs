@@ -4,7 +4,7 @@
 use lazygrid_kernels::{Interactions, Space, Spheres};
 
 use super::candidate_list::DisplacementLimits;
-use super::cost_model::{SkinChoice, SkinScaling, TunerCosts, choose};
+use super::cost_model::{SkinChoice, SkinCosts, SkinScaling, choose};
 use super::displacement::{DisplacementGrowth, DisplacementStats};
 use crate::Error;
 use crate::cell_list::DensityProfile;
@@ -103,7 +103,7 @@ impl SkinTuner {
         spheres: Spheres<'_>,
         interactions: Option<&Interactions>,
         space: Space,
-        costs: &TunerCosts,
+        costs: &SkinCosts,
     ) -> Result<Option<f32>, Error> {
         let think = |displacements: (&[f32; SIZE_CLASSES], DisplacementGrowth), excess: f32| {
             let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
@@ -151,8 +151,15 @@ mod tests {
     use crate::test_support::Random;
 
     /// Costs of a backend on which a search takes as long as testing fifty candidates.
-    const COSTS: TunerCosts =
-        TunerCosts { search: 50.0, levels: 0.0, find: 5.0, keep: 5.0, measure: 5.0, test: 1.0, call: 0.0 };
+    const COSTS: SkinCosts = SkinCosts {
+        search_ns: 50.0,
+        levels_ns: 0.0,
+        find_ns: 5.0,
+        keep_ns: 5.0,
+        measure_ns: 5.0,
+        test_ns: 1.0,
+        call_ns: 0.0,
+    };
 
     /// Follows spheres in a periodic box that all go `step` at every call, some way each; how many calls candidates served,
     /// and the last skin.
@@ -160,7 +167,7 @@ mod tests {
         tuner: &mut SkinTuner,
         (n, calls): (usize, u32),
         step: f32,
-        costs: &TunerCosts,
+        costs: &SkinCosts,
     ) -> (u32, Option<f32>) {
         let mut random = Random(3);
         // About one partner within a diameter.
@@ -191,9 +198,9 @@ mod tests {
 
     #[test]
     fn skins_follow_from_the_motion_and_from_what_things_cost() {
-        let cheap = TunerCosts { search: 4.0, find: 1.0, ..COSTS };
+        let cheap = SkinCosts { search_ns: 4.0, find_ns: 1.0, ..COSTS };
         // As if each call took as long as searching among a thousand spheres anew.
-        let by_the_call = TunerCosts { call: 1000.0 * COSTS.search, ..COSTS };
+        let by_the_call = SkinCosts { call_ns: 1000.0 * COSTS.search_ns, ..COSTS };
         for (what, n, step, costs, calls_served) in [
             ("little displacements", 3000, 0.002, COSTS, 90..=100),
             ("none", 3000, 0.0, COSTS, 97..=100),

@@ -36,7 +36,7 @@ class Cost(TypedDict):
     dispatches: int
     working_bytes: int
     pair_bytes: int
-    moved_bytes: int | None
+    traffic_bytes: int | None
 
 
 class Candidates(TypedDict):
@@ -45,7 +45,7 @@ class Candidates(TypedDict):
     count: int
     age: int
     """How many calls ago they were found."""
-    moved: float
+    displacement_fraction: float
     """The part, from 0 to 1, of what a sphere may move that one has moved."""
     rebuilt: str | None
     """Why they were found anew in this call; ``None`` where they were kept."""

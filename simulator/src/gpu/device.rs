@@ -17,13 +17,13 @@ pub(super) fn refused(error: lazygrid::Error) -> Error {
 }
 
 /// Runs `work`, with what the device complained about as an error.
-pub(super) fn scoped<T>(
+pub(super) fn with_error_scope<T>(
     own: &GpuDevice,
     what: &'static str,
     bytes: u64,
     work: impl FnOnce() -> T,
 ) -> Result<T, Error> {
-    own.scoped(what, bytes, work).map_err(refused)
+    own.with_error_scope(what, bytes, work).map_err(refused)
 }
 
 /// A buffer for kernels to read and write, copied from and to.
@@ -35,7 +35,7 @@ pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<
     // A buffer above the uniform limit is never bound as a uniform.
     let usage = if size > 1 << 14 { usage - Usage::UNIFORM } else { usage };
     let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
-    scoped(own, name, size, || own.device.create_buffer(&descriptor))
+    with_error_scope(own, name, size, || own.device.create_buffer(&descriptor))
 }
 
 /// Contents as shaders read them.
@@ -53,7 +53,7 @@ pub(super) fn filled<T: ShaderType + WriteInto>(
 ) -> Result<wgpu::Buffer, Error> {
     let bytes = encoded(contents);
     let made = buffer(own, name, bytes.len() as u64)?;
-    scoped(own, name, 0, || own.queue.write_buffer(&made, 0, &bytes))?;
+    with_error_scope(own, name, 0, || own.queue.write_buffer(&made, 0, &bytes))?;
     Ok(made)
 }
 
@@ -70,7 +70,7 @@ pub(super) fn read(
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     };
-    let staging = scoped(own, "the readback", size, || own.device.create_buffer(&staging))?;
+    let staging = with_error_scope(own, "the readback", size, || own.device.create_buffer(&staging))?;
     let mut offset = 0;
     for &(source, bytes) in parts {
         if bytes > 0 {
@@ -78,12 +78,12 @@ pub(super) fn read(
         }
         offset += bytes;
     }
-    scoped(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
+    with_error_scope(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
     let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
     // Nobody listens any more where waiting failed. A device that is lost may show only here.
     let done = move |result| drop(tell.send(result));
-    scoped(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
+    with_error_scope(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(wait).map_err(|error| match error {
         wgpu::PollError::Timeout => refused(lazygrid::Error::Timeout { seconds: TIMEOUT.as_secs() }),

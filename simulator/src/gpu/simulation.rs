@@ -1,8 +1,8 @@
 //! A run on the device, step by step.
 
-use lazygrid::gpu::{Count, Crossover, GpuConfig, GpuDetector, GpuDevice, GpuSpheres, wgpu};
+use lazygrid::gpu::{Crossover, GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
-use super::device::{filled, read, refused, scoped};
+use super::device::{filled, read, refused, with_error_scope};
 use super::journey::{Itinerary, most_steps};
 use super::kernel as k;
 use super::layout::{Head, Lists};
@@ -246,7 +246,7 @@ impl GpuSimulation {
             self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
             if let Some(detector) = &mut self.detector {
                 let at_most = self.steps.sizes.particles;
-                let count = Count::Buffer { buffer: self.base.buffer("control"), at_most };
+                let count = SphereCount::Buffer { buffer: self.base.buffer("control"), at_most };
                 let input = GpuSpheres::new(self.steps.buffer("moved"), count)
                     .with_species(self.steps.buffer("species"));
                 detector.encode(&mut encoder, &input).map_err(refused)?;
@@ -256,7 +256,7 @@ impl GpuSimulation {
             if work >= SUBMISSION {
                 work = 0;
                 let full = std::mem::replace(&mut encoder, self.encoder());
-                scoped(&self.base.own, "steps", 0, || self.base.own.queue.submit([full.finish()]))?;
+                with_error_scope(&self.base.own, "steps", 0, || self.base.own.queue.submit([full.finish()]))?;
             }
         }
         self.look(encoder, particles, bursts)
@@ -315,7 +315,7 @@ impl GpuSimulation {
         let control = self.base.buffer("control");
         let zeros = vec![0u32; tallies];
         let queue = &self.base.own.queue;
-        scoped(&self.base.own, "counts", 0, || {
+        with_error_scope(&self.base.own, "counts", 0, || {
             queue.write_buffer(control, std::mem::offset_of!(Head, logged) as u64, &[0; 4]);
             queue.write_buffer(control, (head_bytes + 4 * tallies) as u64, bytemuck::cast_slice(&zeros));
         })?;

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use encase::ShaderType;
-use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuPairs, Outcome, wgpu};
+use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuOutput, Outcome, wgpu};
 
-use super::device::{buffer, encoded, filled, refused, scoped};
+use super::device::{buffer, encoded, filled, refused, with_error_scope};
 use super::journey::Itinerary;
 use super::kernel::{self as k, Kernel};
 use super::layout::{Body, Head, Journey, Lists};
@@ -114,7 +114,7 @@ impl Base {
     /// Hands over which receivers are near each cell.
     pub(super) fn list(&self, nearby: &Nearby) -> Result<(), Error> {
         let words = bytemuck::cast_slice(&nearby.words);
-        scoped(&self.own, "which receivers are near", 0, || {
+        with_error_scope(&self.own, "which receivers are near", 0, || {
             self.own.queue.write_buffer(self.buffer("bodies"), self.lists_at, words);
         })
     }
@@ -124,7 +124,7 @@ impl Base {
         let lists_at = (self.lists_at / 16) as u32;
         let head = encoded(&Journey { lists_at, lists, ..itinerary.head });
         let rows = encoded(&itinerary.rows);
-        scoped(&self.own, "where receivers are", 0, || {
+        with_error_scope(&self.own, "where receivers are", 0, || {
             self.own.queue.write_buffer(self.buffer("journey"), 0, &head);
             self.own.queue.write_buffer(self.buffer("bodies"), 0, &rows);
         })
@@ -150,7 +150,8 @@ impl Base {
             .collect();
         let descriptor =
             wgpu::BindGroupDescriptor { label: Some(kernel.name), layout: &layout, entries: &entries };
-        let bindings = scoped(&self.own, kernel.name, 0, || self.own.device.create_bind_group(&descriptor))?;
+        let bindings =
+            with_error_scope(&self.own, kernel.name, 0, || self.own.device.create_bind_group(&descriptor))?;
         Ok(Stage { pipeline, bindings, groups })
     }
 }
@@ -193,7 +194,7 @@ impl Steps {
         base: &mut Base,
         sizes: Sizes,
         rounds: u32,
-        found: Option<GpuPairs>,
+        found: Option<GpuOutput>,
     ) -> Result<Self, Error> {
         let mut buffers = base.buffers.clone();
         for name in SIZED {
@@ -204,7 +205,7 @@ impl Steps {
         }
         let detects = found.is_some();
         let mut order = None;
-        if let Some(GpuPairs { pairs, outcome, sorted, .. }) = found {
+        if let Some(GpuOutput { pairs, outcome, sorted, .. }) = found {
             buffers.insert("pairs", pairs);
             buffers.insert("outcome", outcome);
             order = sorted.map(|sorted| sorted.order);
@@ -253,7 +254,7 @@ impl Steps {
     }
 
     /// Returns `true` if they read what a detector leaves there.
-    pub(super) fn are_bound_to(&self, found: &GpuPairs) -> bool {
+    pub(super) fn are_bound_to(&self, found: &GpuOutput) -> bool {
         let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
         order && found.outcome == *self.buffer("outcome")
     }

@@ -6,7 +6,7 @@ mod adapter;
 mod surfaces;
 
 use adapter::or_skip;
-use lazygrid::gpu::{GpuDevice, wgpu};
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
 
 use super::device::{buffer, filled, read};
 use super::kernel::{self as k, expand};
@@ -20,7 +20,7 @@ use crate::reaction::matching::{Matching, ReactionCandidate};
 use crate::{Boundary, Model, Reaction, Species};
 
 fn device() -> Option<GpuDevice> {
-    or_skip(GpuDevice::shared(true))
+    or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 
 /// Runs `body` for each of `count` values of `k`, with `out: array<vec4<u32>>` to write to.

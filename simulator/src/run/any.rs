@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 #[cfg(feature = "gpu")]
-use lazygrid::gpu::GpuDevice;
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid::{Algorithm, Backend};
 
 #[cfg(feature = "gpu")]
@@ -48,7 +48,7 @@ impl AnySimulation {
 
     #[cfg(feature = "gpu")]
     fn on_gpu(model: Model, seed: u64, state: &State) -> Result<Self, Error> {
-        let device = GpuDevice::shared(true).map_err(|error| {
+        let device = GpuDevice::shared(SoftwareAdapter::Allow).map_err(|error| {
             Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() })
         })?;
         let run = GpuSimulation::resume(model, seed, device, GpuOptions::default(), state)?;

@@ -8,7 +8,7 @@ mod surfaces;
 
 use adapter::or_skip;
 use lazygrid::Algorithm;
-use lazygrid::gpu::GpuDevice;
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
     Axis, Boundary, Contact, Decay, Error, Model, Receiver, ReceiverKind, Shape, Simulation, Transmitter,
@@ -17,7 +17,7 @@ use lazygrid_sim::{
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, reaction, species};
 
 fn device() -> Option<GpuDevice> {
-    or_skip(GpuDevice::shared(true))
+    or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 
 #[test]
@@ -339,7 +339,7 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
 #[test]
 fn a_lost_device_is_said_to_be_lost() {
     // Not the one that other tests have.
-    let Some(own) = or_skip(GpuDevice::open(true)) else { return };
+    let Some(own) = or_skip(GpuDevice::open(SoftwareAdapter::Allow)) else { return };
     let mut run = gpu(&own, &brownian(true), 1, GpuOptions::default());
     run.run(2).expect("steps");
     own.device.destroy();

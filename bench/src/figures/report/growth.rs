@@ -143,7 +143,7 @@ fn phases(rows: &[&Row]) -> Option<Table> {
 /// The phases in execution order. Those of the GPU run while the host waits.
 fn listed(phases: &[(String, f64)]) -> String {
     let has_waited = phases.iter().any(|(name, _)| name == "wait");
-    let on_device = |name: &str| has_waited && gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
+    let on_device = |name: &str| has_waited && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);
     let shown = |device: bool| {
         let of = phases.iter().filter(move |(name, _)| on_device(name) == device);
         of.map(|(name, seconds)| (name.as_str(), format!("{name} {}", time(*seconds))))

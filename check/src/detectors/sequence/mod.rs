@@ -106,7 +106,7 @@ impl Sequence {
     /// Runs all calls and stores the index of the current one in `at`.
     fn run(&self, gpu: Option<&Gpu>, at: &mut usize, tally: &mut Tally) -> Result<(), String> {
         let stop = Arc::new(AtomicBool::new(false));
-        let config = self.settings.config(gpu)?.stop(stop.clone());
+        let config = self.settings.config(gpu)?.cancel_flag(stop.clone());
         let mut detector = Detector::new(config.clone()).map_err(text)?;
         for (k, step) in self.steps.iter().enumerate() {
             *at = k;

@@ -5,17 +5,20 @@ use std::time::{Duration, Instant};
 use lazygrid_host::{HostDetector, Settings, Skin};
 use lazygrid_kernels::{Sphere, Spheres};
 
-use super::{Crossover, ROUNDS, SIZES, crossing, race, time};
+use super::measure::{ROUNDS, SIZES, crossing, race, time};
 use crate::Error;
-use crate::gpu::{GpuConfig, GpuDevice, GpuSession};
+use crate::gpu::config::GpuConfig;
+use crate::gpu::costs::Crossover;
+use crate::gpu::device::GpuDevice;
+use crate::gpu::session::GpuSession;
 
 /// Larger scenes are not tried if a call takes longer than this.
 const LONG: Duration = Duration::from_millis(50);
 
 /// Measures it. [`u32::MAX`] if the device is never faster.
-pub(super) fn device_from(own: &GpuDevice, crossover: Crossover, radix_from: u32) -> Result<u32, Error> {
-    let config = GpuConfig::default().crossover(crossover).radix_from(radix_from).timed(true);
-    let mut session = GpuSession::new(own.clone(), config)?;
+pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from: u32) -> Result<u32, Error> {
+    let config = GpuConfig::default().crossover(crossover).radix_sort_from(radix_sort_from).timestamps(true);
+    let mut session = GpuSession::new(gpu.clone(), config)?;
     let mut host = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })?;
     let times = |scene: &[Sphere]| Ok([time_on_host(&mut host, scene)?, time(&mut session, scene)?]);
     let goes_on = |spheres, least: [Duration; 2]| {

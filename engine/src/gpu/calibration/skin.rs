@@ -2,12 +2,14 @@
 
 use std::time::Duration;
 
-use lazygrid_host::TunerCosts;
+use lazygrid_host::SkinCosts;
 use lazygrid_kernels::{Algorithm, Sphere};
 
-use super::{CLEARLY, scene, time};
+use super::measure::{CLEARLY, scene, time};
 use crate::Error;
-use crate::gpu::{GpuConfig, GpuDevice, GpuSession};
+use crate::gpu::config::GpuConfig;
+use crate::gpu::device::GpuDevice;
+use crate::gpu::session::GpuSession;
 
 /// Spheres of the scenes, four times as many until a search takes long enough to be told from what it takes to submit one.
 const SIZES: [u32; 4] = [1 << 14, 1 << 16, 1 << 18, 1 << 20];
@@ -20,58 +22,9 @@ const DENSITIES: [f32; 2] = [0.05, 1.0];
 /// Skins, in radii: the first has hardly more candidates than there are pairs.
 const SKINS: [f32; 2] = [0.05, 1.0];
 
-/// The costs of calls with and without a candidate list, in nanoseconds; only ratios count. `Auto` chooses skins by them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SkinCosts {
-    /// For each sphere of a search, for any result.
-    pub search: f32,
-    /// For each pair or candidate that a search finds.
-    pub find: f32,
-    /// For each sphere, to keep where it was.
-    pub keep: f32,
-    /// For each sphere, to measure how far it has gone.
-    pub measure: f32,
-    /// To test a candidate.
-    pub test: f32,
-    /// For each call that keeps candidates, however many spheres there are: for its further dispatches.
-    pub call: f32,
-}
-
-impl SkinCosts {
-    /// Assumed of a GPU that was not measured: an estimate by the bytes that kernels move at 10¹² bytes a second, of which a
-    /// search moves 210 for each sphere by its plan, and 100 more for each pair; a call has six more dispatches of 2 µs, and
-    /// fourteen whose workgroups the device finds, of 3 µs more. No GPU has confirmed it.
-    pub const HARDWARE: Self =
-        Self { search: 0.21, find: 0.1, keep: 0.048, measure: 0.036, test: 0.04, call: 54_000.0 };
-    /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two cores,
-    /// rounded.
-    pub const SOFTWARE: Self =
-        Self { search: 900.0, find: 30.0, keep: 200.0, measure: 50.0, test: 15.0, call: 0.0 };
-
-    /// From how many spheres on calls that candidates serve may cost less than a search; none where they never do.
-    pub(crate) fn worth_from(&self) -> Option<u32> {
-        let saved = self.search - self.measure;
-        (saved > 0.0).then(|| (self.call / saved).ceil() as u32)
-    }
-
-    /// Returns `true` if each cost can have been measured.
-    pub fn is_valid(&self) -> bool {
-        let Self { search, find, keep, measure, test, call } = *self;
-        let all = [find, keep, measure, test, call];
-        search.is_finite() && search > 0.0 && all.iter().all(|cost| cost.is_finite() && *cost >= 0.0)
-    }
-}
-
-impl From<SkinCosts> for TunerCosts {
-    fn from(costs: SkinCosts) -> Self {
-        let SkinCosts { search, find, keep, measure, test, call } = costs;
-        Self { search, levels: 0.0, find, keep, measure, test, call }
-    }
-}
-
 /// The fastest of some calls, and what one had.
 #[derive(Clone, Copy, Debug)]
-struct Call {
+struct TimedCall {
     nanoseconds: f64,
     /// Pairs per sphere, and candidates.
     pairs: f64,
@@ -83,23 +36,23 @@ struct Call {
 struct Calls {
     spheres: f64,
     /// Searches of few spheres, and such as candidates serve.
-    few: [Call; 2],
+    few: [TimedCall; 2],
     /// Searches at either density.
-    searched: [Call; 2],
+    searched: [TimedCall; 2],
     /// Calls that candidates serve, with either skin.
-    served: [Call; 2],
+    served: [TimedCall; 2],
     /// A call that finds candidates, with the wider skin.
-    found: Call,
+    found: TimedCall,
 }
 
 /// Measures it.
-pub(super) fn measure(own: &GpuDevice) -> Result<SkinCosts, Error> {
-    measure_with(own, &SIZES)
+pub(super) fn measure(gpu: &GpuDevice) -> Result<SkinCosts, Error> {
+    measure_with(gpu, &SIZES)
 }
 
 /// Measures it with scenes of these sizes.
-fn measure_with(own: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
-    let mut search = session(own, None)?;
+fn measure_with(gpu: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
+    let mut search = session(gpu, None)?;
     let few = scene(FEW, 1, DENSITIES[0]);
     let few_searched = fastest(&mut search, &few)?;
     let mut spheres = FEW;
@@ -111,7 +64,7 @@ fn measure_with(own: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
         }
     }
     let [sparse, dense] = DENSITIES.map(|density| scene(spheres, 1, density));
-    let [mut narrow, mut wide] = [session(own, Some(SKINS[0]))?, session(own, Some(SKINS[1]))?];
+    let [mut narrow, mut wide] = [session(gpu, Some(SKINS[0]))?, session(gpu, Some(SKINS[1]))?];
     let few_served = fastest(&mut narrow, &few)?;
     let calls = Calls {
         spheres: spheres.into(),
@@ -127,8 +80,8 @@ fn measure_with(own: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
 fn worked_out(calls: &Calls) -> SkinCosts {
     let Calls { spheres, few, searched, served, found } = calls;
     // The cost of a submission is not part of the cost per sphere.
-    let each = |call: &Call, few: &Call| (call.nanoseconds - few.nanoseconds) / spheres;
-    let slope = |[a, b]: &[Call; 2], of: fn(&Call) -> f64| {
+    let each = |call: &TimedCall, few: &TimedCall| (call.nanoseconds - few.nanoseconds) / spheres;
+    let slope = |[a, b]: &[TimedCall; 2], of: fn(&TimedCall) -> f64| {
         ((b.nanoseconds - a.nanoseconds) / spheres / (of(b) - of(a)).max(1e-3)).max(0.0)
     };
     let find = slope(searched, |call| call.pairs);
@@ -140,18 +93,26 @@ fn worked_out(calls: &Calls) -> SkinCosts {
     let call = (few[1].nanoseconds - few[0].nanoseconds).max(0.0);
     let [search, find, keep, measure, test, call] =
         [search, find, keep, measure, test, call].map(|cost| cost as f32);
-    SkinCosts { search, find, keep, measure, test, call }
+    SkinCosts {
+        search_ns: search,
+        levels_ns: 0.0,
+        find_ns: find,
+        keep_ns: keep,
+        measure_ns: measure,
+        test_ns: test,
+        call_ns: call,
+    }
 }
 
-fn session(own: &GpuDevice, skin: Option<f32>) -> Result<GpuSession, Error> {
-    let settings = GpuConfig::default().algorithm(Algorithm::CellList).timed(true);
-    let mut session = GpuSession::new(own.clone(), settings)?;
+fn session(gpu: &GpuDevice, skin: Option<f32>) -> Result<GpuSession, Error> {
+    let settings = GpuConfig::default().algorithm(Algorithm::CellList).timestamps(true);
+    let mut session = GpuSession::new(gpu.clone(), settings)?;
     session.set_skin(skin)?;
     Ok(session)
 }
 
 /// Searches spheres that stand still, after a call that finds candidates where some are kept.
-fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Call, Error> {
+fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Error> {
     time(session, spheres)?;
     let mut least = Duration::MAX;
     for _ in 0..ROUNDS {
@@ -161,7 +122,7 @@ fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Call, Error> 
 }
 
 /// Searches spheres one of which changes at every call, so that candidates are found anew.
-fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<Call, Error> {
+fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<TimedCall, Error> {
     let mut least = Duration::MAX;
     for _ in 0..ROUNDS {
         spheres[0].radius *= 0.99;
@@ -170,10 +131,10 @@ fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<Call, Err
     Ok(call(session, spheres.len(), least))
 }
 
-fn call(session: &GpuSession, spheres: usize, taken: Duration) -> Call {
+fn call(session: &GpuSession, spheres: usize, taken: Duration) -> TimedCall {
     let each = |count: u64| count as f64 / spheres as f64;
     let candidates = session.kept().map_or(0, |kept| kept.count);
-    Call {
+    TimedCall {
         nanoseconds: taken.as_secs_f64() * 1e9,
         pairs: each(session.outcome().found()),
         candidates: each(candidates),
@@ -183,20 +144,29 @@ fn call(session: &GpuSession, spheres: usize, taken: Duration) -> Call {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::adapter::device_or_skip;
+    use crate::gpu::device::device_or_skip;
 
     #[test]
     fn costs_are_those_that_calls_were_made_of() {
-        let known = SkinCosts { search: 10.0, find: 3.0, keep: 2.0, measure: 1.0, test: 0.5, call: 700.0 };
+        let known = SkinCosts {
+            search_ns: 10.0,
+            levels_ns: 0.0,
+            find_ns: 3.0,
+            keep_ns: 2.0,
+            measure_ns: 1.0,
+            test_ns: 0.5,
+            call_ns: 700.0,
+        };
         let (n, submitting) = (1000.0, 5000.0);
-        let call = |each: f32, kept: bool, [pairs, candidates]: [f32; 2]| Call {
-            nanoseconds: submitting + f64::from(each) * n + if kept { f64::from(known.call) } else { 0.0 },
+        let call = |each: f32, kept: bool, [pairs, candidates]: [f32; 2]| TimedCall {
+            nanoseconds: submitting + f64::from(each) * n + if kept { f64::from(known.call_ns) } else { 0.0 },
             pairs: pairs.into(),
             candidates: candidates.into(),
         };
-        let searched = |pairs: f32| call(known.search + known.find * pairs, false, [pairs, 0.0]);
-        let served = |candidates: f32| call(known.measure + known.test * candidates, true, [0.5, candidates]);
-        let new = known.measure + known.keep + known.search + (known.find + known.test) * 8.0;
+        let searched = |pairs: f32| call(known.search_ns + known.find_ns * pairs, false, [pairs, 0.0]);
+        let served =
+            |candidates: f32| call(known.measure_ns + known.test_ns * candidates, true, [0.5, candidates]);
+        let new = known.measure_ns + known.keep_ns + known.search_ns + (known.find_ns + known.test_ns) * 8.0;
         let calls = Calls {
             spheres: n,
             few: [call(0.0, false, [0.0; 2]), call(0.0, true, [0.0; 2])],
@@ -206,36 +176,26 @@ mod tests {
         };
         let found = worked_out(&calls);
         let parts = |costs: SkinCosts| {
-            let SkinCosts { search, find, keep, measure, test, call } = costs;
-            [search, find, keep, measure, test, call]
+            let SkinCosts { search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns, .. } = costs;
+            [search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns]
         };
         for (found, known) in parts(found).into_iter().zip(parts(known)) {
             assert!((found / known - 1.0).abs() < 1e-3, "{found} instead of {known}");
         }
         // 700 over what is saved for each sphere.
-        assert_eq!(found.worth_from(), Some(78));
-        assert_eq!(SkinCosts { measure: 10.0, ..known }.worth_from(), None);
+        assert_eq!(found.min_worthwhile_spheres(), Some(78));
+        assert_eq!(SkinCosts { measure_ns: 10.0, ..known }.min_worthwhile_spheres(), None);
     }
 
     /// However busy the machine, what comes out can be used.
     #[test]
     fn what_is_measured_is_valid() {
-        let Some(own) = device_or_skip() else { return };
-        let costs = measure_with(&own, &[1 << 11]).expect("measured");
+        let Some(gpu) = device_or_skip() else { return };
+        let costs = measure_with(&gpu, &[1 << 11]).expect("measured");
         assert!(costs.is_valid(), "{costs:?}");
-        let none = Call { nanoseconds: 0.0, pairs: 0.0, candidates: 0.0 };
+        let none = TimedCall { nanoseconds: 0.0, pairs: 0.0, candidates: 0.0 };
         let [few, searched, served] = [[none; 2]; 3];
         let costs = worked_out(&Calls { spheres: 1.0, few, searched, served, found: none });
         assert!(costs.is_valid(), "{costs:?}");
-    }
-
-    #[test]
-    fn only_numbers_that_can_be_costs_are_valid() {
-        assert!(SkinCosts::HARDWARE.is_valid() && SkinCosts::SOFTWARE.is_valid());
-        for bad in [f32::NAN, -1.0, f32::INFINITY] {
-            assert!(!SkinCosts { test: bad, ..SkinCosts::SOFTWARE }.is_valid(), "{bad}");
-            assert!(!SkinCosts { search: bad, ..SkinCosts::SOFTWARE }.is_valid(), "{bad}");
-        }
-        assert!(!SkinCosts { search: 0.0, ..SkinCosts::SOFTWARE }.is_valid());
     }
 }

@@ -4,10 +4,13 @@ use std::time::Duration;
 
 use lazygrid_kernels::{Algorithm, Sphere};
 
-use super::{crossing, race, time};
+use super::measure::{crossing, race, time};
 use crate::Error;
-use crate::choice::Known;
-use crate::gpu::{GpuConfig, GpuDevice, GpuSession, Phase};
+use crate::gpu::config::GpuConfig;
+use crate::gpu::costs::AdapterProfile;
+use crate::gpu::device::GpuDevice;
+use crate::gpu::plan::GpuPhase;
+use crate::gpu::session::GpuSession;
 
 /// The numbers of spheres that are tried, until one of the two is clearly faster or takes long.
 const SIZES: [u32; 5] = [1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21];
@@ -19,8 +22,8 @@ const ROUNDS: usize = 3;
 const LONG: Duration = Duration::from_millis(50);
 
 /// Measures it. Where no more spheres are tried though counting is the faster, it is no less than assumed of such an adapter.
-pub(super) fn radix_from(own: &GpuDevice) -> Result<u32, Error> {
-    let mut sessions = [session(own, u32::MAX)?, session(own, 0)?];
+pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
+    let mut sessions = [session(gpu, u32::MAX)?, session(gpu, 0)?];
     let times = |scene: &[Sphere]| {
         let [counted, sorted] = &mut sessions;
         Ok([busy(counted, scene)?, busy(sorted, scene)?])
@@ -30,21 +33,22 @@ pub(super) fn radix_from(own: &GpuDevice) -> Result<u32, Error> {
         least[0] <= LONG
     };
     let samples = race((&SIZES, 1), ROUNDS, times, goes_on)?;
-    let assumed = Known::assumed(&own.adapter).radix_from;
+    let assumed = AdapterProfile::assumed(&gpu.adapter).radix_sort_from;
     let is_open = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
     Ok(crossing(&samples, MOST).max(if is_open { assumed } else { 0 }))
 }
 
-fn session(own: &GpuDevice, radix_from: u32) -> Result<GpuSession, Error> {
+fn session(gpu: &GpuDevice, radix_sort_from: u32) -> Result<GpuSession, Error> {
     let algorithm = Algorithm::CellList;
-    let settings = GpuConfig::default().algorithm(algorithm).radix_from(radix_from).timed(true);
-    GpuSession::new(own.clone(), settings)
+    let settings =
+        GpuConfig::default().algorithm(algorithm).radix_sort_from(radix_sort_from).timestamps(true);
+    GpuSession::new(gpu.clone(), settings)
 }
 
 /// How long the device works, by its own clock where it has one, since bringing spheres there may take longer.
 fn busy(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
     let whole = time(session, spheres)?;
-    let is_phase = |name: &str| Phase::ALL.iter().any(|phase| phase.name() == name);
+    let is_phase = |name: &str| GpuPhase::ALL.iter().any(|phase| phase.name() == name);
     let phases = session.timings().iter().filter(|timing| is_phase(timing.name));
     let busy: Duration = phases.map(|timing| timing.time).sum();
     Ok(if busy.is_zero() { whole } else { busy })

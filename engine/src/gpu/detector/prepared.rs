@@ -4,21 +4,20 @@ use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::Call;
 
+use super::input::{GpuSpheres, SphereCount};
+use super::output::{CellOrder, GpuOutput};
 use super::tables::Tables;
-use super::{GpuPairs, GpuSorted};
 use crate::Error;
-use crate::gpu::input::{Count, GpuSpheres};
-use crate::gpu::pipelines::Pipelines;
-use crate::gpu::plan::{Plan, Resource, Slot};
-use crate::gpu::primitives::pass_buffers;
-use crate::gpu::recording::{Buffers, Recent, Recording, constant_buffer};
+use crate::gpu::device::{Pipelines, constant_buffer};
+use crate::gpu::encode::{Buffers, Recording, SmallCache, pass_buffers};
+use crate::gpu::plan::{BufferId, Plan, Resource};
 
 /// Everything that depends on the size of a call.
 #[derive(Debug)]
 pub(super) struct Prepared {
     pub(super) plan: Plan,
     pub(super) buffers: Buffers,
-    pub(super) recordings: Recent<Key, Recording>,
+    pub(super) recordings: SmallCache<Key, Recording>,
 }
 
 /// The buffers and sizes that a recording is valid for.
@@ -33,22 +32,23 @@ pub(crate) struct Key {
 impl Key {
     pub(crate) fn of(input: &GpuSpheres<'_>, call: Call) -> Self {
         let count = match input.count {
-            Count::Host(_) => None,
-            Count::Buffer { buffer, .. } => Some(buffer.clone()),
+            SphereCount::Host(_) => None,
+            SphereCount::Buffer { buffer, .. } => Some(buffer.clone()),
         };
         Self { spheres: input.spheres.clone(), species: input.species.cloned(), count, call }
     }
 }
 
 impl Prepared {
-    pub(super) fn output(&self) -> GpuPairs {
-        let [pairs, outcome] = [Slot::Pairs, Slot::Outcome].map(|slot| self.buffers.get(slot).clone());
-        let sorted = (self.plan.algorithm == Algorithm::CellList).then(|| GpuSorted {
+    pub(super) fn output(&self) -> GpuOutput {
+        let [pairs, outcome] =
+            [BufferId::Pairs, BufferId::Outcome].map(|slot| self.buffers.get(slot).clone());
+        let sorted = (self.plan.algorithm == Algorithm::CellList).then(|| CellOrder {
             order: self.buffers.get(self.plan.order()).clone(),
-            spheres: self.buffers.get(Slot::Sorted).clone(),
-            species: self.buffers.find(Slot::SortedSpecies).cloned(),
+            spheres: self.buffers.get(BufferId::Sorted).clone(),
+            species: self.buffers.find(BufferId::SortedSpecies).cloned(),
         });
-        GpuPairs { pairs, capacity: self.plan.pairs, outcome, sorted }
+        GpuOutput { pairs, capacity: self.plan.pairs, outcome, sorted }
     }
 
     /// Binds all dispatches of such a call, unless they are.
@@ -60,14 +60,14 @@ impl Prepared {
         tables: Option<&Tables>,
     ) -> Result<(), Error> {
         let Self { plan, buffers, recordings } = self;
-        recordings.turn_to(key, |key| {
+        recordings.get_or_insert_with(key, |key| {
             let call = constant_buffer(device, "call", bytemuck::bytes_of(&key.call))?;
             let passes = pass_buffers(device, &plan.digits())?;
             let species = tables.is_some();
             let variant = Variant { species, periodic: plan.periodic, ..pipelines.variant() };
-            let stages = plan.stages.iter().cloned();
-            Recording::new(device, pipelines, variant, stages, |stage, binding| {
-                match (plan.resource(stage, binding), tables, &key.species) {
+            let dispatches = plan.dispatches.iter().cloned();
+            Recording::new(device, pipelines, variant, dispatches, |dispatch, binding| {
+                match (plan.resource(dispatch, binding), tables, &key.species) {
                     (Resource::Own(slot), ..) => buffers.get(slot),
                     (Resource::Spheres, ..) => &key.spheres,
                     (Resource::Count, ..) => key.count.as_ref().unwrap_or(&call),

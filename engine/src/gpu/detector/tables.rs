@@ -2,8 +2,8 @@ use crate::Error;
 use lazygrid_kernels::layout::{Call, SpeciesReach};
 use lazygrid_kernels::{Interaction, Interactions, Reach};
 
-use crate::gpu::recording::constant_buffer;
-use crate::gpu::sides::{Side, Sides};
+use super::sides::{Side, Sides};
+use crate::gpu::device::constant_buffer;
 
 /// The interaction table on the device.
 #[derive(Debug)]

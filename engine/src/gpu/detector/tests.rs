@@ -8,22 +8,23 @@ use lazygrid_kernels::layout::Grid;
 use lazygrid_kernels::{Algorithm, Space, Sphere};
 
 use super::*;
-use crate::gpu::adapter::device_or_skip;
-use crate::gpu::plan::Slot;
-use crate::gpu::{GpuDevice, Phase};
+use crate::gpu::Outcome;
+use crate::gpu::device::device_or_skip;
+use crate::gpu::plan::BufferId;
+use crate::gpu::{GpuDevice, GpuPhase};
 
-fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {
+fn upload<T: Pod>(gpu: &GpuDevice, data: &[T]) -> wgpu::Buffer {
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
     let size = size_of_val(data) as u64;
     let descriptor = wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
-    let buffer = own.device.create_buffer(&descriptor);
-    own.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(data));
+    let buffer = gpu.device.create_buffer(&descriptor);
+    gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(data));
     buffer
 }
 
 /// The first `count` values of a buffer when all that was recorded is done.
 fn download<T: Pod>(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     mut encoder: wgpu::CommandEncoder,
     buffer: &wgpu::Buffer,
     count: usize,
@@ -31,36 +32,36 @@ fn download<T: Pod>(
     let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
     let size = (count * size_of::<T>()) as u64;
     let descriptor = wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
-    let back = own.device.create_buffer(&descriptor);
+    let back = gpu.device.create_buffer(&descriptor);
     encoder.copy_buffer_to_buffer(buffer, 0, &back, 0, size);
-    own.queue.submit([encoder.finish()]);
+    gpu.queue.submit([encoder.finish()]);
     back.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
-    own.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
+    gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
     bytemuck::pod_collect_to_vec(&back.slice(..).get_mapped_range().expect("mapped"))
 }
 
-fn encoder(own: &GpuDevice) -> wgpu::CommandEncoder {
-    own.device.create_command_encoder(&Default::default())
+fn encoder(gpu: &GpuDevice) -> wgpu::CommandEncoder {
+    gpu.device.create_command_encoder(&Default::default())
 }
 
-fn detector(own: &GpuDevice, settings: GpuConfig) -> GpuDetector {
-    GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings).expect("made")
+fn detector(gpu: &GpuDevice, settings: GpuConfig) -> GpuDetector {
+    GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings).expect("made")
 }
 
 /// What the kernel makes of these spheres.
-fn wrapped(own: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
-    let mut detector = detector(own, GpuConfig::default().algorithm(Algorithm::Naive).space(space));
-    let given = upload(own, spheres);
-    let mut encoder = encoder(own);
+fn wrapped(gpu: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
+    let mut detector = detector(gpu, GpuConfig::default().algorithm(Algorithm::Naive).space(space));
+    let given = upload(gpu, spheres);
+    let mut encoder = encoder(gpu);
     let input = GpuSpheres { window: 0..0, ..GpuSpheres::new(&given, spheres.len() as u32) };
     detector.encode(&mut encoder, &input).expect("recorded");
     let buffers = &detector.prepared.as_ref().expect("recorded").buffers;
-    download(own, encoder, buffers.get(Slot::Wrapped), spheres.len())
+    download(gpu, encoder, buffers.get(BufferId::Wrapped), spheres.len())
 }
 
 #[test]
 fn the_kernel_wraps_as_the_host_does() {
-    let Some(own) = device_or_skip() else { return };
+    let Some(gpu) = device_or_skip() else { return };
     let tiny = f32::from_bits(1);
     let lengths =
         [1.0, 0.1, 3.0, 1.0 / 3.0, 16_777_215.0, 1e-30, 1e30, f32::MAX, f32::MIN_POSITIVE, 3.0 * tiny, tiny];
@@ -79,7 +80,7 @@ fn the_kernel_wraps_as_the_host_does() {
             coordinates.push([any, some, tie, tie.next_up(), tie.next_down(), far][k % 6]);
         }
         let spheres: Vec<Sphere> = coordinates.iter().map(|&x| Sphere::new([x, x, -x], 1.0)).collect();
-        for (given, found) in spheres.iter().zip(wrapped(&own, space, &spheres)) {
+        for (given, found) in spheres.iter().zip(wrapped(&gpu, space, &spheres)) {
             let expected = space.wrap(given.center);
             for axis in [0, 2] {
                 let (x, y) = (expected[axis], found.center[axis]);
@@ -95,28 +96,28 @@ fn the_kernel_wraps_as_the_host_does() {
 
 #[test]
 fn a_further_part_is_timed_as_a_search() {
-    let Some(own) = device_or_skip() else { return };
-    if !own.adapter.has_timestamps {
+    let Some(gpu) = device_or_skip() else { return };
+    if !gpu.adapter.has_timestamps {
         return;
     }
-    let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid).timed(true);
-    let mut detector = detector(&own, settings);
+    let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid).timestamps(true);
+    let mut detector = detector(&gpu, settings);
     detector.set_part_tests(1 << 20);
-    let given = upload(&own, &[Sphere::new([1.0; 3], 0.5); 3000]);
+    let given = upload(&gpu, &[Sphere::new([1.0; 3], 0.5); 3000]);
     // The ticks, by phase.
     let ticks = |detector: &GpuDetector, encoder| -> Vec<[u64; 2]> {
-        download(&own, encoder, detector.ticks().expect("timed"), Phase::ALL.len())
+        download(&gpu, encoder, detector.ticks().expect("timed"), GpuPhase::ALL.len())
     };
-    let mut call = encoder(&own);
+    let mut call = encoder(&gpu);
     detector.encode(&mut call, &GpuSpheres::new(&given, 3000)).expect("recorded");
     let first = ticks(&detector, call);
-    let mut part = encoder(&own);
-    detector.encode_rest(&mut part);
+    let mut part = encoder(&gpu);
+    detector.encode_continuation(&mut part);
     let rest = ticks(&detector, part);
-    for phase in Phase::ALL {
+    for phase in GpuPhase::ALL {
         let ([begin, end], [rest_begin, rest_end]) = (first[phase as usize], rest[phase as usize]);
         assert!(begin <= end && rest_begin <= rest_end, "{phase:?}: {first:?}, {rest:?}");
-        if phase == Phase::Search {
+        if phase == GpuPhase::Search {
             assert!(end <= rest_begin && begin < rest_begin, "{first:?}, {rest:?}");
         } else {
             assert_eq!([begin, end], [rest_begin, rest_end], "{phase:?}");
@@ -125,21 +126,22 @@ fn a_further_part_is_timed_as_a_search() {
 }
 
 /// The entries that the kernels of a call write: whether at the first level, and of which sphere.
-fn entries_of(own: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
+fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
-    let mut detector = detector(own, settings);
-    let given = upload(own, spheres);
-    let mut call = encoder(own);
+    let mut detector = detector(gpu, settings);
+    let given = upload(gpu, spheres);
+    let mut call = encoder(gpu);
     detector.encode(&mut call, &GpuSpheres::new(&given, spheres.len() as u32)).expect("recorded");
     let Prepared { plan, buffers, .. } = detector.prepared.as_ref().expect("recorded");
-    let outcome: Vec<Outcome> = download(own, call, buffers.get(Slot::Outcome), 1);
-    let grid: Vec<u8> = download(own, encoder(own), buffers.get(Slot::Grid), Grid::min_size().get() as usize);
+    let outcome: Vec<Outcome> = download(gpu, call, buffers.get(BufferId::Outcome), 1);
+    let grid: Vec<u8> =
+        download(gpu, encoder(gpu), buffers.get(BufferId::Grid), Grid::min_size().get() as usize);
     let grid: Grid = StorageBuffer::new(grid).create().expect("all of it");
     // After the sort, which changes their order alone.
     let front = plan.passes() % 2 == 1;
     let count = outcome[0].entries() as usize;
-    let [keys, objects]: [Vec<u32>; 2] = [Slot::Keys(front), Slot::Objects(front)]
-        .map(|slot| download(own, encoder(own), buffers.get(slot), count));
+    let [keys, objects]: [Vec<u32>; 2] = [BufferId::Keys(front), BufferId::Objects(front)]
+        .map(|slot| download(gpu, encoder(gpu), buffers.get(slot), count));
     let first_keys = 1 << grid.levels[0].bits.element_sum();
     let entries = keys.iter().zip(objects);
     entries.map(|(key, object)| (key >> grid.passive < first_keys, object & 0x1fff_ffff)).collect()
@@ -149,7 +151,7 @@ fn entries_of(own: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
 /// from refined to settled, one after another. Their pairs are right whatever τ is: see the tests of levels.
 #[test]
 fn settled_and_refined_cells_share_spheres() {
-    let Some(own) = device_or_skip() else { return };
+    let Some(gpu) = device_or_skip() else { return };
     // Of the largest sphere, which lies apart, cells are 4.1 wide and have a corner at the median. No other is of their
     // depth, so that a cell has entries of others only where it is settled.
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
@@ -165,7 +167,7 @@ fn settled_and_refined_cells_share_spheres() {
     // On the border, and at one point.
     spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
     let sharing = (0..=350).step_by(20).map(|tau| {
-        let entries = entries_of(&own, tau, &spheres);
+        let entries = entries_of(&gpu, tau, &spheres);
         let [settled, refined] = [true, false].map(|at_first| -> HashSet<u32> {
             entries.iter().filter(|entry| entry.0 == at_first).map(|entry| entry.1).collect()
         });

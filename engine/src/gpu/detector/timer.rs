@@ -1,4 +1,4 @@
-use crate::gpu::plan::Phase;
+use crate::gpu::plan::GpuPhase;
 
 /// Takes the time at either end of each phase, by the device's clock.
 #[derive(Debug)]
@@ -9,7 +9,7 @@ pub(super) struct Timer {
 
 impl Timer {
     /// Two per phase.
-    const TICKS: u32 = 2 * Phase::ALL.len() as u32;
+    const TICKS: u32 = 2 * GpuPhase::ALL.len() as u32;
 
     pub(super) fn new(device: &wgpu::Device) -> Self {
         let queries = device.create_query_set(&wgpu::QuerySetDescriptor {

@@ -8,7 +8,7 @@ use super::Plan;
 
 /// A buffer that the detector owns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Slot {
+pub(crate) enum BufferId {
     /// Bounds of the spheres.
     Bounds,
     /// The grid.
@@ -40,7 +40,7 @@ pub(crate) enum Slot {
     /// Blocks of entries for the crowded search.
     Crowded,
     /// Workgroups of the crowded search.
-    Dispatch,
+    DispatchArgs,
     /// Bounds and sizes of the spheres of a cell list.
     Survey,
     /// The cells of a cell list.
@@ -54,20 +54,20 @@ pub(crate) enum Slot {
     /// Their species.
     SortedSpecies,
     /// The spheres as they were when candidates were found, widened.
-    Kept,
+    ReferenceSpheres,
     /// Their species then.
-    KeptSpecies,
+    ReferenceSpecies,
     /// The state of the candidate list.
     SkinState,
     /// Workgroups of the search for candidates: all or none.
-    Gate,
+    DispatchCounts,
 }
 
 /// The buffer that a kernel's binding refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Resource {
     /// A buffer of the detector.
-    Own(Slot),
+    Own(BufferId),
     /// The spheres, from the caller.
     Spheres,
     /// The number of spheres, from the caller or the call's own.
@@ -85,40 +85,40 @@ pub(crate) enum Resource {
 }
 
 /// The buffers of a call that every algorithm has.
-pub(super) fn call_buffers(pairs: u32) -> [(Slot, u64); 4] {
+pub(super) fn call_buffers(pairs: u32) -> [(BufferId, u64); 4] {
     [
-        (Slot::Bounds, size_of::<Bounds>() as u64),
-        (Slot::Grid, Grid::min_size().get()),
-        (Slot::Outcome, size_of::<Outcome>() as u64),
-        (Slot::Pairs, bytes_of(pairs, 8)),
+        (BufferId::Bounds, size_of::<Bounds>() as u64),
+        (BufferId::Grid, Grid::min_size().get()),
+        (BufferId::Outcome, size_of::<Outcome>() as u64),
+        (BufferId::Pairs, bytes_of(pairs, 8)),
     ]
 }
 
 /// The buffers of the grids for the spheres' cells.
-pub(super) fn cell_buffers(plan: &Plan) -> [(Slot, u64); 2] {
-    [(Slot::Cells, bytes_of(plan.spheres, 8)), (Slot::Density, bytes_of(plan.density_slots, 8))]
+pub(super) fn cell_buffers(plan: &Plan) -> [(BufferId, u64); 2] {
+    [(BufferId::Cells, bytes_of(plan.spheres, 8)), (BufferId::Density, bytes_of(plan.density_slots, 8))]
 }
 
 /// The buffers for entries and their sort.
-pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(Slot, u64)> {
+pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(BufferId, u64)> {
     let mut buffers = sort_buffers(entries, tile).to_vec();
     buffers.extend([
-        (Slot::Lengths, size_of::<Lengths>() as u64),
-        (Slot::Crowded, bytes_of(entries.div_ceil(k::GROUP), 4)),
-        (Slot::Dispatch, 16),
+        (BufferId::Lengths, size_of::<Lengths>() as u64),
+        (BufferId::Crowded, bytes_of(entries.div_ceil(k::GROUP), 4)),
+        (BufferId::DispatchArgs, 16),
     ]);
     buffers
 }
 
 /// The buffers of a radix sort.
-pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(Slot, u64); 6] {
+pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6] {
     [
-        (Slot::Keys(false), bytes_of(items, 4)),
-        (Slot::Keys(true), bytes_of(items, 4)),
-        (Slot::Objects(false), bytes_of(items, 4)),
-        (Slot::Objects(true), bytes_of(items, 4)),
-        (Slot::Counts, bytes_of(Lengths::for_sort(items, tile).counters, 4)),
-        (Slot::Totals, bytes_of(1 << k::DIGIT_BITS, 4)),
+        (BufferId::Keys(false), bytes_of(items, 4)),
+        (BufferId::Keys(true), bytes_of(items, 4)),
+        (BufferId::Objects(false), bytes_of(items, 4)),
+        (BufferId::Objects(true), bytes_of(items, 4)),
+        (BufferId::Counts, bytes_of(Lengths::for_sort(items, tile).counters, 4)),
+        (BufferId::Totals, bytes_of(1 << k::DIGIT_BITS, 4)),
     ]
 }
 

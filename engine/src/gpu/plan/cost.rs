@@ -3,12 +3,12 @@
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::{self as k, Kernel};
 
-use super::{Plan, Slot, Stage};
+use super::{BufferId, Dispatch, Plan};
 
 /// The cost of a call: a pure function of its size, the settings and the limits of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Cost {
+pub struct CallCost {
     /// The algorithm that runs; never `Auto`.
     pub algorithm: Algorithm,
     /// Spheres that the call has at most.
@@ -22,32 +22,32 @@ pub struct Cost {
     /// Bytes that all dispatches together read and write: what is read in order once, what is read in no order by sectors
     /// of 32 bytes; without pairs, and where no cell is dense. `None` where it depends on how many cells a sphere overlaps,
     /// or on what a cache holds.
-    pub moved_bytes: Option<u64>,
+    pub traffic_bytes: Option<u64>,
 }
 
 impl Plan {
     /// Returns the cost of the call.
-    pub(crate) fn cost(&self) -> Cost {
+    pub(crate) fn cost(&self) -> CallCost {
         let pair_bytes =
-            self.buffers.iter().find(|(slot, _)| *slot == Slot::Pairs).map_or(0, |(_, bytes)| *bytes);
-        Cost {
+            self.buffers.iter().find(|(slot, _)| *slot == BufferId::Pairs).map_or(0, |(_, bytes)| *bytes);
+        CallCost {
             algorithm: self.algorithm,
             spheres: self.spheres,
-            dispatches: self.stages.len() as u32,
+            dispatches: self.dispatches.len() as u32,
             working_bytes: self.bytes() - pair_bytes,
             pair_bytes,
-            moved_bytes: self.stages.iter().map(|stage| self.moved_by(stage)).sum(),
+            traffic_bytes: self.dispatches.iter().map(|dispatch| self.traffic_of(dispatch)).sum(),
         }
     }
 
     /// Bytes that a stage of a cell list reads and writes; `None` for those of the other algorithms.
-    fn moved_by(&self, stage: &Stage) -> Option<u64> {
+    fn traffic_of(&self, dispatch: &Dispatch) -> Option<u64> {
         if self.algorithm != Algorithm::CellList {
             return None;
         }
         let (spheres, counters) = (u64::from(self.spheres), u64::from(self.counters));
         let is_counted = self.tile == 0;
-        let is = |kernel: &Kernel| stage.kernel == kernel;
+        let is = |kernel: &Kernel| dispatch.kernel == kernel;
         // Per sphere, and per counter of the table of cells.
         let (per_sphere, per_counter) = if is(&k::SPHERES_SURVEY) {
             // Clears the counters.
@@ -67,7 +67,7 @@ impl Plan {
             (4, 0)
         } else if is(&k::RADIX_SCATTER) {
             // The payload of the first pass is the place itself.
-            (if stage.pass == 0 { 4 + 8 } else { 8 + 8 }, 0)
+            (if dispatch.pass == 0 { 4 + 8 } else { 8 + 8 }, 0)
         } else if is(&k::CELLS_INDEX) {
             (4, 4)
         } else if is(&k::SPHERES_PLACE) {

@@ -3,38 +3,38 @@
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Outcome, SkinState};
 
-use super::buffers::{Slot, bytes_of};
-use super::stages::{Phase, Stage};
+use super::buffers::{BufferId, bytes_of};
+use super::dispatches::{Dispatch, GpuPhase};
 
 /// The state of candidates, which is new whenever they are.
-pub(in crate::gpu) const STATE: (Slot, u64) = (Slot::SkinState, size_of::<SkinState>() as u64);
+pub(in crate::gpu) const STATE: (BufferId, u64) = (BufferId::SkinState, size_of::<SkinState>() as u64);
 
 /// The buffers for these numbers of spheres and pairs.
-pub(in crate::gpu) fn buffers(spheres: u32, pairs: u32, species: bool) -> Vec<(Slot, u64)> {
+pub(in crate::gpu) fn buffers(spheres: u32, pairs: u32, species: bool) -> Vec<(BufferId, u64)> {
     let mut buffers = vec![
-        (Slot::Kept, bytes_of(spheres, 16)),
-        (Slot::Dispatch, 16),
-        (Slot::Outcome, size_of::<Outcome>() as u64),
-        (Slot::Pairs, bytes_of(pairs, 8)),
+        (BufferId::ReferenceSpheres, bytes_of(spheres, 16)),
+        (BufferId::DispatchArgs, 16),
+        (BufferId::Outcome, size_of::<Outcome>() as u64),
+        (BufferId::Pairs, bytes_of(pairs, 8)),
     ];
     if species {
-        buffers.push((Slot::KeptSpecies, bytes_of(spheres, 4)));
+        buffers.push((BufferId::ReferenceSpecies, bytes_of(spheres, 4)));
     }
     buffers
 }
 
 /// The dispatches before the search for candidates and behind it.
-pub(in crate::gpu) fn stages(spheres: u32) -> [Vec<Stage>; 2] {
+pub(in crate::gpu) fn dispatches(spheres: u32) -> [Vec<Dispatch>; 2] {
     let per_sphere = spheres.div_ceil(k::GROUP);
     let before = vec![
-        Stage::new(&k::SKIN_MEASURE, per_sphere, Phase::Survey),
-        Stage::new(&k::SKIN_DECIDE, 1, Phase::Survey),
-        Stage::new(&k::SKIN_KEEP, per_sphere, Phase::Survey),
+        Dispatch::new(&k::SKIN_MEASURE, per_sphere, GpuPhase::Survey),
+        Dispatch::new(&k::SKIN_DECIDE, 1, GpuPhase::Survey),
+        Dispatch::new(&k::SKIN_KEEP, per_sphere, GpuPhase::Survey),
     ];
     let behind = vec![
-        Stage::new(&k::CANDIDATES_OPEN, 1, Phase::Search),
-        Stage::indirect(&k::CANDIDATES_TEST, Phase::Search),
-        Stage::new(&k::OUTCOME_FINISH, 1, Phase::Search),
+        Dispatch::new(&k::CANDIDATES_OPEN, 1, GpuPhase::Search),
+        Dispatch::indirect(&k::CANDIDATES_TEST, GpuPhase::Search),
+        Dispatch::new(&k::OUTCOME_FINISH, 1, GpuPhase::Search),
     ];
     [before, behind]
 }

@@ -18,7 +18,7 @@ fn request(spheres: u32, pairs: u32) -> Request {
         algorithm: Algorithm::ArrayGrid,
         species: 0,
         periodic: false,
-        radix_from: 1 << 19,
+        radix_sort_from: 1 << 19,
     }
 }
 
@@ -30,10 +30,10 @@ fn plans_fit_their_devices_or_say_why_not() {
                 Ok(plan) => {
                     assert!(plan.buffers.iter().all(|(_, bytes)| (1..=limits.bytes()).contains(bytes)));
                     assert!(plan.entries >= spheres && u64::from(plan.entries) <= 8 * u64::from(spheres));
-                    for stage in &plan.stages {
-                        let [x, y] = flattened(stage.groups, &limits);
-                        assert!(x <= 65_535 && y <= 65_535, "{stage:?}");
-                        assert!(u64::from(x) * u64::from(y) >= u64::from(stage.groups));
+                    for dispatch in &plan.dispatches {
+                        let [x, y] = flattened(dispatch.groups, &limits);
+                        assert!(x <= 65_535 && y <= 65_535, "{dispatch:?}");
+                        assert!(u64::from(x) * u64::from(y) >= u64::from(dispatch.groups));
                     }
                 }
                 Err(Error::LimitExceeded { needed, limit, .. }) => {
@@ -82,15 +82,15 @@ fn every_binding_has_a_resource_and_sort_passes_alternate() {
     let request = Request { species: 2, periodic: true, ..request(10_000_000, 1) };
     let plan = plan(&request, &H200).expect("fits");
     let variant = k::Variant { species: true, periodic: true, ..k::Variant::default() };
-    for stage in &plan.stages {
+    for dispatch in &plan.dispatches {
         let resources: Vec<_> =
-            stage.kernel.bindings(variant).map(|b| plan.resource(stage, b.name)).collect();
+            dispatch.kernel.bindings(variant).map(|b| plan.resource(dispatch, b.name)).collect();
         for (position, resource) in resources.iter().enumerate() {
-            assert!(!resources[..position].contains(resource), "{stage:?} binds {resource:?} twice");
+            assert!(!resources[..position].contains(resource), "{dispatch:?} binds {resource:?} twice");
         }
     }
-    let last = plan.stages.iter().rfind(|s| s.kernel == &k::RADIX_SCATTER).expect("sorts");
-    let search = plan.stages.iter().find(|s| s.kernel == &k::RUNS_SEARCH).expect("searches");
+    let last = plan.dispatches.iter().rfind(|s| s.kernel == &k::RADIX_SCATTER).expect("sorts");
+    let search = plan.dispatches.iter().find(|s| s.kernel == &k::RUNS_SEARCH).expect("searches");
     assert_eq!(plan.resource(last, "sorted_keys"), plan.resource(search, "keys"));
 }
 
@@ -110,9 +110,9 @@ fn no_invocation_takes_more_turns_than_its_share() {
                     assert!(u64::from(spheres) * 16 > limits.bytes(), "{spheres} should fit");
                     continue;
                 };
-                for stage in &plan.stages {
-                    let turns = plan.turns(stage);
-                    assert!(turns <= k::MAX_TURNS.into(), "{algorithm}, {spheres}: {turns} in {stage:?}");
+                for dispatch in &plan.dispatches {
+                    let turns = plan.turns(dispatch);
+                    assert!(turns <= k::MAX_TURNS.into(), "{algorithm}, {spheres}: {turns} in {dispatch:?}");
                 }
                 let tiles = plan.entries.div_ceil(k::GROUP);
                 assert!(tiles.div_ceil(k::CROWDED_TILES) <= limits.groups_per_dimension);
@@ -128,13 +128,13 @@ fn periodic_spaces_take_a_copy_of_the_spheres_and_one_dispatch_more() {
             plan(&Request { algorithm, periodic, ..request(1_000_000, 1) }, &H200).expect("fits")
         });
         assert_eq!(periodic.bytes() - open.bytes(), 16_000_000, "{algorithm}");
-        let reader = |plan: &Plan| plan.stages.iter().find(|s| s.kernel == &k::BOUNDS_REDUCE).cloned();
+        let reader = |plan: &Plan| plan.dispatches.iter().find(|s| s.kernel == &k::BOUNDS_REDUCE).cloned();
         let bound = |plan: &Plan| plan.resource(&reader(plan).expect("a stage"), "spheres");
         assert_eq!(bound(&open), Resource::Spheres);
-        assert_eq!(bound(&periodic), Resource::Own(Slot::Wrapped));
-        assert_eq!(periodic.stages[1].kernel, &k::SPHERES_WRAP);
-        let rest = periodic.stages.iter().filter(|stage| stage.kernel != &k::SPHERES_WRAP);
-        assert!(rest.eq(&open.stages), "{algorithm}");
+        assert_eq!(bound(&periodic), Resource::Own(BufferId::Wrapped));
+        assert_eq!(periodic.dispatches[1].kernel, &k::SPHERES_WRAP);
+        let rest = periodic.dispatches.iter().filter(|dispatch| dispatch.kernel != &k::SPHERES_WRAP);
+        assert!(rest.eq(&open.dispatches), "{algorithm}");
     }
 }
 
@@ -155,7 +155,7 @@ fn list(spheres: u32, periodic: bool) -> Plan {
 fn a_cell_list_is_small_and_has_few_dispatches() {
     let measured = [2000, 10_000, 400_000, 1_000_000, 10_000_000, 100_000_000].map(|spheres| {
         let plan = list(spheres, false);
-        (spheres, plan.bytes() / u64::from(spheres), plan.stages.len())
+        (spheres, plan.bytes() / u64::from(spheres), plan.dispatches.len())
     });
     let expected = [
         (2000, 47, 6),
@@ -173,20 +173,21 @@ fn a_cell_list_moves_few_bytes() {
     let moved = [400_000, 1_000_000, 10_000_000, 100_000_000].map(|spheres| {
         let cost = list(spheres, false).cost();
         assert_eq!(cost.working_bytes + cost.pair_bytes, list(spheres, false).bytes());
-        cost.moved_bytes.map(|bytes| bytes / u64::from(spheres))
+        cost.traffic_bytes.map(|bytes| bytes / u64::from(spheres))
     });
     assert_eq!(moved, [285, 184, 181, 200].map(Some), "of each sphere");
-    assert_eq!(plan(&request(1000, 1), &H200).expect("fits").cost().moved_bytes, None);
+    assert_eq!(plan(&request(1000, 1), &H200).expect("fits").cost().traffic_bytes, None);
 }
 
 #[test]
 fn a_cell_list_is_sorted_by_counting_up_to_where_it_is_told() {
-    let kernels = |plan: &Plan| plan.stages.iter().map(|stage| stage.kernel.name).collect::<Vec<_>>();
+    let kernels =
+        |plan: &Plan| plan.dispatches.iter().map(|dispatch| dispatch.kernel.name).collect::<Vec<_>>();
     let (counted, sorted) = (kernels(&list((1 << 19) - 1, false)), kernels(&list(1 << 19, false)));
     assert!(counted.contains(&"homes_count") && !counted.contains(&"radix_scatter"), "{counted:?}");
     assert!(sorted.contains(&"radix_scatter") && !sorted.contains(&"homes_count"), "{sorted:?}");
     // Cells are rings: nothing is moved beforehand in periodic boxes.
-    assert_eq!(list(1 << 19, true).stages, list(1 << 19, false).stages);
+    assert_eq!(list(1 << 19, true).dispatches, list(1 << 19, false).dispatches);
 }
 
 #[test]
@@ -201,10 +202,10 @@ fn keys_of_cells_have_digits_of_equal_width() {
 
 impl Plan {
     /// The most turns that all loops of one invocation of a stage take together.
-    fn turns(&self, stage: &Stage) -> u64 {
+    fn turns(&self, dispatch: &Dispatch) -> u64 {
         // Loops over what one thread reads, over subgroups, and over 256 samples on three axes.
         const FIXED: u64 = 1024;
-        let kernel = stage.kernel;
+        let kernel = dispatch.kernel;
         if kernel == &k::NAIVE_SEARCH {
             let blocks = self.spheres.div_ceil(k::GROUP).max(1);
             let shares = (self.search_groups / blocks).clamp(1, blocks);

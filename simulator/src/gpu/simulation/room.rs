@@ -4,7 +4,7 @@ use lazygrid::gpu::{GpuConfig, GpuDetector};
 
 use super::{GpuSimulation, MAX_ROUNDS};
 use crate::Error;
-use crate::gpu::device::{refused, scoped};
+use crate::gpu::device::{refused, with_error_scope};
 use crate::gpu::layout::Head;
 use crate::gpu::plan::{Sizes, grown};
 use crate::gpu::stages::{Base, Steps};
@@ -79,7 +79,9 @@ impl GpuSimulation {
         self.rebuild(sizes)?;
         let at = std::mem::offset_of!(Head, frozen) as u64;
         let control = self.base.buffer("control");
-        scoped(&self.base.own, "thawing", 0, || self.base.own.queue.write_buffer(control, at, &[0; 4]))
+        with_error_scope(&self.base.own, "thawing", 0, || {
+            self.base.own.queue.write_buffer(control, at, &[0; 4])
+        })
     }
 
     pub(super) fn make_room(&mut self, particles: u32) -> Result<(), Error> {
@@ -105,7 +107,7 @@ impl GpuSimulation {
                 encoder.copy_buffer_to_buffer(self.steps.buffer(name), 0, steps.buffer(name), 0, bytes);
             }
         }
-        scoped(&self.base.own, "new sizes", 0, || self.base.own.queue.submit([encoder.finish()]))?;
+        with_error_scope(&self.base.own, "new sizes", 0, || self.base.own.queue.submit([encoder.finish()]))?;
         self.steps = steps;
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Particles, and what receptors hold, as rows on the device.
 
 use super::GpuSimulation;
-use crate::gpu::device::{read, scoped};
+use crate::gpu::device::{read, with_error_scope};
 use crate::gpu::layout::Head;
 use crate::model::particles::{Particle, Particles};
 use crate::motion::binding::Bound;
@@ -56,7 +56,7 @@ impl GpuSimulation {
             tags.push([species, id]);
         }
         let queue = &self.base.own.queue;
-        scoped(&self.base.own, "the particles", 0, || {
+        with_error_scope(&self.base.own, "the particles", 0, || {
             queue.write_buffer(self.base.buffer("control"), 0, bytemuck::bytes_of(&head));
             queue.write_buffer(self.steps.buffer("spheres"), 0, bytemuck::cast_slice(&spheres));
             queue.write_buffer(self.steps.buffer("tags"), 0, bytemuck::cast_slice(&tags));

@@ -1,28 +1,29 @@
+//! Sessions: spheres in the memory of the host in, pairs out.
+
+mod call_buffers;
+mod retry;
+mod skin;
+mod submission;
+
 use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-use lazygrid_host::{CandidateListStats, PhaseTime as Timing};
+use lazygrid_host::{CandidateListStats, PhaseTime};
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
 
-use super::adapter::{AdapterSummary, GpuDevice};
-use super::detector::{GpuDetector, Way};
-use super::input::{GpuConfig, GpuSpheres, check_algorithm};
-use super::mapping::Wait;
-use super::plan::{Cost, DeviceLimits, Plan, most_spheres};
-use super::slot::Slot;
+use super::config::{GpuConfig, check_algorithm};
+use super::detector::{AlgorithmChoice, GpuDetector, GpuSpheres};
+use super::device::{AdapterSummary, GpuDevice, Wait};
+use super::plan::{CallCost, DeviceLimits, Plan, most_spheres};
 use crate::Error;
-
-mod flight;
-mod kept;
-mod repeat;
-
-use flight::{Flight, Work};
-use kept::Keeping;
+use call_buffers::CallBuffers;
+use skin::SkinSession;
+use submission::{PendingReadback, Submission};
 
 /// Calls that may be in flight at once.
-const SLOTS: usize = 2;
+const MAX_IN_FLIGHT: usize = 2;
 /// Pairs that the first call brings back together with their number.
 const FIRST_PAIRS: u64 = 1 << 12;
 /// Distance tests of crowded cells in one submission, by default.
@@ -34,47 +35,47 @@ const PART_TESTS: u64 = 1 << 34;
 /// and readback overlap. The input is not checked here; spheres that are not finite pair with nothing.
 #[derive(Debug)]
 pub struct GpuSession {
-    own: GpuDevice,
+    gpu: GpuDevice,
     detector: GpuDetector,
     /// The candidate list that survives calls, if a skin is set.
-    skin: Option<Keeping>,
+    skin: Option<SkinSession>,
     /// The candidates that the last finished call was answered from.
     kept: Option<CandidateListStats>,
     /// The settings of calls that begin from now on.
-    asked: Way,
+    asked: AlgorithmChoice,
     timeout: Duration,
-    slots: [Slot; SLOTS],
+    slots: [CallBuffers; MAX_IN_FLIGHT],
     /// The settings of the call in each slot.
-    calls: [Call; SLOTS],
+    calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
     /// The call whose work is in the detector's buffers, if any is.
-    launched: Option<u64>,
-    flights: [Option<Flight>; SLOTS],
-    tickets: [Weak<()>; SLOTS],
+    submitted: Option<u64>,
+    pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
+    tickets: [Weak<()>; MAX_IN_FLIGHT],
     expected: u64,
     pairs: Vec<Pair>,
     /// Used where pairs come in windows, to put them together.
     gathered: Vec<Pair>,
-    timings: Vec<Timing>,
+    timings: Vec<PhaseTime>,
     last: Outcome,
 }
 
 /// The settings of a call.
 #[derive(Clone, Debug)]
-pub(super) struct Call {
-    pub(super) way: Way,
+pub(in crate::gpu) struct QueuedCall {
+    pub(in crate::gpu) choice: AlgorithmChoice,
     /// Pairs are asked for whose smaller index is in this window.
-    pub(super) window: Range<u32>,
+    pub(in crate::gpu) window: Range<u32>,
     /// The number of spheres of the first of two sets; 0 for one set.
-    pub(super) split: u32,
+    pub(in crate::gpu) split: u32,
     /// `true` if the candidate list may serve it.
-    pub(super) keeps: bool,
+    pub(in crate::gpu) keeps: bool,
 }
 
-impl Call {
+impl QueuedCall {
     /// All pairs of one set.
-    fn new(way: Way) -> Self {
-        Self { way, window: GpuSpheres::ALL, split: 0, keeps: true }
+    fn new(choice: AlgorithmChoice) -> Self {
+        Self { choice, window: GpuSpheres::ALL, split: 0, keeps: true }
     }
 }
 
@@ -92,26 +93,26 @@ impl GpuSession {
     ///
     /// # Errors
     /// The same as [`GpuDetector::new`], and where the device was lost.
-    pub fn new(own: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
-        own.probe()?;
+    pub fn new(gpu: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
+        gpu.probe()?;
         // Nobody could tell who is meant.
         let settings = settings.sorted_pairs(false);
-        let mut detector = GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
-            .map_err(|error| own.reason(error))?;
+        let mut detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
+            .map_err(|error| gpu.reason(error))?;
         detector.set_part_tests(PART_TESTS);
-        let asked = detector.way();
+        let asked = detector.algorithm_choice();
         Ok(Self {
             asked,
             detector,
             skin: None,
             kept: None,
-            own,
+            gpu,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
-            calls: [(); SLOTS].map(|()| Call::new(asked)),
+            calls: [(); MAX_IN_FLIGHT].map(|()| QueuedCall::new(asked)),
             begun: 0,
-            launched: None,
-            flights: Default::default(),
+            submitted: None,
+            pending: Default::default(),
             tickets: Default::default(),
             expected: FIRST_PAIRS,
             pairs: Vec::new(),
@@ -122,9 +123,9 @@ impl GpuSession {
     }
 
     /// Another session on the same device that differs in its table of interactions and keeps no candidates.
-    pub(super) fn beside(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
+    pub(in crate::gpu) fn beside(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
         let settings = self.detector.settings().clone().interactions(interactions);
-        let mut session = Self::new(self.own.clone(), settings)?;
+        let mut session = Self::new(self.gpu.clone(), settings)?;
         session.timeout = self.timeout;
         Ok(session)
     }
@@ -133,7 +134,7 @@ impl GpuSession {
     ///
     /// # Errors
     /// The same as [`set_skin`](Self::set_skin).
-    pub(super) fn set_space(&mut self, space: Space) -> Result<(), Error> {
+    pub(in crate::gpu) fn set_space(&mut self, space: Space) -> Result<(), Error> {
         if self.detector.settings().space != space {
             self.detector.set_space(space);
             if let Some(distance) = self.skin.as_ref().map(|skin| skin.detector.skin()) {
@@ -156,7 +157,7 @@ impl GpuSession {
 
     /// What it runs on.
     pub fn adapter(&self) -> &AdapterSummary {
-        &self.own.adapter
+        &self.gpu.adapter
     }
 
     /// Changes which algorithm the calls use that are begun from now on; see [`GpuConfig::algorithm`].
@@ -176,7 +177,7 @@ impl GpuSession {
     }
 
     /// What the call cost that was worked on last; `None` before the first, and where candidates were kept.
-    pub fn cost(&self) -> Option<Cost> {
+    pub fn cost(&self) -> Option<CallCost> {
         self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
     }
 
@@ -195,7 +196,7 @@ impl GpuSession {
 
     /// Times of the last finished call: GPU phases where they can be taken, and what the host waited for; of all
     /// submissions together where it took several.
-    pub fn timings(&self) -> &[Timing] {
+    pub fn timings(&self) -> &[PhaseTime] {
         &self.timings
     }
 
@@ -215,17 +216,17 @@ impl GpuSession {
     /// Bytes for input and way back.
     fn memory_beside(&self, spheres: u32) -> u64 {
         let input = u64::from(spheres).next_power_of_two().max(1) * 16;
-        SLOTS as u64 * (input + self.expected * 8)
+        MAX_IN_FLIGHT as u64 * (input + self.expected * 8)
     }
 
     /// How many spheres a call may have at most: a grid's plan needs no buffer with more bytes for each than the input has.
-    pub(super) fn most_spheres(&self) -> u64 {
-        most_spheres(&DeviceLimits::of(&self.own.device))
+    pub(in crate::gpu) fn most_spheres(&self) -> u64 {
+        most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
 
     /// Bytes of device memory held now for input and way back.
     pub fn held_bytes(&self) -> u64 {
-        self.slots.iter().map(Slot::device_bytes).sum()
+        self.slots.iter().map(CallBuffers::device_bytes).sum()
     }
 
     /// Uploads the spheres and starts the detection; does not wait.
@@ -247,26 +248,30 @@ impl GpuSession {
     }
 
     /// How a call runs with this algorithm, if nothing else is asked for.
-    pub(super) fn call(&self, algorithm: Algorithm) -> Call {
-        Call::new(Way { algorithm, ..self.asked })
+    pub(in crate::gpu) fn call(&self, algorithm: Algorithm) -> QueuedCall {
+        QueuedCall::new(AlgorithmChoice { algorithm, ..self.asked })
     }
 
     /// The same as [`begin`](Self::begin), with another way for this call.
-    pub(super) fn begin_as(&mut self, call: Call, spheres: Spheres<'_>) -> Result<Ticket, Error> {
-        for (flight, ticket) in self.flights.iter_mut().zip(&self.tickets) {
+    pub(in crate::gpu) fn begin_as(
+        &mut self,
+        call: QueuedCall,
+        spheres: Spheres<'_>,
+    ) -> Result<Ticket, Error> {
+        for (flight, ticket) in self.pending.iter_mut().zip(&self.tickets) {
             if ticket.strong_count() == 0 {
                 *flight = None;
             }
         }
-        let slot_of = |number: u64| number as usize % SLOTS;
-        let mut numbers = self.begun..self.begun + SLOTS as u64;
-        let Some(number) = numbers.find(|&number| self.flights[slot_of(number)].is_none()) else {
-            return Err(Error::Busy { calls: SLOTS });
+        let slot_of = |number: u64| number as usize % MAX_IN_FLIGHT;
+        let mut numbers = self.begun..self.begun + MAX_IN_FLIGHT as u64;
+        let Some(number) = numbers.find(|&number| self.pending[slot_of(number)].is_none()) else {
+            return Err(Error::Busy { calls: MAX_IN_FLIGHT });
         };
-        self.slots[slot_of(number)].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
+        self.slots[slot_of(number)].upload(&self.gpu, spheres).map_err(|error| self.gpu.reason(error))?;
         let window = call.window.clone();
         self.calls[slot_of(number)] = call;
-        self.launch(number, Work::Call(window))?;
+        self.submit(number, Submission::Full(window))?;
         self.begun = number + 1;
         let held = Arc::new(());
         self.tickets[slot_of(number)] = Arc::downgrade(&held);
@@ -298,13 +303,13 @@ impl GpuSession {
     /// Where the device fails.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, Error> {
         self.forget_last();
-        pollster::block_on(self.settle(ticket.number, self.window_of(&ticket), Wait::Blocking))
+        pollster::block_on(self.finish_with_retries(ticket.number, self.window_of(&ticket), Wait::Blocking))
             .map(|outcome| outcome.found())
     }
 
     /// The window of all that a call asks for.
     fn window_of(&self, ticket: &Ticket) -> Range<u32> {
-        self.calls[ticket.number as usize % SLOTS].window.clone()
+        self.calls[ticket.number as usize % MAX_IN_FLIGHT].window.clone()
     }
 
     /// Hands the pairs of a call over in parts whose smaller indices ascend from part to part; within a part they
@@ -319,21 +324,24 @@ impl GpuSession {
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         self.forget_last();
-        let outcome =
-            pollster::block_on(self.settle(ticket.number, self.window_of(&ticket), Wait::Blocking))?;
+        let outcome = pollster::block_on(self.finish_with_retries(
+            ticket.number,
+            self.window_of(&ticket),
+            Wait::Blocking,
+        ))?;
         if outcome.found() == self.pairs.len() as u64 {
             let _ = consume(&mut self.pairs);
             return Ok(());
         }
         pollster::block_on(
-            self.windows(ticket.number, outcome.found(), Wait::Blocking, |pairs| consume(pairs)),
+            self.read_windows(ticket.number, outcome.found(), Wait::Blocking, |pairs| consume(pairs)),
         )
     }
 
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), Error> {
         self.forget_last();
         let (number, window) = (ticket.number, self.window_of(&ticket));
-        let found = self.settle(number, window.clone(), wait).await?.found();
+        let found = self.finish_with_retries(number, window.clone(), wait).await?.found();
         if found > limit {
             self.pairs.clear();
             return Err(Error::TooManyPairs { found, limit });
@@ -344,13 +352,13 @@ impl GpuSession {
         if found <= self.largest_capacity().max(self.capacity().into()) {
             self.pairs.clear();
             self.repeat_for_pairs(number, window.clone(), found)?;
-            self.settle(number, window, wait).await?;
+            self.finish_with_retries(number, window, wait).await?;
             return Ok(());
         }
         let mut all = std::mem::take(&mut self.gathered);
         all.clear();
         make_room(&mut all, found as usize, "pairs")?;
-        let gathered = self.windows(number, found, wait, |pairs| {
+        let gathered = self.read_windows(number, found, wait, |pairs| {
             all.append(pairs);
             ControlFlow::Continue(())
         });
@@ -372,16 +380,16 @@ impl GpuSession {
 
     /// The most pairs that the device can bind, and read back in one piece.
     fn largest_capacity(&self) -> u64 {
-        let limits = self.own.device.limits();
+        let limits = self.gpu.device.limits();
         (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size / 2) / 8).min(1 << 31)
     }
 
     fn time(&mut self, name: &'static str, time: Duration) {
-        Timing::add(&mut self.timings, name, time);
+        PhaseTime::add(&mut self.timings, name, time);
     }
 
     /// The pairs of the last call, for whoever goes on with them.
-    pub(super) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
+    pub(in crate::gpu) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
         &mut self.pairs
     }
 

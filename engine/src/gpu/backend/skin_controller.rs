@@ -1,9 +1,9 @@
 //! Which skin calls on the GPU have where the detector is to choose: the forecast is that of the CPU path, the costs are those
 //! of the device.
 
-use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinTuner, TunerCosts};
+use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinCosts, SkinTuner};
 
-use super::device_search::Given;
+use super::slab_search::SearchRequest;
 use crate::Error;
 
 /// By what factor another skin may differ from the one that there is without taking its place: that finds candidates anew.
@@ -11,20 +11,24 @@ const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 
 /// The observed motion of the spheres, and the skin in use.
 #[derive(Debug, Default)]
-pub(super) struct Course {
+pub(super) struct SkinController {
     tuner: SkinTuner,
     skin: Option<f32>,
     /// `true` if the candidate list served the last call, so that nothing has to be decided.
     is_served: bool,
 }
 
-impl Course {
+impl SkinController {
     /// The skin of the next call.
     ///
     /// # Errors
     /// The same as [`SkinTuner::skin`].
-    pub(super) fn next(&mut self, given: &Given<'_>, costs: &TunerCosts) -> Result<Option<f32>, Error> {
-        let (spheres, interactions, space) = (given.spheres, given.interactions, given.space);
+    pub(super) fn next(
+        &mut self,
+        request: &SearchRequest<'_>,
+        costs: &SkinCosts,
+    ) -> Result<Option<f32>, Error> {
+        let (spheres, interactions, space) = (request.spheres, request.interactions, request.space);
         self.tuner.look(spheres, interactions, space)?;
         if !self.is_served {
             let skin = self.tuner.skin(spheres, interactions, space, costs)?;
@@ -68,13 +72,13 @@ mod tests {
     use lazygrid_kernels::{Algorithm, Space, Sphere};
 
     use super::*;
-    use crate::gpu::SkinCosts;
+    use crate::gpu::costs::SOFTWARE_SKIN_COSTS;
 
     /// Calls of spheres on a lattice that all go `step` along x at every call; how many were served, and how often candidates
     /// were found. `fits` says whether there is room for them.
-    fn follow(course: &mut Course, calls: u32, step: f32, fits: bool) -> (u32, u32) {
+    fn follow(controller: &mut SkinController, calls: u32, step: f32, fits: bool) -> (u32, u32) {
         let n = 8000_usize;
-        let costs = TunerCosts::from(SkinCosts::SOFTWARE);
+        let costs = SOFTWARE_SKIN_COSTS;
         let (mut held, mut age, mut at, mut since) = (None, 0, 0.0, 0.0);
         let (mut served, mut found) = (0, 0);
         for _ in 0..calls {
@@ -83,11 +87,12 @@ mod tests {
             let all: Vec<_> = (0..n).map(place).map(|[x, y, z]| Sphere::new([x + at, y, z], 0.5)).collect();
             let (algorithm, space) = (Algorithm::CellList, Space::UNBOUNDED);
             let spheres = (&all).into();
-            let given = Given { spheres, split: None, interactions: None, space, algorithm, filter: None };
-            let skin = course.next(&given, &costs).expect("valid");
+            let request =
+                SearchRequest { spheres, split: None, interactions: None, space, algorithm, filter: None };
+            let skin = controller.next(&request, &costs).expect("valid");
             let Some(distance) = skin.filter(|_| fits) else {
                 (held, found) = (None, found + u32::from(skin.is_some()));
-                course.note(n, None, (0, 0.0));
+                controller.note(n, None, (0, 0.0));
                 continue;
             };
             let moved = (at - since) / (distance / 2.0);
@@ -103,7 +108,7 @@ mod tests {
                 None => (served, age) = (served + 1, age + 1),
                 Some(_) => (found, age, since, held) = (found + 1, 0, at, skin),
             }
-            course.note(n, Some(kept), went);
+            controller.note(n, Some(kept), went);
         }
         (served, found)
     }
@@ -117,7 +122,7 @@ mod tests {
             // After a list that does not fit, some calls search without one.
             (0.002, false, 0..=0, 1..=7),
         ] {
-            let (served, found) = follow(&mut Course::default(), 200, step, fits);
+            let (served, found) = follow(&mut SkinController::default(), 200, step, fits);
             let what = format!("steps of {step}: {served} of 200 served, found {found} times");
             assert!(calls_served.contains(&served) && times_found.contains(&found), "{what}");
         }
@@ -125,10 +130,10 @@ mod tests {
 
     #[test]
     fn what_comes_to_rest_is_served_again() {
-        let mut course = Course::default();
-        follow(&mut course, 100, 0.6, true);
-        assert!(course.skin.is_none());
-        let (served, _) = follow(&mut course, 300, 0.001, true);
+        let mut controller = SkinController::default();
+        follow(&mut controller, 100, 0.6, true);
+        assert!(controller.skin.is_none());
+        let (served, _) = follow(&mut controller, 300, 0.001, true);
         assert!(served > 150, "{served} of 300 were served");
     }
 }

@@ -6,13 +6,14 @@ use std::ops::{ControlFlow, Range};
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Pair};
 
-use super::{GpuSession, SLOTS, Work};
+use super::submission::Submission;
+use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
-use crate::gpu::GpuConfig;
-use crate::gpu::detector::{Raised, Way};
-use crate::gpu::mapping::Wait;
+use crate::gpu::config::GpuConfig;
+use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot};
+use crate::gpu::device::Wait;
 
-impl Way {
+impl AlgorithmChoice {
     /// The way with fewer entries in which to repeat a call of `ran`: on a coarser grid, at last on a single level from
     /// the grid on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
     /// of the levels down to their own, however coarse these are.
@@ -29,15 +30,16 @@ impl Way {
 impl GpuSession {
     /// Waits for a call and appends the pairs that came back. Repeats it with more room for entries, or with fewer of
     /// them, where they did not fit; and goes on with a crowded search that was too much for one submission.
-    pub(super) async fn settle(
+    pub(super) async fn finish_with_retries(
         &mut self,
         number: u64,
         window: Range<u32>,
         wait: Wait,
     ) -> Result<Outcome, Error> {
         loop {
-            let is_kept = self.flights[number as usize % SLOTS].as_ref().is_some_and(|flight| flight.is_kept);
-            let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
+            let is_kept =
+                self.pending[number as usize % MAX_IN_FLIGHT].as_ref().is_some_and(|flight| flight.is_kept);
+            let outcome = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
             self.last = outcome;
             if is_kept && outcome.overflow & !Outcome::PAIRS != 0 {
                 self.pairs.clear();
@@ -50,32 +52,33 @@ impl GpuSession {
             } else {
                 // Those of all parts come with the last one.
                 self.pairs.clear();
-                let work = match self.launched == Some(number) {
-                    true => Work::Rest,
+                let work = match self.submitted == Some(number) {
+                    true => Submission::Continuation,
                     // The call that was begun since has used the same buffers.
-                    false => Work::Call(window.clone()),
+                    false => Submission::Full(window.clone()),
                 };
-                self.launch(number, work)?;
+                self.submit(number, work)?;
             }
         }
     }
 
     fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
-        let (slot, before) = (number as usize % SLOTS, self.detector.room());
-        if self.detector.raise_entries(entries, self.slots[slot].count) {
+        let (slot, before) = (number as usize % MAX_IN_FLIGHT, self.detector.capacities());
+        if self.detector.raise_entry_capacity(entries, self.slots[slot].count) {
             log::info!("{entries} entries do not fit: repeating with room for them");
-            return self.launch_with_room(number, window, before);
+            return self.submit_with_capacity(number, window, before);
         }
-        let Some(way) = self.calls[slot].way.with_fewer_entries(self.algorithm(), self.asked.raster_ratio)
+        let Some(choice) =
+            self.calls[slot].choice.with_fewer_entries(self.algorithm(), self.asked.raster_ratio)
         else {
             let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
             return Err(Error::LimitExceeded { what, needed: entries, limit, remedy });
         };
-        let Way { algorithm, raster_ratio } = way;
+        let AlgorithmChoice { algorithm, raster_ratio } = choice;
         log::info!("{entries} entries do not fit: repeating as {algorithm} with raster ratio {raster_ratio}");
-        self.calls[slot].way = way;
-        self.launch(number, Work::Call(window))
+        self.calls[slot].choice = choice;
+        self.submit(number, Submission::Full(window))
     }
 
     /// Repeats a call with capacity for the number of pairs that it found.
@@ -85,29 +88,35 @@ impl GpuSession {
         window: Range<u32>,
         found: u64,
     ) -> Result<(), Error> {
-        let before = self.detector.room();
+        let before = self.detector.capacities();
         if found > u64::from(self.capacity()) {
             // Below 2³² by the largest capacity.
             self.detector.set_pair_capacity(self.largest_capacity().min(found.next_power_of_two()) as u32);
         }
         let expected = std::mem::replace(&mut self.expected, found.next_power_of_two());
-        self.launch_with_room(number, window, before).inspect_err(|_| self.expected = expected)
+        self.submit_with_capacity(number, window, before).inspect_err(|_| self.expected = expected)
     }
 
     /// Repeats a call with more room than `before`. Where the device has not so much, later calls do not ask for it.
-    fn launch_with_room(&mut self, number: u64, window: Range<u32>, before: Raised) -> Result<(), Error> {
-        self.launch(number, Work::Call(window)).inspect_err(|_| self.detector.set_room(before))
+    fn submit_with_capacity(
+        &mut self,
+        number: u64,
+        window: Range<u32>,
+        before: CapacitySnapshot,
+    ) -> Result<(), Error> {
+        self.submit(number, Submission::Full(window))
+            .inspect_err(|_| self.detector.restore_capacities(before))
     }
 
     /// Repeats a call for one window of smaller indices after another, each as large as the output holds.
-    pub(super) async fn windows(
+    pub(super) async fn read_windows(
         &mut self,
         number: u64,
         found: u64,
         wait: Wait,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        let slot = number as usize % SLOTS;
+        let slot = number as usize % MAX_IN_FLIGHT;
         let Range { start, end: last } = self.calls[slot].window;
         let count = last.min(self.slots[slot].count);
         let mut capacity = u64::from(self.capacity());
@@ -117,8 +126,8 @@ impl GpuSession {
         while begin < count {
             let end = begin.saturating_add(width).min(count);
             self.pairs.clear();
-            self.launch(number, Work::Call(begin..end))?;
-            let mut found = self.settle(number, begin..end, wait).await?.found();
+            self.submit(number, Submission::Full(begin..end))?;
+            let mut found = self.finish_with_retries(number, begin..end, wait).await?.found();
             if found > capacity && end - begin == 1 {
                 let largest = self.largest_capacity();
                 if found > largest {
@@ -128,7 +137,7 @@ impl GpuSession {
                 }
                 self.pairs.clear();
                 self.repeat_for_pairs(number, begin..end, found)?;
-                found = self.settle(number, begin..end, wait).await?.found();
+                found = self.finish_with_retries(number, begin..end, wait).await?.found();
                 capacity = u64::from(self.capacity());
                 self.expected = capacity;
             }
@@ -156,16 +165,16 @@ mod tests {
     use lazygrid_kernels::{Sphere, Spheres};
 
     use super::*;
-    use crate::gpu::GpuSpheres;
-    use crate::gpu::adapter::device_or_skip;
+    use crate::gpu::detector::GpuSpheres;
+    use crate::gpu::device::device_or_skip;
 
     /// However long a submission takes, what was there before stays in the sum.
     #[test]
     fn times_are_those_of_all_submissions_of_a_call() {
         const BEFORE: Duration = Duration::from_secs(1 << 30);
-        let Some(own) = device_or_skip() else { return };
-        let settings = GpuConfig::default().algorithm(ArrayGrid).timed(true);
-        let mut session = GpuSession::new(own, settings).expect("made");
+        let Some(gpu) = device_or_skip() else { return };
+        let settings = GpuConfig::default().algorithm(ArrayGrid).timestamps(true);
+        let mut session = GpuSession::new(gpu, settings).expect("made");
         session.set_part_tests(1 << 18);
         let spheres = vec![Sphere::new([1.0; 3], 0.5); 1500];
         let search = |session: &GpuSession| {
@@ -173,12 +182,12 @@ mod tests {
         };
         let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
         session.time("search", BEFORE);
-        let whole = session.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking);
+        let whole = session.finish_with_retries(ticket.number, GpuSpheres::ALL, Wait::Blocking);
         let outcome = pollster::block_on(whole).expect("settled");
         assert!(outcome.crowded_begin > 0, "one part only: {outcome:?}");
         assert!(search(&session) >= BEFORE, "{:?}", session.timings());
-        let windows =
-            session.windows(ticket.number, outcome.found(), Wait::Blocking, |_| ControlFlow::Continue(()));
+        let windows = session
+            .read_windows(ticket.number, outcome.found(), Wait::Blocking, |_| ControlFlow::Continue(()));
         pollster::block_on(windows).expect("found");
         assert!(search(&session) >= BEFORE, "{:?}", session.timings());
         drop(ticket);
@@ -197,12 +206,13 @@ mod tests {
             (ArrayGrid, 3.0, Some((ArrayGrid, 6.0))),
             (ArrayGrid, 16.0, None),
         ] {
-            let way = Way { algorithm, raster_ratio: ratio };
-            let expected = expected.map(|(algorithm, raster_ratio)| Way { algorithm, raster_ratio });
-            assert_eq!(way.with_fewer_entries(algorithm, 3.0), expected, "{algorithm}, {ratio}");
+            let choice = AlgorithmChoice { algorithm, raster_ratio: ratio };
+            let expected =
+                expected.map(|(algorithm, raster_ratio)| AlgorithmChoice { algorithm, raster_ratio });
+            assert_eq!(choice.with_fewer_entries(algorithm, 3.0), expected, "{algorithm}, {ratio}");
         }
         // What `Auto` became is what counts.
-        let auto = Way { algorithm: Algorithm::Auto, raster_ratio: 16.0 };
-        assert!(auto.with_fewer_entries(LazyGrid, 2.0).is_some_and(|way| way.algorithm == ArrayGrid));
+        let auto = AlgorithmChoice { algorithm: Algorithm::Auto, raster_ratio: 16.0 };
+        assert!(auto.with_fewer_entries(LazyGrid, 2.0).is_some_and(|choice| choice.algorithm == ArrayGrid));
     }
 }

@@ -3,34 +3,36 @@ use std::sync::Arc;
 use lazygrid_host::{HostBackend, PhaseTime, SearchBackend, Settings, Team, Work};
 use lazygrid_kernels::Query;
 
-use super::{DeviceBackend, GpuDevice};
-use crate::choice;
-use crate::detector::EngineBackend;
-use crate::{Backend, Config, Error, Report};
+use super::gpu_backend::GpuBackend;
+use crate::backend::DetectorBackend;
+use crate::config::Config;
+use crate::gpu::device::GpuDevice;
+use crate::report::Report;
+use crate::{Backend, Error, choice};
 
 /// The CPU and a device. Each call runs where it is expected to be answered earlier, by the number of its spheres.
 #[derive(Debug)]
 pub(crate) struct AutoBackend {
     host: HostBackend,
-    device: DeviceBackend,
+    device: GpuBackend,
     /// The backend of the last call, never `Auto`, and why.
     chosen: (Backend, String),
 }
 
 impl AutoBackend {
-    pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
+    pub(crate) fn new(gpu: GpuDevice, config: Config) -> Result<Self, Error> {
         let host = HostBackend::new(config.settings.clone())?;
-        let device = DeviceBackend::on_team(own, config, Arc::clone(host.team()))?;
+        let device = GpuBackend::on_team(gpu, config, Arc::clone(host.team()))?;
         Ok(Self { host, device, chosen: (Backend::Gpu, String::new()) })
     }
 
     /// The backend of the last call.
-    fn last(&self) -> &dyn EngineBackend {
+    fn last(&self) -> &dyn DetectorBackend {
         if self.chosen.0 == Backend::Cpu { &self.host } else { &self.device }
     }
 }
 
-impl EngineBackend for AutoBackend {
+impl DetectorBackend for AutoBackend {
     fn report(&self) -> Report {
         let mut report = self.last().report();
         report.precede(&self.chosen.1);
@@ -78,16 +80,17 @@ mod tests {
     use lazygrid_kernels::{Algorithm, Sphere};
 
     use super::*;
-    use crate::detector::Engine;
-    use crate::gpu::{Calibration, Crossover, SkinCosts};
+    use crate::backend::BackendFinder;
+    use crate::gpu::costs::{Calibration, Crossover, SOFTWARE_SKIN_COSTS};
+    use crate::gpu::device::SoftwareAdapter;
 
     #[test]
     fn calls_run_where_they_are_answered_earlier() {
-        let Ok(own) = GpuDevice::shared(true) else { return };
-        let names = [&own.adapter.name, &own.adapter.driver, env!("CARGO_PKG_VERSION")].map(str::to_owned);
-        let known = Calibration::new(names, Crossover::SOFTWARE, 1 << 19, SkinCosts::SOFTWARE, 100);
-        let backend = AutoBackend::new(own, Config::default().calibration([known])).expect("valid settings");
-        let mut engine = Engine::on(Box::new(backend));
+        let Ok(gpu) = GpuDevice::shared(SoftwareAdapter::Allow) else { return };
+        let names = [&gpu.adapter.name, &gpu.adapter.driver, env!("CARGO_PKG_VERSION")].map(str::to_owned);
+        let known = Calibration::new(names, Crossover::SOFTWARE, 1 << 19, SOFTWARE_SKIN_COSTS, 100);
+        let backend = AutoBackend::new(gpu, Config::default().calibration([known])).expect("valid settings");
+        let mut engine = BackendFinder::on(Box::new(backend));
         let spheres: Vec<Sphere> = (0..200).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();
         for (count, expected) in
             [(200, Backend::Gpu), (99, Backend::Cpu), (100, Backend::Gpu), (2, Backend::Cpu)]

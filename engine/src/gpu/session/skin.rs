@@ -5,16 +5,17 @@ use std::ops::Range;
 use lazygrid_host::{CandidateListStats, RebuildReason};
 use lazygrid_kernels::layout::{Outcome, SkinState};
 
-use super::{GpuSession, SLOTS, Work};
+use super::submission::Submission;
+use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
-use crate::gpu::skin::GpuSkinDetector;
+use crate::gpu::detector::GpuSkinDetector;
 
 /// Calls that search anew after one whose candidates did not fit. Trying costs about as much as one of them.
 const PAUSE: u64 = 16;
 
 /// A detector with candidates, and what is known of them.
 #[derive(Debug)]
-pub(super) struct Keeping {
+pub(super) struct SkinSession {
     pub(super) detector: GpuSkinDetector,
     /// The first call that may be answered from candidates again.
     from: u64,
@@ -22,7 +23,7 @@ pub(super) struct Keeping {
     age: u32,
     /// Calls since those were found that the last call came upon, and how far the farthest sphere had gone, as a part of what
     /// it may.
-    went: (u32, f32),
+    last_rebuild: (u32, f32),
 }
 
 impl GpuSession {
@@ -35,14 +36,14 @@ impl GpuSession {
     pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         let keeping = |distance| {
             let detector = self.with_skin(distance)?;
-            Ok::<_, Error>(Keeping { detector, from: 0, age: 0, went: (0, 0.0) })
+            Ok::<_, Error>(SkinSession { detector, from: 0, age: 0, last_rebuild: (0, 0.0) })
         };
         self.skin = distance.map(keeping).transpose()?;
         Ok(())
     }
 
     /// The same as [`set_skin`](Self::set_skin); with the same distance as before candidates stay.
-    pub(in crate::gpu) fn change_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
+    pub(in crate::gpu) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
             (Some(skin), Some(distance)) => skin.detector.set_skin(distance),
@@ -52,15 +53,15 @@ impl GpuSession {
 
     /// Calls since the candidates were found that the last call came upon, and how far the farthest sphere had gone, as a part
     /// of what it may.
-    pub(in crate::gpu) fn went(&self) -> (u32, f32) {
-        self.skin.as_ref().map_or((0, 0.0), |skin| skin.went)
+    pub(in crate::gpu) fn last_rebuild(&self) -> (u32, f32) {
+        self.skin.as_ref().map_or((0, 0.0), |skin| skin.last_rebuild)
     }
 
     fn with_skin(&self, distance: f32) -> Result<GpuSkinDetector, Error> {
-        let (device, pipelines) = (&self.own.device, self.own.pipelines.clone());
+        let (device, pipelines) = (&self.gpu.device, self.gpu.pipelines.clone());
         let settings = self.detector.settings().clone();
         GpuSkinDetector::with_pipelines(device, pipelines, settings, distance)
-            .map_err(|error| self.own.reason(error))
+            .map_err(|error| self.gpu.reason(error))
     }
 
     /// The same as [`memory_for`](Self::memory_for), for calls that search anew and calls that keep candidates by turns.
@@ -73,8 +74,8 @@ impl GpuSession {
     }
 
     /// Returns `true` if this call is answered from candidates, if there is room for them.
-    pub(super) fn keeps(&self, number: u64) -> bool {
-        let asked = self.calls[number as usize % SLOTS].keeps;
+    pub(super) fn uses_candidates(&self, number: u64) -> bool {
+        let asked = self.calls[number as usize % MAX_IN_FLIGHT].keeps;
         self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)
     }
 
@@ -106,7 +107,7 @@ impl GpuSession {
         kept.count = state.candidates.into();
         kept.rebuilt = before.and_then(|kept| kept.rebuilt).or(rebuilt);
         if before.is_none() {
-            skin.went = (skin.age.saturating_add(1), skin.detector.part(state.moved_last));
+            skin.last_rebuild = (skin.age.saturating_add(1), skin.detector.part(state.moved_last));
         }
         skin.age = match (kept.rebuilt, before) {
             (Some(_), _) => 0,
@@ -114,7 +115,7 @@ impl GpuSession {
             (None, None) => skin.age.saturating_add(1),
         };
         kept.age = skin.age;
-        kept.displacement_fraction = if kept.rebuilt.is_some() { 0.0 } else { skin.went.1 };
+        kept.displacement_fraction = if kept.rebuilt.is_some() { 0.0 } else { skin.last_rebuild.1 };
         self.kept = Some(kept);
     }
 
@@ -126,14 +127,14 @@ impl GpuSession {
         outcome: &Outcome,
     ) -> Result<(), Error> {
         let (largest, needed) = (self.largest_capacity(), outcome.entries());
-        let Some(skin) = &mut self.skin else { return self.launch(number, Work::Call(window)) };
+        let Some(skin) = &mut self.skin else { return self.submit(number, Submission::Full(window)) };
         let before = skin.detector.candidate_capacity();
         if outcome.overflow & !Outcome::PAIRS == Outcome::CANDIDATES && needed <= largest {
             // Below 2³² by the largest capacity.
             skin.detector.set_candidate_capacity((needed + needed / 8).min(largest) as u32);
             log::info!("{needed} candidates do not fit: repeating with room for them");
-            self.launch(number, Work::Call(window))?;
-            if !self.keeps(number)
+            self.submit(number, Submission::Full(window))?;
+            if !self.uses_candidates(number)
                 && let Some(skin) = &mut self.skin
             {
                 skin.detector.set_candidate_capacity(before);
@@ -142,6 +143,6 @@ impl GpuSession {
         }
         log::info!("{needed} candidates do not fit: searching anew for {PAUSE} calls");
         self.pause_skin(number);
-        self.launch(number, Work::Call(window))
+        self.submit(number, Submission::Full(window))
     }
 }

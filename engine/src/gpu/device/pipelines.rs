@@ -4,8 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
-use super::GpuDevice;
-use super::scope::scoped;
+use super::error_scope::with_error_scope;
 use crate::Error;
 
 /// Compiled kernels of one device, each made when first needed. Clones share them.
@@ -50,7 +49,7 @@ impl Pipelines {
             Entry::Occupied(found) => Ok(found.get().clone()),
             Entry::Vacant(vacant) => {
                 let work = || compile(&self.device, kernel, variant);
-                Ok(vacant.insert(scoped(&self.device, kernel.name, 0, work)?).clone())
+                Ok(vacant.insert(with_error_scope(&self.device, kernel.name, 0, work)?).clone())
             }
         }
     }
@@ -62,41 +61,7 @@ fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline
     pipeline(device, kernel.name, accesses, &shader_module(device, kernel, variant), false)
 }
 
-impl GpuDevice {
-    /// One of this library's own kernels, compiled as its detectors have it, and the layout of its bindings.
-    ///
-    /// # Errors
-    /// The same as [`scoped`](Self::scoped).
-    pub fn kernel(
-        &self,
-        kernel: &'static Kernel,
-        variant: Variant,
-    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), Error> {
-        self.pipelines.get(kernel, variant).map(|Pipeline { pipeline, layout }| (pipeline, layout))
-    }
-
-    /// A compute pipeline of a WGSL text, and the layout of its bindings, all in group 0 and numbered from 0. The entry
-    /// point is called `name`.
-    ///
-    /// # Errors
-    /// The same as [`scoped`](Self::scoped).
-    pub fn compile(
-        &self,
-        name: &'static str,
-        bindings: impl IntoIterator<Item = Access>,
-        wgsl: String,
-    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), Error> {
-        self.scoped(name, 0, || {
-            let source = wgpu::ShaderSource::Wgsl(wgsl.into());
-            let descriptor = wgpu::ShaderModuleDescriptor { label: Some(name), source };
-            let module = self.device.create_shader_module(descriptor);
-            let Pipeline { pipeline, layout } = pipeline(&self.device, name, bindings, &module, true);
-            (pipeline, layout)
-        })
-    }
-}
-
-fn pipeline(
+pub(super) fn pipeline(
     device: &wgpu::Device,
     name: &'static str,
     bindings: impl IntoIterator<Item = Access>,

@@ -4,14 +4,14 @@ use std::time::Instant;
 use lazygrid_host::{ChunkConsumer, PairConsumer, PairFilter, PairSource, PhaseTime, ranges};
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
 
-use super::input::GpuSpheres;
-use super::session::{Call, GpuSession, Ticket};
-use super::slabs::{Slab, Slabs, Whole};
+use super::slabs::{Slab, SlabInput, Slabs};
 use crate::Error;
+use crate::gpu::detector::GpuSpheres;
+use crate::gpu::session::{GpuSession, QueuedCall, Ticket};
 
 /// The input of a search.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Given<'a> {
+pub(super) struct SearchRequest<'a> {
     pub(super) spheres: Spheres<'a>,
     /// The number of spheres of the first of two sets.
     pub(super) split: Option<u32>,
@@ -22,7 +22,7 @@ pub(super) struct Given<'a> {
     pub(super) filter: Option<&'a PairFilter<'a>>,
 }
 
-impl Given<'_> {
+impl SearchRequest<'_> {
     /// Returns `true` if one of two sets is empty.
     fn has_no_pairs(&self) -> bool {
         self.split.is_some_and(|split| split == 0 || split as usize == self.spheres.len())
@@ -30,11 +30,11 @@ impl Given<'_> {
 }
 
 /// A call that is cut.
-type Cut<'a> = (&'a Given<'a>, &'a Whole<'a>, &'a Slabs);
+type Cut<'a> = (&'a SearchRequest<'a>, &'a SlabInput<'a>, &'a Slabs);
 
 /// Searches in a session: in one call, or slab by slab where the device cannot bind all spheres.
 #[derive(Debug)]
-pub(super) struct Search {
+pub(super) struct SlabSearch {
     pub(super) session: GpuSession,
     slab: Slab,
     /// Times of the last call.
@@ -45,20 +45,20 @@ pub(super) struct Search {
     found: Vec<Pair>,
 }
 
-/// A search of given spheres.
-pub(super) struct Built<'b> {
-    pub(super) search: &'b mut Search,
-    pub(super) given: &'b Given<'b>,
+/// A search of request spheres.
+pub(super) struct SlabPairSource<'b> {
+    pub(super) search: &'b mut SlabSearch,
+    pub(super) request: &'b SearchRequest<'b>,
 }
 
-impl PairSource for Built<'_> {
+impl PairSource for SlabPairSource<'_> {
     fn count(&mut self) -> Result<u64, Error> {
-        self.search.count(self.given)
+        self.search.count(self.request)
     }
 
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error> {
         let mut chunk = [std::mem::take(&mut self.search.found)];
-        let listed = self.search.list(self.given, limit, &mut chunk[0]);
+        let listed = self.search.list(self.request, limit, &mut chunk[0]);
         let found = match listed {
             Ok(()) => {
                 let found = chunk[0].len() as u64;
@@ -73,15 +73,15 @@ impl PairSource for Built<'_> {
     }
 
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
-        self.search.parts(self.given, Some(limit), |pairs| take(std::slice::from_mut(pairs)))
+        self.search.parts(self.request, Some(limit), |pairs| take(std::slice::from_mut(pairs)))
     }
 
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error> {
-        self.search.parts(self.given, None, |pairs| take(pairs))
+        self.search.parts(self.request, None, |pairs| take(pairs))
     }
 }
 
-impl Search {
+impl SlabSearch {
     pub(super) fn new(session: GpuSession) -> Self {
         let (slab, timings, found) = Default::default();
         Self { session, slab, timings, slabs: 1, found }
@@ -91,36 +91,46 @@ impl Search {
     ///
     /// # Errors
     /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
-    pub(super) fn list(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
-        match (self.list_found(given, limit, list), given.filter) {
+    pub(super) fn list(
+        &mut self,
+        request: &SearchRequest<'_>,
+        limit: u64,
+        list: &mut Vec<Pair>,
+    ) -> Result<(), Error> {
+        match (self.list_found(request, limit, list), request.filter) {
             (Ok(()), Some(filter)) => {
                 refine(list, filter);
                 Ok(())
             }
             // Candidates that the filter drops need no capacity in the list.
-            (Err(Error::TooManyPairs { .. }), Some(_)) => self.list_in_parts(given, limit, list),
+            (Err(Error::TooManyPairs { .. }), Some(_)) => self.list_in_parts(request, limit, list),
             (result, _) => result,
         }
     }
 
     /// Puts all that the device finds into `list`.
-    fn list_found(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
-        if given.has_no_pairs() {
+    fn list_found(
+        &mut self,
+        request: &SearchRequest<'_>,
+        limit: u64,
+        list: &mut Vec<Pair>,
+    ) -> Result<(), Error> {
+        if request.has_no_pairs() {
             list.clear();
             return Ok(());
         }
-        let Some((whole, slabs)) = self.cut(given)? else {
-            let ticket = self.begin(given)?;
+        let Some((input, slabs)) = self.cut(request)? else {
+            let ticket = self.begin(request)?;
             self.session.finish(ticket, limit)?;
             self.session.swap_pairs(list);
-            self.note();
+            self.add_timings();
             return Ok(());
         };
         let mut found = 0;
         list.clear();
         for number in 0..slabs.len() {
             let Some(ticket) =
-                self.begin_slab((&slabs, number), (&whole, given.algorithm), &GpuSpheres::ALL)?
+                self.begin_slab((&slabs, number), (&input, request.algorithm), &GpuSpheres::ALL)?
             else {
                 continue;
             };
@@ -139,7 +149,7 @@ impl Search {
                 Err(Error::TooManyPairs { found: more, .. }) => found += more,
                 Err(error) => return Err(error),
             }
-            self.note();
+            self.add_timings();
         }
         if found > limit {
             return Err(Error::TooManyPairs { found, limit });
@@ -148,10 +158,15 @@ impl Search {
     }
 
     /// The pairs, of which no more than fit are ever in memory.
-    fn list_in_parts(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
+    fn list_in_parts(
+        &mut self,
+        request: &SearchRequest<'_>,
+        limit: u64,
+        list: &mut Vec<Pair>,
+    ) -> Result<(), Error> {
         list.clear();
         let (mut found, mut refused) = (0, None);
-        self.parts(given, None, |pairs| {
+        self.parts(request, None, |pairs| {
             found += pairs.len() as u64;
             if found > limit {
                 return ControlFlow::Continue(());
@@ -174,33 +189,33 @@ impl Search {
     ///
     /// # Errors
     /// Fails if the device fails.
-    pub(super) fn count(&mut self, given: &Given<'_>) -> Result<u64, Error> {
-        if given.has_no_pairs() {
+    pub(super) fn count(&mut self, request: &SearchRequest<'_>) -> Result<u64, Error> {
+        if request.has_no_pairs() {
             return Ok(0);
         }
-        if given.filter.is_some() {
+        if request.filter.is_some() {
             let mut found = 0;
-            self.parts(given, None, |pairs| {
+            self.parts(request, None, |pairs| {
                 found += pairs.len() as u64;
                 ControlFlow::Continue(())
             })?;
             return Ok(found);
         }
-        let Some((whole, slabs)) = self.cut(given)? else {
-            let ticket = self.begin(given)?;
+        let Some((input, slabs)) = self.cut(request)? else {
+            let ticket = self.begin(request)?;
             let found = self.session.finish_count(ticket)?;
-            self.note();
+            self.add_timings();
             return Ok(found);
         };
         let mut found = 0;
         for number in 0..slabs.len() {
             let Some(ticket) =
-                self.begin_slab((&slabs, number), (&whole, given.algorithm), &GpuSpheres::ALL)?
+                self.begin_slab((&slabs, number), (&input, request.algorithm), &GpuSpheres::ALL)?
             else {
                 continue;
             };
             found += self.session.finish_count(ticket)?;
-            self.note();
+            self.add_timings();
         }
         Ok(found)
     }
@@ -212,52 +227,52 @@ impl Search {
     /// Fails if the device fails.
     pub(super) fn parts(
         &mut self,
-        given: &Given<'_>,
+        request: &SearchRequest<'_>,
         in_order: Option<u64>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        if given.has_no_pairs() {
+        if request.has_no_pairs() {
             return Ok(());
         }
-        let Some((whole, slabs)) = self.cut(given)? else {
-            let ticket = self.begin(given)?;
+        let Some((input, slabs)) = self.cut(request)? else {
+            let ticket = self.begin(request)?;
             self.session.finish_in_parts(ticket, |pairs| {
-                if let Some(filter) = given.filter {
+                if let Some(filter) = request.filter {
                     refine(pairs, filter);
                 }
                 consume(pairs)
             })?;
-            self.note();
+            self.add_timings();
             return Ok(());
         };
         match in_order {
-            None => self.slab_by_slab((given, &whole, &slabs), &GpuSpheres::ALL, consume),
-            Some(most) => self.range_by_range((given, &whole, &slabs), most, consume),
+            None => self.slab_by_slab((request, &input, &slabs), &GpuSpheres::ALL, consume),
+            Some(most) => self.range_by_range((request, &input, &slabs), most, consume),
         }
     }
 
     /// Hands over the pairs of one slab after another whose smaller index is in `range`.
     fn slab_by_slab(
         &mut self,
-        (given, whole, slabs): Cut<'_>,
+        (request, input, slabs): Cut<'_>,
         range: &Range<u32>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         for number in 0..slabs.len() {
-            let Some(ticket) = self.begin_slab((slabs, number), (whole, given.algorithm), range)? else {
+            let Some(ticket) = self.begin_slab((slabs, number), (input, request.algorithm), range)? else {
                 continue;
             };
             let (slab, mut is_enough) = (&self.slab, false);
             self.session.finish_in_parts(ticket, |pairs| {
                 slab.name(pairs);
-                if let Some(filter) = given.filter {
+                if let Some(filter) = request.filter {
                     refine(pairs, filter);
                 }
                 let flow = consume(pairs);
                 is_enough = flow.is_break();
                 flow
             })?;
-            self.note();
+            self.add_timings();
             if is_enough {
                 break;
             }
@@ -313,40 +328,41 @@ impl Search {
     }
 
     /// Returns `true` if the device can bind all spheres at once.
-    pub(super) fn is_bound_at_once(&self, given: &Given<'_>) -> bool {
-        given.spheres.len() as u64 <= self.session.most_spheres()
+    pub(super) fn is_bound_at_once(&self, request: &SearchRequest<'_>) -> bool {
+        request.spheres.len() as u64 <= self.session.most_spheres()
     }
 
     /// Cuts what the device cannot bind at once.
-    fn cut<'a>(&mut self, given: &Given<'a>) -> Result<Option<(Whole<'a>, Slabs)>, Error> {
+    fn cut<'a>(&mut self, request: &SearchRequest<'a>) -> Result<Option<(SlabInput<'a>, Slabs)>, Error> {
         self.timings.clear();
         self.slabs = 1;
-        let (spheres, count) = (given.spheres, given.spheres.len() as u64);
-        if self.is_bound_at_once(given) {
+        let (spheres, count) = (request.spheres, request.spheres.len() as u64);
+        if self.is_bound_at_once(request) {
             return Ok(None);
         }
         let most = self.session.most_spheres();
         let start = Instant::now();
-        let whole = Whole::new(spheres, given.interactions, given.space).across(given.split.unwrap_or(0));
-        let Some(slabs) = Slabs::new(&whole, most as usize) else {
+        let input =
+            SlabInput::new(spheres, request.interactions, request.space).across(request.split.unwrap_or(0));
+        let Some(slabs) = Slabs::new(&input, most as usize) else {
             let what = "the sphere buffer, which overlaps too much to be cut into several,";
             let remedy = "split the spheres or take a device with a larger limit";
             return Err(Error::LimitExceeded { what, needed: 16 * count, limit: 16 * most, remedy });
         };
         self.slabs = slabs.len();
         self.time("cut", start);
-        Ok(Some((whole, slabs)))
+        Ok(Some((input, slabs)))
     }
 
-    fn begin(&mut self, given: &Given<'_>) -> Result<Ticket, Error> {
+    fn begin(&mut self, request: &SearchRequest<'_>) -> Result<Ticket, Error> {
         let start = Instant::now();
-        let call = self.session.call(given.algorithm);
-        let call = match given.split {
+        let call = self.session.call(request.algorithm);
+        let call = match request.split {
             None => call,
             // Candidates are kept of one set.
-            Some(split) => Call { split, keeps: false, ..call },
+            Some(split) => QueuedCall { split, keeps: false, ..call },
         };
-        let ticket = self.session.begin_as(call, given.spheres)?;
+        let ticket = self.session.begin_as(call, request.spheres)?;
         self.time("upload", start);
         Ok(ticket)
     }
@@ -356,25 +372,25 @@ impl Search {
     fn begin_slab(
         &mut self,
         (slabs, number): (&Slabs, usize),
-        (whole, algorithm): (&Whole<'_>, Algorithm),
+        (input, algorithm): (&SlabInput<'_>, Algorithm),
         range: &Range<u32>,
     ) -> Result<Option<Ticket>, Error> {
         let start = Instant::now();
-        slabs.gather(number, whole, range, &mut self.slab)?;
+        slabs.gather(number, input, range, &mut self.slab)?;
         self.time("cut", start);
         if self.slab.window().is_empty() {
             return Ok(None);
         }
         let start = Instant::now();
         let (window, split) = (self.slab.window(), self.slab.split());
-        let call = Call { window, split, keeps: false, ..self.session.call(algorithm) };
+        let call = QueuedCall { window, split, keeps: false, ..self.session.call(algorithm) };
         let ticket = self.session.begin_as(call, self.slab.spheres()?)?;
         self.time("upload", start);
         Ok(Some(ticket))
     }
 
     /// Takes down the times of the session's last call.
-    fn note(&mut self) {
+    fn add_timings(&mut self) {
         let Self { session, timings, .. } = self;
         session.timings().iter().for_each(|timing| PhaseTime::add(timings, timing.name, timing.time));
     }

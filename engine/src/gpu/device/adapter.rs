@@ -1,9 +1,7 @@
-use std::collections::HashMap;
-use std::fmt;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+//! The adapters of a machine.
 
-use super::pipelines::Pipelines;
-use super::recording::constant_buffer;
+use std::fmt;
+
 use crate::Error;
 
 /// A GPU, or a software rasteriser, that can run the engine.
@@ -101,169 +99,13 @@ impl AdapterId {
     }
 }
 
-/// The request for a shared device.
-#[derive(Debug, PartialEq, Eq, Hash)]
-enum Shared {
-    Best { software: bool },
-    Named(AdapterId),
-}
-
-/// A device, our own or a host application's, and what it runs on.
-#[derive(Clone, Debug)]
-pub struct GpuDevice {
-    /// The device.
-    pub device: wgpu::Device,
-    /// Its queue.
-    pub queue: wgpu::Queue,
-    /// The adapter of the device.
-    pub adapter: AdapterSummary,
-    /// Kernels compiled for it so far.
-    pub(crate) pipelines: Pipelines,
-    lost: Arc<OnceLock<String>>,
-}
-
-impl GpuDevice {
-    /// Opens the best adapter: a discrete GPU before an integrated one, and hardware before software, which is
-    /// taken only where `software` allows it.
-    ///
-    /// # Errors
-    /// [`Error::NoAdapter`] and [`Error::NoDevice`].
-    pub fn open(software: bool) -> Result<Self, Error> {
-        let found = enumerate();
-        let names = || match found.as_slice() {
-            [] => "none is installed".to_owned(),
-            some => some.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ") + " is software",
-        };
-        match found.iter().find(|adapter| software || summary(adapter).is_hardware) {
-            Some(adapter) => Self::open_on(adapter),
-            None => Err(Error::NoAdapter { reason: names() }),
-        }
-    }
-
-    /// Opens this adapter, be it hardware or software.
-    ///
-    /// # Errors
-    /// [`Error::UnknownAdapter`] where no adapter is meant, or several are; [`Error::NoAdapter`] if there is
-    /// none at all, and [`Error::NoDevice`].
-    pub fn open_adapter(id: &AdapterId) -> Result<Self, Error> {
-        let found = enumerate();
-        if found.is_empty() {
-            return Err(Error::NoAdapter { reason: "none is installed".to_owned() });
-        }
-        let summaries: Vec<_> = found.iter().map(summary).collect();
-        Self::open_on(&found[id.place_in(&summaries)?])
-    }
-
-    fn open_on(adapter: &wgpu::Adapter) -> Result<Self, Error> {
-        let summary = summary(adapter);
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("lazygrid"),
-            required_features: adapter.features() & wanted_features(),
-            required_limits: adapter.limits(),
-            ..Default::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|error| Error::NoDevice { adapter: summary.name.clone(), reason: error.to_string() })?;
-        let lost = Arc::new(OnceLock::new());
-        let losing = Arc::clone(&lost);
-        device.set_device_lost_callback(move |reason, message| {
-            // The first reason is the one that counts.
-            let _ = losing.set(format!("{reason:?}: {message}"));
-        });
-        log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
-        let pipelines = Pipelines::new(&device);
-        Ok(Self { device, queue, adapter: summary, pipelines, lost })
-    }
-}
-
-impl GpuDevice {
-    /// A host application's device. Its handlers are left alone.
-    pub fn lent(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
-        Self {
-            adapter: summarize(device.adapter_info(), &device.limits(), device.features()),
-            pipelines: Pipelines::new(device),
-            device: device.clone(),
-            queue: queue.clone(),
-            lost: Arc::default(),
-        }
-    }
-
-    /// The same as [`open`](Self::open), but one device for the whole process, with its compiled kernels, until it is
-    /// lost. That there is no adapter is looked up once.
-    ///
-    /// # Errors
-    /// The same as [`open`](Self::open).
-    pub fn shared(software: bool) -> Result<Self, Error> {
-        Self::share(Shared::Best { software }, || Self::open(software))
-    }
-
-    /// The same as [`open_adapter`](Self::open_adapter), but one device for the whole process, as [`shared`](Self::shared) has
-    /// it.
-    ///
-    /// # Errors
-    /// The same as [`open_adapter`](Self::open_adapter).
-    pub fn shared_adapter(id: &AdapterId) -> Result<Self, Error> {
-        Self::share(Shared::Named(id.clone()), || Self::open_adapter(id))
-    }
-
-    fn share(which: Shared, open: impl FnOnce() -> Result<Self, Error>) -> Result<Self, Error> {
-        type Devices = HashMap<Shared, Result<GpuDevice, Error>>;
-        static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
-        let mut devices = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
-        let devices = devices.get_or_insert_default();
-        match devices.get(&which) {
-            Some(Ok(own)) if own.probe().is_ok() => return Ok(own.clone()),
-            Some(Err(error @ Error::NoAdapter { .. })) => return Err(error.clone()),
-            _ => {}
-        }
-        let opened = open();
-        devices.insert(which, opened.clone());
-        opened
-    }
-
-    /// # Errors
-    /// [`Error::DeviceLost`] once the driver has said so.
-    pub(crate) fn check_lost(&self) -> Result<(), Error> {
-        match self.lost.get() {
-            Some(reason) => Err(Error::DeviceLost { reason: reason.clone() }),
-            None => Ok(()),
-        }
-    }
-
-    /// The reason behind an error: on a lost device calls are refused for other reasons first.
-    pub(crate) fn reason(&self, error: Error) -> Error {
-        self.probe().err().unwrap_or(error)
-    }
-
-    /// Whether the device still works. That it was lost is told late, and to a host application only for its own
-    /// device; but then it refuses even a small buffer.
-    pub(crate) fn probe(&self) -> Result<(), Error> {
-        // A poll is what brings the news; its own failure adds nothing.
-        let _ = self.device.poll(wgpu::PollType::Poll);
-        self.check_lost()?;
-        match constant_buffer(&self.device, "a probe", &[0; 16]) {
-            Ok(_) | Err(Error::DeviceOutOfMemory { .. }) => Ok(()),
-            Err(error) => Err(Error::DeviceLost { reason: error.to_string() }),
-        }
-    }
-}
-
-/// The device of this process's tests; none if there is no adapter and none is required.
-#[cfg(test)]
-pub(crate) fn device_or_skip() -> Option<GpuDevice> {
-    match GpuDevice::shared(true) {
-        Err(Error::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => None,
-        own => Some(own.expect("a device")),
-    }
-}
-
 /// Features that are used where they are offered. A host application does well to request them for its device,
 /// together with the adapter's own limits; none is required.
-pub fn wanted_features() -> wgpu::Features {
+pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY
 }
 
-fn enumerate() -> Vec<wgpu::Adapter> {
+pub(super) fn enumerate() -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
     let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
@@ -278,11 +120,15 @@ fn enumerate() -> Vec<wgpu::Adapter> {
     found
 }
 
-fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
+pub(super) fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
     summarize(adapter.get_info(), &adapter.limits(), adapter.features())
 }
 
-fn summarize(info: wgpu::AdapterInfo, limits: &wgpu::Limits, features: wgpu::Features) -> AdapterSummary {
+pub(super) fn summarize(
+    info: wgpu::AdapterInfo,
+    limits: &wgpu::Limits,
+    features: wgpu::Features,
+) -> AdapterSummary {
     AdapterSummary {
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
         api: info.backend.to_string(),

@@ -1,24 +1,27 @@
 //! The buffers and dispatches of one call. Pure functions of sizes and limits: no device, no allocation.
 
 mod buffers;
+mod cell_list;
 mod cost;
-mod list;
+mod dispatches;
+mod limits;
 pub(super) mod skin;
-mod stages;
 
-use crate::Error;
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::Pass;
 
+use crate::Error;
+
 pub(super) use buffers::sort_buffers;
-pub(crate) use buffers::{Resource, Slot};
+pub(crate) use buffers::{BufferId, Resource};
 use buffers::{bytes_of, call_buffers, cell_buffers, entry_buffers};
-pub use cost::Cost;
-pub use stages::Phase;
-pub(crate) use stages::Stage;
-use stages::stages;
-pub(super) use stages::{flattened, scan_stages, sort_stages};
+pub use cost::CallCost;
+pub(crate) use dispatches::Dispatch;
+pub use dispatches::GpuPhase;
+use dispatches::dispatches;
+pub(super) use dispatches::{flattened, scan_dispatches, sort_dispatches};
+pub use limits::DeviceLimits;
 
 /// Workgroups of the naive search if there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
@@ -28,58 +31,6 @@ const MAX_ENTRIES: u64 = 65_535 * (k::CROWDED_TILES * k::GROUP) as u64;
 const MIN_KEY_BITS: u32 = 16;
 /// Most counters in either half of the density table: so many stay in the caches of today's devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
-
-/// The limits of a device that bind a plan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct DeviceLimits {
-    /// Bytes of one storage binding.
-    pub storage_binding: u64,
-    /// Bytes of one buffer.
-    pub buffer: u64,
-    /// Workgroups per dimension of a dispatch.
-    pub groups_per_dimension: u32,
-    /// Storage buffers that one kernel may bind.
-    pub storage_buffers: u32,
-    /// Bytes of memory that a workgroup may have.
-    pub workgroup_memory: u32,
-}
-
-impl DeviceLimits {
-    /// The limits that the device was made with.
-    pub fn of(device: &wgpu::Device) -> Self {
-        Self::from(&device.limits())
-    }
-
-    /// Returns `true` if radix passes use wide tiles.
-    pub(super) fn wide(&self) -> bool {
-        k::Variant::for_device(None, self.workgroup_memory).wide
-    }
-}
-
-impl From<&wgpu::Limits> for DeviceLimits {
-    fn from(limits: &wgpu::Limits) -> Self {
-        Self {
-            storage_binding: limits.max_storage_buffer_binding_size,
-            buffer: limits.max_buffer_size,
-            groups_per_dimension: limits.max_compute_workgroups_per_dimension,
-            storage_buffers: limits.max_storage_buffers_per_shader_stage,
-            workgroup_memory: limits.max_compute_workgroup_storage_size,
-        }
-    }
-}
-
-impl DeviceLimits {
-    /// Keys that one workgroup sorts in a radix pass.
-    pub(super) fn radix_tile(&self) -> u32 {
-        k::Variant { wide: self.wide(), ..k::Variant::default() }.radix_tile()
-    }
-
-    /// The most bytes a buffer may have that is bound as a whole.
-    pub(super) fn bytes(&self) -> u64 {
-        self.storage_binding.min(self.buffer)
-    }
-}
 
 /// The size and settings that a plan is made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,13 +48,13 @@ pub(crate) struct Request {
     /// `true` if some axis is periodic.
     pub(crate) periodic: bool,
     /// From how many spheres on a cell list is sorted by radix instead of by counting.
-    pub(crate) radix_from: u32,
+    pub(crate) radix_sort_from: u32,
 }
 
 /// Which cells hand their smaller spheres down to the next level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
-pub(crate) enum Refinement {
+pub(crate) enum SplitPolicy {
     /// None: there is one level.
     None = 0,
     /// All.
@@ -126,7 +77,7 @@ pub(crate) struct Plan {
     /// Bits of the keys that are sorted; 0 where none are.
     pub(crate) key_bits: u32,
     /// Which cells are refined.
-    pub(crate) refinement: Refinement,
+    pub(crate) split_policy: SplitPolicy,
     /// `true` if spheres are first wrapped into the box.
     pub(crate) periodic: bool,
     /// Counters in either half of the density table, or of the crowds of a cell list; 0 without one.
@@ -144,9 +95,9 @@ pub(crate) struct Plan {
     /// Workgroups of the naive search; 0 without it.
     pub(crate) search_groups: u32,
     /// The buffers and their bytes.
-    pub(crate) buffers: Vec<(Slot, u64)>,
+    pub(crate) buffers: Vec<(BufferId, u64)>,
     /// The dispatches, in order.
-    pub(crate) stages: Vec<Stage>,
+    pub(crate) dispatches: Vec<Dispatch>,
 }
 
 /// Plans a call.
@@ -156,10 +107,10 @@ pub(crate) struct Plan {
 /// algorithm without kernels.
 pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Error> {
     let algorithm = request.algorithm;
-    let refinement = match algorithm {
-        Algorithm::Naive | Algorithm::ArrayGrid | Algorithm::CellList => Refinement::None,
-        Algorithm::EagerGrid => Refinement::Every,
-        Algorithm::LazyGrid => Refinement::Dense,
+    let split_policy = match algorithm {
+        Algorithm::Naive | Algorithm::ArrayGrid | Algorithm::CellList => SplitPolicy::None,
+        Algorithm::EagerGrid => SplitPolicy::Every,
+        Algorithm::LazyGrid => SplitPolicy::Dense,
         other => return Err(Error::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
     };
     let mut plan = Plan {
@@ -168,7 +119,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         pairs: request.pairs,
         entries: 0,
         key_bits: 0,
-        refinement,
+        split_policy,
         periodic: request.periodic,
         density_slots: 0,
         cells: 0,
@@ -178,26 +129,26 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         further_shares: 0,
         search_groups: 0,
         buffers: call_buffers(request.pairs).to_vec(),
-        stages: Vec::new(),
+        dispatches: Vec::new(),
     };
     if request.periodic && algorithm != Algorithm::CellList {
-        plan.buffers.push((Slot::Wrapped, bytes_of(request.spheres, 16)));
+        plan.buffers.push((BufferId::Wrapped, bytes_of(request.spheres, 16)));
     }
     if algorithm == Algorithm::Naive {
         plan.search_groups = naive_groups(request.spheres, limits)?;
     } else if algorithm == Algorithm::CellList {
-        list::size(&mut plan, request, limits);
-        plan.buffers.extend(list::buffers(&plan, request.species != 0));
+        cell_list::size(&mut plan, request, limits);
+        plan.buffers.extend(cell_list::buffers(&plan, request.species != 0));
     } else {
         plan.entries = entry_capacity(request, limits)?;
         plan.key_bits = key_bits(request.spheres);
-        if refinement == Refinement::Dense {
+        if split_policy == SplitPolicy::Dense {
             plan.density_slots = density_slots(request.spheres);
         }
         plan.buffers.extend(cell_buffers(&plan));
         plan.buffers.extend(entry_buffers(plan.entries, plan.tile));
     }
-    plan.stages = stages(&plan);
+    plan.dispatches = dispatches(&plan);
     check(&plan, request.species != 0, limits)?;
     Ok(plan)
 }
@@ -220,53 +171,53 @@ impl Plan {
     }
 
     /// Where a cell list leaves the order of its spheres.
-    pub(crate) fn order(&self) -> Slot {
-        Slot::Objects(self.passes() % 2 == 1)
+    pub(crate) fn order(&self) -> BufferId {
+        BufferId::Objects(self.passes() % 2 == 1)
     }
 
     /// The buffer behind a binding's name at a stage.
-    pub(crate) fn resource(&self, stage: &Stage, binding: &str) -> Resource {
+    pub(crate) fn resource(&self, dispatch: &Dispatch, binding: &str) -> Resource {
         // Each pass reads what the one before wrote; after the last, the parity of their number says where.
-        let front = match stage.phase {
-            Phase::Sort => stage.pass % 2 == 1,
-            Phase::Search => self.passes() % 2 == 1,
-            Phase::Survey | Phase::Entries => false,
+        let front = match dispatch.phase {
+            GpuPhase::Sort => dispatch.pass % 2 == 1,
+            GpuPhase::Search => self.passes() % 2 == 1,
+            GpuPhase::Survey | GpuPhase::Entries => false,
         };
         Resource::Own(match binding {
             "call" => return Resource::Call,
             "count_source" => return Resource::Count,
-            "digit_pass" => return Resource::Pass(stage.pass),
+            "digit_pass" => return Resource::Pass(dispatch.pass),
             "given" => return Resource::Spheres,
             "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return Resource::Spheres,
-            "spheres" | "wrapped" => Slot::Wrapped,
+            "spheres" | "wrapped" => BufferId::Wrapped,
             "species" => return Resource::Species,
             "reach" => return Resource::Reach,
             "table" => return Resource::Table,
-            "survey" => Slot::Survey,
-            "list" => Slot::List,
-            "starts" | "values" => Slot::Starts,
-            "homes" => Slot::Homes,
-            "sorted" => Slot::Sorted,
-            "sorted_species" => Slot::SortedSpecies,
-            "cells" if self.algorithm == Algorithm::CellList => Slot::Keys(front),
-            "order" => Slot::Objects(front),
-            "bounds" => Slot::Bounds,
-            "grid" => Slot::Grid,
-            "outcome" => Slot::Outcome,
-            "pairs" => Slot::Pairs,
-            "lengths" => Slot::Lengths,
-            "keys" => Slot::Keys(front),
-            "objects" | "payload" => Slot::Objects(front),
-            "sorted_keys" => Slot::Keys(!front),
-            "sorted_payload" => Slot::Objects(!front),
-            "counts" => Slot::Counts,
-            "totals" => Slot::Totals,
-            "sums" => Slot::Sums,
-            "total" => Slot::Total,
-            "cells" => Slot::Cells,
-            "density" => Slot::Density,
-            "crowded" => Slot::Crowded,
-            "dispatch" => Slot::Dispatch,
+            "survey" => BufferId::Survey,
+            "list" => BufferId::List,
+            "starts" | "values" => BufferId::Starts,
+            "homes" => BufferId::Homes,
+            "sorted" => BufferId::Sorted,
+            "sorted_species" => BufferId::SortedSpecies,
+            "cells" if self.algorithm == Algorithm::CellList => BufferId::Keys(front),
+            "order" => BufferId::Objects(front),
+            "bounds" => BufferId::Bounds,
+            "grid" => BufferId::Grid,
+            "outcome" => BufferId::Outcome,
+            "pairs" => BufferId::Pairs,
+            "lengths" => BufferId::Lengths,
+            "keys" => BufferId::Keys(front),
+            "objects" | "payload" => BufferId::Objects(front),
+            "sorted_keys" => BufferId::Keys(!front),
+            "sorted_payload" => BufferId::Objects(!front),
+            "counts" => BufferId::Counts,
+            "totals" => BufferId::Totals,
+            "sums" => BufferId::Sums,
+            "total" => BufferId::Total,
+            "cells" => BufferId::Cells,
+            "density" => BufferId::Density,
+            "crowded" => BufferId::Crowded,
+            "dispatch" => BufferId::DispatchArgs,
             other => unreachable!("no kernel binds `{other}`"),
         })
     }
@@ -342,15 +293,15 @@ fn density_slots(spheres: u32) -> u32 {
 const SPLIT: &str = "split the spheres or take a device with a larger limit";
 
 /// Refuses buffers that cannot be bound.
-pub(super) fn check_buffers(buffers: &[(Slot, u64)], limits: &DeviceLimits) -> Result<(), Error> {
+pub(super) fn check_buffers(buffers: &[(BufferId, u64)], limits: &DeviceLimits) -> Result<(), Error> {
     let limit = limits.bytes();
     for &(slot, needed) in buffers {
         if needed > limit {
             let (what, remedy) = match slot {
-                Slot::Pairs => {
+                BufferId::Pairs => {
                     ("the pair buffer", "use a smaller pair capacity and take the result in parts")
                 }
-                Slot::Kept | Slot::KeptSpecies => ("the sphere buffer", SPLIT),
+                BufferId::ReferenceSpheres | BufferId::ReferenceSpecies => ("the sphere buffer", SPLIT),
                 _ => ("a buffer for entries", SPLIT),
             };
             return Err(Error::LimitExceeded { what, needed, limit, remedy });
@@ -372,10 +323,10 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), Error>
     }
     check_buffers(&plan.buffers, limits)?;
     let variant = k::Variant { species, periodic: plan.periodic, ..k::Variant::default() };
-    let storage = |stage: &Stage| {
-        stage.kernel.bindings(variant).filter(|b| b.access != k::Access::Uniform).count() as u64
+    let storage = |dispatch: &Dispatch| {
+        dispatch.kernel.bindings(variant).filter(|b| b.access != k::Access::Uniform).count() as u64
     };
-    let needed = plan.stages.iter().map(storage).max().unwrap_or(0);
+    let needed = plan.dispatches.iter().map(storage).max().unwrap_or(0);
     let limit = limits.storage_buffers.into();
     if needed > limit {
         let remedy = "request the adapter's own limits when making the device";

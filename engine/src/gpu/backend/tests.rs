@@ -5,30 +5,30 @@ use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
 
 use super::*;
 use crate::Detector;
-use crate::gpu::adapter::device_or_skip;
+use crate::gpu::device::device_or_skip;
 use crate::gpu::wgpu;
 
 /// Finds pairs on a device with these settings.
-fn made(own: GpuDevice, config: Config) -> PairFinder<DeviceBackend> {
-    DeviceBackend::new(own, config).map(PairFinder::on).expect("the settings are in range")
+fn made(gpu: GpuDevice, config: Config) -> PairFinder<GpuBackend> {
+    GpuBackend::new(gpu, config).map(PairFinder::on).expect("the settings are in range")
 }
 
 /// The same adapter with room for 2¹⁷ pairs in a binding, or for 2¹⁶ spheres.
-fn with_small_bindings(own: &GpuDevice) -> GpuDevice {
+fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let adapter = adapters.into_iter().find(|a| a.get_info().name == own.adapter.name).expect("the same");
+    let adapter = adapters.into_iter().find(|a| a.get_info().name == gpu.adapter.name).expect("the same");
     let limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..adapter.limits() };
     let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
-    GpuDevice::lent(&device, &queue)
+    GpuDevice::from_wgpu(&device, &queue)
 }
 
 /// More spheres than a binding holds, among them a giant that reaches through all slabs.
 #[test]
 fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
-    let Some(own) = device_or_skip() else { return };
-    let own = with_small_bindings(&own);
+    let Some(gpu) = device_or_skip() else { return };
+    let gpu = with_small_bindings(&gpu);
     let mut word = 7_u32;
     let mut unit = || {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -41,7 +41,7 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let config = Config::default().algorithm(Algorithm::CellList);
     let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
     let expected = host.pairs(&spheres).expect("valid").to_vec();
-    let mut detector = made(own.clone(), config.clone());
+    let mut detector = made(gpu.clone(), config.clone());
     let all = Spheres::from(&spheres);
     assert_eq!(detector.count(all), Ok(expected.len() as u64));
     let reason = detector.backend().report().reason;
@@ -54,7 +54,7 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     // In order, whether or not all pairs may be held at once.
     let all_pairs = expected.len() as u64;
     for limit in [all_pairs, all_pairs - 1, all_pairs / 7] {
-        let mut detector = made(own.clone(), config.clone().max_pairs(limit));
+        let mut detector = made(gpu.clone(), config.clone().max_pairs(limit));
         let (mut streamed, mut largest) = (Vec::new(), 0);
         let mut keep = |pairs: &[Pair]| {
             largest = largest.max(pairs.len() as u64);
@@ -74,7 +74,7 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     }
     // Too many already in the first slab, and only in the last.
     for limit in [all_pairs / 7, all_pairs - 1] {
-        let mut detector = made(own.clone(), config.clone().max_pairs(limit));
+        let mut detector = made(gpu.clone(), config.clone().max_pairs(limit));
         let found = all_pairs;
         assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
     }
@@ -83,11 +83,11 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let grouped = all.with_groups(&groups).expect("one of each");
     let mut kept = expected.clone();
     kept.retain(|pair| pair.i % 7 != pair.j % 7);
-    let mut detector = made(own.clone(), config.clone());
+    let mut detector = made(gpu.clone(), config.clone());
     assert_eq!(detector.count(grouped), Ok(kept.len() as u64));
     assert!(detector.pairs(grouped).expect("found") == kept);
     let limited = config.max_pairs(all_pairs - 1);
-    let mut detector = made(own, limited.order(Order::Unordered));
+    let mut detector = made(gpu, limited.order(Order::Unordered));
     let mut streamed = Vec::new();
     let mut keep = |pairs: &[Pair]| {
         streamed.extend_from_slice(pairs);
@@ -105,10 +105,10 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
 /// Twenty sizes at one point, on a device that can bind a tenth of their entries.
 #[test]
 fn a_report_says_why_one_level_had_to_do() {
-    let Some(own) = device_or_skip() else { return };
+    let Some(gpu) = device_or_skip() else { return };
     let spheres: Vec<_> = (0..3300).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
     let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);
-    let mut detector = made(with_small_bindings(&own), config);
+    let mut detector = made(with_small_bindings(&gpu), config);
     assert_eq!(detector.count(&spheres), Ok(3300 * 3299 / 2));
     let report = detector.backend().report();
     assert_eq!(report.algorithm, Algorithm::ArrayGrid);
@@ -118,7 +118,7 @@ fn a_report_says_why_one_level_had_to_do() {
 /// Spheres that move little, then a lot, then stand still: whatever the detector chooses, the pairs are those of the CPU.
 #[test]
 fn a_skin_of_its_own_choice_never_shows() {
-    let Some(own) = device_or_skip() else { return };
+    let Some(gpu) = device_or_skip() else { return };
     let mut word = 11_u32;
     let mut unit = || {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -130,7 +130,7 @@ fn a_skin_of_its_own_choice_never_shows() {
         (0..10_000).map(|_| Sphere::new([place(32.0), place(32.0), place(32.0)], 0.5)).collect();
     let mut host = Detector::new(Config::default().backend(Backend::Cpu).skin(Skin::Off)).expect("made");
     let config = Config::default().algorithm(Algorithm::CellList);
-    let mut detector = made(own, config);
+    let mut detector = made(gpu, config);
     let mut served = 0;
     for step in 0..24 {
         let all = Spheres::from(&spheres);

@@ -30,7 +30,7 @@ const FEW: usize = 16;
 
 /// What a call is given.
 #[derive(Debug)]
-pub(crate) struct Whole<'a> {
+pub(crate) struct SlabInput<'a> {
     spheres: Spheres<'a>,
     /// The number of spheres of the first of two sets; 0 for one set.
     split: u32,
@@ -52,7 +52,7 @@ pub(crate) struct Slab {
     /// Those of the range that it owns, those of the range that it is lent, then the others likewise.
     spheres: Vec<Sphere>,
     species: Vec<u32>,
-    /// The index of each in the whole call.
+    /// The index of each in the input call.
     indices: Vec<u32>,
     /// The indices of the second, third and fourth of these groups, while they are gathered.
     later: [Vec<u32>; 3],
@@ -62,7 +62,7 @@ pub(crate) struct Slab {
     has_two_sets: bool,
 }
 
-impl<'a> Whole<'a> {
+impl<'a> SlabInput<'a> {
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&Interactions>, space: Space) -> Self {
         let reach = |table: &Interactions| (0..table.species()).map(|of| table.reach(of)).collect();
         Self { spheres, split: 0, reaches: interactions.map_or_else(Vec::new, reach), space }
@@ -165,15 +165,15 @@ impl<'a> Whole<'a> {
 impl Slabs {
     /// Cuts a call into slabs of no more than `most` spheres each, across the axis where the fewest are lent; `None` where so
     /// many spheres overlap that none will do.
-    pub(crate) fn new(whole: &Whole<'_>, most: usize) -> Option<Self> {
+    pub(crate) fn new(input: &SlabInput<'_>, most: usize) -> Option<Self> {
         let mut best: Option<(Self, usize)> = None;
         for axis in 0..3 {
-            if let Some((slabs, lent)) = whole.cut(axis, most)
+            if let Some((slabs, lent)) = input.cut(axis, most)
                 && best.as_ref().is_none_or(|(_, least)| lent < *least)
             {
                 best = Some((slabs, lent));
             }
-            if best.as_ref().is_some_and(|(_, least)| *least <= whole.spheres.len() / FEW) {
+            if best.as_ref().is_some_and(|(_, least)| *least <= input.spheres.len() / FEW) {
                 break;
             }
         }
@@ -191,15 +191,15 @@ impl Slabs {
     pub(crate) fn gather(
         &self,
         number: usize,
-        whole: &Whole<'_>,
+        input: &SlabInput<'_>,
         range: &Range<u32>,
         slab: &mut Slab,
     ) -> Result<(), Error> {
         let (from, count) = self.slabs[number];
         let to = self.slabs.get(number + 1).map_or(f64::INFINITY, |slab| slab.0);
-        let period = whole.period(self.axis);
-        let range = whole.first_indices(range);
-        slab.has_two_sets = whole.split != 0;
+        let period = input.period(self.axis);
+        let range = input.first_indices(range);
+        slab.has_two_sets = input.split != 0;
         let Slab { spheres, species, indices, later, ends, .. } = slab;
         indices.clear();
         make_room(indices, count, "the spheres of a slab")?;
@@ -208,12 +208,12 @@ impl Slabs {
         let is_lent = |[begin, end]: [f64; 2]| {
             begin < from && from <= end || period.is_some_and(|length| from <= end - length)
         };
-        let left_out = range.end..whole.split;
-        for k in range.start as usize..whole.spheres.len() {
+        let left_out = range.end..input.split;
+        for k in range.start as usize..input.spheres.len() {
             if left_out.contains(&(k as u32)) {
                 continue;
             }
-            let ends = whole.ends(k, self.axis);
+            let ends = input.ends(k, self.axis);
             let group = match (range.contains(&(k as u32)), is_owned(ends)) {
                 (_, false) if !is_lent(ends) => continue,
                 (true, true) => &mut *indices,
@@ -231,9 +231,9 @@ impl Slabs {
         }
         spheres.clear();
         make_room(spheres, indices.len(), "the spheres of a slab")?;
-        spheres.extend(indices.iter().map(|&k| whole.spheres.get(k as usize)));
+        spheres.extend(indices.iter().map(|&k| input.spheres.get(k as usize)));
         species.clear();
-        if let Some(of_all) = whole.spheres.species() {
+        if let Some(of_all) = input.spheres.species() {
             make_room(species, indices.len(), "the spheres of a slab")?;
             species.extend(indices.iter().map(|&k| of_all[k as usize]));
         }
@@ -264,7 +264,7 @@ impl Slab {
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Has pairs name the spheres of the whole call, and drops those of two that are lent.
+    /// Has pairs name the spheres of the input call, and drops those of two that are lent.
     pub(crate) fn name(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);
@@ -302,32 +302,32 @@ mod tests {
             .collect()
     }
 
-    fn overlaps(whole: &Whole<'_>, a: usize, b: usize) -> bool {
+    fn overlaps(input: &SlabInput<'_>, a: usize, b: usize) -> bool {
         let radius = |k: usize| {
-            let reach = whole.spheres.species().map(|species| whole.reaches[species[k] as usize]);
-            let radius = whole.spheres.get(k).radius;
+            let reach = input.spheres.species().map(|species| input.reaches[species[k] as usize]);
+            let radius = input.spheres.get(k).radius;
             f64::from(reach.map_or(radius, |reach| reach.effective_radius(radius)))
         };
-        let [at, other] = [a, b].map(|k| whole.spheres.get(k).center);
-        whole.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
+        let [at, other] = [a, b].map(|k| input.spheres.get(k).center);
+        input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
     }
 
     /// Cut into slabs of `most` spheres, every pair is found once, in one go and range by range.
-    fn agrees(whole: &Whole<'_>, most: usize) -> usize {
-        let all = 0..whole.spheres.len();
+    fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
+        let all = 0..input.spheres.len();
         let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));
-        let split = whole.split as usize;
+        let split = input.split as usize;
         let pairs = pairs.filter(|&(i, j)| split == 0 || (i < split && j >= split));
-        let pairs = pairs.filter(|&(i, j)| overlaps(whole, i, j));
+        let pairs = pairs.filter(|&(i, j)| overlaps(input, i, j));
         let expected: Vec<Pair> = pairs.map(|(i, j)| Pair { i: i as u32, j: j as u32 }).collect();
-        let slabs = Slabs::new(whole, most).expect("few overlap");
+        let slabs = Slabs::new(input, most).expect("few overlap");
         let mut slab = Slab::default();
         let count = all.end as u32;
         for cuts in [vec![0, u32::MAX], vec![0, 1, count / 3, count / 2, count]] {
             let mut found = Vec::new();
             for range in cuts.windows(2).map(|ends| ends[0]..ends[1]) {
                 for number in 0..slabs.len() {
-                    slabs.gather(number, whole, &range, &mut slab).expect("there is memory");
+                    slabs.gather(number, input, &range, &mut slab).expect("there is memory");
                     let count = slab.indices.len();
                     assert!(count <= most, "{count} spheres in a slab of {most}");
                     let of = |k: u32| slab.indices[k as usize] as usize;
@@ -336,7 +336,7 @@ mod tests {
                     let in_slab =
                         window.flat_map(|i| (from.max(i + 1)..count as u32).map(move |j| Pair { i, j }));
                     let mut own: Vec<Pair> =
-                        in_slab.filter(|pair| overlaps(whole, of(pair.i), of(pair.j))).collect();
+                        in_slab.filter(|pair| overlaps(input, of(pair.i), of(pair.j))).collect();
                     slab.name(&mut own);
                     assert!(own.iter().all(|pair| range.contains(&pair.i)), "{range:?}");
                     found.extend(own);
@@ -363,8 +363,8 @@ mod tests {
             for most in [80, 150, 333] {
                 let spheres = cloud(&mut random, 400, far);
                 for split in [0, 1, 130, 399, 400] {
-                    let whole = Whole::new(Spheres::from(&spheres), None, space).across(split);
-                    let slabs = agrees(&whole, most);
+                    let input = SlabInput::new(Spheres::from(&spheres), None, space).across(split);
+                    let slabs = agrees(&input, most);
                     assert!(slabs > 1, "{space:?}, {most}, {split}");
                 }
             }
@@ -377,22 +377,25 @@ mod tests {
         let mut spheres = cloud(&mut random, 300, 8.0);
         spheres[7].radius = 9.0;
         spheres[150].radius = 1e30;
-        agrees(&Whole::new(Spheres::from(&spheres), None, Space::UNBOUNDED), 120);
+        agrees(&SlabInput::new(Spheres::from(&spheres), None, Space::UNBOUNDED), 120);
         let mut table = Interactions::new(2, Interaction::Within(0.2)).expect("a table");
         table.set(0, 1, Interaction::Within(3.0)).expect("a distance");
         let species: Vec<u32> = (0..300).map(|k| u32::from(k % 10 == 0)).collect();
         let spheres = cloud(&mut random, 300, 8.0);
         let all = Spheres::from(&spheres).with_species(&species).expect("as many");
-        agrees(&Whole::new(all, Some(&table), Space::UNBOUNDED), 250);
+        agrees(&SlabInput::new(all, Some(&table), Space::UNBOUNDED), 250);
     }
 
     #[test]
     fn what_overlaps_altogether_cannot_be_cut() {
         let spheres = vec![Sphere::new([1.0; 3], 1.0); 100];
-        assert!(Slabs::new(&Whole::new(Spheres::from(&spheres), None, Space::UNBOUNDED), 60).is_none());
+        assert!(Slabs::new(&SlabInput::new(Spheres::from(&spheres), None, Space::UNBOUNDED), 60).is_none());
         let mut random = Random(8);
         let boxed = Space::periodic([Some(3.0); 3]).expect("a box");
         let spheres = cloud(&mut random, 100, 1.5);
-        assert!(Slabs::new(&Whole::new(Spheres::from(&spheres), None, boxed), 60).is_none(), "too narrow");
+        assert!(
+            Slabs::new(&SlabInput::new(Spheres::from(&spheres), None, boxed), 60).is_none(),
+            "too narrow"
+        );
     }
 }

@@ -1,21 +1,9 @@
 //! Error scopes around this library's own work, so that a host application's handlers are not disturbed.
 
-use super::GpuDevice;
 use crate::Error;
 
-impl GpuDevice {
-    /// Runs `work` and returns what the device complained about, instead of leaving it to a handler that panics. `what`
-    /// is being done and takes `bytes`, for the message.
-    ///
-    /// # Errors
-    /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Validation`].
-    pub fn scoped<T>(&self, what: &'static str, bytes: u64, work: impl FnOnce() -> T) -> Result<T, Error> {
-        scoped(&self.device, what, bytes, work).map_err(|error| self.reason(error))
-    }
-}
-
 /// Runs `work` and returns what the device complained about instead of passing it on to the application.
-pub(crate) fn scoped<T>(
+pub(crate) fn with_error_scope<T>(
     device: &wgpu::Device,
     what: &'static str,
     bytes: u64,

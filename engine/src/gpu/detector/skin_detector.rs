@@ -9,12 +9,16 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::Skin;
 use lazygrid_kernels::{Interaction, Interactions};
 
-use super::detector::{GpuDetector, GpuPairs, Key, Tables, Way};
-use super::input::{GpuConfig, GpuSpheres, check};
-use super::pipelines::Pipelines;
-use super::plan::{DeviceLimits, Plan, Slot, Stage, check_buffers, skin};
-use super::recording::{Buffers, Recent, Recording, constant_buffer};
+use super::input::GpuSpheres;
+use super::output::GpuOutput;
+use super::prepared::Key;
+use super::tables::Tables;
+use super::{AlgorithmChoice, GpuDetector};
 use crate::Error;
+use crate::gpu::config::{GpuConfig, check};
+use crate::gpu::device::{Pipelines, constant_buffer};
+use crate::gpu::encode::{Buffers, Recording, SmallCache};
+use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, skin};
 #[cfg(doc)]
 use crate::gpu::{Outcome, SkinState};
 
@@ -54,10 +58,10 @@ struct Resident {
 /// The candidates, by the search for them, and what is known of them.
 #[derive(Debug)]
 struct Candidates {
-    found: GpuPairs,
+    found: GpuOutput,
     state: Buffers,
     /// By the call and the workgroups of the search.
-    parts: Recent<(Key, Vec<u32>), Parts>,
+    parts: SmallCache<(Key, Vec<u32>), Parts>,
 }
 
 /// What comes before the search for candidates and behind it.
@@ -72,7 +76,7 @@ struct Parts {
 impl GpuSkinDetector {
     /// A detector on the caller's device with a skin of this width, in the unit of the coordinates. A wider one lasts
     /// longer and has more candidates: a good one is a few times as wide as the fastest sphere goes in a call.
-    /// [`GpuConfig::sorted_pairs`] and [`GpuConfig::timed`] are of no effect.
+    /// [`GpuConfig::sorted_pairs`] and [`GpuConfig::timestamps`] are of no effect.
     ///
     /// # Errors
     /// [`Error::Setting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
@@ -143,8 +147,8 @@ impl GpuSkinDetector {
     /// # Errors
     /// The same as [`GpuDetector::memory_for`].
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
-        let own = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
-        Ok(self.search.memory_for(spheres)? + own.iter().map(|(_, bytes)| bytes).sum::<u64>())
+        let gpu = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
+        Ok(self.search.memory_for(spheres)? + gpu.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
     /// The part of what it may go, between 0 and 1, that a sphere has gone whose square has these bits.
@@ -160,7 +164,7 @@ impl GpuSkinDetector {
     /// What is known of the candidates: [`SkinState`], with `STORAGE` and `COPY_SRC` usage. `None` before the first call.
     pub fn state(&self) -> Option<&wgpu::Buffer> {
         let candidates = self.resident.as_ref()?.candidates.as_ref()?;
-        Some(candidates.state.get(Slot::SkinState))
+        Some(candidates.state.get(BufferId::SkinState))
     }
 
     /// Records the detection, as [`GpuDetector::encode`] does. [`Outcome::CANDIDATES`] in the overflow flag says that the
@@ -172,17 +176,17 @@ impl GpuSkinDetector {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
-    ) -> Result<GpuPairs, Error> {
-        self.encode_as(self.search.way(), encoder, input)
+    ) -> Result<GpuOutput, Error> {
+        self.encode_as(self.search.algorithm_choice(), encoder, input)
     }
 
     /// The same as [`encode`](Self::encode), with candidates found in another way than the settings say.
     pub(crate) fn encode_as(
         &mut self,
-        way: Way,
+        choice: AlgorithmChoice,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
-    ) -> Result<GpuPairs, Error> {
+    ) -> Result<GpuOutput, Error> {
         let spheres = input.check(self.tables.is_some())?;
         let pairs = self.settings.pair_capacity;
         let has_room = |had: &Resident| had.room[0] >= spheres && had.room[1] == pairs;
@@ -193,19 +197,19 @@ impl GpuSkinDetector {
         let Resident { buffers, candidates, .. } = &mut resident;
         // Candidates serve any window, and one set as well as two.
         let kept = GpuSpheres {
-            spheres: buffers.get(Slot::Kept),
+            spheres: buffers.get(BufferId::ReferenceSpheres),
             count: input.count,
-            species: buffers.find(Slot::KeptSpecies),
+            species: buffers.find(BufferId::ReferenceSpecies),
             window: GpuSpheres::ALL,
             split: 0,
         };
-        let found = self.search.bind_as(way, &kept)?;
+        let found = self.search.bind_as(choice, &kept)?;
         // With other buffers of the search those that there were are gone.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
             Some(same) => candidates.insert(same),
             None => {
                 let state = Buffers::allocate(&self.device, &[skin::STATE])?;
-                candidates.insert(Candidates { found, state, parts: Recent::NONE })
+                candidates.insert(Candidates { found, state, parts: SmallCache::NONE })
             }
         };
         let key = Key::of(input, self.settings.call(spheres, input));
@@ -214,12 +218,12 @@ impl GpuSkinDetector {
             (candidates.parts.current(), self.search.recording())
         {
             before.encode(encoder);
-            search.encode_gated(encoder, gate.get(Slot::Gate));
+            search.encode_indirect(encoder, gate.get(BufferId::DispatchCounts));
             behind.encode(encoder);
         }
-        let [pairs, outcome] = [Slot::Pairs, Slot::Outcome].map(|slot| buffers.get(slot).clone());
+        let [pairs, outcome] = [BufferId::Pairs, BufferId::Outcome].map(|slot| buffers.get(slot).clone());
         self.resident = Some(resident);
-        Ok(GpuPairs { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
+        Ok(GpuOutput { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
     }
 
     fn allocate(&self, room: [u32; 2]) -> Result<Resident, Error> {
@@ -234,41 +238,42 @@ impl GpuSkinDetector {
     fn record(&self, buffers: &Buffers, candidates: &mut Candidates, key: Key) -> Result<(), Error> {
         let Candidates { found, state, parts } = candidates;
         let search = self.search.recording();
-        let groups = search.map(Recording::groups).unwrap_or_default();
-        parts.turn_to((key, groups), |(key, groups)| {
+        let groups = search.map(Recording::workgroup_counts).unwrap_or_default();
+        parts.get_or_insert_with((key, groups), |(key, groups)| {
             let half = self.skin / 2.0;
             let skin = Skin { half, usable: (half * USABLE).powi(2), capacity: found.capacity };
             let call = constant_buffer(&self.device, "call", bytemuck::bytes_of(&key.call))?;
             let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;
             let full = constant_buffer(&self.device, "workgroups", bytemuck::cast_slice(groups))?;
-            let gate = Buffers::allocate(&self.device, &[(Slot::Gate, full.size())])?;
-            let own = |slot| buffers.get(slot);
-            let resolve = |stage: &Stage, binding: &str| match (binding, &self.tables, &key.species) {
+            let gate = Buffers::allocate(&self.device, &[(BufferId::DispatchCounts, full.size())])?;
+            let gpu = |slot| buffers.get(slot);
+            let resolve = |dispatch: &Dispatch, binding: &str| match (binding, &self.tables, &key.species) {
                 ("skin", ..) => &skin,
                 ("count_source", ..) => key.count.as_ref().unwrap_or(&call),
                 ("spheres", ..) => &key.spheres,
                 ("species", _, Some(species)) => species,
                 ("table", Some(tables), _) => &tables.table,
-                ("kept", ..) => own(Slot::Kept),
-                ("kept_species", Some(_), _) => own(Slot::KeptSpecies),
-                ("state", ..) => state.get(Slot::SkinState),
+                ("kept", ..) => gpu(BufferId::ReferenceSpheres),
+                ("kept_species", Some(_), _) => gpu(BufferId::ReferenceSpecies),
+                ("state", ..) => state.get(BufferId::SkinState),
                 ("full", ..) => &full,
-                ("gate", ..) => gate.get(Slot::Gate),
+                ("gate", ..) => gate.get(BufferId::DispatchCounts),
                 // Of the search, where it finds workgroups itself; its own, which is written again, where it does not.
-                ("dispatch", ..) if stage.kernel == &k::SKIN_DECIDE => {
-                    search.and_then(Recording::found_groups).unwrap_or(own(Slot::Dispatch))
+                ("dispatch", ..) if dispatch.kernel == &k::SKIN_DECIDE => {
+                    search.and_then(Recording::indirect_args).unwrap_or(gpu(BufferId::DispatchArgs))
                 }
-                ("dispatch", ..) => own(Slot::Dispatch),
+                ("dispatch", ..) => gpu(BufferId::DispatchArgs),
                 ("candidates", ..) => &found.pairs,
                 ("found", ..) => &found.outcome,
-                ("outcome", ..) => own(Slot::Outcome),
-                ("pairs", ..) => own(Slot::Pairs),
+                ("outcome", ..) => gpu(BufferId::Outcome),
+                ("pairs", ..) => gpu(BufferId::Pairs),
                 _ => &call,
             };
             let periodic = self.settings.space.is_periodic();
             let variant = Variant { species: self.tables.is_some(), periodic, ..self.pipelines.variant() };
-            let [before, behind] = skin::stages(key.call.spheres)
-                .map(|stages| Recording::new(&self.device, &self.pipelines, variant, stages, resolve));
+            let [before, behind] = skin::dispatches(key.call.spheres).map(|dispatches| {
+                Recording::new(&self.device, &self.pipelines, variant, dispatches, resolve)
+            });
             Ok(Parts { before: before?, gate, behind: behind? })
         })
     }
@@ -294,7 +299,7 @@ fn search(
         .interactions(settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?)
         .pair_capacity(settings.pair_capacity.saturating_mul(PER_PAIR))
         .sorted_pairs(false)
-        .timed(false);
+        .timestamps(false);
     GpuDetector::with_pipelines(device, pipelines, wide)
 }
 

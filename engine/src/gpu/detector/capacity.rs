@@ -3,9 +3,9 @@
 /// Entries there is to be room for at least, by the binary digits of the spheres of the call that needed them: in
 /// calls of as many digits or more.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct EntryRoom(pub(super) [u32; u32::BITS as usize + 1]);
+pub(super) struct EntryCapacity(pub(super) [u32; u32::BITS as usize + 1]);
 
-impl EntryRoom {
+impl EntryCapacity {
     pub(super) const NONE: Self = Self([0; u32::BITS as usize + 1]);
 
     pub(super) fn digits(spheres: u32) -> usize {
@@ -19,7 +19,7 @@ impl EntryRoom {
 
 /// What was raised for calls that needed more, to be restored where the device has not so much.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Raised {
-    pub(super) entries: EntryRoom,
+pub(crate) struct CapacitySnapshot {
+    pub(super) entries: EntryCapacity,
     pub(super) pairs: u32,
 }

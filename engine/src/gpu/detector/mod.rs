@@ -1,36 +1,45 @@
+//! Detectors on a caller's device: spheres in GPU buffers in, pairs in GPU buffers out.
+
+mod capacity;
+mod input;
+mod output;
 mod prepared;
-mod room;
+mod sides;
+mod skin_detector;
 mod tables;
 mod timer;
 
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::{Call, Outcome};
+use lazygrid_kernels::layout::Call;
+#[cfg(doc)]
+use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
-pub(crate) use prepared::Key;
-use prepared::Prepared;
-use room::EntryRoom;
-pub(crate) use room::Raised;
-pub(crate) use tables::Tables;
+pub(crate) use capacity::CapacitySnapshot;
+use capacity::EntryCapacity;
+pub use input::{GpuSpheres, SphereCount};
+pub use output::{CellOrder, GpuOutput, read_outcome};
+use prepared::{Key, Prepared};
+pub use skin_detector::GpuSkinDetector;
+use tables::Tables;
 use timer::Timer;
 
-use super::input::{GpuConfig, GpuSpheres, check};
-use super::pipelines::Pipelines;
-use super::plan::{Cost, DeviceLimits, Plan, Request, most_entries, plan};
-use super::recording::{Buffers, Recent, Recording};
-use super::scope::scoped;
+use super::config::{GpuConfig, check};
+use super::device::{Pipelines, with_error_scope};
+use super::encode::{Buffers, Recording, SmallCache};
+use super::plan::{CallCost, DeviceLimits, Plan, Request, most_entries, plan};
 use crate::{Error, choice};
 
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
 ///
 /// [`encode`](Self::encode) records into the caller's encoder and neither submits nor polls. What a call found is
-/// in the buffers of [`GpuPairs`]. Spheres that are not finite or have a negative radius pair with nothing and are
+/// in the buffers of [`GpuOutput`]. Spheres that are not finite or have a negative radius pair with nothing and are
 /// counted.
 #[derive(Debug)]
 pub struct GpuDetector {
     device: wgpu::Device,
     settings: GpuConfig,
-    entry_room: EntryRoom,
+    entry_capacity: EntryCapacity,
     /// See [`Call::part_tiles`].
     part_tiles: u32,
     pipelines: Pipelines,
@@ -39,39 +48,9 @@ pub struct GpuDetector {
     timer: Option<Timer>,
 }
 
-/// The buffers that hold the result of a call.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct GpuPairs {
-    /// The pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
-    pub pairs: wgpu::Buffer,
-    /// The capacity of the buffer in pairs.
-    pub capacity: u32,
-    /// The [`Outcome`]: how many pairs there are, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
-    /// consumer with a thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`].
-    pub outcome: wgpu::Buffer,
-    /// The spheres in the order of the cells, where the call runs by the cell list.
-    pub sorted: Option<GpuSorted>,
-}
-
-/// The spheres in the order of a cell list's cells: neighbours in space are mostly neighbours in memory. Who takes this
-/// order over, every now and then, makes the next calls faster, which then read memory nearly in sequence; and with
-/// [`GpuConfig::sorted_pairs`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
-/// call left until the next one, and have as many elements as the call had spheres.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct GpuSorted {
-    /// The index that each had in the input, as `u32`: each once. Spheres that are not valid come last.
-    pub order: wgpu::Buffer,
-    /// `x, y, z, r` as four `f32` for each; in a periodic space the image nearest to the origin.
-    pub spheres: wgpu::Buffer,
-    /// The species of each as `u32`, where the settings have interactions.
-    pub species: Option<wgpu::Buffer>,
-}
-
 /// The settings of one call.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Way {
+pub(crate) struct AlgorithmChoice {
     pub(crate) algorithm: Algorithm,
     pub(crate) raster_ratio: f32,
 }
@@ -92,8 +71,8 @@ impl GpuDetector {
     ) -> Result<Self, Error> {
         check(&settings)?;
         let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
-        let timer = (settings.timed && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
-            .then(|| scoped(device, "timestamps", 0, || Timer::new(device)))
+        let timer = (settings.timestamps && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
+            .then(|| with_error_scope(device, "timestamps", 0, || Timer::new(device)))
             .transpose()?;
         Ok(Self {
             device: device.clone(),
@@ -102,7 +81,7 @@ impl GpuDetector {
             prepared: None,
             timer,
             settings,
-            entry_room: EntryRoom::NONE,
+            entry_capacity: EntryCapacity::NONE,
             part_tiles: Call::UNPARTED,
         })
     }
@@ -111,8 +90,8 @@ impl GpuDetector {
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] where the device cannot hold it.
-    pub fn cost(&self, spheres: u32) -> Result<Cost, Error> {
-        Ok(self.plan_for(spheres, self.way())?.cost())
+    pub fn cost(&self, spheres: u32) -> Result<CallCost, Error> {
+        Ok(self.plan_for(spheres, self.algorithm_choice())?.cost())
     }
 
     /// Bytes of device memory for calls of up to `spheres` spheres, the output included and the input not.
@@ -133,7 +112,7 @@ impl GpuDetector {
     }
 
     /// Changes the space, which must repeat along the same axes.
-    pub(super) fn set_space(&mut self, space: Space) {
+    pub(in crate::gpu) fn set_space(&mut self, space: Space) {
         debug_assert_eq!(
             self.settings.space.lengths().map(|l| l.is_some()),
             space.lengths().map(|l| l.is_some())
@@ -142,16 +121,16 @@ impl GpuDetector {
     }
 
     /// The settings of calls by the configuration.
-    pub(crate) fn way(&self) -> Way {
-        Way { algorithm: self.settings.algorithm, raster_ratio: self.settings.raster_ratio }
+    pub(crate) fn algorithm_choice(&self) -> AlgorithmChoice {
+        AlgorithmChoice { algorithm: self.settings.algorithm, raster_ratio: self.settings.raster_ratio }
     }
 
-    fn plan_for(&self, spheres: u32, way: Way) -> Result<Plan, Error> {
+    fn plan_for(&self, spheres: u32, choice: AlgorithmChoice) -> Result<Plan, Error> {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
-        let (pairs, (algorithm, _)) = (self.settings.pair_capacity, self.chosen(way.algorithm, spheres));
-        let (entries, periodic) = (self.entry_room.of(spheres), self.settings.space.is_periodic());
-        let radix_from = self.settings.radix_from;
-        let request = Request { spheres, pairs, entries, algorithm, species, periodic, radix_from };
+        let (pairs, (algorithm, _)) = (self.settings.pair_capacity, self.chosen(choice.algorithm, spheres));
+        let (entries, periodic) = (self.entry_capacity.of(spheres), self.settings.space.is_periodic());
+        let radix_sort_from = self.settings.radix_sort_from;
+        let request = Request { spheres, pairs, entries, algorithm, species, periodic, radix_sort_from };
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
@@ -160,14 +139,14 @@ impl GpuDetector {
     ///
     /// # Errors
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], or where the device is lost.
-    pub fn reserve(&mut self, spheres: u32) -> Result<GpuPairs, Error> {
-        let prepared = self.prepare(spheres, self.way())?;
+    pub fn reserve(&mut self, spheres: u32) -> Result<GpuOutput, Error> {
+        let prepared = self.prepare(spheres, self.algorithm_choice())?;
         Ok(self.prepared.insert(prepared).output())
     }
 
     /// Returns the buffers if their capacity suffices, else new ones.
-    fn prepare(&mut self, spheres: u32, way: Way) -> Result<Prepared, Error> {
-        let plan = self.plan_for(spheres, way)?;
+    fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
+        let plan = self.plan_for(spheres, choice)?;
         // Released first, so that old and new need not fit side by side. Buffers for more spheres serve fewer: those of a
         // grid also all pairs.
         let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
@@ -175,7 +154,7 @@ impl GpuDetector {
             return Ok(Prepared { plan, ..prepared });
         }
         let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
-        Ok(Prepared { plan, buffers, recordings: Recent::NONE })
+        Ok(Prepared { plan, buffers, recordings: SmallCache::NONE })
     }
 
     pub(crate) fn settings(&self) -> &GpuConfig {
@@ -202,41 +181,41 @@ impl GpuDetector {
     /// as many spheres do without. False where the device cannot hold them.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         let spheres = self.plan().map_or(0, |plan| plan.spheres);
-        self.raise_entries(entries, spheres)
+        self.raise_entry_capacity(entries, spheres)
     }
 
     /// The same as [`set_entry_capacity`](Self::set_entry_capacity), for a call of `spheres` spheres.
-    pub(crate) fn raise_entries(&mut self, entries: u64, spheres: u32) -> bool {
+    pub(crate) fn raise_entry_capacity(&mut self, entries: u64, spheres: u32) -> bool {
         let most = most_entries(&DeviceLimits::of(&self.device));
         if entries > most {
             return false;
         }
         // Below 2³⁰, the most that there are anywhere.
-        self.entry_room.0[EntryRoom::digits(spheres)] = (entries + entries / 8).min(most) as u32;
+        self.entry_capacity.0[EntryCapacity::digits(spheres)] = (entries + entries / 8).min(most) as u32;
         true
     }
 
-    /// The capacities that [`set_room`](Self::set_room) restores.
-    pub(crate) fn room(&self) -> Raised {
-        Raised { entries: self.entry_room, pairs: self.settings.pair_capacity }
+    /// The capacities that [`restore_capacities`](Self::restore_capacities) restores.
+    pub(crate) fn capacities(&self) -> CapacitySnapshot {
+        CapacitySnapshot { entries: self.entry_capacity, pairs: self.settings.pair_capacity }
     }
 
-    pub(crate) fn set_room(&mut self, room: Raised) {
-        self.entry_room = room.entries;
+    pub(crate) fn restore_capacities(&mut self, room: CapacitySnapshot) {
+        self.entry_capacity = room.entries;
         self.settings.pair_capacity = room.pairs;
     }
 
     /// Has later calls end before their crowded search is done, where it is more than so many distance tests:
-    /// [`encode_rest`](Self::encode_rest) records a further part while the outcome is partial.
+    /// [`encode_continuation`](Self::encode_continuation) records a further part while the outcome is partial.
     pub(crate) fn set_part_tests(&mut self, tests: u64) {
         let tile = u64::from(k::GROUP) * u64::from(k::GROUP);
         self.part_tiles = u32::try_from(tests / tile).unwrap_or(Call::UNPARTED);
     }
 
     /// Records a further part of the last recorded call, whose search it is timed as.
-    pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder) {
+    pub(crate) fn encode_continuation(&self, encoder: &mut wgpu::CommandEncoder) {
         if let Some(recording) = self.recording() {
-            recording.encode_rest(encoder, self.timer.as_ref().map(Timer::queries));
+            recording.encode_continuation(encoder, self.timer.as_ref().map(Timer::queries));
             if let Some(timer) = &self.timer {
                 timer.resolve(encoder);
             }
@@ -263,18 +242,18 @@ impl GpuDetector {
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
-    ) -> Result<GpuPairs, Error> {
-        self.encode_as(self.way(), encoder, input)
+    ) -> Result<GpuOutput, Error> {
+        self.encode_as(self.algorithm_choice(), encoder, input)
     }
 
     /// The same as [`encode`](Self::encode), with other settings of the call.
     pub(crate) fn encode_as(
         &mut self,
-        way: Way,
+        choice: AlgorithmChoice,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
-    ) -> Result<GpuPairs, Error> {
-        let output = self.bind_as(way, input)?;
+    ) -> Result<GpuOutput, Error> {
+        let output = self.bind_as(choice, input)?;
         if let Some(recording) = self.recording() {
             match &self.timer {
                 None => recording.encode(encoder),
@@ -288,10 +267,14 @@ impl GpuDetector {
     }
 
     /// Binds all that a call dispatches, and encodes nothing.
-    pub(crate) fn bind_as(&mut self, way: Way, input: &GpuSpheres<'_>) -> Result<GpuPairs, Error> {
+    pub(crate) fn bind_as(
+        &mut self,
+        choice: AlgorithmChoice,
+        input: &GpuSpheres<'_>,
+    ) -> Result<GpuOutput, Error> {
         let spheres = input.check(self.tables.is_some())?;
-        let mut prepared = self.prepare(spheres, way)?;
-        let bound = self.bind(&mut prepared, way, input);
+        let mut prepared = self.prepare(spheres, choice)?;
+        let bound = self.bind(&mut prepared, choice, input);
         let output = self.prepared.insert(prepared).output();
         bound.map(|()| output)
     }
@@ -307,18 +290,18 @@ impl GpuDetector {
     }
 
     /// The result buffers of the last recorded call.
-    pub(crate) fn output(&self) -> Option<GpuPairs> {
+    pub(crate) fn output(&self) -> Option<GpuOutput> {
         self.prepared.as_ref().map(Prepared::output)
     }
 
-    /// The ticks at either end of each phase (`u64`, in the order of [`Phase::ALL`](super::Phase::ALL)); `None` where calls
+    /// The ticks at either end of each phase (`u64`, in the order of [`GpuPhase::ALL`](super::GpuPhase::ALL)); `None` where calls
     /// are not timed.
     pub fn ticks(&self) -> Option<&wgpu::Buffer> {
         self.timer.as_ref().map(Timer::ticks)
     }
 
     /// The parameters of a call that the kernels read.
-    fn call(&self, plan: &Plan, way: Way, input: &GpuSpheres<'_>) -> Call {
+    fn call(&self, plan: &Plan, choice: AlgorithmChoice, input: &GpuSpheres<'_>) -> Call {
         let sides = self.tables.as_ref().map(|tables| &tables.sides);
         let (meetings, interaction) = if input.split == 0 {
             sides.map_or((Call::FIRST_WITH_ITSELF, Call::TOUCH), |sides| (sides.meetings, sides.interaction))
@@ -330,9 +313,9 @@ impl GpuDetector {
             interaction,
             entry_capacity: plan.entries,
             key_bits: plan.key_bits,
-            raster_ratio: way.raster_ratio,
+            raster_ratio: choice.raster_ratio,
             search_groups: plan.search_groups,
-            refinement: plan.refinement as u32,
+            refinement: plan.split_policy as u32,
             density_slots: plan.density_slots,
             part_tiles: self.part_tiles,
             cells: plan.cells,
@@ -344,24 +327,14 @@ impl GpuDetector {
         }
     }
 
-    fn bind(&self, prepared: &mut Prepared, way: Way, input: &GpuSpheres<'_>) -> Result<(), Error> {
-        let key = Key::of(input, self.call(&prepared.plan, way, input));
+    fn bind(
+        &self,
+        prepared: &mut Prepared,
+        choice: AlgorithmChoice,
+        input: &GpuSpheres<'_>,
+    ) -> Result<(), Error> {
+        let key = Key::of(input, self.call(&prepared.plan, choice, input));
         prepared.bind(&self.device, &self.pipelines, key, self.tables.as_ref())
-    }
-}
-
-/// Reads the outcome of a call from a copy of the outcome buffer.
-///
-/// # Errors
-/// [`Error::Buffer`] if there are too few bytes.
-pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, Error> {
-    let needed = size_of::<Outcome>();
-    match bytes.get(..needed) {
-        Some(bytes) => Ok(bytemuck::pod_read_unaligned(bytes)),
-        None => {
-            let (size, needed) = (bytes.len() as u64, needed as u64);
-            Err(Error::Buffer { what: "outcome", size, needed, usage: "" })
-        }
     }
 }
 

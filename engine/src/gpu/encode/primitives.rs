@@ -4,10 +4,10 @@
 use lazygrid_kernels::kernel::SCAN_TILE;
 use lazygrid_kernels::layout::{Lengths, Pass};
 
-use super::pipelines::Pipelines;
-use super::plan::{DeviceLimits, Slot, digits, scan_stages, sort_buffers, sort_stages};
-use super::recording::{Buffers, Recording, constant_buffer};
+use super::recording::{Buffers, Recording};
 use crate::Error;
+use crate::gpu::device::{Pipelines, constant_buffer};
+use crate::gpu::plan::{BufferId, DeviceLimits, digits, scan_dispatches, sort_buffers, sort_dispatches};
 
 /// A stable sort of `u32` keys with a `u32` payload, least significant digit first, up to eight bits a pass.
 ///
@@ -21,7 +21,7 @@ pub struct RadixSort {
 
 /// Keys with their payload, a `u32` each; `STORAGE` usage.
 #[derive(Clone, Debug)]
-pub struct Keyed {
+pub struct KeyValueBuffers {
     /// The keys.
     pub keys: wgpu::Buffer,
     /// The values that move with the keys.
@@ -32,7 +32,7 @@ pub struct Keyed {
 #[derive(Debug)]
 pub struct BoundSort {
     recording: Recording,
-    sorted: Keyed,
+    sorted: KeyValueBuffers,
 }
 
 impl RadixSort {
@@ -45,34 +45,35 @@ impl RadixSort {
     ///
     /// # Errors
     /// Fails if the device refuses a buffer or a binding.
-    pub fn bind(&self, input: &Keyed, count: u32, bits: u32) -> Result<BoundSort, Error> {
+    pub fn bind(&self, input: &KeyValueBuffers, count: u32, bits: u32) -> Result<BoundSort, Error> {
         let tile = DeviceLimits::of(&self.device).radix_tile();
         let mut sizes = sort_buffers(count, tile).to_vec();
-        sizes.retain(|(slot, _)| !matches!(slot, Slot::Keys(false) | Slot::Objects(false)));
+        sizes.retain(|(slot, _)| !matches!(slot, BufferId::Keys(false) | BufferId::Objects(false)));
         let buffers = Buffers::allocate(&self.device, &sizes)?;
         let lengths = Lengths::for_sort(count, tile);
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
-        let keys = [&input.keys, buffers.get(Slot::Keys(true))];
-        let payload = [&input.payload, buffers.get(Slot::Objects(true))];
+        let keys = [&input.keys, buffers.get(BufferId::Keys(true))];
+        let payload = [&input.payload, buffers.get(BufferId::Objects(true))];
         let variant = self.pipelines.variant();
         let uniforms = pass_buffers(&self.device, &digits(bits.clamp(1, 32), false))?;
         let passes = uniforms.len() as u32;
-        let stages = sort_stages(count, tile, passes).filter(|stage| stage.groups > 0);
-        let recording = Recording::new(&self.device, &self.pipelines, variant, stages, |stage, binding| {
-            let front = stage.pass as usize % 2;
-            match binding {
-                "digit_pass" => &uniforms[stage.pass as usize],
-                "lengths" => &lengths,
-                "keys" => keys[front],
-                "payload" => payload[front],
-                "sorted_keys" => keys[1 - front],
-                "sorted_payload" => payload[1 - front],
-                "totals" => buffers.get(Slot::Totals),
-                _ => buffers.get(Slot::Counts),
-            }
-        })?;
+        let dispatches = sort_dispatches(count, tile, passes).filter(|dispatch| dispatch.groups > 0);
+        let recording =
+            Recording::new(&self.device, &self.pipelines, variant, dispatches, |dispatch, binding| {
+                let front = dispatch.pass as usize % 2;
+                match binding {
+                    "digit_pass" => &uniforms[dispatch.pass as usize],
+                    "lengths" => &lengths,
+                    "keys" => keys[front],
+                    "payload" => payload[front],
+                    "sorted_keys" => keys[1 - front],
+                    "sorted_payload" => payload[1 - front],
+                    "totals" => buffers.get(BufferId::Totals),
+                    _ => buffers.get(BufferId::Counts),
+                }
+            })?;
         let last = if count == 0 { 0 } else { passes as usize % 2 };
-        let sorted = Keyed { keys: keys[last].clone(), payload: payload[last].clone() };
+        let sorted = KeyValueBuffers { keys: keys[last].clone(), payload: payload[last].clone() };
         Ok(BoundSort { recording, sorted })
     }
 }
@@ -84,7 +85,7 @@ impl BoundSort {
     }
 
     /// Where it leaves its result: in the buffers that came in, or in others.
-    pub fn sorted(&self) -> &Keyed {
+    pub fn sorted(&self) -> &KeyValueBuffers {
         &self.sorted
     }
 }
@@ -121,17 +122,17 @@ impl PrefixScan {
     /// Fails if the device refuses a buffer or a binding.
     pub fn bind(&self, values: &wgpu::Buffer, count: u32) -> Result<BoundScan, Error> {
         let sums = u64::from(count.div_ceil(SCAN_TILE)).max(2) * 8;
-        let buffers = Buffers::allocate(&self.device, &[(Slot::Sums, sums), (Slot::Total, 16)])?;
+        let buffers = Buffers::allocate(&self.device, &[(BufferId::Sums, sums), (BufferId::Total, 16)])?;
         let lengths = Lengths { items: 0, counters: count };
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
         let variant = self.pipelines.variant();
-        let stages = scan_stages(count, 0).into_iter().filter(|stage| stage.groups > 0);
-        let total = buffers.get(Slot::Total);
+        let dispatches = scan_dispatches(count, 0).into_iter().filter(|dispatch| dispatch.groups > 0);
+        let total = buffers.get(BufferId::Total);
         let recording =
-            Recording::new(&self.device, &self.pipelines, variant, stages, |_, binding| match binding {
+            Recording::new(&self.device, &self.pipelines, variant, dispatches, |_, binding| match binding {
                 "lengths" => &lengths,
                 "values" => values,
-                "sums" => buffers.get(Slot::Sums),
+                "sums" => buffers.get(BufferId::Sums),
                 _ => total,
             })?;
         Ok(BoundScan { recording, total: total.clone() })

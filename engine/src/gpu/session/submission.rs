@@ -5,17 +5,16 @@ use std::time::{Duration, Instant};
 
 use lazygrid_kernels::layout::Outcome;
 
-use super::{GpuSession, SLOTS};
+use super::call_buffers::{Readback, copy_to_staging, staged_pairs};
+use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
-use crate::gpu::input::GpuSpheres;
-use crate::gpu::mapping::{Mapping, Wait};
-use crate::gpu::plan::Phase;
-use crate::gpu::scope::scoped;
-use crate::gpu::slot::{Returned, copy_back, staged_pairs};
+use crate::gpu::detector::GpuSpheres;
+use crate::gpu::device::{Mapping, Wait, with_error_scope};
+use crate::gpu::plan::GpuPhase;
 
-/// Work on its way back.
+/// Submission on its way back.
 #[derive(Debug)]
-pub(super) struct Flight {
+pub(super) struct PendingReadback {
     pub(super) number: u64,
     device: wgpu::Device,
     submission: wgpu::SubmissionIndex,
@@ -24,123 +23,139 @@ pub(super) struct Flight {
     staged: u64,
     capacity: u32,
     /// The phases whose times it took.
-    timed: &'static [Phase],
+    timed: &'static [GpuPhase],
     /// `true` if it was answered from candidates, whose state comes back in place of times.
     pub(super) is_kept: bool,
 }
 
 /// What a submission does.
 #[derive(Clone, Debug)]
-pub(super) enum Work {
+pub(super) enum Submission {
     /// A call, of which pairs are asked for whose smaller index is in this window.
-    Call(Range<u32>),
-    /// A further part of the call that was launched last.
-    Rest,
+    Full(Range<u32>),
+    /// A further part of the call that was submitted last.
+    Continuation,
 }
 
-impl Drop for Flight {
+impl Drop for PendingReadback {
     /// Whether it landed or was given up: the staging buffer is used again.
     fn drop(&mut self) {
         // On a device that is gone there is nothing left to unmap, and nobody to be told.
-        let _ = scoped(&self.device, "unmapping", 0, || self.staging.unmap());
+        let _ = with_error_scope(&self.device, "unmapping", 0, || self.staging.unmap());
     }
 }
 
 impl GpuSession {
     /// Records and submits a call together with its way back. Where the device has no memory for candidates, the call
     /// searches without.
-    pub(super) fn launch(&mut self, number: u64, work: Work) -> Result<(), Error> {
-        let keeps = self.keeps(number);
-        let launched = match self.submit(number, work.clone()) {
+    pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
+        let keeps = self.uses_candidates(number);
+        let submitted = match self.try_submit(number, work.clone()) {
             Err(error @ (Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. })) if keeps => {
                 log::info!("no room for candidates: {error}");
                 self.pause_skin(number);
-                self.submit(number, work)
+                self.try_submit(number, work)
             }
-            launched => launched,
+            submitted => submitted,
         };
-        launched.map_err(|error| self.own.reason(error))
+        submitted.map_err(|error| self.gpu.reason(error))
     }
 
-    fn submit(&mut self, number: u64, work: Work) -> Result<(), Error> {
-        let at = number as usize % SLOTS;
-        let keeps = self.keeps(number);
-        let Self { own, detector, skin, slots, calls, expected, .. } = self;
-        let (way, split) = (calls[at].way, calls[at].split);
+    fn try_submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
+        let at = number as usize % MAX_IN_FLIGHT;
+        let keeps = self.uses_candidates(number);
+        let Self { gpu, detector, skin, slots, calls, expected, .. } = self;
+        let (choice, split) = (calls[at].choice, calls[at].split);
         let slot = &mut slots[at];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
-        let staging = slot.staging(own, staged)?;
+        let staging = slot.staging(gpu, staged)?;
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
-        let mut encoder =
-            scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
+        let mut encoder = with_error_scope(&gpu.device, "an encoder", 0, || {
+            gpu.device.create_command_encoder(&Default::default())
+        })?;
         let skin = skin.as_mut().filter(|_| keeps).map(|skin| &mut skin.detector);
-        let timed: &[Phase] = match work {
+        let timed: &[GpuPhase] = match work {
             _ if detector.ticks().is_none() || skin.is_some() => &[],
-            Work::Call(_) => &Phase::ALL,
-            Work::Rest => &[Phase::Search],
+            Submission::Full(_) => &GpuPhase::ALL,
+            Submission::Continuation => &[GpuPhase::Search],
         };
         let is_kept = skin.is_some();
         // Whatever comes of it, nothing of an earlier call is left to go on with.
-        self.launched = None;
+        self.submitted = None;
         let (found, beside) = match (work, skin) {
-            (Work::Call(window), skin) => {
+            (Submission::Full(window), skin) => {
                 let species = slot.species.as_ref().filter(|_| detector.has_interactions());
                 let input = GpuSpheres { species, window, split, ..GpuSpheres::new(&spheres, slot.count) };
                 match skin {
                     Some(skin) => {
                         skin.set_pair_capacity(capacity);
-                        let found = skin.encode_as(way, &mut encoder, &input)?;
+                        let found = skin.encode_as(choice, &mut encoder, &input)?;
                         (Some(found), skin.state())
                     }
-                    None => (Some(detector.encode_as(way, &mut encoder, &input)?), detector.ticks()),
+                    None => (Some(detector.encode_as(choice, &mut encoder, &input)?), detector.ticks()),
                 }
             }
-            (Work::Rest, _) => {
-                detector.encode_rest(&mut encoder);
+            (Submission::Continuation, _) => {
+                detector.encode_continuation(&mut encoder);
                 (detector.output(), detector.ticks())
             }
         };
         let staged = staged.min(staged_pairs(&staging));
         if let Some(found) = found {
-            copy_back(&mut encoder, [Some(&found.outcome), beside, Some(&found.pairs)], &staging, staged);
+            copy_to_staging(
+                &mut encoder,
+                [Some(&found.outcome), beside, Some(&found.pairs)],
+                &staging,
+                staged,
+            );
         }
-        let (submission, mapping) = scoped(&own.device, "a call", 0, || {
-            (own.queue.submit([encoder.finish()]), Mapping::request(&staging))
+        let (submission, mapping) = with_error_scope(&gpu.device, "a call", 0, || {
+            (gpu.queue.submit([encoder.finish()]), Mapping::request(&staging))
         })?;
-        own.check_lost()?;
-        let device = own.device.clone();
-        let flight =
-            Flight { number, device, submission, staging, mapping, staged, capacity, timed, is_kept };
-        self.launched = Some(number);
-        self.flights[at] = Some(flight);
+        gpu.check_lost()?;
+        let device = gpu.device.clone();
+        let flight = PendingReadback {
+            number,
+            device,
+            submission,
+            staging,
+            mapping,
+            staged,
+            capacity,
+            timed,
+            is_kept,
+        };
+        self.submitted = Some(number);
+        self.pending[at] = Some(flight);
         Ok(())
     }
 
-    /// Waits for what was launched and appends its pairs, if all of them came back.
-    pub(super) async fn land(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
-        let flight = self.flights[number as usize % SLOTS].take().filter(|flight| flight.number == number);
+    /// Waits for what was submitted and appends its pairs, if all of them came back.
+    pub(super) async fn wait(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
+        let flight =
+            self.pending[number as usize % MAX_IN_FLIGHT].take().filter(|flight| flight.number == number);
         let Some(flight) = flight else {
-            return Err(Error::Busy { calls: SLOTS });
+            return Err(Error::Busy { calls: MAX_IN_FLIGHT });
         };
         let start = Instant::now();
         let waiting = flight.mapping.clone();
         let submission = flight.submission.clone();
-        let finished = waiting.finished(&self.own.device, submission, self.timeout, wait).await;
-        self.own.check_lost()?;
+        let finished = waiting.finished(&self.gpu.device, submission, self.timeout, wait).await;
+        self.gpu.check_lost()?;
         finished?;
         self.time("wait", start.elapsed());
         let start = Instant::now();
         let view = flight.staging.slice(..).get_mapped_range();
         let view = view.map_err(|error| Error::Validation { what: "readback", reason: error.to_string() })?;
-        let returned = Returned(&view);
+        let returned = Readback(&view);
         let outcome = returned.outcome()?;
         if outcome.found() <= flight.staged.min(flight.capacity.into()) {
             returned.append_pairs(outcome.found() as usize, &mut self.pairs)?;
         }
         let state = flight.is_kept.then(|| returned.state());
         if !flight.timed.is_empty() {
-            let (period, ticks) = (f64::from(self.own.queue.get_timestamp_period()) * 1e-9, returned.ticks());
+            let (period, ticks) = (f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9, returned.ticks());
             for phase in flight.timed {
                 let [begin, end] = ticks[*phase as usize];
                 self.time(phase.name(), Duration::from_secs_f64(end.saturating_sub(begin) as f64 * period));

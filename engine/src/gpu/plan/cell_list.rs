@@ -4,9 +4,10 @@ use encase::ShaderType;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Lengths, List, Survey};
 
-use super::buffers::{Slot, bytes_of, sort_buffers};
-use super::stages::{Phase, Stage, scan_stages, sort_stages};
-use super::{DeviceLimits, Plan, Request};
+use super::buffers::{BufferId, bytes_of, sort_buffers};
+use super::dispatches::{Dispatch, GpuPhase, scan_dispatches, sort_dispatches};
+use super::limits::DeviceLimits;
+use super::{Plan, Request};
 
 /// Halves of cells per sphere where the list is sorted by counting: with more of them a sphere has fewer candidates, and
 /// the table takes longer. At 3 cells a sphere among equal ones at 5 % density has 8.5 candidates, at 2 it has 10.8, at
@@ -37,7 +38,7 @@ const INDEX_BLOCK: u32 = 2048;
 
 /// Chooses the way to sort and the sizes of all tables.
 pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
-    let is_counted = request.spheres < request.radix_from;
+    let is_counted = request.spheres < request.radix_sort_from;
     let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
     let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(FEWEST_CELLS, MOST_CELLS);
     let most = limits.bytes() / 4 - 2;
@@ -57,71 +58,71 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     }
 }
 
-pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(Slot, u64)> {
+pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(BufferId, u64)> {
     let mut buffers = vec![
-        (Slot::Survey, size_of::<Survey>() as u64),
-        (Slot::List, List::min_size().get()),
-        (Slot::Lengths, size_of::<Lengths>() as u64),
-        (Slot::Starts, bytes_of(plan.counters, 4)),
-        (Slot::Density, bytes_of(plan.density_slots, 4)),
-        (Slot::Sorted, bytes_of(plan.spheres, 16)),
-        (Slot::Crowded, bytes_of(plan.spheres.div_ceil(k::GROUP), 4)),
-        (Slot::Dispatch, 16),
+        (BufferId::Survey, size_of::<Survey>() as u64),
+        (BufferId::List, List::min_size().get()),
+        (BufferId::Lengths, size_of::<Lengths>() as u64),
+        (BufferId::Starts, bytes_of(plan.counters, 4)),
+        (BufferId::Density, bytes_of(plan.density_slots, 4)),
+        (BufferId::Sorted, bytes_of(plan.spheres, 16)),
+        (BufferId::Crowded, bytes_of(plan.spheres.div_ceil(k::GROUP), 4)),
+        (BufferId::DispatchArgs, 16),
     ];
     if plan.tile == 0 {
         buffers.extend([
-            (Slot::Homes, bytes_of(plan.spheres, 8)),
-            (Slot::Keys(false), bytes_of(plan.spheres, 4)),
-            (Slot::Objects(false), bytes_of(plan.spheres, 4)),
-            (Slot::Sums, bytes_of(plan.counters.div_ceil(k::SCAN_TILE), 8)),
-            (Slot::Total, 16),
+            (BufferId::Homes, bytes_of(plan.spheres, 8)),
+            (BufferId::Keys(false), bytes_of(plan.spheres, 4)),
+            (BufferId::Objects(false), bytes_of(plan.spheres, 4)),
+            (BufferId::Sums, bytes_of(plan.counters.div_ceil(k::SCAN_TILE), 8)),
+            (BufferId::Total, 16),
         ]);
     } else {
         buffers.extend(sort_buffers(plan.spheres, plan.tile));
     }
     if species {
-        buffers.push((Slot::SortedSpecies, bytes_of(plan.spheres, 4)));
+        buffers.push((BufferId::SortedSpecies, bytes_of(plan.spheres, 4)));
     }
     buffers
 }
 
-pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
+pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let per_sphere = plan.spheres.div_ceil(k::GROUP);
-    let stage = Stage::new;
+    let dispatch = Dispatch::new;
     let survey = plan.spheres.div_ceil(k::GROUP * SPHERES_PER_THREAD).clamp(1, SURVEY_GROUPS);
-    let mut stages = match plan.spheres <= VERY_FEW && plan.tile == 0 {
-        true => vec![stage(&k::LIST_BEGIN, 1, Phase::Survey)],
+    let mut dispatches = match plan.spheres <= VERY_FEW && plan.tile == 0 {
+        true => vec![dispatch(&k::LIST_BEGIN, 1, GpuPhase::Survey)],
         false => vec![
-            stage(&k::SPHERES_SURVEY, survey, Phase::Survey),
-            stage(&k::LIST_CONFIGURE, 1, Phase::Survey),
+            dispatch(&k::SPHERES_SURVEY, survey, GpuPhase::Survey),
+            dispatch(&k::LIST_CONFIGURE, 1, GpuPhase::Survey),
         ],
     };
     if plan.density_slots > 0 {
-        stages.push(stage(&k::DENSITY_COUNT, per_sphere, Phase::Entries));
+        dispatches.push(dispatch(&k::DENSITY_COUNT, per_sphere, GpuPhase::Entries));
     }
     if plan.tile == 0 {
-        stages.push(stage(&k::HOMES_COUNT, per_sphere, Phase::Entries));
+        dispatches.push(dispatch(&k::HOMES_COUNT, per_sphere, GpuPhase::Entries));
         if plan.counters <= k::SCANNED_AT_ONCE {
-            stages.push(stage(&k::SCAN_ONCE, 1, Phase::Sort));
+            dispatches.push(dispatch(&k::SCAN_ONCE, 1, GpuPhase::Sort));
         } else {
-            stages.extend(scan_stages(plan.counters, 0));
+            dispatches.extend(scan_dispatches(plan.counters, 0));
         }
-        stages.push(stage(&k::SPHERES_PLACE, per_sphere, Phase::Sort));
+        dispatches.push(dispatch(&k::SPHERES_PLACE, per_sphere, GpuPhase::Sort));
     } else {
-        stages.push(stage(&k::HOMES_KEY, plan.spheres.div_ceil(plan.tile), Phase::Entries));
+        dispatches.push(dispatch(&k::HOMES_KEY, plan.spheres.div_ceil(plan.tile), GpuPhase::Entries));
         // The digits of the first pass are counted already.
-        stages.extend(sort_stages(plan.spheres, plan.tile, plan.passes()).skip(1));
-        let sorted = |kernel, groups| Stage::of_sort(kernel, groups, plan.passes());
-        stages.push(sorted(&k::CELLS_INDEX, plan.counters.div_ceil(INDEX_BLOCK)));
-        stages.push(sorted(&k::SPHERES_GATHER, per_sphere));
+        dispatches.extend(sort_dispatches(plan.spheres, plan.tile, plan.passes()).skip(1));
+        let sorted = |kernel, groups| Dispatch::in_sort(kernel, groups, plan.passes());
+        dispatches.push(sorted(&k::CELLS_INDEX, plan.counters.div_ceil(INDEX_BLOCK)));
+        dispatches.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
-    stages.push(stage(&k::LIST_SEARCH, per_sphere, Phase::Search));
+    dispatches.push(dispatch(&k::LIST_SEARCH, per_sphere, GpuPhase::Search));
     // One share holds all candidates of very few spheres.
     if plan.further_shares > 0 {
-        stages.push(stage(&k::SHARES_SEARCH, per_sphere * plan.further_shares, Phase::Search));
+        dispatches.push(dispatch(&k::SHARES_SEARCH, per_sphere * plan.further_shares, GpuPhase::Search));
     } else if plan.spheres > plan.share {
-        stages.push(stage(&k::SHARES_OPEN, 1, Phase::Search));
-        stages.push(Stage::indirect(&k::SHARES_SEARCH, Phase::Search));
+        dispatches.push(dispatch(&k::SHARES_OPEN, 1, GpuPhase::Search));
+        dispatches.push(Dispatch::indirect(&k::SHARES_SEARCH, GpuPhase::Search));
     }
-    stages
+    dispatches
 }

@@ -7,19 +7,23 @@ use lazygrid_host::{
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
-use super::course::Course;
-use super::device_search::{Built, Given, Search};
-use super::plan::DeviceLimits;
-use super::{GpuConfig, GpuDevice, GpuSession};
-use crate::choice::{self, Known};
-use crate::detector::EngineBackend;
-use crate::{Backend, Config, Error, Report};
+use super::skin_controller::SkinController;
+use super::slab_search::{SearchRequest, SlabPairSource, SlabSearch};
+use crate::backend::DetectorBackend;
+use crate::config::Config;
+use crate::gpu::config::GpuConfig;
+use crate::gpu::costs::{AdapterProfile, profile_of};
+use crate::gpu::device::GpuDevice;
+use crate::gpu::plan::DeviceLimits;
+use crate::gpu::session::GpuSession;
+use crate::report::Report;
+use crate::{Backend, Error, choice};
 
 /// Searches on a device: checks and chooses like the CPU path, and works in a session.
 #[derive(Debug)]
-pub(crate) struct DeviceBackend {
+pub(crate) struct GpuBackend {
     settings: Settings,
-    pub(super) known: Known,
+    pub(super) known: AdapterProfile,
     device: Device,
     /// The search in frames, if only some calls need one.
     framed: Option<Box<Device>>,
@@ -27,52 +31,52 @@ pub(crate) struct DeviceBackend {
     team: Arc<Team>,
     buffers: QueryBuffers,
     /// Chooses the skin from call to call, if the settings leave it open.
-    course: Option<Course>,
+    skin_controller: Option<SkinController>,
     report: Report,
 }
 
-impl DeviceBackend {
-    pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
+impl GpuBackend {
+    pub(crate) fn new(gpu: GpuDevice, config: Config) -> Result<Self, Error> {
         let team = Arc::new(Team::new(config.settings.threads)?);
-        Self::on_team(own, config, team)
+        Self::on_team(gpu, config, team)
     }
 
     /// Creates a backend whose host part runs on `team`.
-    pub(crate) fn on_team(own: GpuDevice, config: Config, team: Arc<Team>) -> Result<Self, Error> {
+    pub(crate) fn on_team(gpu: GpuDevice, config: Config, team: Arc<Team>) -> Result<Self, Error> {
         let settings = config.settings;
         let interactions = searched_table(&settings, settings.is_framed());
-        let known = choice::known(&config.calibrations, &own.adapter);
-        let most_pairs = DeviceLimits::of(&own.device).bytes() / size_of::<Pair>() as u64;
+        let known = profile_of(&config.calibrations, &gpu.adapter);
+        let most_pairs = DeviceLimits::of(&gpu.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuConfig::default();
         let pair_capacity = most_pairs.min(defaults.pair_capacity.into()) as u32;
-        let gpu = defaults
+        let gpu_config = defaults
             .pair_capacity(pair_capacity)
             .algorithm(settings.algorithm)
             .crossover(known.crossover)
-            .radix_from(known.radix_from)
+            .radix_sort_from(known.radix_sort_from)
             .raster_ratio(raster_ratio(config.raster_ratio)?)
             .tau(config.tau.unwrap_or(GpuConfig::TAU))
             .interactions(interactions.clone())
             .space(searched_space(&settings.space))
-            .timed(true);
+            .timestamps(true);
         let report = Report {
             spheres: 0,
             pairs: 0,
             backend: Backend::Gpu,
-            adapter: Some(own.adapter.name.clone()),
+            adapter: Some(gpu.adapter.name.clone()),
             algorithm: settings.algorithm,
             reason: String::new(),
             cost: None,
             candidates: None,
             phases: Vec::new(),
         };
-        let mut session = GpuSession::new(own, gpu)?;
+        let mut session = GpuSession::new(gpu, gpu_config)?;
         let chooses = settings.skin == Skin::Auto && settings.keeps_candidates();
-        let course = chooses.then(Course::default);
+        let skin_controller = chooses.then(SkinController::default);
         if let Some(timeout) = config.timeout {
             session.set_timeout(timeout);
         }
-        let mut device = Device { search: Search::new(session), interactions };
+        let mut device = Device { search: SlabSearch::new(session), interactions };
         if let Skin::Fixed(distance) = settings.skin {
             device.search.session.set_skin(Some(distance as f32))?;
         }
@@ -83,13 +87,13 @@ impl DeviceBackend {
             framed: None,
             team,
             buffers: QueryBuffers::default(),
-            course,
+            skin_controller,
             report,
         })
     }
 }
 
-impl EngineBackend for DeviceBackend {
+impl DetectorBackend for GpuBackend {
     fn report(&self) -> Report {
         self.report.clone()
     }
@@ -97,14 +101,14 @@ impl EngineBackend for DeviceBackend {
     fn memory_for(&self, spheres: u64) -> u64 {
         let session = &self.device.search.session;
         // More are searched in slabs. What cannot be held at all is refused when it is tried.
-        let keeps = self.course.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
+        let keeps = self.skin_controller.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
         let memory = |n| if keeps { session.memory_with_candidates(n) } else { session.memory_for(n) };
         let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
         at_once.and_then(|n| memory(n).ok()).unwrap_or(u64::MAX)
     }
 }
 
-impl SearchBackend for DeviceBackend {
+impl SearchBackend for GpuBackend {
     fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -118,7 +122,7 @@ impl SearchBackend for DeviceBackend {
     }
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        let Self { settings, known, device, framed, course, team, buffers, report, .. } = self;
+        let Self { settings, known, device, framed, skin_controller, team, buffers, report, .. } = self;
         report.begin(query.len());
         let (prepared, stats) = team.pass(query.len(), |threads| {
             let prepared = buffers.prepare(query, (settings, false), threads, &mut report.phases)?;
@@ -146,9 +150,9 @@ impl SearchBackend for DeviceBackend {
         search.session.set_space(space)?;
         if let Skin::Fixed(distance) = settings.skin {
             let distance = distance * prepared.frame.map_or(1.0, SearchFrame::scale);
-            search.session.change_skin(Some(distance as f32).filter(|skin| SKIN_RANGE.contains(skin)))?;
+            search.session.update_skin(Some(distance as f32).filter(|skin| SKIN_RANGE.contains(skin)))?;
         }
-        let given = Given {
+        let request = SearchRequest {
             spheres: prepared.spheres.without_groups(),
             split,
             interactions: interactions.as_ref(),
@@ -156,22 +160,24 @@ impl SearchBackend for DeviceBackend {
             algorithm,
             filter: prepared.filter.as_ref(),
         };
-        let mut course = course.as_mut().filter(|_| split.is_none());
-        if let Some(course) = course.as_deref_mut().filter(|_| search.is_bound_at_once(&given)) {
-            let skin = match choice::may_keep(asked_for, algorithm, spheres, &known.skin) {
-                Ok(()) => course.next(&given, &known.skin.into())?,
+        let mut skin_controller = skin_controller.as_mut().filter(|_| split.is_none());
+        if let Some(skin_controller) =
+            skin_controller.as_deref_mut().filter(|_| search.is_bound_at_once(&request))
+        {
+            let skin = match choice::can_use_skin(asked_for, algorithm, spheres, &known.skin) {
+                Ok(()) => skin_controller.next(&request, &known.skin.into())?,
                 Err(why) => {
                     log::debug!("no candidates: {why}");
-                    course.restart();
+                    skin_controller.restart();
                     None
                 }
             };
-            search.session.change_skin(skin)?;
+            search.session.update_skin(skin)?;
         }
-        work(&mut Built { search, given: &given })?;
+        work(&mut SlabPairSource { search, request: &request })?;
         conclude(report, search);
-        if let Some(course) = course {
-            course.note(query.len(), report.candidates, search.session.went());
+        if let Some(skin_controller) = skin_controller {
+            skin_controller.note(query.len(), report.candidates, search.session.last_rebuild());
         }
         Ok(())
     }
@@ -180,7 +186,7 @@ impl SearchBackend for DeviceBackend {
 /// A search on a device, and the table with which it searches.
 #[derive(Debug)]
 struct Device {
-    search: Search,
+    search: SlabSearch,
     interactions: Option<Interactions>,
 }
 
@@ -196,7 +202,7 @@ impl Device {
             none => {
                 let interactions = searched_table(settings, true);
                 let session = beside.search.session.beside(interactions.clone())?;
-                Ok(none.insert(Box::new(Self { search: Search::new(session), interactions })))
+                Ok(none.insert(Box::new(Self { search: SlabSearch::new(session), interactions })))
             }
         }
     }
@@ -219,7 +225,7 @@ fn searched_space(space: &Space) -> Space {
 }
 
 /// Says what a search did.
-fn conclude(report: &mut Report, search: &Search) {
+fn conclude(report: &mut Report, search: &SlabSearch) {
     let session = &search.session;
     report.cost = session.cost();
     let ran = session.algorithm();
@@ -253,4 +259,5 @@ fn raster_ratio(asked: Option<f32>) -> Result<f32, Error> {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;

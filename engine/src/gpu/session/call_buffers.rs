@@ -1,10 +1,10 @@
 use bytemuck::Pod;
-use lazygrid_kernels::layout::SkinState;
+use lazygrid_kernels::layout::{Outcome, SkinState};
 use lazygrid_kernels::{Pair, Sphere, Spheres, make_room};
 
-use super::adapter::GpuDevice;
-use super::scope::scoped;
 use crate::Error;
+use crate::gpu::detector::read_outcome;
+use crate::gpu::device::{GpuDevice, with_error_scope};
 
 /// Bytes before the pairs in a staging buffer: the outcome, and from [`TICKS_AT`] on the ticks of the phases or what is known
 /// of candidates.
@@ -13,7 +13,7 @@ const TICKS_AT: u64 = 64;
 
 /// One call in flight: its input on the device and the way back.
 #[derive(Debug, Default)]
-pub(crate) struct Slot {
+pub(crate) struct CallBuffers {
     pub(crate) count: u32,
     pub(crate) spheres: Option<wgpu::Buffer>,
     pub(crate) species: Option<wgpu::Buffer>,
@@ -21,34 +21,34 @@ pub(crate) struct Slot {
     rows: Vec<Sphere>,
 }
 
-impl Slot {
+impl CallBuffers {
     /// Brings the input to the device.
-    pub(crate) fn upload(&mut self, own: &GpuDevice, spheres: Spheres<'_>) -> Result<(), Error> {
+    pub(crate) fn upload(&mut self, gpu: &GpuDevice, spheres: Spheres<'_>) -> Result<(), Error> {
         self.count = spheres.len() as u32;
         match spheres.as_rows() {
-            Some(rows) => write(own, &mut self.spheres, "spheres", rows)?,
+            Some(rows) => write(gpu, &mut self.spheres, "spheres", rows)?,
             None => {
                 self.rows.clear();
                 make_room(&mut self.rows, spheres.len(), "rows of spheres")?;
                 self.rows.extend(spheres.iter());
-                write(own, &mut self.spheres, "spheres", &self.rows)?;
+                write(gpu, &mut self.spheres, "spheres", &self.rows)?;
             }
         }
         match spheres.species() {
-            Some(species) => write(own, &mut self.species, "species", species),
+            Some(species) => write(gpu, &mut self.species, "species", species),
             None => Ok(()),
         }
     }
 
     /// Room for the way back of `pairs` pairs.
-    pub(crate) fn staging(&mut self, own: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, Error> {
+    pub(crate) fn staging(&mut self, gpu: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, Error> {
         let needed = PAIRS_AT + pairs * 8;
         if let Some(staging) = self.staging.as_ref().filter(|staging| staging.size() >= needed) {
             return Ok(staging.clone());
         }
         let size = PAIRS_AT + pairs.next_power_of_two() * 8;
-        let staging = scoped(&own.device, "staging", size, || {
-            own.device.create_buffer(&wgpu::BufferDescriptor {
+        let staging = with_error_scope(&gpu.device, "staging", size, || {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("lazygrid::staging"),
                 size,
                 usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
@@ -69,7 +69,7 @@ pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
 }
 
 /// Records the way back: outcome, ticks or the state of candidates if there are any, and the first `pairs` pairs.
-pub(crate) fn copy_back(
+pub(crate) fn copy_to_staging(
     encoder: &mut wgpu::CommandEncoder,
     from: [Option<&wgpu::Buffer>; 3],
     staging: &wgpu::Buffer,
@@ -89,11 +89,11 @@ pub(crate) fn copy_back(
 }
 
 /// What came back.
-pub(crate) struct Returned<'a>(pub(crate) &'a [u8]);
+pub(crate) struct Readback<'a>(pub(crate) &'a [u8]);
 
-impl Returned<'_> {
-    pub(crate) fn outcome(&self) -> Result<super::Outcome, Error> {
-        super::read_outcome(self.0)
+impl Readback<'_> {
+    pub(crate) fn outcome(&self) -> Result<Outcome, Error> {
+        read_outcome(self.0)
     }
 
     /// Pairs of (begin, end) ticks.
@@ -120,30 +120,30 @@ impl Returned<'_> {
 }
 
 fn write<T: Pod>(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     buffer: &mut Option<wgpu::Buffer>,
     what: &'static str,
     data: &[T],
 ) -> Result<(), Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let needed = bytes.len() as u64;
-    let limit = own.device.limits().max_storage_buffer_binding_size.min(own.device.limits().max_buffer_size);
+    let limit = gpu.device.limits().max_storage_buffer_binding_size.min(gpu.device.limits().max_buffer_size);
     if needed > limit {
         let remedy = "split the spheres or take a device with a larger limit";
         return Err(Error::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
     }
     let size = needed.next_power_of_two().clamp(16, limit);
-    scoped(&own.device, what, size, || {
+    with_error_scope(&gpu.device, what, size, || {
         let fitting = buffer.take().filter(|buffer| buffer.size() >= needed);
         let target = fitting.unwrap_or_else(|| {
-            own.device.create_buffer(&wgpu::BufferDescriptor {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(what),
                 size,
                 usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             })
         });
-        own.queue.write_buffer(&target, 0, bytes);
+        gpu.queue.write_buffer(&target, 0, bytes);
         *buffer = Some(target);
     })
 }

@@ -1,0 +1,29 @@
+//! The interface of a [`Detector`](crate::Detector) to the backends that search.
+
+use std::fmt::Debug;
+
+use lazygrid_host::{HostBackend, PairFinder, SearchBackend};
+
+use crate::report::Report;
+
+/// A backend of a detector.
+pub(crate) trait DetectorBackend: SearchBackend + Debug + Send + Sync {
+    /// The report of the last call.
+    fn report(&self) -> Report;
+
+    /// Estimates the bytes held for `spheres` spheres.
+    fn memory_for(&self, spheres: u64) -> u64;
+}
+
+impl DetectorBackend for HostBackend {
+    fn report(&self) -> Report {
+        self.report().into()
+    }
+
+    fn memory_for(&self, spheres: u64) -> u64 {
+        self.memory_for(spheres)
+    }
+}
+
+/// Finds pairs on the backend of a detector.
+pub(crate) type BackendFinder = PairFinder<Box<dyn DetectorBackend>>;

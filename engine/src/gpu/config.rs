@@ -1,0 +1,159 @@
+//! The configuration of GPU detectors.
+
+use lazygrid_kernels::kernel::GROUP;
+use lazygrid_kernels::{Algorithm, Interactions, Space};
+
+use super::costs::{Calibration, Crossover};
+#[cfg(doc)]
+use super::{GpuDetector, Outcome};
+use crate::Error;
+
+/// The configuration of a [`GpuDetector`].
+#[derive(Clone, Debug)]
+pub struct GpuConfig {
+    pub(crate) algorithm: Algorithm,
+    pub(crate) crossover: Crossover,
+    pub(crate) pair_capacity: u32,
+    pub(crate) raster_ratio: f32,
+    pub(crate) tau: u32,
+    pub(crate) radix_sort_from: u32,
+    pub(crate) interactions: Option<Interactions>,
+    pub(crate) space: Space,
+    pub(crate) consumer_group: u32,
+    pub(crate) sorted_pairs: bool,
+    pub(crate) subgroups: bool,
+    pub(crate) timestamps: bool,
+}
+
+impl GpuConfig {
+    /// `Auto` or one of [`Algorithm::GPU`]. Default: `Auto`, decided by the number of spheres that a call may have.
+    pub fn algorithm(self, algorithm: Algorithm) -> Self {
+        Self { algorithm, ..self }
+    }
+
+    /// The number of spheres below which `Auto` tests all pairs; see [`calibrate`](super::calibrate). Radii that are on the
+    /// GPU count as one size class. Default: [`Crossover::HARDWARE`].
+    pub fn crossover(self, crossover: Crossover) -> Self {
+        Self { crossover, ..self }
+    }
+
+    /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
+    pub fn pair_capacity(self, pair_capacity: u32) -> Self {
+        Self { pair_capacity, ..self }
+    }
+
+    /// Cell size as a multiple of the largest diameter, 1.5 to 16. Default: [`GpuConfig::RASTER_RATIO`].
+    pub fn raster_ratio(self, raster_ratio: f32) -> Self {
+        Self { raster_ratio, ..self }
+    }
+
+    /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only if they are more than this (Stroobant
+    /// et al., section 3.2). Default: [`GpuConfig::TAU`].
+    pub fn tau(self, tau: u32) -> Self {
+        Self { tau, ..self }
+    }
+
+    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting. Default:
+    /// [`Calibration::RADIX_SORT_FROM`]; [`calibrate`](super::calibrate) measures it.
+    pub fn radix_sort_from(self, radix_sort_from: u32) -> Self {
+        Self { radix_sort_from, ..self }
+    }
+
+    /// The species that pair, with their distances, which are rounded to `f32` as all numbers on the GPU. Default: none, all
+    /// spheres that touch are pairs.
+    pub fn interactions(self, interactions: impl Into<Option<Interactions>>) -> Self {
+        Self { interactions: interactions.into(), ..self }
+    }
+
+    /// The space of the spheres, which is not [sheared](Space::sheared). Its lengths are rounded to `f32`. Default:
+    /// [`Space::UNBOUNDED`]. In a periodic space spheres are first copied to their nearest images, which takes 16 bytes for
+    /// each; pairs within 5 ulp of exact tangency, relative to the squared reach, may fall either way. In unbounded space
+    /// it is 4 ulp.
+    pub fn space(self, space: Space) -> Self {
+        Self { space, ..self }
+    }
+
+    /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
+    pub fn consumer_group(self, consumer_group: u32) -> Self {
+        Self { consumer_group, ..self }
+    }
+
+    /// Sets whether pairs of the cell list hold positions in the order of its cells ([`CellOrder`](super::CellOrder))
+    /// instead of indices of the spheres as given, for consumers that work on the sorted spheres.
+    /// [`Outcome::is_sorted`] tells which, as other algorithms have no such order. Windows always go by the indices
+    /// given. A [`GpuSession`](super::GpuSession) does without. Default: no.
+    pub fn sorted_pairs(self, sorted_pairs: bool) -> Self {
+        Self { sorted_pairs, ..self }
+    }
+
+    /// Sets whether subgroup operations are used if the device was made with them. Default: yes.
+    pub fn subgroups(self, subgroups: bool) -> Self {
+        Self { subgroups, ..self }
+    }
+
+    /// Sets whether phases are timed if the device was made with timestamp queries. Each phase then has a pass of its
+    /// own, which costs some microseconds. Default: no.
+    pub fn timestamps(self, timestamps: bool) -> Self {
+        Self { timestamps, ..self }
+    }
+}
+
+impl GpuConfig {
+    /// τ by default. On Mesa's software driver, 100 000 spheres of five sizes take the same time from 32 on, and a burst
+    /// of ten sizes the least about 128 (`cargo bench -p lazygrid-bench --bench sweep -- --backend gpu --what tau`); other
+    /// devices may differ.
+    pub const TAU: u32 = 64;
+    /// Raster ratio by default: on the same driver the best for five sizes, where 3 is better for equal ones by a tenth.
+    pub const RASTER_RATIO: f32 = 2.0;
+    /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
+    pub const MIN_RASTER_RATIO: f32 = 1.5;
+    /// The largest raster ratio.
+    pub const MAX_RASTER_RATIO: f32 = 16.0;
+}
+
+impl Default for GpuConfig {
+    fn default() -> Self {
+        Self {
+            algorithm: Algorithm::Auto,
+            crossover: Crossover::HARDWARE,
+            pair_capacity: 1 << 20,
+            raster_ratio: Self::RASTER_RATIO,
+            tau: Self::TAU,
+            radix_sort_from: Calibration::RADIX_SORT_FROM,
+            interactions: None,
+            space: Space::UNBOUNDED,
+            consumer_group: GROUP,
+            sorted_pairs: false,
+            subgroups: true,
+            timestamps: false,
+        }
+    }
+}
+
+/// Refuses settings out of range.
+pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
+    if settings.space.shear().is_some() {
+        let range =
+            "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
+        return Err(Error::Setting { name: "space", value: "sheared".into(), range });
+    }
+    if !(GpuConfig::MIN_RASTER_RATIO..=GpuConfig::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
+        let value = settings.raster_ratio.to_string();
+        let range = "on the GPU choose between 1.5 and 16";
+        return Err(Error::Setting { name: "raster_ratio", value, range });
+    }
+    if settings.consumer_group == 0 {
+        let range = "choose the consumer's workgroup size";
+        return Err(Error::Setting { name: "consumer_group", value: "0".into(), range });
+    }
+    check_algorithm(settings.algorithm)
+}
+
+/// Refuses what has no kernels.
+pub(in crate::gpu) fn check_algorithm(algorithm: Algorithm) -> Result<(), Error> {
+    match algorithm {
+        Algorithm::Auto => Ok(()),
+        named if Algorithm::GPU.contains(&named) => Ok(()),
+        other => Err(Error::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
+    }
+}

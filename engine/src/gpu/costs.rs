@@ -1,0 +1,193 @@
+//! Measured or assumed costs of adapters, by which `Auto` chooses.
+
+use lazygrid_host::SkinCosts;
+
+use super::device::AdapterSummary;
+
+/// Below how many spheres testing all pairs is faster than a grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Crossover {
+    /// For equal radii.
+    pub naive_below: u32,
+    /// The number of further spheres for every further size class (radii of another binary exponent).
+    pub per_class: u32,
+}
+
+impl Crossover {
+    /// Creates the crossover of a device on which testing all pairs is faster below `naive_below` spheres of equal radii, and
+    /// `per_class` more for every further size class.
+    pub const fn new(naive_below: u32, per_class: u32) -> Self {
+        Self { naive_below, per_class }
+    }
+
+    /// Assumed of a GPU that was not measured: the paper's, about 10⁴ on its card (section 4).
+    pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
+    /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two
+    /// cores, rounded.
+    pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
+
+    /// Assumed of an adapter that was not measured.
+    pub const fn assumed(is_hardware: bool) -> Self {
+        if is_hardware { Self::HARDWARE } else { Self::SOFTWARE }
+    }
+
+    /// The largest crossover that can be measured: twice the number of spheres in the largest scene of
+    /// [`calibrate`](super::calibrate).
+    pub const MOST: u32 = 1 << 18;
+
+    /// The crossover for spheres of this number of size classes; at most [`Crossover::MOST`], as all pairs of many more take minutes.
+    pub fn of(self, classes: usize) -> u32 {
+        let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
+        self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)
+    }
+}
+
+/// The measurements by which `Auto` chooses, valid for one adapter, one driver and one version of this library. To be kept by the
+/// application and given to [`Config::calibration`](crate::Config::calibration); the library itself writes no file.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Calibration {
+    /// The adapter's name.
+    pub adapter: String,
+    /// Its driver and the driver's version.
+    pub driver: String,
+    /// The version of this library.
+    pub version: String,
+    /// The number of spheres at which all pairs and the cell list cost the same.
+    pub crossover: Crossover,
+    /// The number of spheres at or above which a cell list is sorted by radix; see
+    /// [`GpuConfig::radix_sort_from`](super::GpuConfig::radix_sort_from).
+    pub radix_sort_from: u32,
+    /// The costs of calls with and without a candidate list.
+    pub skin: SkinCosts,
+    /// The number of spheres in the host's memory from which on this device answers earlier than the CPU, with as many threads as
+    /// there are processors; [`u32::MAX`] if it never does. [`Backend::Auto`](crate::Backend::Auto) chooses by it.
+    pub device_from: u32,
+}
+
+impl Calibration {
+    /// Assumed of a GPU with memory of its own that was not measured: a round trip with spheres from the host takes about
+    /// 0.15 ms, in which a thread of the CPU finds the pairs of some 4000 spheres. No GPU has confirmed it.
+    pub const DEVICE_FROM: u32 = 4096;
+    /// Assumed of a GPU that shares the memory of the CPU and was not measured: it has a tenth of the arithmetic of others. No
+    /// GPU has confirmed it.
+    pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
+
+    /// From how many spheres on a cell list is sorted by radix: where counters no longer fit the caches of large GPUs. Not
+    /// measured through this library; with CUDA on an H200 both are even at a million, and counting is 2.6 times as
+    /// fast at a hundred thousand.
+    pub const RADIX_SORT_FROM: u32 = 1 << 19;
+    /// The same for a software adapter, whose caches hide less: on Mesa's llvmpipe on two cores counting is the faster at a
+    /// million (`cargo bench -p lazygrid-bench --bench scenes -- --radix-from 0,4000000000`).
+    pub const SOFTWARE_RADIX_SORT_FROM: u32 = 1 << 20;
+
+    /// Creates the calibration of an adapter, as an application has kept it. `driver` is the driver with its version,
+    /// `version` that of this library.
+    pub fn new(
+        [adapter, driver, version]: [String; 3],
+        crossover: Crossover,
+        radix_sort_from: u32,
+        skin: SkinCosts,
+        device_from: u32,
+    ) -> Self {
+        Self { adapter, driver, version, crossover, radix_sort_from, skin, device_from }
+    }
+
+    /// Returns `true` if it was measured on this adapter, with this driver and by this version.
+    pub fn is_of(&self, adapter: &AdapterSummary) -> bool {
+        let current = (adapter.name.as_str(), adapter.driver.as_str(), env!("CARGO_PKG_VERSION"));
+        (self.adapter.as_str(), self.driver.as_str(), self.version.as_str()) == current
+    }
+}
+
+/// The measured or assumed costs of an adapter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct AdapterProfile {
+    /// The number of spheres at which all pairs and the grid cost the same.
+    pub(crate) crossover: Crossover,
+    /// From how many spheres on a cell list is sorted by radix.
+    pub(crate) radix_sort_from: u32,
+    /// The costs of keeping a candidate list.
+    pub(crate) skin: SkinCosts,
+    /// From how many spheres on the device answers earlier than the CPU.
+    pub(crate) device_from: u32,
+    /// The source of these numbers, for reasons in reports.
+    pub(crate) how: &'static str,
+}
+
+impl AdapterProfile {
+    /// The assumptions about an adapter that was not measured.
+    pub(crate) const fn assumed(adapter: &AdapterSummary) -> Self {
+        let crossover = Crossover::assumed(adapter.is_hardware);
+        let device_from = match adapter {
+            AdapterSummary { is_hardware: false, .. } => u32::MAX,
+            AdapterSummary { is_integrated: true, .. } => Calibration::INTEGRATED_DEVICE_FROM,
+            _ => Calibration::DEVICE_FROM,
+        };
+        let (radix_sort_from, skin, how) = match adapter.is_hardware {
+            true => (
+                Calibration::RADIX_SORT_FROM,
+                HARDWARE_SKIN_COSTS,
+                "assumed of a GPU, not measured on this adapter",
+            ),
+            false => (
+                Calibration::SOFTWARE_RADIX_SORT_FROM,
+                SOFTWARE_SKIN_COSTS,
+                "assumed of a software adapter, not measured on this one",
+            ),
+        };
+        Self { crossover, radix_sort_from, skin, device_from, how }
+    }
+}
+
+/// Returns the costs of an adapter, by calibrations or by assumption.
+pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary) -> AdapterProfile {
+    let same = |known: &&Calibration| known.is_of(adapter);
+    match calibrations.iter().rev().find(same) {
+        Some(&Calibration { crossover, radix_sort_from, skin, device_from, .. }) => {
+            AdapterProfile { crossover, radix_sort_from, skin, device_from, how: "measured on this adapter" }
+        }
+        None => AdapterProfile::assumed(adapter),
+    }
+}
+
+/// Assumed of a GPU that was not measured: an estimate by the bytes that kernels move at 10¹² bytes/s, of which a search
+/// moves 210 per sphere by its plan, and 100 more per pair. A call has six more dispatches of 2 µs, and fourteen
+/// indirect ones of 3 µs more. No GPU has confirmed it.
+pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
+    search_ns: 0.21,
+    levels_ns: 0.0,
+    find_ns: 0.1,
+    keep_ns: 0.048,
+    measure_ns: 0.036,
+    test_ns: 0.04,
+    call_ns: 54_000.0,
+};
+
+/// Assumed of a software adapter that was not measured: the result of `lazygrid calibrate` for Mesa's llvmpipe on two
+/// cores, rounded.
+pub(crate) const SOFTWARE_SKIN_COSTS: SkinCosts = SkinCosts {
+    search_ns: 900.0,
+    levels_ns: 0.0,
+    find_ns: 30.0,
+    keep_ns: 200.0,
+    measure_ns: 50.0,
+    test_ns: 15.0,
+    call_ns: 0.0,
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn skin_costs_out_of_range_are_invalid() {
+        assert!(HARDWARE_SKIN_COSTS.is_valid() && SOFTWARE_SKIN_COSTS.is_valid());
+        for bad in [f32::NAN, -1.0, f32::INFINITY] {
+            assert!(!SkinCosts { test_ns: bad, ..SOFTWARE_SKIN_COSTS }.is_valid(), "{bad}");
+            assert!(!SkinCosts { search_ns: bad, ..SOFTWARE_SKIN_COSTS }.is_valid(), "{bad}");
+        }
+        assert!(!SkinCosts { search_ns: 0.0, ..SOFTWARE_SKIN_COSTS }.is_valid());
+    }
+}

@@ -1,0 +1,50 @@
+use lazygrid_kernels::layout::Outcome;
+
+use crate::Error;
+#[cfg(doc)]
+use crate::gpu::GpuConfig;
+
+/// The buffers that hold the result of a call.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct GpuOutput {
+    /// The pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
+    pub pairs: wgpu::Buffer,
+    /// The capacity of the buffer in pairs.
+    pub capacity: u32,
+    /// The [`Outcome`]: how many pairs there are, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
+    /// consumer with a thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`].
+    pub outcome: wgpu::Buffer,
+    /// The spheres in the order of the cells, where the call runs by the cell list.
+    pub sorted: Option<CellOrder>,
+}
+
+/// The spheres in the order of a cell list's cells: neighbours in space are mostly neighbours in memory. Who takes this
+/// order over, every now and then, makes the next calls faster, which then read memory nearly in sequence; and with
+/// [`GpuConfig::sorted_pairs`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
+/// call left until the next one, and have as many elements as the call had spheres.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct CellOrder {
+    /// The index that each had in the input, as `u32`: each once. Spheres that are not valid come last.
+    pub order: wgpu::Buffer,
+    /// `x, y, z, r` as four `f32` for each; in a periodic space the image nearest to the origin.
+    pub spheres: wgpu::Buffer,
+    /// The species of each as `u32`, where the settings have interactions.
+    pub species: Option<wgpu::Buffer>,
+}
+
+/// Reads the outcome of a call from a copy of the outcome buffer.
+///
+/// # Errors
+/// [`Error::Buffer`] if there are too few bytes.
+pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, Error> {
+    let needed = size_of::<Outcome>();
+    match bytes.get(..needed) {
+        Some(bytes) => Ok(bytemuck::pod_read_unaligned(bytes)),
+        None => {
+            let (size, needed) = (bytes.len() as u64, needed as u64);
+            Err(Error::Buffer { what: "outcome", size, needed, usage: "" })
+        }
+    }
+}

@@ -1,0 +1,210 @@
+use std::collections::HashMap;
+
+use lazygrid_kernels::kernel::{CROWDED_OPEN, SHARES_OPEN, Variant};
+
+use crate::Error;
+use crate::gpu::device::{Pipelines, with_error_scope};
+use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, GpuPhase, flattened};
+
+/// The buffers that a detector or a primitive owns.
+#[derive(Debug, Default)]
+pub(crate) struct Buffers(HashMap<BufferId, wgpu::Buffer>);
+
+impl Buffers {
+    pub(crate) fn allocate(device: &wgpu::Device, sizes: &[(BufferId, u64)]) -> Result<Self, Error> {
+        let mut buffers = HashMap::new();
+        for &(slot, size) in sizes {
+            let mut usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            if matches!(slot, BufferId::Outcome | BufferId::DispatchArgs | BufferId::DispatchCounts) {
+                usage |= wgpu::BufferUsages::INDIRECT;
+            }
+            if slot == BufferId::Total {
+                usage |= wgpu::BufferUsages::COPY_DST;
+            }
+            let label = format!("lazygrid::{slot:?}");
+            let descriptor =
+                wgpu::BufferDescriptor { label: Some(&label), size, usage, mapped_at_creation: false };
+            let buffer = with_error_scope(device, "a buffer", size, || device.create_buffer(&descriptor))?;
+            buffers.insert(slot, buffer);
+        }
+        Ok(Self(buffers))
+    }
+
+    /// Returns `true` if these would do where buffers of `sizes` are needed.
+    pub(crate) fn have_room_for(&self, sizes: &[(BufferId, u64)]) -> bool {
+        sizes.iter().all(|(slot, size)| self.0.get(slot).is_some_and(|buffer| buffer.size() >= *size))
+    }
+
+    pub(crate) fn get(&self, slot: BufferId) -> &wgpu::Buffer {
+        &self.0[&slot]
+    }
+
+    /// One that there may not be.
+    pub(crate) fn find(&self, slot: BufferId) -> Option<&wgpu::Buffer> {
+        self.0.get(&slot)
+    }
+}
+
+/// Dispatches with everything bound, ready to be put into any encoder.
+#[derive(Debug)]
+pub(crate) struct Recording {
+    dispatches: Vec<BoundDispatch>,
+    /// Where a further part of a call begins; after the last dispatch if there is none.
+    continuation_start: usize,
+}
+
+#[derive(Debug)]
+struct BoundDispatch {
+    pipeline: wgpu::ComputePipeline,
+    bindings: wgpu::BindGroup,
+    groups: WorkgroupCount,
+    phase: GpuPhase,
+}
+
+/// The number of workgroups of a dispatch.
+#[derive(Debug)]
+enum WorkgroupCount {
+    Fixed([u32; 2]),
+    /// The number that this buffer holds when the dispatch runs.
+    Indirect(wgpu::Buffer),
+}
+
+impl Recording {
+    /// Binds what `resolve` names for each binding of each stage.
+    pub(crate) fn new<'a>(
+        device: &wgpu::Device,
+        pipelines: &Pipelines,
+        variant: Variant,
+        dispatches: impl IntoIterator<Item = Dispatch>,
+        resolve: impl Fn(&Dispatch, &str) -> &'a wgpu::Buffer,
+    ) -> Result<Self, Error> {
+        let limits = DeviceLimits::of(device);
+        let mut bound_dispatches = Vec::new();
+        let mut continuation_start = None;
+        for dispatch in dispatches {
+            if dispatch.kernel == &CROWDED_OPEN || dispatch.kernel == &SHARES_OPEN {
+                continuation_start = Some(bound_dispatches.len());
+            }
+            let compiled = pipelines.get(dispatch.kernel, variant)?;
+            let entries: Vec<_> = (0..)
+                .zip(dispatch.kernel.bindings(variant))
+                .map(|(binding, bound)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: resolve(&dispatch, bound.name).as_entire_binding(),
+                })
+                .collect();
+            let bindings = with_error_scope(device, dispatch.kernel.name, 0, || {
+                device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: Some(dispatch.kernel.name),
+                    layout: &compiled.layout,
+                    entries: &entries,
+                })
+            })?;
+            let groups = match dispatch.indirect {
+                false => WorkgroupCount::Fixed(flattened(dispatch.groups, &limits)),
+                true => WorkgroupCount::Indirect(resolve(&dispatch, "dispatch").clone()),
+            };
+            bound_dispatches.push(BoundDispatch {
+                pipeline: compiled.pipeline,
+                bindings,
+                groups,
+                phase: dispatch.phase,
+            });
+        }
+        let continuation_start = continuation_start.unwrap_or(bound_dispatches.len());
+        Ok(Self { dispatches: bound_dispatches, continuation_start })
+    }
+
+    /// Records all dispatches in one pass.
+    pub(crate) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        self.dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass));
+    }
+
+    /// The workgroups of each dispatch, three words for each; none where an earlier dispatch finds how many.
+    pub(crate) fn workgroup_counts(&self) -> Vec<u32> {
+        let of = |dispatch: &BoundDispatch| match dispatch.groups {
+            WorkgroupCount::Fixed([x, y]) => [x, y, 1],
+            WorkgroupCount::Indirect(_) => [0; 3],
+        };
+        self.dispatches.iter().flat_map(of).collect()
+    }
+
+    /// Where earlier dispatches say how many workgroups a later one has.
+    pub(crate) fn indirect_args(&self) -> Option<&wgpu::Buffer> {
+        self.dispatches.iter().find_map(|dispatch| match &dispatch.groups {
+            WorkgroupCount::Fixed(_) => None,
+            WorkgroupCount::Indirect(buffer) => Some(buffer),
+        })
+    }
+
+    /// Records all dispatches in one pass, each with as many workgroups as `gate` says by then, where it has
+    /// [`groups`](Self::groups) or zeros.
+    pub(crate) fn encode_indirect(&self, encoder: &mut wgpu::CommandEncoder, gate: &wgpu::Buffer) {
+        let descriptor =
+            wgpu::ComputePassDescriptor { label: Some("lazygrid gated"), timestamp_writes: None };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        for (offset, dispatch) in (0..).step_by(12).zip(&self.dispatches) {
+            dispatch.bind(&mut pass);
+            match &dispatch.groups {
+                WorkgroupCount::Fixed(_) => pass.dispatch_workgroups_indirect(gate, offset),
+                WorkgroupCount::Indirect(found) => pass.dispatch_workgroups_indirect(found, 0),
+            }
+        }
+    }
+
+    /// Records a further part of a call that is too much for one submission; with timestamps if there are queries,
+    /// in place of those of the search before.
+    pub(crate) fn encode_continuation(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        queries: Option<&wgpu::QuerySet>,
+    ) {
+        let descriptor = wgpu::ComputePassDescriptor {
+            label: Some("lazygrid continuation"),
+            timestamp_writes: queries.map(|queries| ends_of(GpuPhase::Search, queries)),
+        };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        self.dispatches[self.continuation_start..].iter().for_each(|dispatch| dispatch.record(&mut pass));
+    }
+
+    /// Records a pass for each phase with a timestamp at either end.
+    pub(crate) fn encode_timed(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
+        for phase in GpuPhase::ALL {
+            let descriptor = wgpu::ComputePassDescriptor {
+                label: Some(phase.name()),
+                timestamp_writes: Some(ends_of(phase, queries)),
+            };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            self.dispatches
+                .iter()
+                .filter(|dispatch| dispatch.phase == phase)
+                .for_each(|dispatch| dispatch.record(&mut pass));
+        }
+    }
+}
+
+/// Has a pass write the times at which it begins and ends, as those of a phase.
+fn ends_of(phase: GpuPhase, queries: &wgpu::QuerySet) -> wgpu::ComputePassTimestampWrites<'_> {
+    wgpu::ComputePassTimestampWrites {
+        query_set: queries,
+        beginning_of_pass_write_index: Some(2 * phase as u32),
+        end_of_pass_write_index: Some(2 * phase as u32 + 1),
+    }
+}
+
+impl BoundDispatch {
+    fn bind(&self, pass: &mut wgpu::ComputePass<'_>) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bindings, &[]);
+    }
+
+    fn record(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.bind(pass);
+        match &self.groups {
+            WorkgroupCount::Fixed([x, y]) => pass.dispatch_workgroups(*x, *y, 1),
+            WorkgroupCount::Indirect(buffer) => pass.dispatch_workgroups_indirect(buffer, 0),
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The dispatches of a plan.
+
+use lazygrid_kernels::Algorithm;
+use lazygrid_kernels::kernel::{self as k, Kernel};
+
+use super::limits::DeviceLimits;
+use super::{Plan, SplitPolicy, cell_list};
+
+/// The parts of a call that are timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum GpuPhase {
+    /// Bounds and grid.
+    Survey,
+    /// Entries of overlapped cells.
+    Entries,
+    /// Radix sort of the entries.
+    Sort,
+    /// Distance tests.
+    Search,
+}
+
+impl GpuPhase {
+    /// Every phase in the order they run.
+    pub const ALL: [Self; 4] = [Self::Survey, Self::Entries, Self::Sort, Self::Search];
+
+    /// The name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Survey => "survey",
+            Self::Entries => "entries",
+            Self::Sort => "sort",
+            Self::Search => "search",
+        }
+    }
+}
+
+/// One dispatch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Dispatch {
+    /// The kernel.
+    pub(crate) kernel: &'static Kernel,
+    /// The number of workgroups, before they are laid out in two dimensions.
+    pub(crate) groups: u32,
+    /// `true` if their number is instead found on the device, in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
+    pub(crate) indirect: bool,
+    /// Which part of the call it belongs to.
+    pub(crate) phase: GpuPhase,
+    /// Which radix pass it belongs to; 0 outside the sort.
+    pub(crate) pass: u32,
+}
+
+impl Dispatch {
+    /// A fixed number of workgroups, outside the sort.
+    pub(crate) const fn new(kernel: &'static Kernel, groups: u32, phase: GpuPhase) -> Self {
+        Self { kernel, groups, indirect: false, phase, pass: 0 }
+    }
+
+    /// The same in a radix pass of the sort.
+    pub(super) const fn in_sort(kernel: &'static Kernel, groups: u32, pass: u32) -> Self {
+        Self { pass, ..Self::new(kernel, groups, GpuPhase::Sort) }
+    }
+
+    /// As many workgroups as the device finds.
+    pub(crate) const fn indirect(kernel: &'static Kernel, phase: GpuPhase) -> Self {
+        Self { indirect: true, ..Self::new(kernel, 1, phase) }
+    }
+}
+
+/// The dispatches of a call.
+pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
+    let per_sphere = plan.spheres.div_ceil(k::GROUP);
+    let dispatch = Dispatch::new;
+    let mut dispatches = vec![
+        dispatch(&k::CALL_BEGIN, 1, GpuPhase::Survey),
+        dispatch(&k::SPHERES_WRAP, if plan.periodic { per_sphere } else { 0 }, GpuPhase::Survey),
+        dispatch(&k::BOUNDS_REDUCE, plan.spheres.div_ceil(k::BOUNDS_TILE), GpuPhase::Survey),
+        dispatch(&k::GRID_CONFIGURE, 1, GpuPhase::Survey),
+    ];
+    if plan.algorithm == Algorithm::Naive {
+        dispatches.push(dispatch(&k::NAIVE_SEARCH, plan.search_groups, GpuPhase::Search));
+    } else if plan.algorithm == Algorithm::CellList {
+        dispatches = cell_list::dispatches(plan);
+    } else {
+        if plan.split_policy == SplitPolicy::Dense {
+            let groups = (2 * plan.density_slots).div_ceil(k::DENSITY_TILE);
+            dispatches.push(dispatch(&k::DENSITY_CLEAR, groups, GpuPhase::Entries));
+        }
+        dispatches.push(dispatch(&k::CELLS_FIND, per_sphere, GpuPhase::Entries));
+        if plan.split_policy == SplitPolicy::Dense {
+            dispatches.push(dispatch(&k::LEVELS_REFINE, per_sphere, GpuPhase::Entries));
+        }
+        if plan.split_policy != SplitPolicy::None {
+            dispatches.push(dispatch(&k::LEVELS_SETTLE, 1, GpuPhase::Entries));
+        }
+        dispatches.push(dispatch(&k::ENTRIES_EMIT, per_sphere, GpuPhase::Entries));
+        dispatches.push(dispatch(&k::ENTRIES_CLOSE, 1, GpuPhase::Entries));
+        dispatches.extend(sort_dispatches(plan.entries, plan.tile, plan.passes()));
+        dispatches.push(dispatch(&k::RUNS_SEARCH, plan.entries.div_ceil(k::GROUP), GpuPhase::Search));
+        dispatches.push(dispatch(&k::CROWDED_OPEN, 1, GpuPhase::Search));
+        dispatches.push(Dispatch::indirect(&k::CROWDED_SEARCH, GpuPhase::Search));
+    }
+    dispatches.push(dispatch(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
+    dispatches.retain(|dispatch| dispatch.groups > 0);
+    dispatches
+}
+
+/// Workgroups laid out over two dimensions. The last row may be longer than needed; kernels end early there.
+pub(in crate::gpu) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
+    let rows = groups.div_ceil(limits.groups_per_dimension).max(1);
+    [groups.div_ceil(rows), rows]
+}
+
+/// The dispatches of a stable radix sort of at most `items` keys by `passes` digits.
+pub(in crate::gpu) fn sort_dispatches(items: u32, tile: u32, passes: u32) -> impl Iterator<Item = Dispatch> {
+    let tiles = items.div_ceil(tile);
+    let digits = if tiles == 0 { 0 } else { 1 << k::DIGIT_BITS };
+    (0..passes).flat_map(move |pass| {
+        let dispatch = move |kernel, groups| Dispatch::in_sort(kernel, groups, pass);
+        [
+            dispatch(&k::RADIX_COUNT, tiles),
+            dispatch(&k::RADIX_SCAN, digits),
+            dispatch(&k::RADIX_SCATTER, tiles),
+        ]
+    })
+}
+
+/// The dispatches of an exclusive scan of at most `values` values.
+pub(in crate::gpu) fn scan_dispatches(values: u32, pass: u32) -> [Dispatch; 3] {
+    let tiles = values.div_ceil(k::SCAN_TILE);
+    let dispatch = |kernel, groups| Dispatch::in_sort(kernel, groups, pass);
+    [dispatch(&k::SCAN_REDUCE, tiles), dispatch(&k::SCAN_SPINE, 1), dispatch(&k::SCAN_SPREAD, tiles)]
+}

@@ -1,0 +1,53 @@
+use lazygrid_kernels::kernel as k;
+
+/// The limits of a device that bind a plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct DeviceLimits {
+    /// Bytes of one storage binding.
+    pub storage_binding: u64,
+    /// Bytes of one buffer.
+    pub buffer: u64,
+    /// Workgroups per dimension of a dispatch.
+    pub groups_per_dimension: u32,
+    /// Storage buffers that one kernel may bind.
+    pub storage_buffers: u32,
+    /// Bytes of memory that a workgroup may have.
+    pub workgroup_memory: u32,
+}
+
+impl DeviceLimits {
+    /// The limits that the device was made with.
+    pub fn of(device: &wgpu::Device) -> Self {
+        Self::from(&device.limits())
+    }
+
+    /// Returns `true` if radix passes use wide tiles.
+    pub(in crate::gpu) fn wide(&self) -> bool {
+        k::Variant::for_device(None, self.workgroup_memory).wide
+    }
+}
+
+impl From<&wgpu::Limits> for DeviceLimits {
+    fn from(limits: &wgpu::Limits) -> Self {
+        Self {
+            storage_binding: limits.max_storage_buffer_binding_size,
+            buffer: limits.max_buffer_size,
+            groups_per_dimension: limits.max_compute_workgroups_per_dimension,
+            storage_buffers: limits.max_storage_buffers_per_shader_stage,
+            workgroup_memory: limits.max_compute_workgroup_storage_size,
+        }
+    }
+}
+
+impl DeviceLimits {
+    /// Keys that one workgroup sorts in a radix pass.
+    pub(in crate::gpu) fn radix_tile(&self) -> u32 {
+        k::Variant { wide: self.wide(), ..k::Variant::default() }.radix_tile()
+    }
+
+    /// The most bytes a buffer may have that is bound as a whole.
+    pub(in crate::gpu) fn bytes(&self) -> u64 {
+        self.storage_binding.min(self.buffer)
+    }
+}
