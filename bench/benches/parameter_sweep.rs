@@ -2,7 +2,7 @@
 //! algorithm overtakes another. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --what tau --scene burst --n 100000`
-//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --backend gpu --what tau,raster-ratio`
+//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --backend gpu --what tau,cell-ratio`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
@@ -20,14 +20,14 @@ struct Args {
     #[arg(long, default_value_t = Backend::Cpu)]
     backend: Backend,
     /// Parameters to vary, separated by commas
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [What::Tau, What::RasterRatio, What::Crossover])]
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [What::Tau, What::CellRatio, What::Crossover])]
     what: Vec<What>,
     /// Values of τ, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0, 4, 8, 16, 32, 64, 128, 256])]
     tau: Vec<u32>,
     /// Cell ratios (cell size over largest diameter), separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0])]
-    raster_ratio: Vec<f32>,
+    cell_ratio: Vec<f32>,
     /// Numbers of spheres of the crossover, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [10, 30, 100, 200, 300, 500, 1000, 2000, 5000, 20_000])]
     sizes: Vec<usize>,
@@ -46,7 +46,7 @@ enum What {
     /// τ of the recursive grid; on the GPU, of LazyGrid at each cell ratio.
     Tau,
     /// Cell ratio (cell size over largest diameter) of the paper's grids.
-    RasterRatio,
+    CellRatio,
     /// All algorithms as the number of spheres grows.
     Crossover,
     /// Skins on the CPU, fixed ones as fractions of the largest diameter; a round should have many steps.
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
     match what {
         What::Tau => tau(args),
-        What::RasterRatio => raster_ratio(args),
+        What::CellRatio => cell_ratio(args),
         What::Crossover => crossover(args),
         What::Skin => skin(args),
     }
@@ -82,8 +82,8 @@ impl Args {
 
     /// The cell ratios that the backend supports.
     fn ratios(&self) -> impl Iterator<Item = f32> {
-        let least = if self.backend == Backend::Gpu { GpuConfig::MIN_RASTER_RATIO } else { 0.0 };
-        self.raster_ratio.iter().copied().filter(move |&ratio| ratio >= least)
+        let least = if self.backend == Backend::Gpu { GpuConfig::MIN_CELL_RATIO } else { 0.0 };
+        self.cell_ratio.iter().copied().filter(move |&ratio| ratio >= least)
     }
 }
 
@@ -97,23 +97,22 @@ fn tau(args: &Args) -> Result<(), Box<dyn Error>> {
         return Ok(());
     }
     for ratio in args.ratios() {
-        let table = table(args, &contenders(args.config(Algorithm::LazyGrid).raster_ratio(ratio)))?;
-        println!("### lazy-grid over τ at raster ratio {ratio}, ns per sphere and step\n\n{table}");
+        let table = table(args, &contenders(args.config(Algorithm::LazyGrid).cell_ratio(ratio)))?;
+        println!("### lazy-grid over τ at cell ratio {ratio}, ns per sphere and step\n\n{table}");
     }
     Ok(())
 }
 
-fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
+fn cell_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
     let algorithms = match args.backend {
         Backend::Cpu => [Algorithm::ArrayGrid, Algorithm::HashGrid, Algorithm::RecursiveGrid],
         _ => [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid],
     };
     for algorithm in algorithms {
-        let contender = |ratio: f32| {
-            ContenderFactory::list(ratio.to_string(), args.config(algorithm).raster_ratio(ratio))
-        };
+        let contender =
+            |ratio: f32| ContenderFactory::list(ratio.to_string(), args.config(algorithm).cell_ratio(ratio));
         let table = table(args, &args.ratios().map(contender).collect::<Vec<_>>())?;
-        println!("### {algorithm} over the raster ratio, ns per sphere and step\n\n{table}");
+        println!("### {algorithm} over the cell ratio, ns per sphere and step\n\n{table}");
     }
     Ok(())
 }

@@ -127,7 +127,12 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
     for kernel in KERNELS.iter().filter(is_wanted) {
         for variant in variants(kernel, own, wanted.all_variants) {
             // Logged before compiling, as a driver may crash the process.
-            log::info!("{}: {}, {}", adapter.name, kernel.name, label(variant, kernel.reduced(own)));
+            log::info!(
+                "{}: {}, {}",
+                adapter.name,
+                kernel.name,
+                label(variant, kernel.effective_variant(own))
+            );
             compiled.push(compile_one(&compiler, kernel, (variant, own), wanted.disassembly));
         }
     }
@@ -139,12 +144,12 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
 fn variants(kernel: &Kernel, own: Variant, all_variants: bool) -> Vec<Variant> {
     let mut bases = vec![own];
     if all_variants {
-        bases.extend([Variant { subgroups: None, ..own }, Variant { wide: false, ..own }]);
+        bases.extend([Variant { subgroups: None, ..own }, Variant { wide_tiles: false, ..own }]);
     }
     let mut found = Vec::new();
     for base in bases {
         for (periodic, species) in [(false, false), (true, false), (false, true), (true, true)] {
-            let variant = kernel.reduced(Variant { periodic, species, ..base });
+            let variant = kernel.effective_variant(Variant { periodic, species, ..base });
             if !found.contains(&variant) {
                 found.push(variant);
             }
@@ -169,7 +174,7 @@ fn compile_one(
         Ok(programs) => (programs, None),
         Err(reason) => (Vec::new(), Some(reason)),
     };
-    let variant = label(variant, kernel.reduced(own));
+    let variant = label(variant, kernel.effective_variant(own));
     Compiled { kernel: kernel.name, variant, workgroup_memory, programs, error }
 }
 
@@ -179,7 +184,7 @@ fn label(variant: Variant, own: Variant) -> String {
         (variant.periodic, "periodic"),
         (variant.species, "species"),
         (variant.subgroups != own.subgroups, "no subgroups"),
-        (variant.wide != own.wide, "narrow tiles"),
+        (variant.wide_tiles != own.wide_tiles, "narrow tiles"),
     ];
     let words: Vec<_> = said.into_iter().filter_map(|(is_so, word)| is_so.then_some(word)).collect();
     if words.is_empty() { "plain".to_owned() } else { words.join(", ") }

@@ -164,7 +164,7 @@ typedef struct lazygrid_settings {
     double skin_distance;     /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; else 0 */
     const char *adapter;      /* a GPU by its number, or by a part of its name that no other has, in UTF-8; or NULL */
     const lazygrid_interactions *interactions; /* copied when the detector is made; NULL: all that touch are pairs */
-    const double *edges;      /* 9 doubles: three edges x, y, z of any direction along which space repeats, as those of a
+    const double *cell_vectors;      /* 9 doubles: three cell vectors x, y, z along which space repeats, as those of a
                                  triclinic cell; 0, 0, 0: one along which it does not. Read when the detector is made.
                                  NULL: see `periodic`, which must else be 0 */
 } lazygrid_settings;

@@ -384,7 +384,7 @@ struct Settings {
     // The length of each periodic axis; 0: unbounded.
     std::array<double, 3> periodic = {0, 0, 0};
     // In place of `periodic`: up to three edges of any direction along which space repeats; those left 0 do not count.
-    std::array<std::array<double, 3>, 3> edges = {};
+    std::array<std::array<double, 3>, 3> cell_vectors = {};
     std::chrono::duration<std::uint32_t> timeout = {};
     // A GPU by its number or a part of its name; empty: the best one.
     std::string adapter = {};
@@ -410,9 +410,9 @@ public:
         given.interactions = settings.interactions == nullptr ? nullptr : settings.interactions->get();
         given.skin = settings.skin.kind;
         given.skin_distance = settings.skin.distance;
-        static_assert(sizeof settings.edges == 9 * sizeof(double), "edges are nine doubles");
+        static_assert(sizeof settings.cell_vectors == 9 * sizeof(double), "cell vectors are nine doubles");
         const std::array<std::array<double, 3>, 3> none = {};
-        given.edges = settings.edges == none ? nullptr : settings.edges[0].data();
+        given.cell_vectors = settings.cell_vectors == none ? nullptr : settings.cell_vectors[0].data();
         lazygrid_detector *made = nullptr;
         detail::check(lazygrid_create(&given, &made), nullptr);
         detector_.reset(made);

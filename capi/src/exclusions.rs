@@ -102,7 +102,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
             )));
         }
         // SAFETY: this number of values by this function's condition, and no larger than an `isize`.
-        Ok(Exclusions::from_rows(&starts, unsafe { array(indices, count, "indices") }?)?)
+        Ok(Exclusions::from_csr(&starts, unsafe { array(indices, count, "indices") }?)?)
     };
     // SAFETY: this function's own condition.
     unsafe { create(exclusions, list) }

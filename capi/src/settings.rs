@@ -25,7 +25,7 @@ pub struct CSettings {
     pub skin_distance: f64,
     pub adapter: *const c_char,
     pub interactions: *const InteractionsHandle,
-    pub edges: *const f64,
+    pub cell_vectors: *const f64,
 }
 
 // SAFETY: the size is the first field, and all are numbers and pointers, which any bits are.
@@ -69,7 +69,7 @@ impl CSettings {
             skin_distance: 0.0,
             adapter: std::ptr::null(),
             interactions: std::ptr::null(),
-            edges: std::ptr::null(),
+            cell_vectors: std::ptr::null(),
         }
     }
 
@@ -80,7 +80,7 @@ impl CSettings {
     ///
     /// # Safety
     /// The same as [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
-    /// that no other thread changes meanwhile, and the edges are NULL or nine numbers.
+    /// that no other thread changes meanwhile, and the cell_vectors are NULL or nine numbers.
     pub unsafe fn config(settings: *const Self) -> Result<Config, Failure> {
         if settings.is_null() {
             return Ok(Config::default());
@@ -109,25 +109,25 @@ impl CSettings {
         unsafe { settings.on_gpu(config) }
     }
 
-    /// The space: periodic along axes, or along edges of any direction.
+    /// The space: periodic along axes, or along cell_vectors of any direction.
     ///
     /// # Safety
-    /// The edges are NULL or nine numbers.
+    /// The cell_vectors are NULL or nine numbers.
     unsafe fn space(&self) -> Result<Space, Failure> {
-        if self.edges.is_null() {
+        if self.cell_vectors.is_null() {
             return Ok(Space::periodic(self.periodic.map(|length| (length != 0.0).then_some(length)))?);
         }
         if self.periodic != [0.0; 3] {
             return Err(Failure::argument(
-                "settings.periodic and settings.edges are both set; leave one of them 0, and give the length of a periodic \
+                "settings.periodic and settings.cell_vectors are both set; leave one of them 0, and give the length of a periodic \
                  axis as an edge along it",
             ));
         }
         // SAFETY: nine numbers by this function's condition.
-        let numbers = unsafe { array(self.edges, 9, "settings.edges") }?;
+        let numbers = unsafe { array(self.cell_vectors, 9, "settings.cell_vectors") }?;
         let edge = |axis: usize| [numbers[3 * axis], numbers[3 * axis + 1], numbers[3 * axis + 2]];
         let edge = |axis| (edge(axis) != [0.0; 3]).then(|| edge(axis));
-        Ok(Space::sheared([0, 1, 2].map(edge))?)
+        Ok(Space::triclinic([0, 1, 2].map(edge))?)
     }
 
     /// The skin; a distance that would go unheard is refused.

@@ -60,17 +60,17 @@ impl From<Error> for Failure {
     fn from(error: Error) -> Self {
         let status = match &error {
             Error::Input(_) | Error::SpeciesBuffer => INPUT,
-            Error::Setting { .. } | Error::NotOnBackend { .. } | Error::AdapterOnCpu { .. } => SETTING,
+            Error::InvalidSetting { .. } | Error::NotOnBackend { .. } | Error::AdapterOnCpu { .. } => SETTING,
             Error::TooManyPairs { .. } => TOO_MANY_PAIRS,
             Error::OutOfMemory { .. } | Error::DeviceOutOfMemory { .. } => OUT_OF_MEMORY,
-            Error::Threads { .. } => THREADS,
+            Error::ThreadPool { .. } => THREADS,
             Error::GpuUnavailable { .. }
             | Error::WithoutGpu
             | Error::NoAdapter { .. }
             | Error::UnknownAdapter { .. }
             | Error::NoDevice { .. } => GPU_UNAVAILABLE,
             Error::LimitExceeded { .. } => DEVICE_LIMIT,
-            Error::DeviceLost { .. } | Error::Validation { .. } => DEVICE_LOST,
+            Error::DeviceLost { .. } | Error::DeviceRejected { .. } => DEVICE_LOST,
             Error::Timeout { .. } => TIMEOUT,
             // Buffers and calls in flight that only Rust programs have, and errors that are newer than this list.
             _ => INTERNAL,

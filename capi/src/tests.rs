@@ -136,7 +136,7 @@ fn layouts() -> String {
         + &layout!(
             CSettings as "lazygrid_settings",
             size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, skin, skin_distance, adapter,
-            interactions, edges
+            interactions, cell_vectors
         )
 }
 

@@ -164,15 +164,15 @@ static void lengths_are_not_rounded(void) {
     for (k = 0; k < 3; k++) {
         lazygrid_settings settings = on_cpu();
         lazygrid_detector *detector;
-        double edges[9] = {0};
+        double cell_vectors[9] = {0};
         uint64_t count;
         settings.periodic[0] = lengths[k];
         detector = detector_of(&settings);
         CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == expected[k]);
         lazygrid_destroy(detector);
         settings.periodic[0] = 0;
-        edges[0] = lengths[k];
-        settings.edges = edges;
+        cell_vectors[0] = lengths[k];
+        settings.cell_vectors = cell_vectors;
         detector = detector_of(&settings);
         CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == expected[k]);
         lazygrid_destroy(detector);

@@ -8,7 +8,7 @@
 
 enum { COUNT = 160, SPLIT = 60, MOST = COUNT * COUNT };
 
-/* Edges of a box that leans by more than half an edge. Images that are more than four edges away touch nothing here. */
+/* Edges of a box that leans by more than half an edge. Images that are more than four cell_vectors away touch nothing here. */
 static const double leaning[9] = {4, 0, 0, 3, 4, 0, -1, 2.5, 5};
 
 /* Coordinates and radii of whole thirty-seconds, so that the plain loop is exact; they leave the box, which leans. */
@@ -20,17 +20,17 @@ static void fill(float *rows, uint32_t seed) {
     }
 }
 
-/* Whether any images touch; `edges` may be NULL. */
-static int touch(const float *a, const float *b, const double *edges) {
+/* Whether any images touch; `cell_vectors` may be NULL. */
+static int touch(const float *a, const float *b, const double *cell_vectors) {
     double reach = (double)a[3] + b[3];
-    int far = edges == NULL ? 0 : 4, x, y, z, axis;
+    int far = cell_vectors == NULL ? 0 : 4, x, y, z, axis;
     for (x = -far; x <= far; x++) {
         for (y = -far; y <= far; y++) {
             for (z = -far; z <= far; z++) {
                 double squared = 0;
                 for (axis = 0; axis < 3; axis++) {
                     double d = (double)a[axis] - b[axis];
-                    if (edges != NULL) d += (double)x * edges[axis] + (double)y * edges[3 + axis] + (double)z * edges[6 + axis];
+                    if (cell_vectors != NULL) d += (double)x * cell_vectors[axis] + (double)y * cell_vectors[3 + axis] + (double)z * cell_vectors[6 + axis];
                     squared += d * d;
                 }
                 if (squared <= reach * reach) return 1;
@@ -60,13 +60,13 @@ static int is_omitted(const omitted *out, uint32_t i, uint32_t j, uint32_t group
     return is_listed(out->list, out->listed, i, j, either);
 }
 
-static uint64_t plain_loop(const float *rows, const double *edges, const omitted *out, lazygrid_pair *pairs) {
+static uint64_t plain_loop(const float *rows, const double *cell_vectors, const omitted *out, lazygrid_pair *pairs) {
     uint64_t count = 0;
     uint32_t i, j;
     for (i = 0; i < COUNT; i++) {
         for (j = i + 1; j < COUNT; j++) {
             uint32_t of_i = out->groups == NULL ? 0 : out->groups[i], of_j = out->groups == NULL ? 0 : out->groups[j];
-            if (touch(rows + 4 * i, rows + 4 * j, edges) && !is_omitted(out, i, j, of_i, of_j, 1)) {
+            if (touch(rows + 4 * i, rows + 4 * j, cell_vectors) && !is_omitted(out, i, j, of_i, of_j, 1)) {
                 pairs[count].i = i;
                 pairs[count++].j = j;
             }
@@ -106,45 +106,45 @@ static void boxes_lean(void) {
     int repeating, k;
     fill(rows, 1);
     for (repeating = 1; repeating <= 3; repeating++) {
-        double edges[9] = {0};
+        double cell_vectors[9] = {0};
         uint64_t wanted;
-        memcpy(edges, leaning, (size_t)repeating * 3 * sizeof *edges);
-        wanted = plain_loop(rows, edges, &nothing, expected);
+        memcpy(cell_vectors, leaning, (size_t)repeating * 3 * sizeof *cell_vectors);
+        wanted = plain_loop(rows, cell_vectors, &nothing, expected);
         CHECK(wanted > 100);
         for (k = 0; k < 4; k++) {
             lazygrid_settings settings = on_cpu();
             lazygrid_detector *detector;
-            settings.edges = edges;
+            settings.cell_vectors = cell_vectors;
             settings.algorithm = algorithms[k];
             detector = detector_of(&settings);
             /* They were read when it was made. */
-            edges[0] += 1;
+            cell_vectors[0] += 1;
             each_result_is(detector, &query, expected, wanted);
-            edges[0] -= 1;
+            cell_vectors[0] -= 1;
             lazygrid_destroy(detector);
         }
     }
 }
 
 static void edges_are_refused(void) {
-    double edges[9] = {4, 0, 0, 8, 0, 0, 0, 0, 0};
+    double cell_vectors[9] = {4, 0, 0, 8, 0, 0, 0, 0, 0};
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
-    settings.edges = edges;
+    settings.cell_vectors = cell_vectors;
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_INPUT && detector == NULL);
     CHECK(says(lazygrid_last_error(NULL), "(4, 0, 0), (8, 0, 0)"));
-    edges[3] = NAN;
+    cell_vectors[3] = NAN;
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_INPUT);
-    edges[3] = 0;
+    cell_vectors[3] = 0;
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_OK);
     lazygrid_destroy(detector);
     settings.periodic[1] = 2;
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(says(lazygrid_last_error(NULL), "settings.periodic and settings.edges"));
+    CHECK(says(lazygrid_last_error(NULL), "settings.periodic and settings.cell_vectors"));
     settings.periodic[1] = 0;
-    settings.edges = (const double *)(const void *)((const char *)edges + 1);
+    settings.cell_vectors = (const double *)(const void *)((const char *)cell_vectors + 1);
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(says(lazygrid_last_error(NULL), "settings.edges"));
+    CHECK(says(lazygrid_last_error(NULL), "settings.cell_vectors"));
 }
 
 /* Every third pair of those that touch, one way round or the other, and one twice. */
@@ -159,7 +159,7 @@ static size_t some_of(const lazygrid_pair *pairs, uint64_t count, lazygrid_pair 
     return listed + 1;
 }
 
-static void what_is_left_out_is_no_pair(const double *edges) {
+static void what_is_left_out_is_no_pair(const double *cell_vectors) {
     static float rows[4 * COUNT];
     static uint32_t groups[COUNT];
     static lazygrid_pair expected[MOST], list[MOST];
@@ -173,15 +173,15 @@ static void what_is_left_out_is_no_pair(const double *edges) {
     size_t listed, k;
     fill(rows, 2);
     /* Crowded enough for groups to matter. */
-    for (k = 3; k < 4 * COUNT; k += 4) rows[k] *= edges == NULL ? 3.0f : 1.0f;
+    for (k = 3; k < 4 * COUNT; k += 4) rows[k] *= cell_vectors == NULL ? 3.0f : 1.0f;
     for (k = 0; k < COUNT; k++) groups[k] = k % 5 == 4 ? LAZYGRID_NO_GROUP : (uint32_t)k % 5;
-    settings.edges = edges;
+    settings.cell_vectors = cell_vectors;
     detector = detector_of(&settings);
-    all = plain_loop(rows, edges, &out, expected);
+    all = plain_loop(rows, cell_vectors, &out, expected);
     listed = some_of(expected, all, list);
 
     out.groups = spheres.groups = groups;
-    wanted = plain_loop(rows, edges, &out, expected);
+    wanted = plain_loop(rows, cell_vectors, &out, expected);
     CHECK(wanted < all && wanted > all / 2);
     each_result_is(detector, &query, expected, wanted);
 
@@ -189,10 +189,10 @@ static void what_is_left_out_is_no_pair(const double *edges) {
     out.list = list;
     out.listed = listed;
     query.exclusions = exclusions;
-    wanted = plain_loop(rows, edges, &out, expected);
+    wanted = plain_loop(rows, cell_vectors, &out, expected);
     each_result_is(detector, &query, expected, wanted);
     out.groups = spheres.groups = NULL;
-    wanted = plain_loop(rows, edges, &out, expected);
+    wanted = plain_loop(rows, cell_vectors, &out, expected);
     CHECK(wanted == all - (all + 2) / 3);
     each_result_is(detector, &query, expected, wanted);
     lazygrid_exclusions_destroy(exclusions);
@@ -227,7 +227,7 @@ static void two_sets_leave_out_the_same(void) {
     fill(rows, 3);
     for (k = 0; k < COUNT; k++) groups[k] = k % 4 == 3 ? LAZYGRID_NO_GROUP : (uint32_t)k % 4;
     b = lazygrid_rows(COUNT - SPLIT, rows + 4 * SPLIT);
-    settings.edges = leaning;
+    settings.cell_vectors = leaning;
     detector = detector_of(&settings);
     for (i = 0; i < SPLIT; i++) {
         for (j = 0; j < COUNT - SPLIT; j++) {

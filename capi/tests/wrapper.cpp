@@ -227,7 +227,7 @@ void skins() {
 
 void boxes_that_lean_and_what_is_left_out() {
     auto settings = on_cpu();
-    settings.edges = {{{10, 0, 0}, {4, 10, 0}, {0, 0, 0}}};
+    settings.cell_vectors = {{{10, 0, 0}, {4, 10, 0}, {0, 0, 0}}};
     lazygrid::Detector detector(settings);
     const std::vector<lazygrid::Sphere> spheres = {{1, 0.2f, 0, 0.5f}, {5, 9.6f, 0, 0.5f}, {1, 0.9f, 0, 0.5f}};
     const lazygrid::Spheres all(spheres);
@@ -246,7 +246,7 @@ void boxes_that_lean_and_what_is_left_out() {
     CHECK(throws<lazygrid::InputError>([&] { lazygrid::Exclusions(2, std::vector<lazygrid::Pair>{{0, 2}}); }, "(0, 2)"));
     CHECK(throws<lazygrid::InputError>([&] { all.with_groups(std::vector<std::uint32_t>{1}); }, "1 groups for 3"));
     settings.periodic = {1, 0, 0};
-    CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "settings.edges"));
+    CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "settings.cell_vectors"));
 }
 
 // A thread of its own for each detector, and a detector that wanders from thread to thread.

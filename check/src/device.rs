@@ -57,7 +57,7 @@ pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
     })?;
     own.with_error_scope("a readback", bytes, || staging.slice(..).map_async(wgpu::MapMode::Read, |_| ()))?;
     wait(own)?;
-    let refused = |reason: String| Error::Validation { what: "a readback", reason };
+    let refused = |reason: String| Error::DeviceRejected { what: "a readback", reason };
     let view = staging.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
     Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
 }
@@ -89,7 +89,7 @@ pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(until).map(drop).map_err(|error| match error {
         wgpu::PollError::Timeout => Error::Timeout { seconds: TIMEOUT.as_secs() },
-        other => Error::Validation { what: "waiting", reason: other.to_string() },
+        other => Error::DeviceRejected { what: "waiting", reason: other.to_string() },
     })
 }
 

@@ -20,12 +20,12 @@ fn every_scene_agrees_with_all_pairs() {
             for (name, spheres) in scenes() {
                 let scene = format!("{name}, {algorithm}, subgroups {subgroups}");
                 let mut found = detect(&own, &mut detector, &spheres);
-                if found.outcome.overflow & Outcome::ENTRIES != 0 {
+                if found.outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0 {
                     // Many refined levels have more entries than the initial capacity.
-                    assert!(detector.set_entry_capacity(found.outcome.entries()), "{scene}");
+                    assert!(detector.set_entry_capacity(found.outcome.entries_needed()), "{scene}");
                     found = detect(&own, &mut detector, &spheres);
                 }
-                assert_eq!(found.outcome.overflow & !Outcome::PAIRS, 0, "{scene}");
+                assert_eq!(found.outcome.overflow & !Outcome::OVERFLOW_PAIRS, 0, "{scene}");
                 assert_eq!(found.outcome.quarantined, 0, "{scene}");
                 if found.outcome.overflow == 0 {
                     verify(&scene, &spheres, &found.pairs, touching(&spheres));
@@ -87,7 +87,7 @@ fn overflow_stops_writing_but_not_counting() {
             let mut detector = GpuDetector::new(&own.device, settings).expect("made");
             let found = detect(&own, &mut detector, &spheres);
             assert_eq!(found.outcome.found(), 4_498_500, "{algorithm}, subgroups {subgroups}");
-            assert_eq!(found.outcome.overflow, Outcome::PAIRS);
+            assert_eq!(found.outcome.overflow, Outcome::OVERFLOW_PAIRS);
             assert_eq!(found.pairs.len(), 1000);
             assert!(found.pairs.windows(2).all(|two| two[0] < two[1]), "distinct");
             assert!(found.pairs.iter().all(|pair| pair.i < pair.j && pair.j < 3000));
@@ -147,7 +147,7 @@ fn sphere_count_is_read_from_a_buffer() {
         let count = SphereCount::Buffer { buffer: &count, at_most: 3000 };
         let input = GpuSpheres::new(&buffer, count);
         let found = detect_with(&own, &mut detector, &input);
-        assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::SPHERES));
+        assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::OVERFLOW_SPHERES));
     }
 }
 
@@ -254,7 +254,7 @@ fn oversized_input_is_refused_with_the_remedy() {
     let beyond = u32::try_from(limit / 16 + 1).unwrap_or(u32::MAX);
     assert!(matches!(detector.reserve(beyond), Err(Error::LimitExceeded { .. })));
     for ratio in [0.5, 17.0, f32::NAN] {
-        assert!(matches!(detector.set_raster_ratio(ratio), Err(Error::Setting { .. })));
+        assert!(matches!(detector.set_cell_ratio(ratio), Err(Error::InvalidSetting { .. })));
     }
     let error = GpuDetector::new(&own.device, settings(Algorithm::HashGrid, true)).expect_err("CPU only");
     assert_eq!(error, Error::NotOnBackend { algorithm: Algorithm::HashGrid, backend: Backend::Gpu });
@@ -334,7 +334,7 @@ fn caller_can_reuse_the_cell_order() {
         [(Space::UNBOUNDED, u32::MAX, false), (boxed, 1, false), (Space::UNBOUNDED, 1, true)]
     {
         let settings = settings(Algorithm::CellList, true)
-            .sorted_pairs(true)
+            .pairs_in_cell_order(true)
             .space(space)
             .radix_sort_from(radix_sort_from)
             .interactions(species.then(|| table.clone()));
@@ -349,7 +349,7 @@ fn caller_can_reuse_the_cell_order() {
                 if species { input.with_species(&of_species) } else { input }
             };
             let found = detect_with(&own, &mut detector, &input);
-            assert_eq!(found.outcome.is_sorted, 1);
+            assert_eq!(found.outcome.pairs_in_cell_order, 1);
             let sorted = detector.reserve(4000).expect("reserved").sorted.expect("a cell list");
             let order = download::<u32>(&own, &sorted.order, 4000);
             let images: Vec<Sphere> = download(&own, &sorted.spheres, 4000);
@@ -389,11 +389,11 @@ fn caller_can_reuse_the_cell_order() {
 fn only_the_cell_list_has_a_cell_order() {
     let Some(own) = device() else { return };
     for &algorithm in ALGORITHMS {
-        let settings = settings(algorithm, true).sorted_pairs(true);
+        let settings = settings(algorithm, true).pairs_in_cell_order(true);
         let mut detector = GpuDetector::new(&own.device, settings).expect("made");
         let found = detect(&own, &mut detector, &cloud(34, 300, 3.0, |_| 0.3));
         let is_list = algorithm == Algorithm::CellList;
-        assert_eq!(found.outcome.is_sorted, u32::from(is_list), "{algorithm}");
+        assert_eq!(found.outcome.pairs_in_cell_order, u32::from(is_list), "{algorithm}");
         assert_eq!(detector.reserve(300).expect("reserved").sorted.is_some(), is_list, "{algorithm}");
     }
 }

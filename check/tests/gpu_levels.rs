@@ -19,11 +19,11 @@ fn detect_in_session(own: &GpuDevice, settings: GpuConfig, spheres: &[Sphere]) -
 #[test]
 fn every_scene_agrees_for_any_tau() {
     let Some(own) = device() else { return };
-    for (tau, raster_ratio) in [(0, 2.0), (1, 1.5), (8, 16.0), (512, 2.0), (u32::MAX, 2.0)] {
-        let settings = settings(Algorithm::LazyGrid, true).tau(tau).raster_ratio(raster_ratio);
+    for (tau, cell_ratio) in [(0, 2.0), (1, 1.5), (8, 16.0), (512, 2.0), (u32::MAX, 2.0)] {
+        let settings = settings(Algorithm::LazyGrid, true).tau(tau).cell_ratio(cell_ratio);
         for (name, spheres) in scenes() {
             let found = detect_in_session(&own, settings.clone(), &spheres);
-            let scene = format!("{name}, tau {tau}, ratio {raster_ratio}");
+            let scene = format!("{name}, tau {tau}, ratio {cell_ratio}");
             verify(&scene, &spheres, &found.pairs, touching(&spheres));
         }
     }
@@ -55,11 +55,18 @@ fn entry_overflow_is_reported_and_retried_by_a_session() {
     for algorithm in [Algorithm::EagerGrid, Algorithm::LazyGrid] {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
         let found = detect(&own, &mut detector, &spheres);
-        let needed = found.outcome.entries();
-        assert!(needed > 8 * 3000 && found.outcome.overflow & Outcome::ENTRIES != 0, "{algorithm}: {needed}");
+        let needed = found.outcome.entries_needed();
+        assert!(
+            needed > 8 * 3000 && found.outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0,
+            "{algorithm}: {needed}"
+        );
         assert!(detector.set_entry_capacity(needed) && !detector.set_entry_capacity(1 << 40));
         let found = detect(&own, &mut detector, &spheres);
-        assert_eq!((found.outcome.found(), found.outcome.overflow), (pairs, Outcome::PAIRS), "{algorithm}");
+        assert_eq!(
+            (found.outcome.found(), found.outcome.overflow),
+            (pairs, Outcome::OVERFLOW_PAIRS),
+            "{algorithm}"
+        );
         let found = detect_in_session(&own, settings(algorithm, true), &spheres);
         assert_eq!(found.pairs.len() as u64, pairs);
     }

@@ -11,7 +11,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid::gpu::wgpu::{self, Limits};
 use lazygrid_check::kernels::primitives;
 use lazygrid_kernels::kernel::{Access, Kernel, RADIX_SCAN, RADIX_SCATTER, SCAN_SPINE, SCAN_TILE, Variant};
-use lazygrid_kernels::layout::Lengths;
+use lazygrid_kernels::layout::SortCounts;
 
 /// Workgroups along one dimension: the number of digits of a sort pass, which each device supports.
 const ROW: u32 = 256;
@@ -63,7 +63,7 @@ fn scan_of_many_tiles_continues_over_rounds() {
     let sums: Vec<u64> = sums.collect();
     let total: u64 = sums.iter().sum();
     for text in both_ways(&SCAN_SPINE) {
-        let lengths = upload(&own, &[Lengths { items: 0, counters: tiles * SCAN_TILE }]);
+        let lengths = upload(&own, &[SortCounts { items: 0, counters: tiles * SCAN_TILE }]);
         let (found, all) = (upload(&own, &sums), upload(&own, &[0_u64; 2]));
         run_text(&own, "scan_spine", text, &[(Read, &lengths), (ReadWrite, &found), (ReadWrite, &all)]);
         assert!(download::<u64>(&own, &found, tiles as usize) == before);
@@ -72,7 +72,7 @@ fn scan_of_many_tiles_continues_over_rounds() {
     let [counts, before] =
         [sums, before].map(|values| values.iter().map(|&sum| sum as u32).collect::<Vec<_>>());
     for text in both_ways(&RADIX_SCAN) {
-        let lengths = upload(&own, &[Lengths { items: 0, counters: 256 * tiles }]);
+        let lengths = upload(&own, &[SortCounts { items: 0, counters: 256 * tiles }]);
         let (found, totals) = (upload(&own, &counts), upload(&own, &[0_u32; 256]));
         run_text(&own, "radix_scan", text, &[(Read, &lengths), (ReadWrite, &found), (ReadWrite, &totals)]);
         assert!(download::<u32>(&own, &found, tiles as usize) == before);

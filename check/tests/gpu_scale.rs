@@ -92,11 +92,11 @@ fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
     let spheres: Vec<_> = (0..n).map(|k| Sphere::new([1.0, -2.0, 3.0], 0.5_f32.powi(k % 10))).collect();
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid);
     let mut session = GpuSession::new(own, settings).expect("made");
-    session.set_part_tests(1 << 27);
+    session.set_max_tests_per_submission(1 << 27);
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
     let found = session.finish_count(ticket).expect("counted");
     let outcome = session.outcome();
-    assert!(outcome.entries() > 8 * n as u64 && outcome.crowded_begin > 0, "{outcome:?}");
+    assert!(outcome.entries_needed() > 8 * n as u64 && outcome.deferred_begin > 0, "{outcome:?}");
     assert_eq!(found, n as u64 * (n as u64 - 1) / 2);
 }
 

@@ -122,7 +122,7 @@ fn third_call_in_flight_is_refused() {
     for k in 1..scenes.len() {
         let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
         let third = session.begin(Spheres::from(&scenes[k])).expect_err("two are in flight");
-        assert_eq!(third, Error::Busy { calls: 2 });
+        assert_eq!(third, Error::TooManyInFlight { calls: 2 });
         let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
         pairs.sort_unstable();
         assert_eq!(pairs, expected(&scenes[k - 1]));
@@ -149,7 +149,7 @@ fn crowded_searches_continue_over_several_submissions() {
     for algorithm in [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid] {
         let settings = GpuConfig::default().algorithm(algorithm).timestamps(true).pair_capacity(500_000);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        session.set_part_tests(1);
+        session.set_max_tests_per_submission(1);
         let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");
         for k in [1, 2, 0] {
             let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
@@ -157,7 +157,10 @@ fn crowded_searches_continue_over_several_submissions() {
             let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
             pairs.sort_unstable();
             assert!(pairs == expected(scene), "{algorithm}, {k}: {}", pairs.len());
-            assert!(session.outcome().crowded > 4 && !session.outcome().is_partial(), "{algorithm}");
+            assert!(
+                session.outcome().deferred_blocks > 4 && !session.outcome().has_remaining_work(),
+                "{algorithm}"
+            );
             before = next;
         }
         let found = session.finish_count(before).expect("counted");
@@ -184,7 +187,7 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
     {
         let settings = GpuConfig::default().algorithm(first);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        session.set_part_tests(1);
+        session.set_max_tests_per_submission(1);
         let before = session.begin(Spheres::from(&spheres)).expect("begun");
         session.set_algorithm(then).expect("on the GPU");
         let next = session.begin(Spheres::from(&other)).expect("begun");
@@ -192,7 +195,7 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
         pairs.sort_unstable();
         assert!(pairs == wanted, "{first}: {} of {}", pairs.len(), wanted.len());
         assert_eq!(session.algorithm(), first);
-        assert!(session.outcome().crowded > 2, "it came in parts");
+        assert!(session.outcome().deferred_blocks > 2, "it came in parts");
         let mut pairs = session.finish(next, u64::MAX).expect("found").to_vec();
         pairs.sort_unstable();
         assert!(pairs == wanted_of_other, "{then}");

@@ -94,7 +94,7 @@ fn candidate_lists_never_change_an_answer() {
         let (mut served, mut rebuilt) = (0, 0);
         for step in 0..16 {
             let state = verify(&own, &mut detector, &scenario, &format!("{case}, step {step}"));
-            *if state.rebuilt == 0 { &mut served } else { &mut rebuilt } += 1;
+            *if state.rebuild_reason == 0 { &mut served } else { &mut rebuilt } += 1;
             walk(&mut scenario.spheres, if step == 12 { 3.0 } else { 0.1 }, &mut random);
         }
         assert!(served >= 8 && rebuilt >= 3, "{case}: {served} served, {rebuilt} rebuilt");
@@ -116,7 +116,7 @@ fn displacement_within_the_limit_keeps_the_list() {
             // They touch in the end, just before either reaches the displacement limit.
             let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
             let state = verify(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
-            served += u32::from(state.rebuilt == 0);
+            served += u32::from(state.rebuild_reason == 0);
         }
         assert!(served == 39, "{radius}, {skin}: {served} served");
     }
@@ -129,12 +129,12 @@ fn displacement_beyond_the_limit_rebuilds_the_list() {
     let Some(own) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1e-6, 1e-7), (1e6, 1e4)] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), skin).expect("made");
-        for (gone, rebuilt) in [(0.0, SkinState::FIRST), (0.503 * skin, SkinState::MOVED)] {
+        for (gone, rebuilt) in [(0.0, SkinState::NO_LIST), (0.503 * skin, SkinState::DISPLACEMENT)] {
             let x = radius + 0.502 * skin - gone;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
             let case = format!("{radius}, {skin}, gone {gone}");
             let state = verify(&own, &mut detector, &TestInput::from(spheres.to_vec()), &case);
-            assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
+            assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
         }
     }
 }
@@ -146,23 +146,23 @@ fn changed_spheres_rebuild_the_list() {
     let mut scenario = TestInput::from(cloud(6, 900, 6.0, |_| 0.3));
     let mut ask = |scenario: &TestInput, rebuilt: u32, case: &str| {
         let state = verify(&own, &mut detector, scenario, case);
-        assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
+        assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
     };
-    ask(&scenario, SkinState::FIRST, "the first");
+    ask(&scenario, SkinState::NO_LIST, "the first");
     ask(&scenario, 0, "the same");
     scenario.spheres[500].radius = 1.5;
-    ask(&scenario, SkinState::CHANGED, "a larger one");
+    ask(&scenario, SkinState::INPUT_CHANGED, "a larger one");
     scenario.spheres[501].radius = f32::NAN;
-    ask(&scenario, SkinState::CHANGED, "one that is no more valid");
+    ask(&scenario, SkinState::INPUT_CHANGED, "one that is no more valid");
     ask(&scenario, 0, "nothing new");
     scenario.spheres[501].radius = 0.3;
-    ask(&scenario, SkinState::CHANGED, "one that is valid again");
+    ask(&scenario, SkinState::INPUT_CHANGED, "one that is valid again");
     scenario.spheres.swap(3, 4);
-    ask(&scenario, SkinState::MOVED, "two that changed places");
+    ask(&scenario, SkinState::DISPLACEMENT, "two that changed places");
     scenario.spheres.truncate(800);
-    ask(&scenario, SkinState::CHANGED, "fewer");
+    ask(&scenario, SkinState::INPUT_CHANGED, "fewer");
     scenario.spheres.extend(cloud(7, 500, 6.0, |_| 0.3));
-    ask(&scenario, SkinState::FIRST, "more than ever");
+    ask(&scenario, SkinState::NO_LIST, "more than ever");
     ask(&scenario, 0, "nothing new");
 }
 
@@ -182,13 +182,14 @@ fn changed_species_rebuild_the_list() {
         ..TestInput::default()
     };
     // A sphere that keeps its species, and one whose new species has other and more distant partners.
-    for (change, rebuilt) in [(None, SkinState::FIRST), (None, 0), (Some(601), SkinState::CHANGED), (None, 0)]
+    for (change, rebuilt) in
+        [(None, SkinState::NO_LIST), (None, 0), (Some(601), SkinState::INPUT_CHANGED), (None, 0)]
     {
         if let (Some(k), Some(mixture)) = (change, &mut scenario.mixture) {
             mixture.species[k] = 1 - mixture.species[k];
         }
         let state = verify(&own, &mut detector, &scenario, &format!("{change:?}"));
-        assert_eq!(state.rebuilt, rebuilt, "{change:?}: {state:?}");
+        assert_eq!(state.rebuild_reason, rebuilt, "{change:?}: {state:?}");
     }
 }
 
@@ -201,9 +202,9 @@ fn largest_radii_have_no_candidate_list() {
         let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), 0.5).expect("made");
         let mut scenario = TestInput::from(cloud(11, 300, 6.0, |_| 0.3));
         scenario.spheres[7].radius = radius;
-        for rebuilt in [SkinState::FIRST, SkinState::CHANGED, SkinState::CHANGED] {
+        for rebuilt in [SkinState::NO_LIST, SkinState::INPUT_CHANGED, SkinState::INPUT_CHANGED] {
             let state = verify(&own, &mut detector, &scenario, &format!("{radius:e}"));
-            assert_eq!(state.rebuilt, rebuilt, "{radius:e}: {state:?}");
+            assert_eq!(state.rebuild_reason, rebuilt, "{radius:e}: {state:?}");
         }
     }
 }
@@ -218,11 +219,15 @@ fn candidate_overflow_reports_the_needed_capacity() {
     let scenario = TestInput::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
     for _ in 0..2 {
         let (outcome, ..) = ask(&own, &mut detector, &scenario);
-        assert_eq!((outcome.overflow, outcome.entries()), (Outcome::CANDIDATES, 499_500), "{outcome:?}");
+        assert_eq!(
+            (outcome.overflow, outcome.entries_needed()),
+            (Outcome::OVERFLOW_CANDIDATES, 499_500),
+            "{outcome:?}"
+        );
     }
     detector.set_candidate_capacity(500_000);
-    assert_eq!(verify(&own, &mut detector, &scenario, "with room").rebuilt, SkinState::FIRST);
-    assert_eq!(verify(&own, &mut detector, &scenario, "kept").rebuilt, 0);
+    assert_eq!(verify(&own, &mut detector, &scenario, "with room").rebuild_reason, SkinState::NO_LIST);
+    assert_eq!(verify(&own, &mut detector, &scenario, "kept").rebuild_reason, 0);
 }
 
 #[test]

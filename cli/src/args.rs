@@ -15,7 +15,7 @@ use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
 use lazygrid_sim::run::run_args::RunArgs;
 
-use parsers::{PathWith, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads, tilts};
+use parsers::{PathWith, cell_ratio, one_of, radius, seconds, skin, space, table_format, threads, tilts};
 
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
@@ -122,8 +122,8 @@ pub(crate) struct Detect {
     #[arg(long, value_name = "N")]
     pub(crate) tau: Option<u32>,
     /// Cell edge as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]
-    #[arg(long, value_name = "RATIO", value_parser = raster_ratio)]
-    pub(crate) raster_ratio: Option<f32>,
+    #[arg(long, value_name = "RATIO", value_parser = cell_ratio)]
+    pub(crate) cell_ratio: Option<f32>,
     /// Skin of the candidate list kept between frames: off, auto or a distance; it loses no pair
     #[arg(long, value_name = "off|auto|DISTANCE", value_parser = skin)]
     pub(crate) skin: Option<Skin>,

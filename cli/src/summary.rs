@@ -31,7 +31,7 @@ struct Object<'a> {
     /// The length of each axis that is periodic.
     periodic: Option<[Option<f32>; 3]>,
     /// The edges along which space repeats, where they are not along the axes; then `periodic` has their lengths.
-    edges: Option<[Option<[f32; 3]>; 3]>,
+    cell_vectors: Option<[Option<[f32; 3]>; 3]>,
     periodic_from: Option<&'a str>,
     spheres: u64,
     pairs: u64,
@@ -55,10 +55,9 @@ impl Summary {
             frame: self.frame,
             step: self.step,
             periodic: self.space.is_periodic().then(|| self.space.lengths_f32()),
-            edges: self
-                .space
-                .shear()
-                .map(|_| self.space.edges().map(|edge| edge.map(|edge| edge.map(|number| number as f32)))),
+            cell_vectors: self.space.triclinic_cell().map(|_| {
+                self.space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)))
+            }),
             periodic_from: self.space_said().then_some(if self.space_given { "option" } else { "file" }),
             spheres: report.spheres,
             pairs: report.pairs,
@@ -157,8 +156,8 @@ pub(crate) fn cost_text(cost: &gpu::CallCost) -> String {
 
 /// The lengths of a space as `--periodic` takes them, or its edges.
 fn lengths(space: Space) -> String {
-    if space.shear().is_some() {
-        let edges = space.edges().map(|edge| match edge {
+    if space.triclinic_cell().is_some() {
+        let edges = space.cell_vectors().map(|edge| match edge {
             None => "-".to_owned(),
             Some(edge) => {
                 let [x, y, z] = edge.map(|number| number as f32);

@@ -140,7 +140,7 @@ fn a_box_that_leans_is_used_and_said() {
         let line = "periodic   along (16,0,0) (2,16,0) (0,-3,16) (as the file says; --periodic none for unbounded space)";
         assert!(run.out.lines().any(|l| l == line), "{}", run.out);
         let object = detect(&file, ["--json"]).succeeds().json();
-        assert_eq!(object["edges"], json!([[16.0, 0.0, 0.0], [2.0, 16.0, 0.0], [0.0, -3.0, 16.0]]));
+        assert_eq!(object["cell_vectors"], json!([[16.0, 0.0, 0.0], [2.0, 16.0, 0.0], [0.0, -3.0, 16.0]]));
         let pairs =
             |periodic| detect(&file, ["--json", "--periodic", periodic]).succeeds().json()["pairs"].clone();
         assert_eq!(pairs("none"), brute_force(&spheres(), [None; 3]).len());

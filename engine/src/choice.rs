@@ -196,7 +196,8 @@ mod tests {
         let refused = resolve_backend(Backend::Cpu, Some(&card)).expect_err("a contradiction").to_string();
         assert!(refused.contains("card") && refused.contains("cpu"), "{refused}");
         // The missing GPU is not the cause of the failure.
-        let unknown = Error::UnknownAdapter { asked: String::new(), fitting: 0, there_are: String::new() };
+        let unknown =
+            Error::UnknownAdapter { requested: String::new(), matches: 0, available: String::new() };
         let open = |_| Err::<(String, ()), _>(unknown.clone());
         let found = backend(Backend::Gpu, Algorithm::Auto, open);
         assert_eq!(found, Err(unknown));

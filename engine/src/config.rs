@@ -25,10 +25,10 @@ pub struct Config {
     pub(crate) adapter: Option<AdapterId>,
     pub(crate) settings: Settings,
     #[cfg(feature = "gpu")]
-    /// τ and raster ratio where they were asked for; else each backend has its own.
+    /// τ and cell ratio where they were asked for; else each backend has its own.
     pub(crate) tau: Option<u32>,
     #[cfg(feature = "gpu")]
-    pub(crate) raster_ratio: Option<f32>,
+    pub(crate) cell_ratio: Option<f32>,
     #[cfg(feature = "gpu")]
     pub(crate) calibrations: Vec<Calibration>,
     #[cfg(feature = "gpu")]
@@ -38,7 +38,7 @@ pub struct Config {
 
 impl Config {
     #[cfg(feature = "gpu")]
-    /// The valid values of [`raster_ratio`](Self::raster_ratio).
+    /// The valid values of [`cell_ratio`](Self::cell_ratio).
     pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
 
     /// The backend to run on. Default: [`Backend::Auto`].
@@ -106,14 +106,14 @@ impl Config {
     }
 
     /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU takes less than 1.5 for 1.5.
-    /// Default: [`Settings::RASTER_RATIO`] on the CPU,
-    /// [`GpuConfig::RASTER_RATIO`](crate::gpu::GpuConfig::RASTER_RATIO) on the GPU, from measured sweeps.
-    pub fn raster_ratio(mut self, ratio: f32) -> Self {
+    /// Default: [`Settings::CELL_RATIO`] on the CPU,
+    /// [`GpuConfig::CELL_RATIO`](crate::gpu::GpuConfig::CELL_RATIO) on the GPU, from measured sweeps.
+    pub fn cell_ratio(mut self, ratio: f32) -> Self {
         #[cfg(feature = "gpu")]
         {
-            self.raster_ratio = Some(ratio);
+            self.cell_ratio = Some(ratio);
         }
-        self.settings.raster_ratio = ratio;
+        self.settings.cell_ratio = ratio;
         self
     }
 
@@ -132,7 +132,7 @@ impl Config {
     }
 
     /// A flag that ends searches on the CPU from outside, such as for Ctrl-C: while it is true they give
-    /// [`Error::Stopped`](crate::Error::Stopped) within some milliseconds, though not while spheres are sorted or
+    /// [`Error::Cancelled`](crate::Error::Cancelled) within some milliseconds, though not while spheres are sorted or
     /// pairs put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);

@@ -71,7 +71,7 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
-    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Setting`] for a setting outside
+    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::InvalidSetting`] for a setting outside
     /// its range; [`Error::UnknownAdapter`] for an adapter that there is not.
     pub fn new(config: Config) -> Result<Self, Error> {
         let (finder, backend_reason) = finder(config)?;
@@ -97,7 +97,7 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::Input`] for spheres that are not finite, negative radii or unknown species, naming the first, and with
-    /// [`InputError::Second`](crate::InputError::Second) for those of a second set;
+    /// [`InputError::SecondSet`](crate::InputError::SecondSet) for those of a second set;
     /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {

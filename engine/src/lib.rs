@@ -62,8 +62,9 @@ pub use lazygrid_host::{
     CandidateListStats, ListOptions, NeighborList, Neighbors, Order, PhaseTime, RebuildReason, Simd, Skin,
 };
 pub use lazygrid_kernels::{
-    Algorithm, Backend, Bond, Error, Exclusions, InputError, Interaction, Interactions, MAX_SPHERES, Pair,
-    Query, Radii, Reach, Real, Shear, Space, Sphere, Spheres, Straight, Strided, UnknownName,
+    Algorithm, Backend, EffectiveRadius, Error, Exclusions, ImageVector, InputError, Interaction,
+    Interactions, MAX_SPHERES, Orthogonalization, Pair, Query, Radii, Real, Space, Sphere, Spheres, Strided,
+    TriclinicCell, UnknownName,
 };
 pub use report::Report;
 

@@ -12,9 +12,9 @@ use std::time::Duration;
 
 use lazygrid::glam::Vec3;
 use lazygrid::{
-    Algorithm, Backend, Bond, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions,
-    ListOptions, NeighborList, Neighbors, Order, Pair, PhaseTime, Query, Radii, Reach, Report, Simd, Space,
-    Sphere, Spheres, UnknownName, detect,
+    Algorithm, Backend, Config, Detector, EffectiveRadius, Error, Exclusions, ImageVector, InputError,
+    Interaction, Interactions, ListOptions, NeighborList, Neighbors, Order, Pair, PhaseTime, Query, Radii,
+    Report, Simd, Space, Sphere, Spheres, UnknownName, detect,
 };
 
 const fn crosses_threads<T: Send + Sync>() {}
@@ -92,20 +92,20 @@ fn every_setting() -> Result<Config, Error> {
     let mut reactions = Interactions::new(2, Interaction::Never)?;
     reactions.set(0, 1, Interaction::Within(0.5))?;
     reactions.set(1, 1, Interaction::Touch)?;
-    let reach: Reach = reactions.reach(0);
-    let _: (f32, Interaction, u32) = (reach.effective_radius(1.0), reactions.get(0, 1), reactions.species());
+    let reach: EffectiveRadius = reactions.effective_radius(0);
+    let _: (f32, Interaction, u32) = (reach.for_radius(1.0), reactions.get(0, 1), reactions.species());
     let space: Space = Space::periodic([Some(10.0), None, None])?;
     let _: (Vec3, f64) = (space.wrap(Vec3::ONE), space.distance_squared(Vec3::ZERO, Vec3::ONE));
-    let sheared: Space = Space::sheared([Some([1.0; 3]), None, None])?;
-    let _: ([Option<[f64; 3]>; 3], [Option<f64>; 3]) = (sheared.edges(), sheared.lengths());
+    let sheared: Space = Space::triclinic([Some([1.0; 3]), None, None])?;
+    let _: ([Option<[f64; 3]>; 3], [Option<f64>; 3]) = (sheared.cell_vectors(), sheared.lengths());
     let _: ([i32; 3], [f64; 3]) = {
-        let bond: Bond = space.bond([0.0; 3], [1.0; 3]);
+        let bond: ImageVector = space.minimum_image([0.0; 3], [1.0; 3]);
         (bond.shift, bond.vector)
     };
     let _: [Exclusions; 3] = [
         Exclusions::new(2, [(0, 1)])?,
         Exclusions::across(2, 3, [(0, 2)])?,
-        Exclusions::from_rows(&[0, 1, 1], &[1])?,
+        Exclusions::from_csr(&[0, 1, 1], &[1])?,
     ];
     Ok(Config::default()
         .backend(Backend::Cpu)
@@ -114,7 +114,7 @@ fn every_setting() -> Result<Config, Error> {
         .threads(2)
         .simd(Simd::Portable)
         .tau(64)
-        .raster_ratio(2.0)
+        .cell_ratio(2.0)
         .max_pairs(1 << 20)
         .interactions(reactions)
         .space(space))
@@ -209,8 +209,8 @@ fn a_flag_ends_a_search_and_is_no_part_of_the_next() -> Result<(), Error> {
         let stop = Arc::new(AtomicBool::new(true));
         let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).cancel_flag(stop.clone());
         let mut detector = Detector::new(config)?;
-        assert_eq!(detector.count(&rows), Err(Error::Stopped), "{algorithm}");
-        assert_eq!(detector.pairs(&rows).map(<[Pair]>::len), Err(Error::Stopped), "{algorithm}");
+        assert_eq!(detector.count(&rows), Err(Error::Cancelled), "{algorithm}");
+        assert_eq!(detector.pairs(&rows).map(<[Pair]>::len), Err(Error::Cancelled), "{algorithm}");
         stop.store(false, Ordering::Relaxed);
         assert_eq!(detector.pairs(&rows).map(<[Pair]>::len), Ok(19_999), "{algorithm}");
     }

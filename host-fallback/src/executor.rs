@@ -36,7 +36,7 @@ impl Executor {
     /// Returns the threads of a call from here; a pool of one thread is not worth the switch.
     ///
     /// # Errors
-    /// [`Error::Threads`] where rayon's global pool is needed and cannot be started.
+    /// [`Error::ThreadPool`] where rayon's global pool is needed and cannot be started.
     pub(crate) fn current() -> Result<Self, Error> {
         if rayon::current_thread_index().is_none() {
             start_global()?;
@@ -112,7 +112,7 @@ impl Team {
     /// A team of `asked` threads; `None` for the rayon pool that each call comes from.
     ///
     /// # Errors
-    /// [`Error::Threads`] if the system refuses the threads.
+    /// [`Error::ThreadPool`] if the system refuses the threads.
     pub fn new(asked: Option<usize>) -> Result<Self, Error> {
         let pool = match asked {
             // One thread is the calling one.
@@ -125,7 +125,7 @@ impl Team {
     /// Passes over `count` items with the threads that are worth it: few are left to the calling one.
     ///
     /// # Errors
-    /// The errors of `task`, and [`Error::Threads`].
+    /// The errors of `task`, and [`Error::ThreadPool`].
     pub fn pass<R: Send>(
         &self,
         count: usize,
@@ -176,7 +176,7 @@ fn count() -> usize {
 /// A pool of the `asked` number of threads, or as many as are of any use.
 ///
 /// # Errors
-/// [`Error::Threads`] where the system refuses the threads.
+/// [`Error::ThreadPool`] where the system refuses the threads.
 fn pool(asked: usize) -> Result<ThreadPool, Error> {
     let cores = cores();
     let threads = useful(asked, cores);
@@ -184,7 +184,7 @@ fn pool(asked: usize) -> Result<ThreadPool, Error> {
         log::warn!("{asked} threads were asked for; {threads} were started, for {cores} can run at a time");
     }
     let built = ThreadPoolBuilder::new().num_threads(threads).build();
-    built.map_err(|error| Error::Threads { threads, reason: error.to_string() })
+    built.map_err(|error| Error::ThreadPool { threads, reason: error.to_string() })
 }
 
 /// The number of useful threads among those `asked` for.
@@ -205,7 +205,7 @@ fn start_global() -> Result<(), Error> {
         Err(error) if error.source().is_some() => Err(error.to_string()),
         _ => Ok(()),
     });
-    started.clone().map_err(|reason| Error::Threads { threads: cores(), reason })
+    started.clone().map_err(|reason| Error::ThreadPool { threads: cores(), reason })
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@
 
 use std::ops::Range;
 
-use lazygrid_kernels::{Query, Shear, Space, Sphere, Spheres, Straight};
+use lazygrid_kernels::{Orthogonalization, Query, Space, Sphere, Spheres, TriclinicCell};
 
 use crate::executor::Executor;
 
@@ -66,9 +66,9 @@ pub struct SearchFrame {
 enum Axes {
     /// The length of each axis as given, and its period in the frame.
     Orthogonal([Option<(f64, f32)>; 3]),
-    Triclinic(Straight),
+    Triclinic(Orthogonalization),
     /// The same for `f32` spheres, of which no frame is needed to tell the rounding.
-    Narrow(Straight),
+    Narrow(Orthogonalization),
 }
 
 impl Bounds {
@@ -136,13 +136,16 @@ impl Bounds {
 impl SearchFrame {
     /// The frame of spheres within these bounds. The `last` one stays if they suit it.
     pub(crate) fn of(bounds: &Bounds, space: &Space, last: Option<SearchFrame>) -> Self {
-        let periodic = space.shear().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3]);
+        let periodic =
+            space.triclinic_cell().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3]);
         let size = |origin: &[f64; 3]| {
-            let free = |axis: &usize| !periodic[*axis] && space.shear().is_none_or(|shear| shear.rank() < 3);
+            let free = |axis: &usize| {
+                !periodic[*axis] && space.triclinic_cell().is_none_or(|shear| shear.rank() < 3)
+            };
             let extent = (0..3).filter(free).map(|axis| bounds.reach(axis, origin[axis])).fold(0.0, f64::max);
             let spread =
                 (0..3).map(|axis| 0.5 * bounds.max[axis] - 0.5 * bounds.min[axis]).fold(0.0, f64::max);
-            let box_size = space.shear().map_or(0.0, Shear::longest);
+            let box_size = space.triclinic_cell().map_or(0.0, TriclinicCell::longest);
             let lengths = space.lengths().into_iter().flatten().fold(box_size, f64::max);
             let spread = if space.is_periodic() { 2.0 * MIN_SPREAD * spread } else { 0.0 };
             extent.max(lengths).max(spread)
@@ -159,9 +162,9 @@ impl SearchFrame {
     }
 
     /// The frame of `f32` spheres in a triclinic space.
-    pub(crate) fn narrow(shear: &Shear) -> Self {
-        let axes = Axes::Narrow(shear.straight(Straight::SCALE));
-        Self { origin: [0.0; 3], scale: Straight::SCALE, axes }
+    pub(crate) fn narrow(shear: &TriclinicCell) -> Self {
+        let axes = Axes::Narrow(shear.orthogonal_space(Orthogonalization::SCALE));
+        Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes }
     }
 
     /// Returns `true` if it is that of `f32` spheres in a triclinic space, which does not depend on them.
@@ -171,8 +174,8 @@ impl SearchFrame {
 
     fn at(origin: [f64; 3], scale: f64, space: &Space) -> Self {
         let period = |length: f64| ((length * scale) as f32).max(f32::MIN_POSITIVE);
-        let axes = match space.shear() {
-            Some(shear) => Axes::Triclinic(shear.straight(scale)),
+        let axes = match space.triclinic_cell() {
+            Some(shear) => Axes::Triclinic(shear.orthogonal_space(scale)),
             None => {
                 Axes::Orthogonal(space.lengths().map(|length| length.map(|length| (length, period(length)))))
             }

@@ -38,7 +38,7 @@ pub(crate) fn time(spheres: usize) -> f32 {
 /// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`], [`Error::Stopped`].
+/// [`Error::OutOfMemory`], [`Error::Cancelled`].
 pub(crate) fn search<'o, O: Output>(
     input: &SearchInput<'_>,
     columns: &Columns,
@@ -56,7 +56,7 @@ pub(crate) fn search<'o, O: Output>(
         let first = if input.split.is_none() { k } else { 0 };
         for other in first..tiles(others.clone()) {
             if input.is_stopped() {
-                return Err(Error::Stopped);
+                return Err(Error::Cancelled);
             }
             if !sink.stopped() {
                 let sink = &mut sink;

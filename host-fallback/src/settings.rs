@@ -54,7 +54,7 @@ pub struct Settings {
     /// A cell of the recursive grid is split when it holds more smaller spheres than this.
     pub tau: u32,
     /// Cell edge of the paper's grids as a multiple of the largest diameter. Between 0.5 and 16.
-    pub raster_ratio: f32,
+    pub cell_ratio: f32,
     /// The most pairs a list may hold (8 bytes each, and 12 to 16 more while they are ordered).
     pub max_pairs: u64,
     /// Which species pair, and at which distance; `None`: all that touch.
@@ -63,7 +63,7 @@ pub struct Settings {
     pub space: Space,
     /// `true` if candidates are kept from call to call.
     pub skin: Skin,
-    /// While this is true searches end with [`Error::Stopped`].
+    /// While this is true searches end with [`Error::Cancelled`].
     pub stop: Option<Arc<AtomicBool>>,
 }
 
@@ -73,19 +73,23 @@ impl Settings {
     pub const TAU: u32 = 512;
     /// Raster ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform
     /// scenes are fastest between 4 and 8, crowded ones in the array grid between 1 and 1.5.
-    pub const RASTER_RATIO: f32 = 4.0;
+    pub const CELL_RATIO: f32 = 4.0;
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
 
     /// Refuses settings outside their range.
     pub(crate) fn check(&self) -> Result<(), Error> {
-        if !(0.5..=16.0).contains(&self.raster_ratio) {
-            let value = self.raster_ratio.to_string();
-            return Err(Error::Setting { name: "raster_ratio", value, range: "choose between 0.5 and 16" });
+        if !(0.5..=16.0).contains(&self.cell_ratio) {
+            let value = self.cell_ratio.to_string();
+            return Err(Error::InvalidSetting {
+                name: "cell_ratio",
+                value,
+                range: "choose between 0.5 and 16",
+            });
         }
         if self.threads == Some(0) {
             let range = "choose at least one, or leave it unset";
-            return Err(Error::Setting { name: "threads", value: "0".into(), range });
+            return Err(Error::InvalidSetting { name: "threads", value: "0".into(), range });
         }
         if let Skin::Fixed(distance) = self.skin {
             self.check_skin(distance)?;
@@ -97,7 +101,7 @@ impl Settings {
     fn check_skin(&self, distance: f64) -> Result<(), Error> {
         let value = distance.to_string();
         if !SKIN_RANGE.contains(&(distance as f32)) {
-            return Err(Error::Setting {
+            return Err(Error::InvalidSetting {
                 name: "skin",
                 value,
                 range: "choose between 1e-14 and 1e17, `Auto` or `Off`",
@@ -106,7 +110,7 @@ impl Settings {
         if !self.keeps_candidates() {
             let range =
                 "only `Algorithm::CellList` and `Auto` keep candidates: choose one of them, or no skin";
-            return Err(Error::Setting { name: "skin", value, range });
+            return Err(Error::InvalidSetting { name: "skin", value, range });
         }
         Ok(())
     }
@@ -114,7 +118,7 @@ impl Settings {
     /// Returns `true` if every call is searched in a frame, whatever its spheres: in a triclinic space, and if a length or a
     /// distance is no `f32` number.
     pub fn is_framed(&self) -> bool {
-        self.space.shear().is_some() || !self.is_narrow()
+        self.space.triclinic_cell().is_some() || !self.is_narrow()
     }
 
     /// Returns `true` if the space and all distances are such that `f32` spheres need no bounds for their frame, if any.
@@ -136,7 +140,7 @@ impl Default for Settings {
             simd: Simd::detect(),
             threads: None,
             tau: Self::TAU,
-            raster_ratio: Self::RASTER_RATIO,
+            cell_ratio: Self::CELL_RATIO,
             max_pairs: Self::MAX_PAIRS,
             interactions: None,
             space: Space::UNBOUNDED,

@@ -26,7 +26,7 @@ pub enum InputError {
     },
     /// A fault of the second of two sets of spheres.
     #[error("of the second set, {0}")]
-    Second(Box<InputError>),
+    SecondSet(Box<InputError>),
     /// Columns or ids of different lengths.
     #[error("`{what}` has {length} values where {expected} are needed: one per sphere")]
     Lengths {
@@ -73,7 +73,7 @@ pub enum InputError {
     #[error(
         "the length {length} of the periodic axis {axis} must be finite and above 0; leave an unbounded axis out"
     )]
-    Period {
+    PeriodicLength {
         /// Which axis: `x`, `y` or `z`.
         axis: char,
         /// The length given.
@@ -83,11 +83,11 @@ pub enum InputError {
     #[error(
         "the edges {} must be finite and independent, and their box no thinner than 2^-24 of its longest edge; leave out \
          edges along which space does not repeat",
-        .edges.iter().flatten().map(|[x, y, z]| format!("({x}, {y}, {z})")).collect::<Vec<_>>().join(", ")
+        .vectors.iter().flatten().map(|[x, y, z]| format!("({x}, {y}, {z})")).collect::<Vec<_>>().join(", ")
     )]
-    Edges {
+    CellVectors {
         /// The edges given.
-        edges: Box<[Option<[f64; 3]>; 3]>,
+        vectors: Box<[Option<[f64; 3]>; 3]>,
     },
     /// Too many images of spheres are within reach of another.
     #[error(
@@ -116,7 +116,7 @@ pub enum InputError {
         "the excluded pair ({i}, {j}) names a sphere that is none of the {first} and {second} there are; give indices of \
          spheres, from 0 on"
     )]
-    Excluded {
+    ExcludedIndex {
         /// The first of the two.
         i: u32,
         /// The second.
@@ -131,7 +131,7 @@ pub enum InputError {
         "offset {at} of the excluded pairs is {offset}; {offsets} offsets must begin with 0, never fall, and end with the \
          number of indices, {indices}"
     )]
-    ExcludedRows {
+    ExcludedOffsets {
         /// Which offset is wrong.
         at: usize,
         /// Its value.
@@ -146,7 +146,7 @@ pub enum InputError {
         "pairs are excluded among {} where the call has {}; make `Exclusions` anew when spheres come or go",
         sets(.made_for), sets(.given)
     )]
-    ExclusionsOfOthers {
+    ExclusionSizeMismatch {
         /// The numbers of spheres that they were made for, of one set or of each of two.
         made_for: (usize, Option<usize>),
         /// The actual number.
@@ -173,7 +173,7 @@ pub enum Error {
     Input(#[from] InputError),
     /// A setting outside its range.
     #[error("{name} = {value} is out of range; {range}")]
-    Setting {
+    InvalidSetting {
         /// The setting.
         name: &'static str,
         /// Its value.
@@ -204,7 +204,7 @@ pub enum Error {
     #[error(
         "the search was told to stop, by the flag that was given as `stop`; clear it before the next call"
     )]
-    Stopped,
+    Cancelled,
     /// The system refused memory.
     #[error("no memory for {what}: {bytes} bytes were refused; use fewer spheres or stream the pairs")]
     OutOfMemory {
@@ -215,7 +215,7 @@ pub enum Error {
     },
     /// The thread pool could not be made.
     #[error("could not start {threads} threads: {reason}; ask for fewer")]
-    Threads {
+    ThreadPool {
         /// The requested number.
         threads: usize,
         /// The message of the system.
@@ -246,19 +246,19 @@ pub enum Error {
     },
     /// No adapter, or more than one, is what was asked for.
     #[error(
-        "{} by '{asked}'; give the index or a part of one name only: {there_are}",
-        match .fitting {
+        "{} by '{requested}'; give the index or a part of one name only: {available}",
+        match .matches {
             0 => "no adapter is meant".to_owned(),
             several => format!("{several} adapters are meant"),
         }
     )]
     UnknownAdapter {
         /// The index or name.
-        asked: String,
+        requested: String,
         /// The number of adapters that match.
-        fitting: usize,
+        matches: usize,
         /// Index, name and API of each adapter.
-        there_are: String,
+        available: String,
     },
     /// The adapter refused to open a device.
     #[error("adapter {adapter} refused a device: {reason}")]
@@ -298,7 +298,7 @@ pub enum Error {
     },
     /// The device refused a call: a fault of this library or of a buffer that was handed over.
     #[error("the device refused {what}: {reason}")]
-    Validation {
+    DeviceRejected {
         /// The operation.
         what: &'static str,
         /// The message of the device.
@@ -314,7 +314,7 @@ pub enum Error {
     },
     /// As many calls are in flight as a session can hold, or the ticket is of a call that failed.
     #[error("{calls} calls are in flight, or this one failed; finish a call before beginning the next")]
-    Busy {
+    TooManyInFlight {
         /// The number of calls that may be in flight.
         calls: usize,
     },

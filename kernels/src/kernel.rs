@@ -1,18 +1,18 @@
 //! The GPU kernels: WGSL sources and what a host must know to run them. Nothing here calls a device.
 
-use crate::layout::{Call, Lengths};
+use crate::layout::{SearchParams, SortCounts};
 use crate::wgsl;
 
-mod pieces;
+mod includes;
 mod sizes;
 
-use pieces::PIECES;
+use includes::INCLUDES;
 use sizes::{SCAN_ITEMS, SPHERES_PER_THREAD};
 
 pub use sizes::{
-    BOUNDS_TILE, CROWDED_TILES, CROWDED_TURNS, DENSITY_TILE, DEPTHS, DIGIT_BITS, GROUP,
-    MAX_ENTRIES_PER_SPHERE, MAX_ENTRY_OBJECTS, MAX_TURNS, NAIVE_TILES, NAIVE_TURNS, NARROW_TILE, SCAN_TILE,
-    SCANNED_AT_ONCE, SHARE, WIDE_TILE,
+    BOUNDS_TILE, CANDIDATES_PER_INVOCATION, DENSITY_TILE, DEPTHS, DIGIT_BITS, MAX_ENTRIES_PER_SPHERE,
+    MAX_ENTRY_OBJECTS, MAX_LOOP_ITERATIONS, NAIVE_ITERATIONS_PER_TILE, NAIVE_TILES, NARROW_TILE,
+    RUN_ITERATIONS_PER_TILE, RUN_TILES, SCAN_TILE, SCANNED_AT_ONCE, WIDE_TILE, WORKGROUP_SIZE,
 };
 
 /// The use of a binding by a kernel; the position in [`Kernel::bindings`] is the binding number of group 0.
@@ -58,7 +58,7 @@ pub struct Variant {
     pub periodic: bool,
     /// `true` if a radix pass sorts tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], which takes 20 KiB of
     /// workgroup memory instead of 12 or more.
-    pub wide: bool,
+    pub wide_tiles: bool,
 }
 
 impl Variant {
@@ -73,7 +73,7 @@ impl Variant {
         let serves = |&size: &u32| size >= 4 && fits(Self { subgroups: Some(size), ..Self::default() });
         Self {
             subgroups: smallest_subgroup.filter(serves),
-            wide: fits(Self { wide: true, ..Self::default() }),
+            wide_tiles: fits(Self { wide_tiles: true, ..Self::default() }),
             ..Self::default()
         }
     }
@@ -90,19 +90,19 @@ impl Variant {
 
     fn radix_scratch(self) -> u32 {
         let tables = match self.subgroups {
-            Some(size) if self.ranks_by_subgroup() => GROUP / size * 128,
-            _ => 8 * GROUP,
+            Some(size) if self.ranks_by_subgroup() => WORKGROUP_SIZE / size * 128,
+            _ => 8 * WORKGROUP_SIZE,
         };
         tables.max(self.radix_tile())
     }
 
     /// Keys that one workgroup sorts in a radix pass.
     pub fn radix_tile(self) -> u32 {
-        if self.wide { WIDE_TILE } else { NARROW_TILE }
+        if self.wide_tiles { WIDE_TILE } else { NARROW_TILE }
     }
 }
 
-impl Lengths {
+impl SortCounts {
     /// The lengths for a sort of `items` keys in tiles of so many: a counter per digit and tile.
     pub fn for_sort(items: u32, tile: u32) -> Self {
         Self { items, counters: items.div_ceil(tile) << DIGIT_BITS }
@@ -115,7 +115,7 @@ pub struct Kernel {
     /// Entry point, and the name of the file.
     pub name: &'static str,
     /// Threads per workgroup.
-    pub group_size: u32,
+    pub workgroup_size: u32,
     source: &'static str,
     bindings: &'static [Binding],
     species_bindings: &'static [Binding],
@@ -131,12 +131,12 @@ impl Kernel {
     }
 
     /// The part of a variant that changes this kernel's text.
-    pub fn reduced(&self, variant: Variant) -> Variant {
+    pub fn effective_variant(&self, variant: Variant) -> Variant {
         Variant {
             subgroups: variant.subgroups.filter(|_| self.uses_subgroups),
             species: variant.species && !self.species_bindings.is_empty(),
             periodic: variant.periodic && self.knows_periods,
-            wide: variant.wide && self.source.contains("#{RADIX_ITEMS}"),
+            wide_tiles: variant.wide_tiles && self.source.contains("#{RADIX_ITEMS}"),
         }
     }
 
@@ -147,8 +147,8 @@ impl Kernel {
         for (subgroups, flags) in
             subgroups.into_iter().flat_map(|size| (0..8).map(move |flags| (size, flags)))
         {
-            let [species, periodic, wide] = [1, 2, 4].map(|flag| flags & flag != 0);
-            let variant = self.reduced(Variant { subgroups, species, periodic, wide });
+            let [species, periodic, wide_tiles] = [1, 2, 4].map(|flag| flags & flag != 0);
+            let variant = self.effective_variant(Variant { subgroups, species, periodic, wide_tiles });
             if !found.contains(&variant) {
                 found.push(variant);
             }
@@ -158,26 +158,26 @@ impl Kernel {
 
     /// The kernel's complete WGSL text, as naga takes it.
     pub fn wgsl(&self, variant: Variant) -> String {
-        Expansion { variant: self.reduced(variant), is_standard: false }.expand(self.source)
+        Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
     /// The same for compilers that go by the standard, such as those of browsers. They ask for subgroups to be
     /// enabled, which naga 30 refuses, and for leave to use them where only this library knows that a whole subgroup
     /// arrives, which makes naga warn.
-    pub fn standard_wgsl(&self, variant: Variant) -> String {
-        let variant = self.reduced(variant);
-        let text = Expansion { variant, is_standard: true }.expand(self.source);
+    pub fn strict_wgsl(&self, variant: Variant) -> String {
+        let variant = self.effective_variant(variant);
+        let text = Preprocessor { variant, strict: true }.expand(self.source);
         if variant.subgroups.is_some() { format!("enable subgroups;\n{text}") } else { text }
     }
 }
 
 macro_rules! kernels {
-    ($($(#[$doc:meta])* $id:ident = $name:literal, $size:expr, subgroups: $sub:literal,
+    ($($(#[$doc:meta])* $id:ident = $folder:literal / $name:literal, $size:expr, subgroups: $sub:literal,
        periodic: $per:literal, [$($binding:expr),* $(,)?], species: [$($species:expr),* $(,)?];)*) => {
         $($(#[$doc])* pub static $id: Kernel = Kernel {
             name: $name,
-            group_size: $size,
-            source: include_str!(concat!("shader/", $name, ".wgsl")),
+            workgroup_size: $size,
+            source: include_str!(concat!("shader/", $folder, "/", $name, ".wgsl")),
             bindings: &[$($binding),*],
             species_bindings: &[$($species),*],
             uses_subgroups: $sub,
@@ -190,164 +190,164 @@ macro_rules! kernels {
 
 kernels! {
     /// Clears what a call accumulates.
-    CALL_BEGIN = "call_begin", 1, subgroups: false, periodic: false,
-        [uniform("call"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
+    CALL_BEGIN = "grid" / "call_begin", 1, subgroups: false, periodic: false,
+        [uniform("params"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
     /// Moves each sphere to its image nearest to the origin.
-    SPHERES_WRAP = "spheres_wrap", GROUP, subgroups: false, periodic: false,
-        [uniform("call"), read("grid"), read("given"), write("wrapped")], species: [];
+    SPHERES_WRAP = "grid" / "spheres_wrap", WORKGROUP_SIZE, subgroups: false, periodic: false,
+        [uniform("params"), read("grid"), read("given"), write("wrapped")], species: [];
     /// Bounds of the valid spheres, number of the others.
-    BOUNDS_REDUCE = "bounds_reduce", GROUP, subgroups: true, periodic: false,
-        [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
-        species: [read("species"), read("reach")];
+    BOUNDS_REDUCE = "grid" / "bounds_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
+        [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
+        species: [read("species"), read("species_params")];
     /// Chooses the grid.
-    GRID_CONFIGURE = "grid_configure", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("spheres"), write("bounds"), write("grid")], species: [];
+    GRID_CONFIGURE = "grid" / "grid_configure", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("spheres"), write("bounds"), write("grid")], species: [];
     /// Clears the density table.
-    DENSITY_CLEAR = "density_clear", GROUP, subgroups: false, periodic: false,
-        [uniform("call"), read("grid"), write("density")], species: [];
+    OCCUPANCY_CLEAR = "grid" / "occupancy_clear", WORKGROUP_SIZE, subgroups: false, periodic: false,
+        [uniform("params"), read("grid"), write("occupancy")], species: [];
     /// Finds each sphere's depth and cells.
-    CELLS_FIND = "cells_find", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("cells"), write("density")],
-        species: [read("species"), read("reach")];
+    CELLS_FIND = "grid" / "cells_find", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("cells"), write("occupancy")],
+        species: [read("species"), read("species_params")];
     /// Counts the smaller spheres in cells of deeper levels.
-    LEVELS_REFINE = "levels_refine", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("grid"), write("bounds"), read("cells"), write("density")], species: [];
+    LEVELS_COUNT = "grid" / "levels_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("grid"), write("bounds"), read("cells"), write("occupancy")], species: [];
     /// Shares the keys out among the levels.
-    LEVELS_SETTLE = "levels_settle", DEPTHS, subgroups: false, periodic: true,
-        [uniform("call"), write("bounds"), write("grid")], species: [];
+    LEVELS_ASSIGN_KEYS = "grid" / "levels_assign_keys", DEPTHS, subgroups: false, periodic: true,
+        [uniform("params"), write("bounds"), write("grid")], species: [];
     /// Writes one entry per overlapped cell and level.
-    ENTRIES_EMIT = "entries_emit", GROUP, subgroups: true, periodic: true,
-        [uniform("call"), read("grid"), read("cells"), write("density"), write("outcome"), write("keys"),
+    ENTRIES_EMIT = "grid" / "entries_emit", WORKGROUP_SIZE, subgroups: true, periodic: true,
+        [uniform("params"), read("grid"), read("cells"), write("occupancy"), write("outcome"), write("keys"),
          write("objects")], species: [];
     /// Settles how many entries there are.
-    ENTRIES_CLOSE = "entries_close", 1, subgroups: false, periodic: false,
-        [uniform("call"), write("outcome"), write("lengths")], species: [];
+    ENTRIES_FINISH = "grid" / "entries_finish", 1, subgroups: false, periodic: false,
+        [uniform("params"), write("outcome"), write("sort_counts")], species: [];
     /// Sums of the tiles of a scan.
-    SCAN_REDUCE = "scan_reduce", GROUP, subgroups: false, periodic: false,
-        [read("lengths"), read("values"), write("sums")], species: [];
+    SCAN_REDUCE = "sort" / "scan_reduce", WORKGROUP_SIZE, subgroups: false, periodic: false,
+        [read("sort_counts"), read("values"), write("sums")], species: [];
     /// Prefixes of those sums, and the total.
-    SCAN_SPINE = "scan_spine", GROUP, subgroups: false, periodic: false,
-        [read("lengths"), write("sums"), write("total")], species: [];
+    SCAN_SPINE = "sort" / "scan_spine", WORKGROUP_SIZE, subgroups: false, periodic: false,
+        [read("sort_counts"), write("sums"), write("total")], species: [];
     /// Prefixes of all values, in place.
-    SCAN_SPREAD = "scan_spread", GROUP, subgroups: true, periodic: false,
-        [read("lengths"), read("sums"), write("values")], species: [];
+    SCAN_SPREAD = "sort" / "scan_spread", WORKGROUP_SIZE, subgroups: true, periodic: false,
+        [read("sort_counts"), read("sums"), write("values")], species: [];
     /// Prefixes of few values, in place and at once.
-    SCAN_ONCE = "scan_once", GROUP, subgroups: true, periodic: false, [read("lengths"), write("values")], species: [];
+    SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
     /// Digit counts of a radix pass.
-    RADIX_COUNT = "radix_count", GROUP, subgroups: false, periodic: false,
-        [uniform("digit_pass"), read("lengths"), read("keys"), write("counts")], species: [];
+    RADIX_COUNT = "sort" / "radix_count", WORKGROUP_SIZE, subgroups: false, periodic: false,
+        [uniform("digit_pass"), read("sort_counts"), read("keys"), write("counts")], species: [];
     /// Prefixes of the counts of each digit.
-    RADIX_SCAN = "radix_scan", GROUP, subgroups: true, periodic: false,
-        [read("lengths"), write("counts"), write("totals")], species: [];
+    RADIX_SCAN = "sort" / "radix_scan", WORKGROUP_SIZE, subgroups: true, periodic: false,
+        [read("sort_counts"), write("counts"), write("totals")], species: [];
     /// Moves keys and payload to their places.
-    RADIX_SCATTER = "radix_scatter", GROUP, subgroups: true, periodic: false,
-        [uniform("digit_pass"), read("lengths"), read("keys"), read("payload"), read("counts"), read("totals"),
+    RADIX_SCATTER = "sort" / "radix_scatter", WORKGROUP_SIZE, subgroups: true, periodic: false,
+        [uniform("digit_pass"), read("sort_counts"), read("keys"), read("payload"), read("counts"), read("totals"),
          write("sorted_keys"), write("sorted_payload")], species: [];
     /// Pairs of entries close together in a run.
-    RUNS_SEARCH = "runs_search", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),
-         write("outcome"), write("pairs"), write("crowded")],
+    RUNS_SEARCH_NEAR = "grid" / "runs_search_near", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
+         write("outcome"), write("pairs"), write("deferred")],
         species: [read("species"), read("table")];
     /// Sizes the crowded search.
-    CROWDED_OPEN = "crowded_open", 1, subgroups: false, periodic: false,
-        [uniform("call"), write("outcome"), write("dispatch")], species: [];
+    RUNS_SEARCH_FAR_DISPATCH_ARGS = "grid" / "runs_search_far_dispatch_args", 1, subgroups: false, periodic: false,
+        [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of entries far apart in a crowded run.
-    CROWDED_SEARCH = "crowded_search", GROUP, subgroups: true, periodic: true,
-        [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),
-         write("outcome"), write("pairs"), read("crowded")],
+    RUNS_SEARCH_FAR = "grid" / "runs_search_far", WORKGROUP_SIZE, subgroups: true, periodic: true,
+        [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
+         write("outcome"), write("pairs"), read("deferred")],
         species: [read("species"), read("table")];
     /// All pairs.
-    NAIVE_SEARCH = "naive_search", GROUP, subgroups: true, periodic: true,
-        [uniform("call"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
-        species: [read("species"), read("reach"), read("table")];
+    NAIVE_SEARCH = "grid" / "naive_search", WORKGROUP_SIZE, subgroups: true, periodic: true,
+        [uniform("params"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
+        species: [read("species"), read("species_params"), read("table")];
     /// Bounds and sizes of the spheres of a cell list.
-    SPHERES_SURVEY = "spheres_survey", GROUP, subgroups: true, periodic: false,
-        [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("starts"), write("density")],
-        species: [read("species"), read("reach")];
+    STATS_REDUCE = "cell_list" / "stats_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
+        [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("starts"), write("occupancy")],
+        species: [read("species"), read("species_params")];
     /// Chooses the cells of a cell list.
-    LIST_CONFIGURE = "list_configure", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("list"), write("outcome"),
-         write("lengths")],
-        species: [read("species"), read("reach")];
+    CELL_LIST_CONFIGURE = "cell_list" / "cell_list_configure", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
+         write("sort_counts")],
+        species: [read("species"), read("species_params")];
     /// Both of few spheres.
-    LIST_BEGIN = "list_begin", GROUP, subgroups: true, periodic: true,
-        [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("list"), write("outcome"),
-         write("lengths"), write("starts"), write("density")],
-        species: [read("species"), read("reach")];
+    CELL_LIST_SETUP_SMALL = "cell_list" / "cell_list_setup_small", WORKGROUP_SIZE, subgroups: true, periodic: true,
+        [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
+         write("sort_counts"), write("starts"), write("occupancy")],
+        species: [read("species"), read("species_params")];
     /// Counts the spheres in each cell of the first level.
-    DENSITY_COUNT = "density_count", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("list"), read("spheres"), write("density")],
-        species: [read("species"), read("reach")];
+    OCCUPANCY_COUNT = "cell_list" / "occupancy_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("cell_list"), read("spheres"), write("occupancy")],
+        species: [read("species"), read("species_params")];
     /// Finds each sphere's cell and counts those of each cell.
-    HOMES_COUNT = "homes_count", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("list"), read("spheres"), write("density"), write("outcome"), write("starts"),
-         write("homes")],
-        species: [read("species"), read("reach")];
+    CELLS_COUNT = "cell_list" / "cells_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("cell_list"), read("spheres"), write("occupancy"), write("outcome"), write("starts"),
+         write("cell_ranks")],
+        species: [read("species"), read("species_params")];
     /// Finds each sphere's cell as a key to sort by.
-    HOMES_KEY = "homes_key", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), uniform("digit_pass"), read("list"), read("lengths"), read("spheres"), write("density"),
+    CELLS_KEY = "cell_list" / "cells_key", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), uniform("digit_pass"), read("cell_list"), read("sort_counts"), read("spheres"), write("occupancy"),
          write("outcome"), write("keys"), write("counts")],
-        species: [read("species"), read("reach")];
+        species: [read("species"), read("species_params")];
     /// The start of each cell's spheres.
-    CELLS_INDEX = "cells_index", GROUP, subgroups: false, periodic: false,
-        [read("list"), read("cells"), write("starts")], species: [];
+    CELL_STARTS_FIND = "cell_list" / "cell_starts_find", WORKGROUP_SIZE, subgroups: false, periodic: false,
+        [read("cell_list"), read("cells"), write("starts")], species: [];
     /// Brings the spheres into the order of their cells.
-    SPHERES_GATHER = "spheres_gather", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("list"), read("spheres"), read("order"), write("sorted")],
+    SPHERES_GATHER = "cell_list" / "spheres_gather", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("cell_list"), read("spheres"), read("order"), write("sorted")],
         species: [read("species"), write("sorted_species")];
     /// Puts the spheres in the order of their cells.
-    SPHERES_PLACE = "spheres_place", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("list"), read("spheres"), read("starts"), read("homes"), write("sorted"),
+    SPHERES_SCATTER = "cell_list" / "spheres_scatter", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("cell_list"), read("spheres"), read("starts"), read("cell_ranks"), write("sorted"),
          write("cells"), write("order")],
         species: [read("species"), write("sorted_species")];
     /// Pairs of each sphere with the first share of its candidates.
-    LIST_SEARCH = "list_search", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
-         write("outcome"), write("pairs"), write("crowded")],
+    CELL_LIST_SEARCH = "cell_list" / "cell_list_search", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
+         write("outcome"), write("pairs"), write("deferred")],
         species: [read("sorted_species"), read("table")];
     /// Sizes the search of further shares.
-    SHARES_OPEN = "shares_open", 1, subgroups: false, periodic: false,
-        [uniform("call"), write("outcome"), write("dispatch")], species: [];
+    CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS = "cell_list" / "cell_list_search_overflow_dispatch_args", 1, subgroups: false, periodic: false,
+        [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of each sphere of a crowded block with a further share of its candidates.
-    SHARES_SEARCH = "shares_search", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
-         write("outcome"), write("pairs"), read("crowded")],
+    CELL_LIST_SEARCH_OVERFLOW = "cell_list" / "cell_list_search_overflow", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
+         write("outcome"), write("pairs"), read("deferred")],
         species: [read("sorted_species"), read("table")];
     /// The displacements of spheres since the candidates were found.
-    SKIN_MEASURE = "skin_measure", GROUP, subgroups: true, periodic: true,
-        [uniform("call"), uniform("skin"), read("count_source"), read("spheres"), read("kept"), write("state")],
-        species: [read("species"), read("kept_species")];
+    SKIN_DISPLACEMENT = "skin" / "skin_displacement", WORKGROUP_SIZE, subgroups: true, periodic: true,
+        [uniform("params"), uniform("skin"), read("count_source"), read("spheres"), read("reference"), write("state")],
+        species: [read("species"), read("reference_species")];
     /// Decides whether candidates are found anew.
-    SKIN_DECIDE = "skin_decide", 64, subgroups: false, periodic: false,
-        [uniform("call"), uniform("skin"), read("count_source"), write("state"), read("full"), write("gate"),
+    SKIN_CHECK = "skin" / "skin_check", 64, subgroups: false, periodic: false,
+        [uniform("params"), uniform("skin"), read("count_source"), write("state"), read("full_counts"), write("dispatch_counts"),
          write("dispatch")], species: [];
     /// Keeps the spheres, widened, where candidates are found anew.
-    SKIN_KEEP = "skin_keep", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), uniform("skin"), read("spheres"), write("state"), write("kept")],
-        species: [read("species"), write("kept_species")];
+    SKIN_STORE_REFERENCE = "skin" / "skin_store_reference", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), uniform("skin"), read("spheres"), write("state"), write("reference")],
+        species: [read("species"), write("reference_species")];
     /// Sizes the test of the candidates.
-    CANDIDATES_OPEN = "candidates_open", 1, subgroups: false, periodic: false,
-        [uniform("call"), uniform("skin"), read("count_source"), write("found"), write("state"), write("outcome"),
+    CANDIDATES_TEST_DISPATCH_ARGS = "skin" / "candidates_test_dispatch_args", 1, subgroups: false, periodic: false,
+        [uniform("params"), uniform("skin"), read("count_source"), write("found"), write("state"), write("outcome"),
          write("dispatch")], species: [];
     /// Pairs among the candidates.
-    CANDIDATES_TEST = "candidates_test", GROUP, subgroups: false, periodic: true,
-        [uniform("call"), read("candidates"), write("state"), read("spheres"), write("outcome"), write("pairs")],
+    CANDIDATES_TEST = "skin" / "candidates_test", WORKGROUP_SIZE, subgroups: false, periodic: true,
+        [uniform("params"), read("candidates"), write("state"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("table")];
     /// Overflow flag and indirect-dispatch arguments.
-    OUTCOME_FINISH = "outcome_finish", 1, subgroups: false, periodic: false,
-        [uniform("call"), write("outcome")], species: [];
+    OUTCOME_FINISH = "shared" / "outcome_finish", 1, subgroups: false, periodic: false,
+        [uniform("params"), write("outcome")], species: [];
 }
 
 /// A text with its pieces in place, and `#{NAME}` as what it stands for. What is behind `#standard` is only in the text
 /// for compilers that go by the standard.
-struct Expansion {
+struct Preprocessor {
     variant: Variant,
-    is_standard: bool,
+    strict: bool,
 }
 
-impl Expansion {
+impl Preprocessor {
     fn expand(&self, source: &str) -> String {
-        let mut text = wgsl::expand(source, &PIECES, &|name| self.is_defined(name));
+        let mut text = wgsl::expand(source, &INCLUDES, &|name| self.is_defined(name));
         for (name, value) in self.constants() {
             text = text.replace(&format!("#{{{name}}}"), &value.to_string());
         }
@@ -360,20 +360,23 @@ impl Expansion {
             "SUBGROUP_RANKING" => self.variant.ranks_by_subgroup(),
             "SPECIES" => self.variant.species,
             "PERIODIC" => self.variant.periodic,
-            "STANDARD" => self.is_standard,
+            "STANDARD" => self.strict,
             _ => false,
         }
     }
 
     fn constants(&self) -> [(&'static str, u32); 7] {
         [
-            ("CROWDED_TILES", CROWDED_TILES),
-            ("MAX_SUBGROUPS", GROUP / self.variant.subgroups.unwrap_or(GROUP).clamp(1, GROUP)),
-            ("RADIX_ITEMS", self.variant.radix_tile() / GROUP),
+            ("RUN_TILES", RUN_TILES),
+            (
+                "MAX_SUBGROUPS",
+                WORKGROUP_SIZE / self.variant.subgroups.unwrap_or(WORKGROUP_SIZE).clamp(1, WORKGROUP_SIZE),
+            ),
+            ("RADIX_ITEMS", self.variant.radix_tile() / WORKGROUP_SIZE),
             ("RADIX_SCRATCH", self.variant.radix_scratch()),
             ("SCAN_ITEMS", SCAN_ITEMS),
             ("SPHERES_PER_THREAD", SPHERES_PER_THREAD),
-            ("UNPARTED", Call::UNPARTED),
+            ("UNLIMITED", SearchParams::UNLIMITED),
         ]
     }
 }

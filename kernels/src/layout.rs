@@ -13,7 +13,7 @@ use crate::Space;
 /// bound as `count_source`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Call {
+pub struct SearchParams {
     /// The number of spheres, or the most there may be when the number comes from a buffer.
     pub spheres: u32,
     /// Pairs that the output buffer holds.
@@ -23,27 +23,27 @@ pub struct Call {
     /// Bits of a cell's key.
     pub key_bits: u32,
     /// Cell edge as a multiple of the largest diameter.
-    pub raster_ratio: f32,
+    pub cell_ratio: f32,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
     /// Workgroups of the naive search.
     pub search_groups: u32,
     /// Threads per workgroup of the consumer of the pairs by indirect dispatch.
-    pub consumer_group: u32,
+    pub consumer_workgroup_size: u32,
     /// Only pairs whose smaller index is in `window_begin..window_end` are counted and written, so that a result
     /// larger than the output can be taken in parts.
     pub window_begin: u32,
     /// The end of that window.
     pub window_end: u32,
     /// Which cells hand their smaller spheres down to the next level: 0 none, 1 all, 2 those with more than `tau`.
-    pub refinement: u32,
+    pub split_policy: u32,
     /// The most smaller spheres in a cell that is settled by brute force.
     pub tau: u32,
     /// Counters in either half of the density table, a power of two.
-    pub density_slots: u32,
+    pub occupancy_slots: u32,
     /// Tiles of entries that the crowded search compares in one part of a call, unless a single block has more;
-    /// [`Call::UNPARTED`] where it is to be done in one.
-    pub part_tiles: u32,
+    /// [`SearchParams::UNLIMITED`] where it is to be done in one.
+    pub tiles_per_submission: u32,
     /// Length of the axis x where it is periodic, else 0.
     pub period_x: f32,
     /// Length of the axis y where it is periodic, else 0.
@@ -56,27 +56,27 @@ pub struct Call {
     pub counters: u32,
     /// The number of spheres of the first of two sets, which come before those of the second: only pairs of one of each are
     /// found. 0 finds all pairs.
-    pub split: u32,
+    pub second_set_start: u32,
     /// Keys of a tile where a cell list is sorted by radix; 0 where it is sorted by counting.
-    pub tile: u32,
+    pub radix_tile: u32,
     /// Candidates of one sphere that one invocation tests.
-    pub share: u32,
+    pub candidates_per_invocation: u32,
     /// Workgroups for further shares of each block; 0 where the device finds how many it takes.
-    pub further_shares: u32,
+    pub overflow_workgroups: u32,
     /// 1 where pairs of a cell list are to name places in the order of the cells.
-    pub sorted_pairs: u32,
-    /// The sides of a cell list that are compared: [`Call::FIRST_WITH_ITSELF`], [`Call::FIRST_WITH_SECOND`] and
-    /// [`Call::SECOND_WITH_ITSELF`].
-    pub meetings: u32,
-    /// The interaction of all spheres of sides that meet, if it is the same for all: a distance, or [`Call::TOUCH`]; else
-    /// [`Call::BY_SPECIES`].
+    pub pairs_in_cell_order: u32,
+    /// The sides of a cell list that are compared: [`SearchParams::FIRST_WITH_ITSELF`], [`SearchParams::FIRST_WITH_SECOND`] and
+    /// [`SearchParams::SECOND_WITH_ITSELF`].
+    pub side_pairs: u32,
+    /// The interaction of all spheres of sides that meet, if it is the same for all: a distance, or [`SearchParams::TOUCH`]; else
+    /// [`SearchParams::BY_SPECIES`].
     pub interaction: f32,
 }
 
 /// Which digit a radix pass sorts by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Pass {
+pub struct RadixPass {
     /// Its lowest bit.
     pub shift: u32,
     /// The mask of a key after the shift.
@@ -85,9 +85,9 @@ pub struct Pass {
     pub is_first: u32,
 }
 
-impl Call {
-    /// The same as [`part_tiles`](Self::part_tiles): all of the crowded search in one part, however much that is.
-    pub const UNPARTED: u32 = u32::MAX;
+impl SearchParams {
+    /// The same as [`tiles_per_submission`](Self::tiles_per_submission): all of the crowded search in one part, however much that is.
+    pub const UNLIMITED: u32 = u32::MAX;
 
     /// Spheres of the first side are compared with each other.
     pub const FIRST_WITH_ITSELF: u32 = 1;
@@ -122,7 +122,7 @@ pub struct Bounds {
     /// Bits of the largest effective radius.
     pub radius_max: u32,
     /// Depths that occur, a bit each.
-    pub depths: u32,
+    pub depth_mask: u32,
     /// The number of spheres of each depth that descend below the first level.
     pub descending: [u32; 32],
 }
@@ -130,7 +130,7 @@ pub struct Bounds {
 /// The share of the keys that belongs to the cells of one depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ShaderType, Zeroable)]
 #[repr(C)]
-pub struct Level {
+pub struct LevelKeys {
     /// Key bits of each axis.
     pub bits: UVec3,
     /// The first key.
@@ -152,19 +152,19 @@ pub struct Grid {
     /// The lowest cell of depth 0.
     pub low: IVec3,
     /// As in the call; 0 where one level turned out to do.
-    pub refinement: u32,
+    pub split_policy: u32,
     /// The highest cell of depth 0.
     pub high: IVec3,
     /// Depths that are levels, a bit each.
-    pub depths: u32,
+    pub level_mask: u32,
     /// Edges of depth 0 once around each periodic axis, 0 for an unbounded one.
-    pub turns: Vec3,
+    pub ring_cells: Vec3,
     /// Depths that have spheres, a bit each.
-    pub occupied: u32,
+    pub depth_mask: u32,
     /// The key bit that marks passive entries, or 0.
     pub passive: u32,
     /// Keys of each depth.
-    pub levels: [Level; 32],
+    pub levels: [LevelKeys; 32],
 }
 
 /// The result besides the pairs, as it lies in the outcome buffer.
@@ -175,7 +175,7 @@ pub struct Outcome {
     pub found_lo: u32,
     /// High word of the number of pairs found.
     pub found_hi: u32,
-    /// Bits [`Outcome::PAIRS`], [`Outcome::ENTRIES`], [`Outcome::SPHERES`] and [`Outcome::CANDIDATES`].
+    /// Bits [`Outcome::OVERFLOW_PAIRS`], [`Outcome::OVERFLOW_ENTRIES`], [`Outcome::OVERFLOW_SPHERES`] and [`Outcome::OVERFLOW_CANDIDATES`].
     pub overflow: u32,
     /// Spheres that are not finite or have a negative radius (or an unknown species): they pair with nothing.
     pub quarantined: u32,
@@ -186,7 +186,7 @@ pub struct Outcome {
     /// Third dimension of that dispatch, 1.
     pub dispatch_z: u32,
     /// Blocks of entries that went to the crowded search.
-    pub crowded: u32,
+    pub deferred_blocks: u32,
     /// Low word of the number of entries.
     pub entries_lo: u32,
     /// High word of the number of entries.
@@ -194,28 +194,28 @@ pub struct Outcome {
     /// Spheres that the call was given.
     pub spheres: u32,
     /// The most tiles of entries that one of those blocks is compared with.
-    pub crowded_tiles: u32,
+    pub deferred_max_tiles: u32,
     /// The first of those blocks that the last part of the crowded search took.
-    pub crowded_begin: u32,
+    pub deferred_begin: u32,
     /// One past the last of them.
-    pub crowded_end: u32,
+    pub deferred_end: u32,
     /// Cell list: spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
-    pub densest: u32,
-    /// 1 where pairs name places in the order of the cells (`GpuConfig::sorted_pairs`), 0 where they name the spheres as
+    pub max_occupancy: u32,
+    /// 1 where pairs name places in the order of the cells (`GpuConfig::pairs_in_cell_order`), 0 where they name the spheres as
     /// given.
-    pub is_sorted: u32,
+    pub pairs_in_cell_order: u32,
 }
 
 /// The parameters of a candidate list that outlives a call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Skin {
+pub struct SkinParams {
     /// Half of the skin, by which radii grow.
-    pub half: f32,
+    pub half_skin: f32,
     /// The square of how far a sphere may go: a little less than that half.
-    pub usable: f32,
+    pub limit_squared: f32,
     /// Candidates that there is room for.
-    pub capacity: u32,
+    pub candidate_capacity: u32,
 }
 
 /// The state of the candidate list, kept on the device between calls.
@@ -223,51 +223,51 @@ pub struct Skin {
 #[repr(C)]
 pub struct SkinState {
     /// Bits of the square of how far the farthest sphere has gone, as a call measures it; 0 between calls.
-    pub moved: u32,
+    pub displacement: u32,
     /// 1 where some sphere is not the one of then, likewise.
-    pub changed: u32,
+    pub input_changed: u32,
     /// 1 where the candidates are all that there are.
     pub is_complete: u32,
     /// The number of spheres.
     pub spheres: u32,
-    /// Why the last call found candidates anew: [`FIRST`](Self::FIRST), [`CHANGED`](Self::CHANGED) or
-    /// [`MOVED`](Self::MOVED); 0 where it kept them.
-    pub rebuilt: u32,
+    /// Why the last call found candidates anew: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
+    /// [`DISPLACEMENT`](Self::DISPLACEMENT); 0 where it kept them.
+    pub rebuild_reason: u32,
     /// Calls since then.
     pub age: u32,
     /// The number of candidates.
     pub candidates: u32,
     /// Bits of the square of how far the farthest sphere had gone at the last call.
-    pub moved_last: u32,
+    pub last_displacement: u32,
 }
 
 impl SkinState {
     /// There were no candidates, or not all.
-    pub const FIRST: u32 = 1;
+    pub const NO_LIST: u32 = 1;
     /// There were more spheres or fewer, others, or of other radii or species.
-    pub const CHANGED: u32 = 2;
+    pub const INPUT_CHANGED: u32 = 2;
     /// Some sphere had gone too far.
-    pub const MOVED: u32 = 3;
+    pub const DISPLACEMENT: u32 = 3;
 }
 
 impl Outcome {
     /// Overflow bit: more pairs than the output holds; the count is exact nevertheless.
-    pub const PAIRS: u32 = 1;
+    pub const OVERFLOW_PAIRS: u32 = 1;
     /// Overflow bit: more entries than planned; the number of pairs is then a lower bound, that of entries is exact,
     /// and the call must be repeated with room for them.
-    pub const ENTRIES: u32 = 2;
+    pub const OVERFLOW_ENTRIES: u32 = 2;
     /// Overflow bit: more spheres than prepared for; those beyond were not looked at.
-    pub const SPHERES: u32 = 4;
+    pub const OVERFLOW_SPHERES: u32 = 4;
     /// Overflow bit: more candidates than there is room for; the number of pairs is then a lower bound,
     /// [`entries`](Self::entries) is that of the candidates, and the call must be repeated with room for them.
-    pub const CANDIDATES: u32 = 8;
+    pub const OVERFLOW_CANDIDATES: u32 = 8;
     /// Offset of the indirect-dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
     /// Returns `true` if the crowded search has a further part to come; until then pairs are missing. Never so after a
-    /// call that asked for no parts (see [`Call::UNPARTED`]), hence not an overflow.
-    pub fn is_partial(&self) -> bool {
-        self.crowded_end < self.crowded
+    /// call that asked for no parts (see [`SearchParams::UNLIMITED`]), hence not an overflow.
+    pub fn has_remaining_work(&self) -> bool {
+        self.deferred_end < self.deferred_blocks
     }
 
     /// How many pairs were found, whether or not they were written.
@@ -275,16 +275,21 @@ impl Outcome {
         u64::from(self.found_hi) << 32 | u64::from(self.found_lo)
     }
 
-    /// How many entries the grid needs, or how many candidates a skin has.
-    pub fn entries(&self) -> u64 {
+    /// Returns the number of entries that the grid of the call needs, written or not.
+    pub fn entries_needed(&self) -> u64 {
         u64::from(self.entries_hi) << 32 | u64::from(self.entries_lo)
+    }
+
+    /// Returns the number of candidate pairs that the skin of the call needs, written or not.
+    pub fn candidates_needed(&self) -> u64 {
+        self.entries_needed()
     }
 }
 
 /// What the spheres of a cell list are like, as the device finds it. Zero says nothing yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Survey {
+pub struct InputStats {
     /// Complements of the lowest centre, as integers in the order of the floats.
     pub low: [u32; 3],
     /// The highest centre, likewise.
@@ -302,14 +307,14 @@ pub struct Survey {
 /// The flags and the reach of a species.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct SpeciesReach {
+pub struct SpeciesParams {
     /// [`TOUCHES`](Self::TOUCHES), [`SECOND_SIDE`](Self::SECOND_SIDE) and [`IDLE`](Self::IDLE).
     pub flags: u32,
     /// Half the largest distance at which the species pairs.
     pub half: f32,
 }
 
-impl SpeciesReach {
+impl SpeciesParams {
     /// Some pair of the species is decided by touching.
     pub const TOUCHES: u32 = 1;
     /// The spheres of the species are on the second side of a cell list.
@@ -321,7 +326,7 @@ impl SpeciesReach {
 /// A level of a cell list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
-pub struct ListLevel {
+pub struct CellListLevel {
     /// Cells once around each axis.
     pub cells: UVec3,
     /// The level's first cell in the table.
@@ -329,43 +334,43 @@ pub struct ListLevel {
     /// The number of the cell in which an unbounded axis begins.
     pub low: UVec3,
     /// Quanta per unit of length.
-    pub scale: f32,
+    pub units_per_length: f32,
     /// Cells per unit of length on a periodic axis.
-    pub around: Vec3,
+    pub cells_per_length: Vec3,
     /// Bits of the coordinate from which on neighbouring floats are farther apart than spheres of this level reach; those
     /// of infinity where that is nowhere.
     pub far: u32,
     /// The largest radius that is at home here.
-    pub reach: f32,
+    pub max_radius: f32,
     /// Levels in which spheres of this level look at all cells that their boxes touch, a bit each.
-    pub looked_at: u32,
+    pub searched_levels: u32,
     /// 1 if spheres of this level look at others of this level.
-    pub meets_itself: u32,
+    pub searches_itself: u32,
 }
 
 /// The cells of a cell list, as the device chooses them.
 #[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
-pub struct List {
+pub struct CellListLayout {
     /// The number of spheres of the call.
     pub spheres: u32,
     /// Cells of all levels.
     pub cells: u32,
     /// Quanta per edge.
-    pub quanta: u32,
+    pub units_per_cell: u32,
     /// Levels that have cells, a bit each.
     pub levels: u32,
     /// 1 where smaller spheres leave crowded cells of the first level.
-    pub is_dense: u32,
+    pub has_overfull_cells: u32,
     /// 1 when no distance test of the call can overflow or underflow.
     pub ordinary: u32,
     /// Levels of the classes, four to a word.
     pub class_levels: [u32; 64],
     /// The levels of the first side, followed by those of the second.
-    pub level: [ListLevel; 2 * List::LEVELS],
+    pub level: [CellListLevel; 2 * CellListLayout::LEVELS],
 }
 
-impl List {
+impl CellListLayout {
     /// Levels of each side.
     pub const LEVELS: usize = 16;
 }
@@ -373,7 +378,7 @@ impl List {
 /// How many keys to sort and how many values to scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Lengths {
+pub struct SortCounts {
     /// Keys to sort.
     pub items: u32,
     /// Values to scan.

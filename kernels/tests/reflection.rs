@@ -7,7 +7,8 @@ use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
 use lazygrid_kernels::layout::{
-    Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Pass, Skin, SkinState, SpeciesReach, Survey,
+    Bounds, CellListLayout, CellListLevel, Grid, InputStats, LevelKeys, Outcome, RadixPass, SearchParams,
+    SkinParams, SkinState, SortCounts, SpeciesParams,
 };
 use naga::valid::ModuleInfo;
 use naga::{AddressSpace, Expression, Literal, Module};
@@ -28,7 +29,7 @@ fn metadata_matches_every_shader() {
         let name = kernel.name;
         assert_eq!(module.entry_points.len(), 1, "{name}");
         assert_eq!(module.entry_points[0].name, name);
-        assert_eq!(module.entry_points[0].workgroup_size, [kernel.group_size, 1, 1], "{name}");
+        assert_eq!(module.entry_points[0].workgroup_size, [kernel.workgroup_size, 1, 1], "{name}");
         let said: Vec<_> = (0..)
             .zip(kernel.bindings(variant))
             .map(|(number, binding)| (number, binding.name.to_owned(), binding.access))
@@ -41,14 +42,14 @@ fn metadata_matches_every_shader() {
 fn constants_are_those_of_the_layout() {
     let whole = |value: u32| Literal::U32(value);
     let expected = [
-        ("NEVER", Literal::F32(Call::NEVER)),
-        ("TOUCH", Literal::F32(Call::TOUCH)),
-        ("BY_SPECIES", Literal::F32(Call::BY_SPECIES)),
-        ("TOUCHES", whole(SpeciesReach::TOUCHES)),
-        ("SECOND_SIDE", whole(SpeciesReach::SECOND_SIDE)),
-        ("IDLE", whole(SpeciesReach::IDLE)),
-        ("LEVELS", whole(List::LEVELS as u32)),
-        ("SIDED_LEVELS", whole(2 * List::LEVELS as u32)),
+        ("NEVER", Literal::F32(SearchParams::NEVER)),
+        ("TOUCH", Literal::F32(SearchParams::TOUCH)),
+        ("BY_SPECIES", Literal::F32(SearchParams::BY_SPECIES)),
+        ("TOUCHES", whole(SpeciesParams::TOUCHES)),
+        ("SECOND_SIDE", whole(SpeciesParams::SECOND_SIDE)),
+        ("IDLE", whole(SpeciesParams::IDLE)),
+        ("LEVELS", whole(CellListLayout::LEVELS as u32)),
+        ("SIDED_LEVELS", whole(2 * CellListLayout::LEVELS as u32)),
     ];
     let mut seen = [false; 8];
     each_shader(|kernel, _, module, _| {
@@ -94,53 +95,72 @@ fn every_shader_translates_to_spirv() {
 #[test]
 fn rust_structures_have_the_layout_of_the_shaders() {
     let layouts = [
-        layout!(words Call {
+        layout!(words SearchParams {
             spheres,
             pair_capacity,
             entry_capacity,
             key_bits,
-            raster_ratio,
+            cell_ratio,
             species,
             search_groups,
-            consumer_group,
+            consumer_workgroup_size,
             window_begin,
             window_end,
-            refinement,
+            split_policy,
             tau,
-            density_slots,
-            part_tiles,
+            occupancy_slots,
+            tiles_per_submission,
             period_x,
             period_y,
             period_z,
             cells,
             counters,
-            split,
-            tile,
-            share,
-            further_shares,
-            sorted_pairs,
-            meetings,
+            second_set_start,
+            radix_tile,
+            candidates_per_invocation,
+            overflow_workgroups,
+            pairs_in_cell_order,
+            side_pairs,
             interaction
         }),
-        layout!(words Pass { shift, mask, is_first }),
-        layout!(ListLevel { cells, base, low, scale, around, far, reach, looked_at, meets_itself }),
-        layout!(List { spheres, cells, quanta, levels, is_dense, ordinary, class_levels, level }),
-        layout!(words Survey { low, high, smallest, quarantined, members, largest }),
+        layout!(words RadixPass { shift, mask, is_first }),
+        layout!(CellListLevel {
+            cells,
+            base,
+            low,
+            units_per_length,
+            cells_per_length,
+            far,
+            max_radius,
+            searched_levels,
+            searches_itself
+        }),
+        layout!(CellListLayout {
+            spheres,
+            cells,
+            units_per_cell,
+            levels,
+            has_overfull_cells,
+            ordinary,
+            class_levels,
+            level
+        }),
+        layout!(words InputStats { low, high, smallest, quarantined, members, largest }),
         layout!(Grid {
             origin,
             spheres,
             inverse_edge,
             ordinary,
             low,
-            refinement,
+            split_policy,
             high,
-            depths,
-            turns,
-            occupied,
+            level_mask,
+            ring_cells,
+            depth_mask,
             passive,
             levels
         }),
-        layout!(Level { bits, base }),
+        layout!(LevelKeys { bits, base }),
         layout!(words Outcome {
             found_lo,
             found_hi,
@@ -149,19 +169,19 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             dispatch_x,
             dispatch_y,
             dispatch_z,
-            crowded,
+            deferred_blocks,
             entries_lo,
             entries_hi,
             spheres,
-            crowded_tiles,
-            crowded_begin,
-            crowded_end,
-            densest,
-            is_sorted
+            deferred_max_tiles,
+            deferred_begin,
+            deferred_end,
+            max_occupancy,
+            pairs_in_cell_order
         }),
-        layout!(words Lengths { items, counters }),
-        layout!(words Skin { half, usable, capacity }),
-        layout!(words SkinState { moved, changed, is_complete, spheres, rebuilt, age, candidates, moved_last }),
+        layout!(words SortCounts { items, counters }),
+        layout!(words SkinParams { half_skin, limit_squared, candidate_capacity }),
+        layout!(words SkinState { displacement, input_changed, is_complete, spheres, rebuild_reason, age, candidates, last_displacement }),
     ];
     let mut held = 0;
     each_shader(|kernel, _, module, _| {
@@ -169,13 +189,14 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             let (name, span, members) = &structure;
             if name == "Bounds" {
                 let of = |name: &str| members.iter().find(|(member, _)| member == name).expect(name).1;
-                let shader = ["low_x", "high_x", "radius_min", "radius_max", "depths", "descending"].map(of);
+                let shader =
+                    ["low_x", "high_x", "radius_min", "radius_max", "depth_mask", "descending"].map(of);
                 let rust = [
                     offset_of!(Bounds, low),
                     offset_of!(Bounds, high),
                     offset_of!(Bounds, radius_min),
                     offset_of!(Bounds, radius_max),
-                    offset_of!(Bounds, depths),
+                    offset_of!(Bounds, depth_mask),
                     offset_of!(Bounds, descending),
                 ];
                 assert_eq!((shader, *span), (rust, size_of::<Bounds>()), "in {}", kernel.name);

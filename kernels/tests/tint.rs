@@ -25,7 +25,7 @@ fn tint_takes_every_text() {
     // Texts of an earlier state are none of ours.
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).expect("a folder");
-    for text in texts::all(Kernel::standard_wgsl) {
+    for text in texts::all(Kernel::strict_wgsl) {
         fs::write(folder.join(text.name).with_extension("wgsl"), text.wgsl).expect("written");
     }
     let run = Command::new("node").arg(tint.join("check.mjs")).arg(&folder).output().expect("node runs");

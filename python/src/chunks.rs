@@ -42,7 +42,7 @@ impl Chunks {
         let thread = thread::Builder::new().name("lazygrid stream".into());
         let spawned = thread.spawn(move || search(lease, &owned, chunk, &to));
         spawned
-            .map_err(|refused| error::engine(Error::Threads { threads: 1, reason: refused.to_string() }))?;
+            .map_err(|refused| error::engine(Error::ThreadPool { threads: 1, reason: refused.to_string() }))?;
         Ok(Self { chunks: Mutex::new(Some(chunks)), stopper })
     }
 

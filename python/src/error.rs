@@ -49,7 +49,7 @@ pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
         Error::OutOfMemory { bytes, .. } | Error::DeviceOutOfMemory { bytes, .. } => {
             exception("OutOfMemory", message, &[("bytes", Attribute::Whole(bytes))])
         }
-        Error::Setting { .. }
+        Error::InvalidSetting { .. }
         | Error::NotOnBackend { .. }
         | Error::AdapterOnCpu { .. }
         | Error::UnknownAdapter { .. } => exception("SettingError", message, &[]),
@@ -60,7 +60,7 @@ pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
 /// What is wrong with an input, as an exception that knows index and value.
 pub(crate) fn input(error: InputError) -> PyErr {
     match error {
-        InputError::Second(error) => {
+        InputError::SecondSet(error) => {
             let (message, mut attributes) = described(*error);
             attributes.push(("second", Attribute::Truth(true)));
             exception("InputError", format!("of the second set, {message}"), &attributes)

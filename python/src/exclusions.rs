@@ -95,7 +95,7 @@ impl Exclusions {
         let mut starts = Vec::with_capacity(offsets.len());
         starts.extend(offsets.as_slice()?.iter().map(|&at| usize::try_from(at).unwrap_or(usize::MAX)));
         let indices = indices.as_slice()?;
-        Self::made(py, || lazygrid::Exclusions::from_rows(&starts, indices))
+        Self::made(py, || lazygrid::Exclusions::from_csr(&starts, indices))
     }
 
     fn __len__(&self) -> usize {

@@ -45,7 +45,7 @@ fn poll_signals<R: Send>(cancel: &AtomicBool, work: impl FnOnce() -> R + Send) -
             let _ = done.send(());
             result
         });
-        let refused = |error: std::io::Error| Error::Threads { threads: 1, reason: error.to_string() };
+        let refused = |error: std::io::Error| Error::ThreadPool { threads: 1, reason: error.to_string() };
         let worker = worker.map_err(|error| crate::error::engine(refused(error)))?;
         let mut signal = None;
         while let Err(RecvTimeoutError::Timeout) = finished.recv_timeout(SIGNAL_POLL) {

@@ -186,7 +186,7 @@ pub(crate) fn neighbors_within<'py>(
     let stop = Arc::new(AtomicBool::new(false));
     let repeats = |edge: &[f64; 3]| (*edge != [0.0; 3]).then_some(*edge);
     let edges = cell.each_ref().map(repeats);
-    let space = if edges == [None; 3] { Ok(Space::UNBOUNDED) } else { Space::sheared(edges) };
+    let space = if edges == [None; 3] { Ok(Space::UNBOUNDED) } else { Space::triclinic(edges) };
     let spheres = cutoffs.spheres(positions).map_err(error::input)?;
     let mut detector = cutoffs.detector(space.map_err(error::input)?, stop.clone()).map_err(error::engine)?;
     let options = options(quantities, with_itself);

@@ -114,8 +114,8 @@ impl Frames {
 
 impl Frame {
     fn new(py: Python<'_>, frame: read::Frame, names: Vec<String>) -> PyResult<Self> {
-        let is_triclinic = frame.space.shear().is_some();
-        let (lengths, edges) = (frame.space.lengths(), frame.space.edges());
+        let is_triclinic = frame.space.triclinic_cell().is_some();
+        let (lengths, edges) = (frame.space.lengths(), frame.space.cell_vectors());
         let [x, y, z] = [0, 1, 2].map(|k| match is_triclinic {
             false => lengths[k].map(CellVector::Length),
             true => edges[k].map(|edge| CellVector::Vector(edge.into())),

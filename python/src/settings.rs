@@ -88,7 +88,7 @@ pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
             Err(_) => Some(item.extract::<[f64; 3]>()?),
         };
     }
-    Space::sheared(edges).map_err(error::input)
+    Space::triclinic(edges).map_err(error::input)
 }
 
 /// A GPU by its index or a part of its name.

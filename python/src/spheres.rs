@@ -65,7 +65,7 @@ impl<'py> BorrowedQuery<'py> {
         let query = match &self.second {
             None => Query::new(first),
             Some(second) => {
-                let in_second = |wrong| error::input(InputError::Second(Box::new(wrong)));
+                let in_second = |wrong| error::input(InputError::SecondSet(Box::new(wrong)));
                 Query::new((first, second.spheres().map_err(in_second)?))
             }
         };

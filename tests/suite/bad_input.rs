@@ -125,10 +125,10 @@ fn columns_of_different_lengths_are_refused() {
 fn settings_out_of_range_are_refused() {
     let refused = |config: Config| Detector::new(config.backend(Backend::Cpu)).expect_err("refused");
     for variant in variants::each_algorithm() {
-        let with = |ratio| Detector::new(variant.settings().raster_ratio(ratio));
+        let with = |ratio| Detector::new(variant.settings().cell_ratio(ratio));
         for ratio in [0.49, 0.1, 16.01, f32::NAN, f32::INFINITY, -1.0] {
             let Err(error) = with(ratio) else { panic!("{variant}: {ratio} is accepted") };
-            let known = matches!(error, Error::Setting { name: "raster_ratio", .. });
+            let known = matches!(error, Error::InvalidSetting { name: "cell_ratio", .. });
             assert!(known && error.to_string().contains(&ratio.to_string()), "{variant}: {error:?}");
         }
         for ratio in [0.5, 16.0] {
@@ -136,7 +136,7 @@ fn settings_out_of_range_are_refused() {
         }
     }
     let error = refused(Config::default().threads(0));
-    assert!(matches!(error, Error::Setting { name: "threads", .. }), "{error:?}");
+    assert!(matches!(error, Error::InvalidSetting { name: "threads", .. }), "{error:?}");
     for algorithm in [Algorithm::EagerGrid, Algorithm::LazyGrid] {
         let error = refused(Config::default().algorithm(algorithm));
         assert_eq!(error, Error::NotOnBackend { algorithm, backend: Backend::Cpu });

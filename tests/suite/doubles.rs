@@ -52,7 +52,7 @@ const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
 /// The smallest squared length of an image of `to − from`, by the contract's expression.
 fn distance_squared(space: &Space, from: [f64; 4], to: [f64; 4]) -> f64 {
-    let edges = space.edges();
+    let edges = space.cell_vectors();
     let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
     // The extent of these scenes is no larger than a few cell vectors.
     let counts = edges.map(|edge| if edge.is_some() { NEAR } else { 0..=0 });
@@ -97,8 +97,8 @@ fn spaces() -> [Space; 5] {
         Space::UNBOUNDED,
         Space::periodic([Some(10.1), Some(8.0 / 3.0), None]).expect("lengths"),
         Space::periodic([Some(10.0), Some(7.0), Some(6.5)]).expect("lengths"),
-        Space::sheared(lean).expect("edges"),
-        Space::sheared([lean[0], None, lean[2]]).expect("edges"),
+        Space::triclinic(lean).expect("edges"),
+        Space::triclinic([lean[0], None, lean[2]]).expect("edges"),
     ]
 }
 
@@ -273,7 +273,7 @@ fn candidates_of_f64_spheres_lose_no_pair() {
 #[test]
 fn calls_of_both_precisions_can_alternate() {
     let edges = [Some([4.0, 0.0, 0.0]), Some([1.0, 4.0, 0.0]), Some([0.0, 1.0, 4.0])];
-    let space = Space::sheared(edges).expect("edges");
+    let space = Space::triclinic(edges).expect("edges");
     let narrow = [[0.0_f32, 0.0, 0.0, 0.5], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
     let wide = [[0.0_f64, 0.0, 0.0, 1e300], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
     for variant in variants::each_algorithm() {

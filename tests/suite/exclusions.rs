@@ -178,7 +178,7 @@ fn exclusions_of_wrong_size_are_refused() {
         let mut detector = Detector::new(variant.settings()).expect("a detector");
         assert_eq!(detector.count(among.without(&of_four)), Ok(5), "{variant}");
         let error = detector.count(among.without(&of_three)).expect_err("made for three");
-        assert!(matches!(error, Error::Input(InputError::ExclusionsOfOthers { .. })), "{error}");
+        assert!(matches!(error, Error::Input(InputError::ExclusionSizeMismatch { .. })), "{error}");
         let error = detector.count(among.without(&across)).expect_err("made for two sets");
         assert!(
             error.to_string().contains("sets of 4 and 4 spheres where the call has 4 spheres"),
@@ -199,7 +199,7 @@ fn sessions_refuse_groups_and_triclinic_cells() {
     let grouped = Spheres::from(&spheres).with_groups(&[1, 1]).expect("two");
     let error = session.begin(grouped).expect_err("groups");
     assert!(error.to_string().contains("Detector"), "{error}");
-    let space = Space::sheared([Some([1.0, 1.0, 0.0]), None, None]).expect("an edge");
+    let space = Space::triclinic([Some([1.0, 1.0, 0.0]), None, None]).expect("an edge");
     let error = GpuSession::new(own(), GpuConfig::default().space(space)).expect_err("triclinic");
     assert!(error.to_string().contains("Detector"), "{error}");
     assert!(Detector::new(Config::default().backend(Backend::Cpu).space(space)).is_ok());

@@ -81,7 +81,8 @@ fn effective_radii_cover_all_distances() {
             table.set(0, 1, Interaction::Within(near.into())).expect("a distance");
             table.set(0, 2, Interaction::Within(far.into())).expect("a distance");
             table.set(1, 1, Interaction::Touch).expect("two species");
-            let [a, b, c] = [0, 1, 2].map(|species| f64::from(table.reach(species).effective_radius(0.25)));
+            let [a, b, c] =
+                [0, 1, 2].map(|species| f64::from(table.effective_radius(species).for_radius(0.25)));
             assert!(a + b >= f64::from(near) && a + c >= f64::from(far) && b >= 0.25, "{near:e}, {far:e}");
         }
     }

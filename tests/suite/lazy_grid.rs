@@ -15,8 +15,7 @@ fn judge_for_any_tau(name: &str, spheres: Vec<Sphere>) {
     let expected = scenario.oracle();
     for (tau, ratio) in [(0, 1.5), (1, 2.0), (8, 1.5), (8, 4.0), (512, 2.0), (u32::MAX, 2.0)] {
         for variant in on_gpu() {
-            let verdict =
-                variant.verify(&scenario, &expected, &Config::default().tau(tau).raster_ratio(ratio));
+            let verdict = variant.verify(&scenario, &expected, &Config::default().tau(tau).cell_ratio(ratio));
             verdict.unwrap_or_else(|text| panic!("{name}, tau {tau}, ratio {ratio}: {text}"));
         }
     }

@@ -23,7 +23,7 @@ fn random(state: &mut u64) -> f64 {
 
 /// Spheres in and around the cell; every third one on a lattice, so that distances repeat.
 fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64; 4]> {
-    let edges = space.edges();
+    let edges = space.cell_vectors();
     let sphere = |k: usize| {
         let mut center = [0.0; 3];
         for (axis, edge) in edges.iter().enumerate() {
@@ -51,7 +51,7 @@ fn oracle(
     is_open: bool,
     reach: impl Fn(usize, usize) -> Option<f64>,
 ) -> Vec<Entry> {
-    let edges = space.edges();
+    let edges = space.cell_vectors();
     let counts = edges.map(|edge| if edge.is_some() { -FAR..=FAR } else { 0..=0 });
     let mut entries = Vec::new();
     for (i, a) in rows.iter().enumerate() {
@@ -118,9 +118,9 @@ fn spaces() -> [Space; 7] {
         Space::UNBOUNDED,
         Space::periodic([Some(2.0); 3]).expect("lengths"),
         Space::periodic([None, Some(10.1), Some(1.3)]).expect("lengths"),
-        Space::sheared(lean).expect("edges"),
-        Space::sheared([None, lean[1], lean[2]]).expect("edges"),
-        Space::sheared(primitive).expect("edges"),
+        Space::triclinic(lean).expect("edges"),
+        Space::triclinic([None, lean[1], lean[2]]).expect("edges"),
+        Space::triclinic(primitive).expect("edges"),
         Space::periodic([Some(40.0), Some(30.0), None]).expect("lengths"),
     ]
 }

@@ -39,7 +39,7 @@ where
 pub(crate) fn settings() -> impl Strategy<Value = Config> {
     let tau = prop_oneof![select(vec![0, 1, 2, 8, 32, u32::MAX]), 0_u32..600];
     let ratio = prop_oneof![select(vec![0.5_f32, 1.0, 1.5, 2.0, 16.0]), 0.5_f32..=16.0];
-    (tau, ratio).prop_map(|(tau, ratio)| Config::default().tau(tau).raster_ratio(ratio))
+    (tau, ratio).prop_map(|(tau, ratio)| Config::default().tau(tau).cell_ratio(ratio))
 }
 
 fn every_variant_agrees(cases: u32, spheres: hard::Spheres) {

@@ -276,12 +276,12 @@ fn candidate_lists_are_reused() {
 #[test]
 fn axis_parallel_vectors_are_lengths() {
     let edges = [[0.0, -5.0, 0.0], [0.0, 0.0, 7.0], [3.0, 0.0, 0.0]].map(Some);
-    let space = Space::sheared(edges).expect("a box");
+    let space = Space::triclinic(edges).expect("a box");
     assert_eq!(space, Space::periodic([Some(3.0), Some(5.0), Some(7.0)]).expect("a box"));
-    assert_eq!(Space::sheared([None; 3]), Ok(Space::UNBOUNDED));
-    let slab = Space::sheared([Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]).expect("a slab");
-    assert!(slab.is_periodic() && slab.shear().is_some());
-    assert_eq!(slab.edges(), [Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]);
+    assert_eq!(Space::triclinic([None; 3]), Ok(Space::UNBOUNDED));
+    let slab = Space::triclinic([Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]).expect("a slab");
+    assert!(slab.is_periodic() && slab.triclinic_cell().is_some());
+    assert_eq!(slab.cell_vectors(), [Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]);
 }
 
 #[test]
@@ -296,11 +296,12 @@ fn dependent_cell_vectors_are_refused() {
         [Some(along), Some(Vec3::new(0.0, 1e9, 1.0)), None],
     ] {
         let edges = edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()));
-        let error = Space::sheared(edges).expect_err("no box");
-        assert!(matches!(error, InputError::Edges { .. }), "{error}");
+        let error = Space::triclinic(edges).expect_err("no box");
+        assert!(matches!(error, InputError::CellVectors { .. }), "{error}");
     }
-    let error =
-        Space::sheared([Some([1.0, 1.0, 0.0]), Some([2.0, 2.0, 0.0]), None]).expect_err("a line").to_string();
+    let error = Space::triclinic([Some([1.0, 1.0, 0.0]), Some([2.0, 2.0, 0.0]), None])
+        .expect_err("a line")
+        .to_string();
     assert!(error.contains("(1, 1, 0), (2, 2, 0)"), "{error}");
 }
 

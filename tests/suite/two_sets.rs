@@ -151,7 +151,7 @@ fn says_what_is_wrong(variant: DetectorVariant) {
     );
     let error = detector.count((&good, &bad)).expect_err("a bad sphere");
     assert!(
-        matches!(&error, Error::Input(InputError::Second(within))
+        matches!(&error, Error::Input(InputError::SecondSet(within))
         if matches!(**within, InputError::Sphere { index: 1, total: 2, .. })),
         "{error}"
     );

@@ -86,7 +86,7 @@ impl Contender {
             TargetDevice::Cpu { threads, .. } => threads,
             TargetDevice::Gpu { .. } => None,
         };
-        let [tau, ratio] = [variant.tau.map(f64::from), variant.raster_ratio.map(f64::from)];
+        let [tau, ratio] = [variant.tau.map(f64::from), variant.cell_ratio.map(f64::from)];
         tau.or(ratio).or(threads.map(|threads| threads as f64))
     }
 

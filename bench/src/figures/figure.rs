@@ -83,7 +83,7 @@ impl Figure {
             Self::Transceivers => Some("transceivers"),
             Self::SizeRatio => Some("size ratio"),
             Self::Tau => Some("τ"),
-            Self::Ratio => Some("raster ratio"),
+            Self::Ratio => Some("cell ratio"),
             Self::Threads => Some("threads"),
             _ => None,
         }

@@ -292,7 +292,7 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
             let of = |algorithm| {
                 ratios.map(|ratio| {
-                    Contender::Lazygrid(DetectorVariant { raster_ratio: Some(ratio), ..on_cpu(algorithm) })
+                    Contender::Lazygrid(DetectorVariant { cell_ratio: Some(ratio), ..on_cpu(algorithm) })
                 })
             };
             grids.into_iter().flat_map(of).collect()

@@ -96,14 +96,14 @@ mod tests {
             adapter: "Card".to_owned(),
             driver: "driver 1".to_owned(),
             has_statistics: true,
-            compiled: vec![compiled("scan_once", 24), compiled("cells_index", 8), rejected],
+            compiled: vec![compiled("scan_once", 24), compiled("cell_starts_find", 8), rejected],
         };
         let expected = "Card, driver 1
 
 | kernel | text | Registers |
 | --- | --- | --- |
 | scan_once | plain | 24 |
-| cells_index | plain | 8 |
+| cell_starts_find | plain | 8 |
 
 Everywhere: subgroup 32, workgroup bytes 64, Spills 0.
 

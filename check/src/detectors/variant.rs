@@ -27,7 +27,7 @@ pub struct DetectorVariant {
     /// τ, or `None` for the default.
     pub tau: Option<u32>,
     /// The cell ratio (cell size over largest diameter), or `None` for the default.
-    pub raster_ratio: Option<f32>,
+    pub cell_ratio: Option<f32>,
     /// The skin of the candidate list as a fraction of a radius; 0 leaves the choice to the detector.
     pub skin: f32,
 }
@@ -52,7 +52,7 @@ pub enum TargetDevice {
 impl DetectorVariant {
     /// Creates a variant with default settings.
     pub fn new(algorithm: Algorithm, target: TargetDevice) -> Self {
-        Self { algorithm, target, tau: None, raster_ratio: None, skin: 0.0 }
+        Self { algorithm, target, tau: None, cell_ratio: None, skin: 0.0 }
     }
 
     /// Each CPU algorithm on one thread with each SIMD width of the processor, and on all threads with the widest.
@@ -113,8 +113,8 @@ impl DetectorVariant {
         if let Some(tau) = self.tau {
             config = config.tau(tau);
         }
-        if let Some(ratio) = self.raster_ratio {
-            config = config.raster_ratio(ratio);
+        if let Some(ratio) = self.cell_ratio {
+            config = config.cell_ratio(ratio);
         }
         match self.target {
             TargetDevice::Cpu { simd, threads } => {
@@ -180,9 +180,7 @@ impl DetectorVariant {
             .algorithm(self.algorithm)
             .subgroups(subgroups)
             .tau(self.tau.unwrap_or(GpuConfig::TAU))
-            .raster_ratio(
-                self.raster_ratio.unwrap_or(GpuConfig::RASTER_RATIO).max(GpuConfig::MIN_RASTER_RATIO),
-            )
+            .cell_ratio(self.cell_ratio.unwrap_or(GpuConfig::CELL_RATIO).max(GpuConfig::MIN_CELL_RATIO))
             .interactions(scenario.interactions().map_err(text)?)
             .space(scenario.space);
         let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
@@ -208,7 +206,7 @@ impl DetectorVariant {
             options += &format!(" --threads {threads}");
         }
         let tau = self.tau.map(|tau| format!(" --tau {tau}"));
-        let ratio = self.raster_ratio.map(|ratio| format!(" --raster-ratio {ratio}"));
+        let ratio = self.cell_ratio.map(|ratio| format!(" --cell-ratio {ratio}"));
         options + &tau.unwrap_or_default() + &ratio.unwrap_or_default()
     }
 }
@@ -224,7 +222,7 @@ impl fmt::Display for DetectorVariant {
             }
         }
         self.tau.map_or(Ok(()), |tau| write!(f, ", τ {tau}"))?;
-        self.raster_ratio.map_or(Ok(()), |ratio| write!(f, ", raster ratio {ratio}"))?;
+        self.cell_ratio.map_or(Ok(()), |ratio| write!(f, ", cell ratio {ratio}"))?;
         if self.skin > 0.0 { write!(f, ", candidates kept") } else { Ok(()) }
     }
 }

@@ -5,7 +5,7 @@ use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::{Call, Lengths, List, Pass, Survey};
+use lazygrid_kernels::layout::{CellListLayout, InputStats, RadixPass, SearchParams, SortCounts};
 
 use super::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
 use super::division::Division;
@@ -17,7 +17,7 @@ use crate::device::{download, run, upload, upload_one};
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let ConfiguredCellList { list, scenario, outcome, .. } = &chosen;
@@ -31,13 +31,13 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
             ..Outcome::zeroed()
         };
         same(|| what("outcome"), outcome, &begun)?;
-        same(|| what("survey is empty"), &(chosen.survey == Survey::zeroed()), &true)?;
+        same(|| what("survey is empty"), &(chosen.survey == InputStats::zeroed()), &true)?;
         same(|| what("spheres"), &list.spheres, &case.spheres)?;
         let ordinary = bad < case.spheres;
         same(|| what("ordinary"), &(list.ordinary != 0), &ordinary)?;
         let dense = case.is_dense && case.spheres > 1;
-        same(|| what("spheres leave cells"), &(list.is_dense != 0), &dense)?;
-        let lengths = Lengths { items: case.spheres, counters: list.cells + 2 };
+        same(|| what("spheres leave cells"), &(list.has_overfull_cells != 0), &dense)?;
+        let lengths = SortCounts { items: case.spheres, counters: list.cells + 2 };
         same(|| what("lengths"), &chosen.lengths, &lengths)?;
         levels_are_sound(&chosen, case)?;
         levels_look_once(&chosen, case)?;
@@ -58,12 +58,16 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     for (before, expected) in [
         (Outcome::zeroed(), true),
         (Outcome { dispatch_z: 1, ..Outcome::zeroed() }, false),
-        (Outcome { dispatch_z: 1, densest: 9, ..Outcome::zeroed() }, true),
+        (Outcome { dispatch_z: 1, max_occupancy: 9, ..Outcome::zeroed() }, true),
     ] {
         let division = Division::OneSet;
         let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false, division };
         let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), (0, before))?;
-        same(|| format!("crowds of {case:?} after {before:?}"), &(chosen.list.is_dense != 0), &expected)?;
+        same(
+            || format!("crowds of {case:?} after {before:?}"),
+            &(chosen.list.has_overfull_cells != 0),
+            &expected,
+        )?;
     }
     Ok(())
 }
@@ -73,19 +77,20 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     let ConfiguredCellList { list, scenario, .. } = chosen;
     let mut base = 0;
     for (level, own) in list.level.iter().enumerate() {
-        let what = || format!("level {level} of {own:?}, {} quanta, {case:?}", list.quanta);
+        let what = || format!("level {level} of {own:?}, {} quanta, {case:?}", list.units_per_cell);
         let is_used = list.levels >> level & 1 == 1;
         same(what, &(own.cells.x != 0), &is_used)?;
         if is_used {
             same(what, &own.base, &base)?;
             same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
-            let edge = list.quanta as f32 / own.scale;
-            let edges = (64..=127).contains(&list.quanta)
-                && own.scale == list.level[0].scale * ((level % List::LEVELS) as f32).exp2()
-                && (2.0 * own.reach..2.1 * own.reach).contains(&edge);
+            let edge = list.units_per_cell as f32 / own.units_per_length;
+            let edges = (64..=127).contains(&list.units_per_cell)
+                && own.units_per_length
+                    == list.level[0].units_per_length * ((level % CellListLayout::LEVELS) as f32).exp2()
+                && (2.0 * own.max_radius..2.1 * own.max_radius).contains(&edge);
             same(what, &edges, &true)?;
             // At the coordinate `far`, the number of quanta reaches 2³⁰.
-            same(what, &(f32::from_bits(own.far) * own.scale), &((1_u32 << 30) as f32))?;
+            same(what, &(f32::from_bits(own.far) * own.units_per_length), &((1_u32 << 30) as f32))?;
             for (length, cells) in scenario.space.lengths().into_iter().zip(own.cells.to_array()) {
                 let is_wide = length.is_none_or(|length| length / f64::from(cells) >= edge.into());
                 same(what, &(is_wide || cells == 1), &true)?;
@@ -102,8 +107,8 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     let is_few = listed <= 8 || valid().count() == listed;
     same(|| what("few spheres are listed"), &is_few, &true)?;
     for sphere in valid().filter(|sphere| level_of(list, sphere.radius) != LISTED) {
-        let level = if list.is_dense == 0 { 0 } else { level_of(list, sphere.radius) };
-        let fits = sphere.radius <= list.level[level].reach && sphere.radius <= list.level[0].reach;
+        let level = if list.has_overfull_cells == 0 { 0 } else { level_of(list, sphere.radius) };
+        let fits = sphere.radius <= list.level[level].max_radius && sphere.radius <= list.level[0].max_radius;
         same(|| format!("{sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
     }
     Ok(())
@@ -112,17 +117,19 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
 /// Checks that of two levels whose sides meet one looks at the other, and that it is a level with cells as large or larger.
 fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
     let list = &chosen.list;
-    let looks = |from: usize, at: usize| list.level[from].looked_at >> at & 1;
+    let looks = |from: usize, at: usize| list.level[from].searched_levels >> at & 1;
     let used = || (0..list.level.len()).filter(|level| list.levels >> level & 1 == 1);
     for a in used() {
         let what = |b: usize| format!("levels {a} and {b} of {:b}, {case:?}", list.levels);
-        let meets = |b: usize| u32::from(case.division.meets(a / List::LEVELS, b / List::LEVELS));
-        same(|| what(a), &(list.level[a].meets_itself, looks(a, a)), &(meets(a), 0))?;
-        same(|| what(a), &(list.level[a].looked_at & !list.levels), &0)?;
+        let meets =
+            |b: usize| u32::from(case.division.meets(a / CellListLayout::LEVELS, b / CellListLayout::LEVELS));
+        same(|| what(a), &(list.level[a].searches_itself, looks(a, a)), &(meets(a), 0))?;
+        same(|| what(a), &(list.level[a].searched_levels & !list.levels), &0)?;
         for b in used().filter(|&b| b > a) {
             same(|| what(b), &(looks(a, b) + looks(b, a)), &meets(b))?;
-            let is_coarser =
-                |from: usize, at: usize| looks(from, at) == 0 || at % List::LEVELS <= from % List::LEVELS;
+            let is_coarser = |from: usize, at: usize| {
+                looks(from, at) == 0 || at % CellListLayout::LEVELS <= from % CellListLayout::LEVELS
+            };
             same(|| what(b), &(is_coarser(a, b) && is_coarser(b, a)), &true)?;
         }
     }
@@ -140,8 +147,8 @@ fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Resul
         if levels.contains(&LISTED) {
             continue;
         }
-        let own = if levels[0] == levels[1] && list.is_dense != 0 { levels[0] } else { 0 };
-        for level in [0, own, List::LEVELS, List::LEVELS + own] {
+        let own = if levels[0] == levels[1] && list.has_overfull_cells != 0 { levels[0] } else { 0 };
+        for level in [0, own, CellListLayout::LEVELS, CellListLayout::LEVELS + own] {
             if list.level[level].cells.x == 0 {
                 continue;
             }
@@ -166,17 +173,24 @@ fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Resul
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
         let spheres = upload(own, &scenario.spheres)?;
-        let density = upload(own, &vec![0_u32; call.density_slots as usize])?;
-        let bound = [("call", &given), ("list", &of_list), ("spheres", &spheres), ("density", &density)];
+        let density = upload(own, &vec![0_u32; call.occupancy_slots as usize])?;
+        let bound =
+            [("params", &given), ("cell_list", &of_list), ("spheres", &spheres), ("occupancy", &density)];
         let species = case.division.upload(own, scenario.spheres.len())?;
-        run(own, &k::DENSITY_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &species.and(&bound))?;
-        let found = download::<u32>(own, &density, call.density_slots as usize)?;
+        run(
+            own,
+            &k::OCCUPANCY_COUNT,
+            *variant,
+            case.spheres.div_ceil(k::WORKGROUP_SIZE),
+            &species.and(&bound),
+        )?;
+        let found = download::<u32>(own, &density, call.occupancy_slots as usize)?;
         ConfiguredCellList::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
     }
     Ok(())
@@ -186,27 +200,27 @@ pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
-        let (table, call) = (chosen.density(true), Call { tau: TAU, ..*call });
+        let (table, call) = (chosen.density(true), SearchParams { tau: TAU, ..*call });
         let (given, of_list) = (upload(own, &[call])?, upload_one(own, list)?);
         let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
         let (outcome, homes) =
             (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![[0_u32; 2]; case.spheres as usize])?);
         let starts = upload(own, &vec![0_u32; list.cells as usize + 2])?;
         let bound = [
-            ("call", &given),
-            ("list", &of_list),
+            ("params", &given),
+            ("cell_list", &of_list),
             ("spheres", &spheres),
-            ("density", &density),
+            ("occupancy", &density),
             ("outcome", &outcome),
             ("starts", &starts),
-            ("homes", &homes),
+            ("cell_ranks", &homes),
         ];
         let species = case.division.upload(own, scenario.spheres.len())?;
-        run(own, &k::HOMES_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &species.and(&bound))?;
+        run(own, &k::CELLS_COUNT, *variant, case.spheres.div_ceil(k::WORKGROUP_SIZE), &species.and(&bound))?;
         let mut found = download::<[u32; 2]>(own, &homes, case.spheres as usize)?;
         let cells = found.iter().map(|&[cell, _]| cell).collect();
         let what = |what: &str| format!("{what}, {case:?}");
@@ -218,11 +232,11 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
         found.sort_unstable();
         let places = (0_u32..).zip(&counts).flat_map(|(cell, &count)| (0..count).map(move |at| [cell, at]));
         same(|| what("places"), &found, &places.collect())?;
-        let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
-        if list.is_dense == 1 {
+        let max_occupancy = download::<Outcome>(own, &outcome, 1)?[0].max_occupancy;
+        if list.has_overfull_cells == 1 {
             ConfiguredCellList::agrees(
                 || what("the fullest cell"),
-                &densest,
+                &max_occupancy,
                 |fused| chosen.homes(&table, fused).1,
             )?;
         } else {
@@ -232,9 +246,12 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
             let mut smaller = vec![0; counts.len()];
             (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
             let [least, most] = [&smaller, &counts].map(|counts| counts.iter().copied().max().unwrap_or(0));
-            let is_told =
-                if densest == 0 { least <= TAU } else { (least.max(TAU + 1)..=most).contains(&densest) };
-            same(|| format!("{densest} of {least} to {most} in a cell, {case:?}"), &is_told, &true)?;
+            let is_told = if max_occupancy == 0 {
+                least <= TAU
+            } else {
+                (least.max(TAU + 1)..=most).contains(&max_occupancy)
+            };
+            same(|| format!("{max_occupancy} of {least} to {most} in a cell, {case:?}"), &is_told, &true)?;
         }
     }
     Ok(())
@@ -244,14 +261,14 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, tile) = (chosen.density(true), variant.radix_tile());
         let tiles = case.spheres.div_ceil(tile);
-        let pass = Pass { shift: 0, mask: 255, is_first: 1 };
-        let lengths = Lengths { items: case.spheres, counters: 256 * tiles };
+        let pass = RadixPass { shift: 0, mask: 255, is_first: 1 };
+        let lengths = SortCounts { items: case.spheres, counters: 256 * tiles };
         let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
         let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
         let (outcome, keys) =
@@ -259,18 +276,18 @@ pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
         let (pass, lengths) = (upload(own, &[pass])?, upload(own, &[lengths])?);
         let counts = upload(own, &vec![7_u32; 256 * tiles as usize])?;
         let bound = [
-            ("call", &given),
+            ("params", &given),
             ("digit_pass", &pass),
-            ("list", &of_list),
-            ("lengths", &lengths),
+            ("cell_list", &of_list),
+            ("sort_counts", &lengths),
             ("spheres", &spheres),
-            ("density", &density),
+            ("occupancy", &density),
             ("outcome", &outcome),
             ("keys", &keys),
             ("counts", &counts),
         ];
         let species = case.division.upload(own, scenario.spheres.len())?;
-        run(own, &k::HOMES_KEY, *variant, tiles, &species.and(&bound))?;
+        run(own, &k::CELLS_KEY, *variant, tiles, &species.and(&bound))?;
         let found = download::<u32>(own, &keys, case.spheres as usize)?;
         let what = |what: &str| format!("{what}, {case:?}");
         ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
@@ -279,10 +296,10 @@ pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
             keys.iter().for_each(|key| expected[(key & 255) as usize * tiles as usize + tile] += 1);
         }
         same(|| what("digits"), &download::<u32>(own, &counts, expected.len())?, &expected)?;
-        let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
+        let max_occupancy = download::<Outcome>(own, &outcome, 1)?[0].max_occupancy;
         ConfiguredCellList::agrees(
             || what("the fullest cell"),
-            &densest,
+            &max_occupancy,
             |fused| chosen.homes(&table, fused).1,
         )?;
     }

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::Variant;
-use lazygrid_kernels::layout::{Call, Outcome};
+use lazygrid_kernels::layout::{Outcome, SearchParams};
 
 use super::cell_list::surveyed;
 use super::cells::configure;
@@ -12,7 +12,7 @@ use super::division::Division;
 use super::support::{KernelError, same};
 use crate::Effort;
 
-/// Lengths of the bounds along the axes: a cube, a plane and a line.
+/// SortCounts of the bounds along the axes: a cube, a plane and a line.
 const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0, 0.0]];
 /// Radius of the spheres: bounds hold far more cells than there is room for.
 const RADIUS: f32 = 1.0 / 1024.0;
@@ -53,15 +53,15 @@ fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 
     // More equal spheres than would be listed, at the corners of the bounds.
     let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { extent[axis] } else { 0.0 });
     let spheres: Vec<_> = (0..16).map(|k| Sphere::new(corner(k), RADIUS)).collect();
-    let call = Call {
+    let call = SearchParams {
         spheres: 16,
         cells: capacity,
-        raster_ratio: 1.0,
+        cell_ratio: 1.0,
         tau: u32::MAX,
-        density_slots: 512,
+        occupancy_slots: 512,
         window_end: u32::MAX,
-        part_tiles: Call::UNPARTED,
-        ..Call::zeroed()
+        tiles_per_submission: SearchParams::UNLIMITED,
+        ..SearchParams::zeroed()
     };
     let (one_set, variant) = (Division::OneSet, Variant::default());
     let before = Outcome { dispatch_z: 1, ..Outcome::zeroed() };

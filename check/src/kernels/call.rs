@@ -5,7 +5,7 @@ use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid::{Space, Sphere};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::kernel::Variant;
-use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
+use lazygrid_kernels::layout::{Bounds, Grid, SearchParams, SortCounts};
 
 use super::support::{KernelError, SIZES, ordered, same, variants};
 use crate::device::{download, download_one, run, upload, upload_one};
@@ -19,13 +19,13 @@ use crate::{Random, SceneSeed, TestInput};
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
-        let call = upload(own, &[Call { spheres: most, ..Call::zeroed() }])?;
+        let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
         let source = upload(own, &[given])?;
         let bounds = upload(own, &[1_u32; size_of::<Bounds>() / 4])?;
         let grid = upload_one(own, &Grid::zeroed())?;
         let outcome = upload(own, &[1_u32; size_of::<Outcome>() / 4])?;
         let bound = [
-            ("call", &call),
+            ("params", &call),
             ("count_source", &source),
             ("bounds", &bounds),
             ("grid", &grid),
@@ -38,7 +38,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
         same(|| case("bounds"), &download::<Bounds>(own, &bounds, 1)?[0], &empty)?;
         same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
-        let overflow = if given > most { Outcome::SPHERES } else { 0 };
+        let overflow = if given > most { Outcome::OVERFLOW_SPHERES } else { 0 };
         // The last kernel of a call sets these, so they may hold anything here.
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
         let cleared = Outcome {
@@ -48,7 +48,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
             dispatch_y: y,
             dispatch_z: z,
             // The occupancy that the previous call found is kept for this one.
-            densest: 1,
+            max_occupancy: 1,
             ..Outcome::zeroed()
         };
         same(|| case("outcome"), &found, &cleared)?;
@@ -70,11 +70,11 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     for (seed, lengths) in lengths.into_iter().enumerate() {
         let space = periodic::space(lengths);
         let spheres = wrapped_scene(seed as u64, space);
-        let call = Call::zeroed().in_space(space);
+        let call = SearchParams::zeroed().in_space(space);
         let grid = Grid { spheres: spheres.len() as u32, ..Grid::zeroed() };
         let (call, grid, given) = (upload(own, &[call])?, upload_one(own, &grid)?, upload(own, &spheres)?);
         let wrapped = upload(own, &vec![[0_u32; 4]; spheres.len()])?;
-        let bound = [("call", &call), ("grid", &grid), ("given", &given), ("wrapped", &wrapped)];
+        let bound = [("params", &call), ("grid", &grid), ("given", &given), ("wrapped", &wrapped)];
         let groups = spheres.len().div_ceil(256) as u32;
         run(own, &k::SPHERES_WRAP, Variant::default(), groups, &bound)?;
         let found = download::<[f32; 4]>(own, &wrapped, spheres.len())?;
@@ -115,11 +115,11 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
         let bad = size / 100;
         spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
         let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };
-        let (call, bounds) = (upload(own, &[Call::zeroed()])?, upload(own, &[empty])?);
+        let (call, bounds) = (upload(own, &[SearchParams::zeroed()])?, upload(own, &[empty])?);
         let grid = upload_one(own, &Grid { spheres: size as u32, ..Grid::zeroed() })?;
         let (outcome, input) = (upload(own, &[Outcome::zeroed()])?, upload(own, &spheres)?);
         let bound = [
-            ("call", &call),
+            ("params", &call),
             ("grid", &grid),
             ("spheres", &input),
             ("bounds", &bounds),
@@ -161,19 +161,19 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
-        let call = upload(own, &[Call { entry_capacity: capacity, ..Call::zeroed() }])?;
+        let call = upload(own, &[SearchParams { entry_capacity: capacity, ..SearchParams::zeroed() }])?;
         let wanted = Outcome { entries_lo: low, entries_hi: high, ..Outcome::zeroed() };
-        let (outcome, lengths) = (upload(own, &[wanted])?, upload(own, &[Lengths::zeroed()])?);
-        let bound = [("call", &call), ("outcome", &outcome), ("lengths", &lengths)];
-        run(own, &k::ENTRIES_CLOSE, Variant::default(), 1, &bound)?;
-        let items = wanted.entries().min(capacity.into()) as u32;
-        let overflow = if wanted.entries() > capacity.into() { Outcome::ENTRIES } else { 0 };
+        let (outcome, lengths) = (upload(own, &[wanted])?, upload(own, &[SortCounts::zeroed()])?);
+        let bound = [("params", &call), ("outcome", &outcome), ("sort_counts", &lengths)];
+        run(own, &k::ENTRIES_FINISH, Variant::default(), 1, &bound)?;
+        let items = wanted.entries_needed().min(capacity.into()) as u32;
+        let overflow = if wanted.entries_needed() > capacity.into() { Outcome::OVERFLOW_ENTRIES } else { 0 };
         let found = download::<Outcome>(own, &outcome, 1)?[0];
-        let lengths = download::<Lengths>(own, &lengths, 1)?[0];
-        let case = || format!("{} entries, capacity {capacity}", wanted.entries());
+        let lengths = download::<SortCounts>(own, &lengths, 1)?[0];
+        let case = || format!("{} entries, capacity {capacity}", wanted.entries_needed());
         same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
         // One counter per digit and tile.
         let tiles = lengths.counters / 256;
@@ -187,29 +187,29 @@ pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), KernelError> {
-    let most = 65_535 * k::CROWDED_TILES;
+pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
+    let most = 65_535 * k::RUN_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
-    let tiles = [1, k::CROWDED_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
+    let tiles = [1, k::RUN_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
     for (blocks, tiles) in blocks.into_iter().flat_map(|blocks| tiles.map(|tiles| (blocks, tiles))) {
-        for part_tiles in [1 << 18, Call::UNPARTED] {
-            let call = upload(own, &[Call { part_tiles, ..Call::zeroed() }])?;
-            let listed = Outcome { crowded: blocks, crowded_tiles: tiles, ..Outcome::zeroed() };
+        for tiles_per_submission in [1 << 18, SearchParams::UNLIMITED] {
+            let call = upload(own, &[SearchParams { tiles_per_submission, ..SearchParams::zeroed() }])?;
+            let listed = Outcome { deferred_blocks: blocks, deferred_max_tiles: tiles, ..Outcome::zeroed() };
             let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
-            let bound = [("call", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
-            run(own, &k::CROWDED_OPEN, Variant::default(), 1, &bound)?;
+            let bound = [("params", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
+            run(own, &k::RUNS_SEARCH_FAR_DISPATCH_ARGS, Variant::default(), 1, &bound)?;
             let outcome = download::<Outcome>(own, &outcome, 1)?[0];
             let [x, y, z] = download::<[u32; 3]>(own, &dispatch, 1)?[0];
-            let taken = outcome.crowded_end.wrapping_sub(outcome.crowded_begin);
-            let fits = match part_tiles {
-                Call::UNPARTED => taken == blocks && !outcome.is_partial(),
-                _ => taken == 1 || (2..=blocks.min(part_tiles / tiles)).contains(&taken),
+            let taken = outcome.deferred_end.wrapping_sub(outcome.deferred_begin);
+            let fits = match tiles_per_submission {
+                SearchParams::UNLIMITED => taken == blocks && !outcome.has_remaining_work(),
+                _ => taken == 1 || (2..=blocks.min(tiles_per_submission / tiles)).contains(&taken),
             };
             let counts = [x, y, z].iter().all(|groups| (1..=65_535).contains(groups));
-            let reaches = counts && y * z >= taken && tiles.div_ceil(x) <= k::CROWDED_TILES;
+            let reaches = counts && y * z >= taken && tiles.div_ceil(x) <= k::RUN_TILES;
             let case = || {
                 format!(
-                    "{blocks} blocks of {tiles} tiles, {part_tiles} per submission: {taken} dispatched as {x} {y} {z}"
+                    "{blocks} blocks of {tiles} tiles, {tiles_per_submission} per submission: {taken} dispatched as {x} {y} {z}"
                 )
             };
             same(case, &(fits && reaches), &true)?;
@@ -238,20 +238,20 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
             let scenario = TestInput::from(spheres);
             let mut expected = scenario.oracle();
             expected.retain(|pair| window.contains(&pair.i));
-            let call = Call {
+            let call = SearchParams {
                 spheres: size,
                 pair_capacity: capacity,
                 search_groups: 64,
                 window_begin: window.start,
                 window_end: window.end,
-                ..Call::zeroed()
+                ..SearchParams::zeroed()
             };
             let grid = upload_one(own, &Grid { spheres: size, ordinary: 1, ..Grid::zeroed() })?;
             let (call, input) = (upload(own, &[call])?, upload(own, &scenario.spheres)?);
             let outcome = upload(own, &[Outcome::zeroed()])?;
             let pairs = upload(own, &vec![[u32::MAX; 2]; capacity as usize + 1])?;
             let bound = [
-                ("call", &call),
+                ("params", &call),
                 ("grid", &grid),
                 ("spheres", &input),
                 ("outcome", &outcome),
@@ -281,14 +281,19 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
 /// Checks that the count of pairs continues beyond 32 bits.
 fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
-    let call =
-        Call { spheres: 600, pair_capacity: 16, search_groups: 64, window_end: u32::MAX, ..Call::zeroed() };
+    let call = SearchParams {
+        spheres: 600,
+        pair_capacity: 16,
+        search_groups: 64,
+        window_end: u32::MAX,
+        ..SearchParams::zeroed()
+    };
     let before = Outcome { found_lo: u32::MAX - 1000, found_hi: 2, ..Outcome::zeroed() };
     let grid = upload_one(own, &Grid { spheres: 600, ordinary: 1, ..Grid::zeroed() })?;
     let (call, input, outcome) = (upload(own, &[call])?, upload(own, &spheres)?, upload(own, &[before])?);
     let pairs = upload(own, &[[u32::MAX; 2]; 17])?;
     let bound =
-        [("call", &call), ("grid", &grid), ("spheres", &input), ("outcome", &outcome), ("pairs", &pairs)];
+        [("params", &call), ("grid", &grid), ("spheres", &input), ("outcome", &outcome), ("pairs", &pairs)];
     run(own, &k::NAIVE_SEARCH, variant, 64, &bound)?;
     let found = download::<Outcome>(own, &outcome, 1)?[0].found();
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
@@ -310,12 +315,19 @@ pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
         (capacity + 1, 0),
         (3, 2),
     ] {
-        let call = upload(own, &[Call { pair_capacity: capacity, consumer_group: 256, ..Call::zeroed() }])?;
+        let call = upload(
+            own,
+            &[SearchParams {
+                pair_capacity: capacity,
+                consumer_workgroup_size: 256,
+                ..SearchParams::zeroed()
+            }],
+        )?;
         let given = Outcome { found_lo: low, found_hi: high, ..Outcome::zeroed() };
         let outcome = upload(own, &[given])?;
-        run(own, &k::OUTCOME_FINISH, Variant::default(), 1, &[("call", &call), ("outcome", &outcome)])?;
+        run(own, &k::OUTCOME_FINISH, Variant::default(), 1, &[("params", &call), ("outcome", &outcome)])?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
-        let overflow = if given.found() > capacity.into() { Outcome::PAIRS } else { 0 };
+        let overflow = if given.found() > capacity.into() { Outcome::OVERFLOW_PAIRS } else { 0 };
         let case = || format!("{} pairs, capacity {capacity}: {found:?}", given.found());
         same(case, &found.overflow, &overflow)?;
         let written = given.found().min(capacity.into());

@@ -5,7 +5,7 @@ use encase::ShaderType;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
+use lazygrid_kernels::layout::{CellListLayout, InputStats, Outcome, SearchParams, SortCounts};
 
 use super::division::Division;
 use super::support::{KernelError, SIZES, ordered, same};
@@ -18,44 +18,44 @@ use crate::{Random, SceneSeed};
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let divisions = [Division::OneSet, Division::TwoSets, Division::Species { meets_itself: true }];
     for (size, groups, division) in SIZES.into_iter().flat_map(|size| {
         [1, 3].into_iter().flat_map(move |groups| divisions.map(|division| (size, groups, division)))
     }) {
         let mut spheres = hard::any_floats(&SceneSeed::drawn(&mut Random(size as u64), size));
         spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
-        let (counters, density_slots) = (size as u32 + 7, 512);
-        let call = Call { spheres: size as u32, counters, density_slots, ..Call::zeroed() };
+        let (counters, occupancy_slots) = (size as u32 + 7, 512);
+        let call = SearchParams { spheres: size as u32, counters, occupancy_slots, ..SearchParams::zeroed() };
         let call = division.divide(call);
         let (call, count) = (upload(own, &[call])?, upload(own, &[size as u32])?);
-        let (input, survey) = (upload(own, &spheres)?, upload(own, &[Survey::zeroed()])?);
-        let [starts, density] = [counters, density_slots].map(|length| vec![7_u32; length as usize]);
+        let (input, survey) = (upload(own, &spheres)?, upload(own, &[InputStats::zeroed()])?);
+        let [starts, density] = [counters, occupancy_slots].map(|length| vec![7_u32; length as usize]);
         let (starts, density) = (upload(own, &starts)?, upload(own, &density)?);
         let bound = [
-            ("call", &call),
+            ("params", &call),
             ("count_source", &count),
             ("spheres", &input),
-            ("survey", &survey),
+            ("stats", &survey),
             ("starts", &starts),
-            ("density", &density),
+            ("occupancy", &density),
         ];
         let variant = Variant { species: division.has_species(), ..Variant::default() };
         let species = division.upload(own, size)?;
-        run(own, &k::SPHERES_SURVEY, variant, groups, &species.and(&bound))?;
-        let found = download::<Survey>(own, &survey, 1)?[0];
+        run(own, &k::STATS_REDUCE, variant, groups, &species.and(&bound))?;
+        let found = download::<InputStats>(own, &survey, 1)?[0];
         // Devices may flush subnormal radii to zero.
         let [kept, flushed] = [false, true].map(|flushes| surveyed(&spheres, division, flushes));
         let expected = if found.smallest == flushed.smallest { flushed } else { kept };
         let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups, {division:?}");
-        let counted = |survey: &Survey| (survey.low, survey.high, survey.smallest, survey.quarantined);
+        let counted = |survey: &InputStats| (survey.low, survey.high, survey.smallest, survey.quarantined);
         same(|| case("bounds"), &counted(&found), &counted(&expected))?;
         for class in 0..256 {
-            let members = |survey: &Survey| [0, 256].map(|side| survey.members[side + class]);
-            let sizes = |survey: &Survey| (members(survey), survey.largest[class]);
+            let members = |survey: &InputStats| [0, 256].map(|side| survey.members[side + class]);
+            let sizes = |survey: &InputStats| (members(survey), survey.largest[class]);
             same(|| case(&format!("class {class}")), &sizes(&found), &sizes(&expected))?;
         }
-        for (what, length) in [(&starts, counters), (&density, density_slots)] {
+        for (what, length) in [(&starts, counters), (&density, occupancy_slots)] {
             let cleared = download::<u32>(own, what, length as usize)?;
             same(|| "counters".to_owned(), &cleared, &vec![0; length as usize])?;
         }
@@ -68,7 +68,7 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> {
     let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
     let divided = [Division::TwoSets, Division::Species { meets_itself: false }];
     let divided = divided.into_iter().flat_map(|division| [(300, division), (2048, division)]);
@@ -84,15 +84,22 @@ pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
         spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
         let period_x = if periodic { 20.0 } else { 0.0 };
         let (cells, counters) = (CELLS, CELLS + 2);
-        let call =
-            Call { spheres: size, cells, counters, raster_ratio: 2.0, tau: 8, period_x, ..Call::zeroed() };
+        let call = SearchParams {
+            spheres: size,
+            cells,
+            counters,
+            cell_ratio: 2.0,
+            tau: 8,
+            period_x,
+            ..SearchParams::zeroed()
+        };
         let call = division.divide(call);
         let (call, count, input) = (upload(own, &[call])?, upload(own, &[size])?, upload(own, &spheres)?);
         let species = division.upload(own, size as usize)?;
-        let given = species.and(&[("call", &call), ("count_source", &count), ("spheres", &input)]);
+        let given = species.and(&[("params", &call), ("count_source", &count), ("spheres", &input)]);
         let variant = Variant { periodic, species: division.has_species(), ..Variant::default() };
-        let expected = begun(own, &given, variant, &[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
-        let found = begun(own, &given, variant, &[(&k::LIST_BEGIN, 1)])?;
+        let expected = begun(own, &given, variant, &[(&k::STATS_REDUCE, 3), (&k::CELL_LIST_CONFIGURE, 1)])?;
+        let found = begun(own, &given, variant, &[(&k::CELL_LIST_SETUP_SMALL, 1)])?;
         let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}, {division:?}");
         same(|| case("survey is empty"), &found.leaves_no_survey, &true)?;
         same(|| case("the list"), &found.list, &expected.list)?;
@@ -122,16 +129,16 @@ fn begun(
     variant: Variant,
     kernels: &[(&'static k::Kernel, u32)],
 ) -> Result<Begun, KernelError> {
-    let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload_one(own, &List::zeroed())?);
-    let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
+    let (survey, list) = (upload(own, &[InputStats::zeroed()])?, upload_one(own, &CellListLayout::zeroed())?);
+    let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[SortCounts::zeroed()])?);
     let (starts, density) = (upload(own, &[7_u32; CELLS as usize + 2])?, upload(own, &[0_u32; 4])?);
     let written = [
-        ("survey", &survey),
-        ("list", &list),
+        ("stats", &survey),
+        ("cell_list", &list),
         ("outcome", &outcome),
-        ("lengths", &lengths),
+        ("sort_counts", &lengths),
         ("starts", &starts),
-        ("density", &density),
+        ("occupancy", &density),
     ];
     for &(kernel, groups) in kernels {
         let binds = |name: &str| kernel.bindings(variant).any(|binding| binding.name == name);
@@ -139,10 +146,10 @@ fn begun(
         run(own, kernel, variant, groups, &bound)?;
     }
     Ok(Begun {
-        leaves_no_survey: download::<Survey>(own, &survey, 1)?[0] == Survey::zeroed(),
-        list: download::<u8>(own, &list, List::min_size().get() as usize)?,
+        leaves_no_survey: download::<InputStats>(own, &survey, 1)?[0] == InputStats::zeroed(),
+        list: download::<u8>(own, &list, CellListLayout::min_size().get() as usize)?,
         outcome: download::<u8>(own, &outcome, size_of::<Outcome>())?,
-        lengths: download::<u8>(own, &lengths, size_of::<Lengths>())?,
+        lengths: download::<u8>(own, &lengths, size_of::<SortCounts>())?,
         starts: download::<u32>(own, &starts, CELLS as usize + 2)?,
     })
 }
@@ -151,8 +158,8 @@ fn begun(
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
 /// The expected statistics of these spheres, on a device that flushes subnormal numbers or one that does not.
-pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> Survey {
-    let mut survey = Survey::zeroed();
+pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> InputStats {
+    let mut survey = InputStats::zeroed();
     for (id, sphere) in spheres.iter().enumerate() {
         if !sphere.is_valid() {
             survey.quarantined += 1;
@@ -181,20 +188,24 @@ pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) ->
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
     let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
     for (spheres, cells) in sizes {
         let mut random = Random(spheres as u64);
         let mut sorted: Vec<u32> = (0..spheres).map(|_| random.below(cells)).collect();
         sorted.sort_unstable();
-        let list = List { spheres: spheres as u32, cells: cells - cells.min(2), ..List::zeroed() };
+        let list = CellListLayout {
+            spheres: spheres as u32,
+            cells: cells - cells.min(2),
+            ..CellListLayout::zeroed()
+        };
         let counters = list.cells + 2;
         let expected: Vec<u32> =
             (0..counters).map(|cell| sorted.partition_point(|&own| own < cell) as u32).collect();
         let (list, sorted) = (upload_one(own, &list)?, upload(own, &sorted)?);
         let starts = upload(own, &vec![u32::MAX; counters as usize])?;
-        let bound = [("list", &list), ("cells", &sorted), ("starts", &starts)];
-        run(own, &k::CELLS_INDEX, Variant::default(), counters.div_ceil(2048), &bound)?;
+        let bound = [("cell_list", &list), ("cells", &sorted), ("starts", &starts)];
+        run(own, &k::CELL_STARTS_FIND, Variant::default(), counters.div_ceil(2048), &bound)?;
         let found = download::<u32>(own, &starts, counters as usize)?;
         same(|| format!("{spheres} spheres in {cells} cells"), &found, &expected)?;
     }
@@ -205,7 +216,7 @@ pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         let mut random = Random(size as u64);
         let spheres = hard::any_floats(&SceneSeed::drawn(&mut random, size));
@@ -221,32 +232,37 @@ pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), KernelError> {
         (0..cells as usize).for_each(|cell| starts[cell + 1] += starts[cell]);
         let mut order: Vec<u32> = (0..size as u32).collect();
         order.sort_by_key(|&at| homes[at as usize]);
-        let call = upload(own, &[Call::zeroed()])?;
-        let list = upload_one(own, &List { spheres: size as u32, ..List::zeroed() })?;
+        let call = upload(own, &[SearchParams::zeroed()])?;
+        let list = upload_one(own, &CellListLayout { spheres: size as u32, ..CellListLayout::zeroed() })?;
         let (input, starts, homes_given) =
             (upload(own, &spheres)?, upload(own, &starts)?, upload(own, &homes)?);
         let [cells, places] = [(); 2].map(|()| upload(own, &vec![0_u32; size]));
         let (cells, places, sorted) = (cells?, places?, upload(own, &vec![[0_u32; 4]; size])?);
         let bound = [
-            ("call", &call),
-            ("list", &list),
+            ("params", &call),
+            ("cell_list", &list),
             ("spheres", &input),
             ("starts", &starts),
-            ("homes", &homes_given),
+            ("cell_ranks", &homes_given),
             ("sorted", &sorted),
             ("cells", &cells),
             ("order", &places),
         ];
-        let groups = (size as u32).div_ceil(k::GROUP);
-        run(own, &k::SPHERES_PLACE, Variant::default(), groups, &bound)?;
+        let groups = (size as u32).div_ceil(k::WORKGROUP_SIZE);
+        run(own, &k::SPHERES_SCATTER, Variant::default(), groups, &bound)?;
         let expected_cells: Vec<u32> = order.iter().map(|&at| homes[at as usize][0]).collect();
         same(|| format!("order of {size} spheres"), &download::<u32>(own, &places, size)?, &order)?;
         same(|| format!("cells of {size} spheres"), &download::<u32>(own, &cells, size)?, &expected_cells)?;
         gathered(own, &sorted, (&spheres, &order))?;
         // The gathering kernel must give the same order.
         let sorted = upload(own, &vec![[0_u32; 4]; size])?;
-        let bound =
-            [("call", &call), ("list", &list), ("spheres", &input), ("order", &places), ("sorted", &sorted)];
+        let bound = [
+            ("params", &call),
+            ("cell_list", &list),
+            ("spheres", &input),
+            ("order", &places),
+            ("sorted", &sorted),
+        ];
         run(own, &k::SPHERES_GATHER, Variant::default(), groups, &bound)?;
         gathered(own, &sorted, (&spheres, &order))?;
     }

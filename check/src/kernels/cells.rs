@@ -5,7 +5,7 @@ use glam::Vec3;
 use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid::{Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Call, Lengths, List, Survey};
+use lazygrid_kernels::layout::{CellListLayout, InputStats, SearchParams, SortCounts};
 
 use super::cell_list::surveyed;
 use super::division::Division;
@@ -24,14 +24,14 @@ pub(crate) const TAU: u32 = 8;
 /// The parameters of a cell-list search, and the cell list that the device configured for it.
 #[derive(Clone)]
 pub(crate) struct ConfiguredCellList {
-    pub(crate) call: Call,
+    pub(crate) call: SearchParams,
     pub(crate) scenario: TestInput,
     pub(crate) division: Division,
-    pub(crate) list: List,
+    pub(crate) list: CellListLayout,
     pub(crate) variant: Variant,
-    pub(crate) lengths: Lengths,
+    pub(crate) lengths: SortCounts,
     pub(crate) outcome: Outcome,
-    pub(crate) survey: Survey,
+    pub(crate) survey: InputStats,
 }
 
 /// A test case of the cell list.
@@ -90,8 +90,13 @@ impl CellListCase {
         spheres: Vec<Sphere>,
     ) -> Result<ConfiguredCellList, KernelError> {
         let tau = if self.is_dense { TAU } else { u32::MAX };
-        let before =
-            Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, dispatch_z: 1, ..Outcome::zeroed() };
+        let before = Outcome {
+            max_occupancy: TAU + 1,
+            deferred_blocks: 7,
+            found_lo: 7,
+            dispatch_z: 1,
+            ..Outcome::zeroed()
+        };
         self.choose_after(own, spheres, (tau, before))
     }
 
@@ -106,17 +111,17 @@ impl CellListCase {
         (tau, before): (u32, Outcome),
     ) -> Result<ConfiguredCellList, KernelError> {
         let space = periodic::space(self.lengths);
-        let call = Call {
+        let call = SearchParams {
             spheres: self.spheres,
             cells: CELL_CAPACITY,
-            raster_ratio: 2.0,
+            cell_ratio: 2.0,
             tau,
-            density_slots: 512,
+            occupancy_slots: 512,
             pair_capacity: 1 << 22,
             window_end: u32::MAX,
-            share: 256,
-            part_tiles: Call::UNPARTED,
-            ..Call::zeroed()
+            candidates_per_invocation: 256,
+            tiles_per_submission: SearchParams::UNLIMITED,
+            ..SearchParams::zeroed()
         };
         let (division, count) = (self.division, spheres.len());
         let call = division.divide(call.in_space(space));
@@ -134,10 +139,10 @@ impl CellListCase {
 
 /// The results of the kernel that configures a cell list.
 pub(crate) struct Configured {
-    pub(crate) list: List,
-    lengths: Lengths,
+    pub(crate) list: CellListLayout,
+    lengths: SortCounts,
     outcome: Outcome,
-    survey: Survey,
+    survey: InputStats,
 }
 
 /// Configures a cell list on the device for spheres with these statistics and sides, after a call with this outcome.
@@ -146,47 +151,52 @@ pub(crate) struct Configured {
 /// Fails if the device fails.
 pub(crate) fn configure(
     own: &GpuDevice,
-    (call, variant): (Call, Variant),
-    (spheres, survey, division): (&[Sphere], Survey, Division),
+    (call, variant): (SearchParams, Variant),
+    (spheres, survey, division): (&[Sphere], InputStats, Division),
     before: Outcome,
 ) -> Result<Configured, KernelError> {
     let (given, count, input) = (upload(own, &[call])?, upload(own, &[call.spheres])?, upload(own, spheres)?);
-    let (survey, list) = (upload(own, &[survey])?, upload_one(own, &List::zeroed())?);
-    let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[Lengths::zeroed()])?);
+    let (survey, list) = (upload(own, &[survey])?, upload_one(own, &CellListLayout::zeroed())?);
+    let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[SortCounts::zeroed()])?);
     let bound = [
-        ("call", &given),
+        ("params", &given),
         ("count_source", &count),
         ("spheres", &input),
-        ("survey", &survey),
-        ("list", &list),
+        ("stats", &survey),
+        ("cell_list", &list),
         ("outcome", &outcome),
-        ("lengths", &lengths),
+        ("sort_counts", &lengths),
     ];
     let species = division.upload(own, spheres.len())?;
-    run(own, &k::LIST_CONFIGURE, variant, 1, &species.and(&bound))?;
+    run(own, &k::CELL_LIST_CONFIGURE, variant, 1, &species.and(&bound))?;
     Ok(Configured {
         list: download_one(own, &list)?,
-        lengths: download::<Lengths>(own, &lengths, 1)?[0],
+        lengths: download::<SortCounts>(own, &lengths, 1)?[0],
         outcome: download::<Outcome>(own, &outcome, 1)?[0],
-        survey: download::<Survey>(own, &survey, 1)?[0],
+        survey: download::<InputStats>(own, &survey, 1)?[0],
     })
 }
 
 /// The level of spheres with this radius.
-pub(crate) fn level_of(list: &List, radius: f32) -> usize {
+pub(crate) fn level_of(list: &CellListLayout, radius: f32) -> usize {
     let class = (radius.to_bits() >> 23) as usize;
     (list.class_levels[class / 4] >> (class % 4 * 8) & 255) as usize
 }
 
 /// The cell of a point along each axis, before wrapping around the ring of cells. `fused` selects the rounding of a
 /// fused multiply-add.
-pub(crate) fn numbers(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> [u32; 3] {
+pub(crate) fn numbers(
+    list: &CellListLayout,
+    space: Space,
+    place: Vec3,
+    (level, fused): (usize, bool),
+) -> [u32; 3] {
     let own = &list.level[level];
-    let quanta = i64::from(list.quanta);
+    let quanta = i64::from(list.units_per_cell);
     let open = |x: f32| {
         let (size, middle) = (x.abs().to_bits(), 1_i64 << 30);
         if size < own.far {
-            return (middle + ((x * own.scale).floor() as i64).div_euclid(quanta)) as u32;
+            return (middle + ((x * own.units_per_length).floor() as i64).div_euclid(quanta)) as u32;
         }
         let beyond = i64::from((size - own.far).min(0x1fff_ffff));
         match x < 0.0 {
@@ -197,7 +207,7 @@ pub(crate) fn numbers(list: &List, space: Space, place: Vec3, (level, fused): (u
     [0, 1, 2].map(|axis| match space.lengths()[axis] {
         None => open(place[axis]).wrapping_sub(own.low[axis]),
         Some(_) => {
-            let (cells, around) = (own.cells[axis], own.around[axis]);
+            let (cells, around) = (own.cells[axis], own.cells_per_length[axis]);
             let half = 0.5 * cells as f32;
             let at = if fused { place[axis].mul_add(around, half) } else { place[axis] * around + half };
             (at.floor() as i32 + cells as i32) as u32
@@ -206,7 +216,7 @@ pub(crate) fn numbers(list: &List, space: Space, place: Vec3, (level, fused): (u
 }
 
 /// The index of a point's cell in the table.
-fn cell(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> u32 {
+fn cell(list: &CellListLayout, space: Space, place: Vec3, (level, fused): (usize, bool)) -> u32 {
     let own = &list.level[level];
     let [x, y, z] = numbers(list, space, place, (level, fused));
     let [x, y, z] = [x % own.cells.x, y % own.cells.y, z % own.cells.z];
@@ -227,7 +237,7 @@ impl ConfiguredCellList {
 
     /// The first level of a sphere's side.
     fn first_level(&self, id: usize) -> usize {
-        List::LEVELS * self.division.side(id, self.scenario.spheres.len())
+        CellListLayout::LEVELS * self.division.side(id, self.scenario.spheres.len())
     }
 
     /// The cell of a sphere at the first level of its side; `None` if it does not pair or is listed.
@@ -240,10 +250,12 @@ impl ConfiguredCellList {
 
     /// The expected value of each occupancy counter.
     pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
-        let mut density = vec![0; self.call.density_slots as usize];
+        let mut density = vec![0; self.call.occupancy_slots as usize];
         let slots = density.len();
         let cells = (0..self.scenario.spheres.len()).filter_map(|id| self.coarsest(id, fused));
-        cells.filter(|_| self.list.is_dense != 0).for_each(|cell| density[cell as usize % slots] += 1);
+        cells
+            .filter(|_| self.list.has_overfull_cells != 0)
+            .for_each(|cell| density[cell as usize % slots] += 1);
         density
     }
 
@@ -255,7 +267,7 @@ impl ConfiguredCellList {
         };
         let level = level_of(list, sphere.radius);
         let crowd = density[coarsest as usize % density.len()];
-        match level != 0 && list.is_dense != 0 && crowd > self.call.tau {
+        match level != 0 && list.has_overfull_cells != 0 && crowd > self.call.tau {
             true => (cell(list, space, self.place(sphere), (self.first_level(id) + level, fused)), crowd),
             false => (coarsest, 0),
         }

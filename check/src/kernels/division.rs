@@ -2,7 +2,7 @@
 
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid::{Error, Interaction};
-use lazygrid_kernels::layout::{Call, SpeciesReach};
+use lazygrid_kernels::layout::{SearchParams, SpeciesParams};
 
 use crate::SpeciesSetup;
 use crate::device::upload;
@@ -54,14 +54,16 @@ impl Division {
 
     /// Returns `true` if spheres of these two sides are compared.
     pub(crate) fn meets(self, a: usize, b: usize) -> bool {
-        self.meetings() >> (a + b) & 1 == 1
+        self.side_pairs() >> (a + b) & 1 == 1
     }
 
-    fn meetings(self) -> u32 {
+    fn side_pairs(self) -> u32 {
         match self {
-            Self::OneSet => Call::FIRST_WITH_ITSELF,
-            Self::Species { meets_itself: true } => Call::FIRST_WITH_ITSELF | Call::FIRST_WITH_SECOND,
-            Self::TwoSets | Self::Species { .. } => Call::FIRST_WITH_SECOND,
+            Self::OneSet => SearchParams::FIRST_WITH_ITSELF,
+            Self::Species { meets_itself: true } => {
+                SearchParams::FIRST_WITH_ITSELF | SearchParams::FIRST_WITH_SECOND
+            }
+            Self::TwoSets | Self::Species { .. } => SearchParams::FIRST_WITH_SECOND,
         }
     }
 
@@ -71,10 +73,17 @@ impl Division {
     }
 
     /// The same call of spheres that are divided in this way.
-    pub(crate) fn divide(self, call: Call) -> Call {
-        let split = if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };
+    pub(crate) fn divide(self, call: SearchParams) -> SearchParams {
+        let second_set_start =
+            if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };
         let species = if self.has_species() { IDLE + 1 } else { 0 };
-        Call { meetings: self.meetings(), interaction: Call::TOUCH, split, species, ..call }
+        SearchParams {
+            side_pairs: self.side_pairs(),
+            interaction: SearchParams::TOUCH,
+            second_set_start,
+            species,
+            ..call
+        }
     }
 
     /// The species and interactions by which plain functions find the same pairs.
@@ -97,10 +106,10 @@ impl Division {
     /// # Errors
     /// Fails if the device refuses an operation.
     pub(crate) fn upload(self, own: &GpuDevice, count: usize) -> Result<Species, Error> {
-        let touches = SpeciesReach::TOUCHES;
-        let flags = [touches, touches | SpeciesReach::SECOND_SIDE, SpeciesReach::IDLE];
-        let reach = flags.map(|flags| SpeciesReach { flags, half: 0.0 });
-        let (never, touch) = (Call::NEVER, Call::TOUCH);
+        let touches = SpeciesParams::TOUCHES;
+        let flags = [touches, touches | SpeciesParams::SECOND_SIDE, SpeciesParams::IDLE];
+        let reach = flags.map(|flags| SpeciesParams { flags, half: 0.0 });
+        let (never, touch) = (SearchParams::NEVER, SearchParams::TOUCH);
         let first = if self.meets(0, 0) { touch } else { never };
         let table = [[first, touch, never], [touch, never, never], [never; 3]];
         Ok(Species {
@@ -124,7 +133,7 @@ impl Species {
         &'b self,
         others: &[(&'static str, &'b wgpu::Buffer)],
     ) -> Vec<(&'static str, &'b wgpu::Buffer)> {
-        let own = [("species", &self.species), ("reach", &self.reach), ("table", &self.table)];
+        let own = [("species", &self.species), ("species_params", &self.reach), ("table", &self.table)];
         own.into_iter().chain(others.iter().copied()).collect()
     }
 }

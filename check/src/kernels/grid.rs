@@ -5,7 +5,7 @@ use glam::Vec3;
 use lazygrid::gpu::GpuDevice;
 use lazygrid::{Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Bounds, Call, Grid};
+use lazygrid_kernels::layout::{Bounds, Grid, SearchParams};
 
 use super::support::{KernelError, ordered, same};
 use crate::Random;
@@ -54,12 +54,17 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
             let space = periodic::space(lengths);
             let spheres = scene(count, radii, space);
             let case = |what: &str| format!("{what} of {count} spheres of radii {radii:?} in {lengths:?}");
-            let settings = Call { raster_ratio: 2.0, key_bits: KEY_BITS, refinement: 2, ..Call::zeroed() };
+            let settings = SearchParams {
+                cell_ratio: 2.0,
+                key_bits: KEY_BITS,
+                split_policy: 2,
+                ..SearchParams::zeroed()
+            };
             let settings = settings.in_space(space);
             let grid = upload_one(own, &Grid { spheres: count as u32, ..Grid::zeroed() })?;
             let (call, input) = (upload(own, &[settings])?, upload(own, &spheres)?);
             let bound = [
-                ("call", &call),
+                ("params", &call),
                 ("spheres", &input),
                 ("bounds", &upload(own, &[bounds(&spheres)])?),
                 ("grid", &grid),
@@ -68,9 +73,9 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
             run(own, &k::GRID_CONFIGURE, variant, 1, &bound)?;
             let grid = download_one::<Grid>(own, &grid)?;
             let fits = count > 1 && radii.len() > 1;
-            let levels = [grid.refinement, grid.depths, grid.occupied, grid.passive, grid.ordinary];
+            let levels = [grid.split_policy, grid.level_mask, grid.depth_mask, grid.passive, grid.ordinary];
             same(|| case("levels"), &levels, &[2 * u32::from(fits), 1, 1, 0, 1])?;
-            let width = 2.0 * settings.raster_ratio * radii[0];
+            let width = 2.0 * settings.cell_ratio * radii[0];
             for (axis, length) in lengths.into_iter().enumerate() {
                 let sound = match length {
                     None => open_axis(&grid, (axis, width), &spheres),
@@ -91,7 +96,7 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
 
 /// Number of bits that distinguish all cells of an axis.
 fn wanted_bits(grid: &Grid, axis: usize) -> u32 {
-    match grid.turns[axis] {
+    match grid.ring_cells[axis] {
         0.0 => u32::BITS - (grid.high[axis].abs_diff(grid.low[axis])).leading_zeros(),
         turns if turns < 4.0 => 0,
         turns => u32::BITS - (turns as u32 - 1).leading_zeros(),
@@ -112,7 +117,7 @@ fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Re
     }
     let cell = |corner: Vec3| ((corner[axis] - origin) * grid.inverse_edge[axis]).floor() as i32;
     let [low, high] = extent(spheres).map(cell);
-    match [grid.low[axis], grid.high[axis]] == [low, high] && grid.turns[axis] == 0.0 {
+    match [grid.low[axis], grid.high[axis]] == [low, high] && grid.ring_cells[axis] == 0.0 {
         true => Ok(()),
         false => Err(format!("cells {low} to {high}")),
     }
@@ -120,7 +125,7 @@ fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Re
 
 /// Checks a periodic axis. Returns what is wrong.
 fn ring(grid: &Grid, (axis, width): (usize, f32), length: f32) -> Result<(), String> {
-    let turns = grid.turns[axis];
+    let turns = grid.ring_cells[axis];
     let whole = if turns >= 4.0 { turns % 4.0 == 0.0 } else { turns.log2().fract() == 0.0 };
     if !whole || length / turns < width {
         return Err(format!("{turns} cells of at least {width} in a length of {length}"));

@@ -8,7 +8,7 @@ use lazygrid::Error;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Bounds, Call, Grid, Level};
+use lazygrid_kernels::layout::{Bounds, Grid, LevelKeys, SearchParams};
 
 use super::support::{KernelError, SIZES, same, variants};
 use crate::Random;
@@ -48,30 +48,30 @@ impl Cells {
 }
 
 /// A grid with cells of size 8 at depth 0 and a cell corner at the origin. Powers of two avoid rounding.
-fn grid(spheres: usize, refinement: u32) -> Grid {
+fn grid(spheres: usize, split_policy: u32) -> Grid {
     let mut grid = Grid {
         inverse_edge: Vec3::splat(0.125),
         low: IVec3::splat(-1024),
         high: IVec3::splat(1023),
         spheres: spheres as u32,
-        refinement,
-        depths: 1,
-        occupied: 1,
+        split_policy,
+        level_mask: 1,
+        depth_mask: 1,
         ..Grid::zeroed()
     };
-    grid.levels[0] = Level { bits: UVec3::splat(8), base: 0 };
+    grid.levels[0] = LevelKeys { bits: UVec3::splat(8), base: 0 };
     grid
 }
 
-fn call(refinement: u32, tau: u32) -> Call {
-    Call {
-        raster_ratio: 2.0,
+fn call(split_policy: u32, tau: u32) -> SearchParams {
+    SearchParams {
+        cell_ratio: 2.0,
         key_bits: 24,
-        refinement,
+        split_policy,
         tau,
-        density_slots: SLOTS,
+        occupancy_slots: SLOTS,
         entry_capacity: 1 << 20,
-        ..Call::zeroed()
+        ..SearchParams::zeroed()
     }
 }
 
@@ -160,18 +160,18 @@ fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
-        for refinement in [1, 2] {
-            let call = upload(own, &[Call { density_slots: slots, ..call(refinement, 0) }])?;
-            let grid = upload_one(own, &grid(1, refinement))?;
+        for split_policy in [1, 2] {
+            let call = upload(own, &[SearchParams { occupancy_slots: slots, ..call(split_policy, 0) }])?;
+            let grid = upload_one(own, &grid(1, split_policy))?;
             let density = upload(own, &vec![7_u32; 2 * slots as usize + 3])?;
-            let bound = [("call", &call), ("grid", &grid), ("density", &density)];
-            run(own, &k::DENSITY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE), &bound)?;
+            let bound = [("params", &call), ("grid", &grid), ("occupancy", &density)];
+            run(own, &k::OCCUPANCY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE), &bound)?;
             let found: Vec<u32> = download(own, &density, 2 * slots as usize + 3)?;
-            let cleared = if refinement == 2 { 2 * slots as usize } else { 0 };
+            let cleared = if split_policy == 2 { 2 * slots as usize } else { 0 };
             let expected: Vec<u32> = (0..found.len()).map(|k| if k < cleared { 0 } else { 7 }).collect();
-            same(|| format!("{slots} slots, refinement {refinement}"), &found, &expected)?;
+            same(|| format!("{slots} slots, split_policy {split_policy}"), &found, &expected)?;
         }
     }
     Ok(())
@@ -183,10 +183,10 @@ pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), KernelError> {
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
-        for refinement in [0, 1, 2] {
+        for split_policy in [0, 1, 2] {
             let mut spheres = spheres(size);
             let mut expected: Vec<Cells> = spheres.iter().map(cells_plain).collect();
-            if refinement == 0 {
+            if split_policy == 0 {
                 expected.iter_mut().for_each(|cells| *cells = cells.at(0));
             }
             let mut words = packed(&expected);
@@ -195,28 +195,28 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
                 words[300] = [u32::MAX; 2];
                 expected.remove(300);
             }
-            let (input, call) = (upload(own, &spheres)?, upload(own, &[call(refinement, 0)])?);
+            let (input, call) = (upload(own, &spheres)?, upload(own, &[call(split_policy, 0)])?);
             let (grid, bounds) =
-                (upload_one(own, &grid(size, refinement))?, upload(own, &[Bounds::zeroed()])?);
+                (upload_one(own, &grid(size, split_policy))?, upload(own, &[Bounds::zeroed()])?);
             let (cells, density) = (upload(own, &vec![[0_u32; 2]; size])?, table(own)?);
             let bound = [
-                ("call", &call),
+                ("params", &call),
                 ("grid", &grid),
                 ("spheres", &input),
                 ("bounds", &bounds),
                 ("cells", &cells),
-                ("density", &density),
+                ("occupancy", &density),
             ];
             run(own, &k::CELLS_FIND, Variant::default(), size.div_ceil(256) as u32, &bound)?;
-            let case = |what: &str| format!("{what}, {size} spheres, refinement {refinement}");
+            let case = |what: &str| format!("{what}, {size} spheres, split_policy {split_policy}");
             same(|| case("cells"), &download::<[u32; 2]>(own, &cells, size)?, &words)?;
             let bounds = download::<Bounds>(own, &bounds, 1)?[0];
             let of = |depth: u32| expected.iter().filter(|own| own.depth == depth).count() as u32;
-            let counted = std::array::from_fn(|depth| if refinement == 1 { of(depth as u32) } else { 0 });
+            let counted = std::array::from_fn(|depth| if split_policy == 1 { of(depth as u32) } else { 0 });
             same(|| case("depths, counted"), &bounds.descending, &counted)?;
-            let depths = if refinement == 0 { 0 } else { depths_of(&expected) };
-            same(|| case("depths"), &bounds.depths, &depths)?;
-            let table = if refinement == 2 { expected.as_slice() } else { &[] };
+            let depths = if split_policy == 0 { 0 } else { depths_of(&expected) };
+            same(|| case("depths"), &bounds.depth_mask, &depths)?;
+            let table = if split_policy == 2 { expected.as_slice() } else { &[] };
             let found = download::<u32>(own, &density, 2 * SLOTS as usize)?;
             same(|| case("density"), &found, &density_plain(table, 0).0)?;
         }
@@ -228,23 +228,23 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
             let (first, all) = density_plain(&cells, tau);
-            let mut bounds = Bounds { depths: depths_of(&cells), ..Bounds::zeroed() };
+            let mut bounds = Bounds { depth_mask: depths_of(&cells), ..Bounds::zeroed() };
             let (input, call) = (upload(own, &packed(&cells))?, upload(own, &[call(2, tau)])?);
             let (grid, settled) = (upload_one(own, &grid(size, 2))?, upload(own, &[bounds])?);
             let density = upload(own, &first)?;
             let bound = [
-                ("call", &call),
+                ("params", &call),
                 ("grid", &grid),
                 ("bounds", &settled),
                 ("cells", &input),
-                ("density", &density),
+                ("occupancy", &density),
             ];
-            run(own, &k::LEVELS_REFINE, Variant::default(), size.div_ceil(256) as u32, &bound)?;
+            run(own, &k::LEVELS_COUNT, Variant::default(), size.div_ceil(256) as u32, &bound)?;
             let case = |what: &str| format!("{what}, {size} spheres, tau {tau}");
             same(|| case("density"), &download::<u32>(own, &density, all.len())?, &all)?;
             for own in cells.iter().filter(|own| own.depth > 0) {
@@ -261,29 +261,33 @@ pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
     let mut random = Random(5);
     for key_bits in [16_u32, 24, 32] {
         for depths in [1_u32, 0b11, 0b1_0001, 1 << 31 | 1, u32::MAX, 0x0010_8002] {
-            let mut bounds = Bounds { depths, ..Bounds::zeroed() };
+            let mut bounds = Bounds { depth_mask: depths, ..Bounds::zeroed() };
             for depth in (0..32).filter(|depth| depths >> depth & 1 == 1) {
                 bounds.descending[depth] = random.word() >> (8 + random.word() % 24);
             }
             let goes_on = bounds.descending[1..].iter().any(|&count| count > 0);
-            let call = upload(own, &[Call { key_bits, ..call(2, 0) }])?;
+            let call = upload(own, &[SearchParams { key_bits, ..call(2, 0) }])?;
             let grid = upload_one(own, &grid(1 << 20, 2))?;
-            let bound = [("call", &call), ("bounds", &upload(own, &[bounds])?), ("grid", &grid)];
-            run(own, &k::LEVELS_SETTLE, Variant::default(), 1, &bound)?;
+            let bound = [("params", &call), ("bounds", &upload(own, &[bounds])?), ("grid", &grid)];
+            run(own, &k::LEVELS_ASSIGN_KEYS, Variant::default(), 1, &bound)?;
             let grid = download_one::<Grid>(own, &grid)?;
             let case = |what: &str| format!("{what}, {key_bits} bits, depths {depths:x}");
             if !goes_on {
-                same(|| case("one level"), &[grid.refinement, grid.depths, grid.passive], &[0, 1, 0])?;
+                same(|| case("one level"), &[grid.split_policy, grid.level_mask, grid.passive], &[0, 1, 0])?;
                 continue;
             }
-            same(|| case("levels"), &[grid.depths, grid.occupied, grid.passive], &[depths | 1, depths, 1])?;
+            same(
+                || case("levels"),
+                &[grid.level_mask, grid.depth_mask, grid.passive],
+                &[depths | 1, depths, 1],
+            )?;
             let mut end = 0_u64;
-            for depth in (0..32).filter(|depth| grid.depths >> depth & 1 == 1) {
-                let Level { bits, base } = grid.levels[depth];
+            for depth in (0..32).filter(|depth| grid.level_mask >> depth & 1 == 1) {
+                let LevelKeys { bits, base } = grid.levels[depth];
                 same(|| case(&format!("the first key of depth {depth}")), &u64::from(base), &end)?;
                 // With three bits per axis, a key repeats after eight cells.
                 same(
@@ -304,9 +308,9 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
     let mut entries = Vec::new();
     for (index, own) in cells.iter().enumerate() {
         let mut handed: HashMap<[i32; 3], bool> = HashMap::new();
-        for depth in (0..=own.depth).filter(|depth| grid.depths >> depth & 1 == 1) {
+        for depth in (0..=own.depth).filter(|depth| grid.level_mask >> depth & 1 == 1) {
             let here = own.at(depth);
-            let above = (0..depth).rev().find(|depth| grid.depths >> depth & 1 == 1);
+            let above = (0..depth).rev().find(|depth| grid.level_mask >> depth & 1 == 1);
             let mut next = HashMap::new();
             for cell in here.all() {
                 let parent = above.map(|above| cell.map(|c| c >> (depth - above)));
@@ -315,9 +319,9 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
                     continue;
                 }
                 let counter = density[slot(depth, cell)];
-                let refined = depth < own.depth && (grid.refinement == 1 || is_dense(counter, tau));
-                let meets = if grid.refinement == 1 {
-                    grid.occupied >> depth & 1 == 1
+                let refined = depth < own.depth && (grid.split_policy == 1 || is_dense(counter, tau));
+                let meets = if grid.split_policy == 1 {
+                    grid.depth_mask >> depth & 1 == 1
                 } else {
                     counter & HAS_OWN != 0
                 };
@@ -325,7 +329,7 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
                 if refined && !meets {
                     continue;
                 }
-                let Level { bits, base } = grid.levels[depth as usize];
+                let LevelKeys { bits, base } = grid.levels[depth as usize];
                 let folded = [0, 1, 2].map(|axis| cell[axis] as u32 & ((1 << bits[axis]) - 1));
                 let key = base + (folded[0] | folded[1] << bits[0] | folded[2] << (bits[0] + bits[1]));
                 let first = (0..3)
@@ -345,38 +349,43 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
-        for (size, (refinement, tau)) in SIZES.into_iter().flat_map(|size| {
+        for (size, (split_policy, tau)) in SIZES.into_iter().flat_map(|size| {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))
         }) {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
             let (_, density) = density_plain(&cells, tau);
             let occupied = depths_of(&cells);
-            let mut grid = Grid { depths: occupied | 1, occupied, passive: 1, ..grid(size, refinement) };
+            let mut grid = Grid {
+                level_mask: occupied | 1,
+                depth_mask: occupied,
+                passive: 1,
+                ..grid(size, split_policy)
+            };
             for depth in 0..32 {
-                grid.levels[depth] = Level { bits: UVec3::new(3, 4, 5), base: (depth as u32) << 12 };
+                grid.levels[depth] = LevelKeys { bits: UVec3::new(3, 4, 5), base: (depth as u32) << 12 };
             }
-            let call = upload(own, &[call(refinement, tau)])?;
+            let call = upload(own, &[call(split_policy, tau)])?;
             let (input, table) = (upload(own, &packed(&cells))?, upload(own, &density)?);
             let outcome = upload(own, &[Outcome::zeroed()])?;
             let (keys, objects) = (upload(own, &vec![0_u32; 1 << 20])?, upload(own, &vec![0_u32; 1 << 20])?);
             let uploaded = upload_one(own, &grid)?;
             let bound = [
-                ("call", &call),
+                ("params", &call),
                 ("grid", &uploaded),
                 ("cells", &input),
-                ("density", &table),
+                ("occupancy", &table),
                 ("outcome", &outcome),
                 ("keys", &keys),
                 ("objects", &objects),
             ];
             run(own, &k::ENTRIES_EMIT, variant, size.div_ceil(256) as u32, &bound)?;
-            let count = download::<Outcome>(own, &outcome, 1)?[0].entries() as usize;
+            let count = download::<Outcome>(own, &outcome, 1)?[0].entries_needed() as usize;
             let keys = download::<u32>(own, &keys, count)?;
             let objects = download::<u32>(own, &objects, count)?;
             let mut found: Vec<[u32; 2]> = keys.into_iter().zip(objects).map(|(k, o)| [k, o]).collect();
             found.sort_unstable();
             let expected = entries_plain(&cells, &grid, &density, tau);
-            let case = || format!("{size} spheres, refinement {refinement}, tau {tau}, {variant:?}");
+            let case = || format!("{size} spheres, split_policy {split_policy}, tau {tau}, {variant:?}");
             same(case, &found, &expected)?;
         }
     }

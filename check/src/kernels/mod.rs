@@ -45,12 +45,12 @@ pub const CHECKS: [KernelCheck; 34] = [
     one("wrapped coordinates", &["spheres_wrap"], |own, _| call::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| call::bounds_reduce(own)),
     one("grid", &["grid_configure"], |own, _| grid::grid_configure(own)),
-    one("occupancy table", &["density_clear"], |own, _| grid_levels::density_clear(own)),
+    one("occupancy table", &["occupancy_clear"], |own, _| grid_levels::occupancy_clear(own)),
     one("cells", &["cells_find"], |own, _| grid_levels::cells_find(own)),
-    one("deeper levels", &["levels_refine"], |own, _| grid_levels::levels_refine(own)),
-    one("keys of levels", &["levels_settle"], |own, _| grid_levels::levels_settle(own)),
+    one("deeper levels", &["levels_count"], |own, _| grid_levels::levels_count(own)),
+    one("keys of levels", &["levels_assign_keys"], |own, _| grid_levels::levels_assign_keys(own)),
     one("entries", &["entries_emit"], |own, _| grid_levels::entries_emit(own)),
-    one("number of entries", &["entries_close"], |own, _| call::entries_close(own)),
+    one("number of entries", &["entries_finish"], |own, _| call::entries_finish(own)),
     one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, effort| {
         sizes(effort).try_for_each(|size| primitives::scan(own, size))
     }),
@@ -58,31 +58,39 @@ pub const CHECKS: [KernelCheck; 34] = [
     one("radix sort", &["radix_count", "radix_scan", "radix_scatter"], |own, effort| {
         sizes(effort).try_for_each(|size| primitives::sort(own, size))
     }),
-    one("size classes and bounds", &["spheres_survey"], |own, _| cell_list::spheres_survey(own)),
-    one("cells of a cell list", &["list_configure"], |own, effort| {
-        assignment::list_configure(own)?;
+    one("size classes and bounds", &["stats_reduce"], |own, _| cell_list::stats_reduce(own)),
+    one("cells of a cell list", &["cell_list_configure"], |own, effort| {
+        assignment::cell_list_configure(own)?;
         axes::cells_along_axes(own, effort)
     }),
-    one("cells of few spheres", &["list_begin"], |own, _| cell_list::list_begin(own)),
-    one("occupancy of the first cells", &["density_count"], |own, _| assignment::density_count(own)),
-    one("cells and ranks", &["homes_count"], |own, _| assignment::homes_count(own)),
-    one("cells as sort keys", &["homes_key"], |own, _| assignment::homes_key(own)),
-    one("starts of cells", &["cells_index"], |own, _| cell_list::cells_index(own)),
-    one("spheres in cell order", &["spheres_place", "spheres_gather"], |own, _| {
-        cell_list::spheres_place(own)
+    one("cells of few spheres", &["cell_list_setup_small"], |own, _| cell_list::cell_list_setup_small(own)),
+    one("occupancy of the first cells", &["occupancy_count"], |own, _| assignment::occupancy_count(own)),
+    one("cells and ranks", &["cells_count"], |own, _| assignment::cells_count(own)),
+    one("cells as sort keys", &["cells_key"], |own, _| assignment::cells_key(own)),
+    one("starts of cells", &["cell_starts_find"], |own, _| cell_list::cell_starts_find(own)),
+    one("spheres in cell order", &["spheres_scatter", "spheres_gather"], |own, _| {
+        cell_list::spheres_scatter(own)
     }),
-    one("first candidates", &["list_search"], |own, _| overflow::list_search(own)),
-    one("dispatch of the search of further candidates", &["shares_open"], |own, _| {
-        overflow::shares_open(own)
+    one("first candidates", &["cell_list_search"], |own, _| overflow::cell_list_search(own)),
+    one(
+        "dispatch of the search of further candidates",
+        &["cell_list_search_overflow_dispatch_args"],
+        |own, _| overflow::cell_list_search_overflow_dispatch_args(own),
+    ),
+    one("further candidates", &["cell_list_search_overflow"], |own, _| {
+        overflow::cell_list_search_overflow(own)
     }),
-    one("further candidates", &["shares_search"], |own, _| overflow::shares_search(own)),
-    one("near pairs in runs", &["runs_search"], |own, _| runs::runs_search(own)),
-    one("dispatch of the search of far pairs in runs", &["crowded_open"], |own, _| call::crowded_open(own)),
-    one("far pairs in runs", &["crowded_search"], |own, _| runs::crowded_search(own)),
-    one("displacements", &["skin_measure"], |own, _| skin::skin_measure(own)),
-    one("rebuild of the candidate list", &["skin_decide"], |own, _| skin::skin_decide(own)),
-    one("reference positions", &["skin_keep"], |own, _| skin::skin_keep(own)),
-    one("dispatch of the candidate test", &["candidates_open"], |own, _| skin::candidates_open(own)),
+    one("near pairs in runs", &["runs_search_near"], |own, _| runs::runs_search_near(own)),
+    one("dispatch of the search of far pairs in runs", &["runs_search_far_dispatch_args"], |own, _| {
+        call::runs_search_far_dispatch_args(own)
+    }),
+    one("far pairs in runs", &["runs_search_far"], |own, _| runs::runs_search_far(own)),
+    one("displacements", &["skin_displacement"], |own, _| skin::skin_displacement(own)),
+    one("rebuild of the candidate list", &["skin_check"], |own, _| skin::skin_check(own)),
+    one("reference positions", &["skin_store_reference"], |own, _| skin::skin_store_reference(own)),
+    one("dispatch of the candidate test", &["candidates_test_dispatch_args"], |own, _| {
+        skin::candidates_test_dispatch_args(own)
+    }),
     one("pairs among candidates", &["candidates_test"], |own, _| skin::candidates_test(own)),
     one("all pairs", &["naive_search"], |own, _| call::naive_search(own)),
     one("outcome", &["outcome_finish"], |own, _| call::outcome_finish(own)),

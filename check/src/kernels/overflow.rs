@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
 use lazygrid::{Pair, Sphere};
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::Call;
+use lazygrid_kernels::layout::SearchParams;
 
 use super::cells::{CellListCase, ConfiguredCellList, cases};
 use super::division::{Division, Species};
@@ -61,15 +61,15 @@ impl Searched {
 
     fn bound(&self) -> Vec<(&'static str, &wgpu::Buffer)> {
         self.species.and(&[
-            ("call", &self.call),
-            ("list", &self.list),
+            ("params", &self.call),
+            ("cell_list", &self.list),
             ("starts", &self.starts),
             ("sorted", &self.sorted),
             ("cells", &self.cells),
             ("order", &self.order),
             ("outcome", &self.outcome),
             ("pairs", &self.pairs),
-            ("crowded", &self.crowded),
+            ("deferred", &self.crowded),
             ("sorted_species", &self.sorted_species),
         ])
     }
@@ -85,17 +85,17 @@ impl Searched {
 
     /// Searches the first candidates of each sphere.
     fn first_shares(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
-        let groups = chosen.call.spheres.div_ceil(k::GROUP);
-        Ok(run(own, &k::LIST_SEARCH, chosen.variant, groups, &self.bound())?)
+        let groups = chosen.call.spheres.div_ceil(k::WORKGROUP_SIZE);
+        Ok(run(own, &k::CELL_LIST_SEARCH, chosen.variant, groups, &self.bound())?)
     }
 
     /// Computes the dispatch arguments of the next part of the further candidates and searches it.
     fn next_part(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
-        let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
-        run(own, &k::SHARES_OPEN, chosen.variant, 1, &bound)?;
+        let bound = [("params", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
+        run(own, &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, chosen.variant, 1, &bound)?;
         let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
-        Ok(run_over(own, (&k::SHARES_SEARCH, chosen.variant), groups, &self.bound())?)
+        Ok(run_over(own, (&k::CELL_LIST_SEARCH_OVERFLOW, chosen.variant), groups, &self.bound())?)
     }
 }
 
@@ -103,7 +103,7 @@ impl Searched {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         // In a small box nearly all spheres are pairs.
         let case = CellListCase { spheres: case.spheres.min(1500), ..case };
@@ -113,12 +113,15 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
         // Invalid spheres have indices but no pairs.
         let valid = (0..).zip(&chosen.scenario.spheres).filter(|(_, sphere)| sphere.is_valid());
         let ids: Vec<u32> = valid.map(|(id, _)| id).collect();
-        for part_tiles in [Call::UNPARTED, 1] {
-            let parted = ConfiguredCellList { call: Call { part_tiles, ..chosen.call }, ..chosen.clone() };
+        for tiles_per_submission in [SearchParams::UNLIMITED, 1] {
+            let parted = ConfiguredCellList {
+                call: SearchParams { tiles_per_submission, ..chosen.call },
+                ..chosen.clone()
+            };
             let searched = Searched::of(own, &parted)?;
             searched.first_shares(own, &parted)?;
             let mut parts = 0;
-            while searched.outcome(own)?.is_partial() {
+            while searched.outcome(own)?.has_remaining_work() {
                 searched.next_part(own, &parted)?;
                 parts += 1;
             }
@@ -140,7 +143,7 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let division = Division::OneSet;
         let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false, division };
@@ -148,7 +151,7 @@ pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
         let chosen = case.choose_for(own, spheres)?;
         let searched = Searched::of(own, &chosen)?;
         searched.first_shares(own, &chosen)?;
-        let share = chosen.call.share;
+        let share = chosen.call.candidates_per_invocation;
         let what = |what: &str| format!("{what} of {count} at one point");
         let mut found = searched.pairs(own)?;
         found.sort_unstable();
@@ -157,7 +160,7 @@ pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
         let outcome = searched.outcome(own)?;
         let rest = (count - 1).saturating_sub(share);
         let blocks: Vec<u32> = (0..count).step_by(256).filter(|block| count - 1 - block > share).collect();
-        let listed = (outcome.crowded as usize, outcome.crowded_tiles);
+        let listed = (outcome.deferred_blocks as usize, outcome.deferred_max_tiles);
         same(|| what("blocks and shares"), &listed, &(blocks.len(), rest.div_ceil(share)))?;
         let mut crowded = download::<u32>(own, &searched.crowded, blocks.len())?;
         crowded.sort_unstable();
@@ -170,25 +173,40 @@ pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn shares_open(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, shares) in
         blocks.into_iter().flat_map(|blocks| [1, 7, 50_000].map(|shares| (blocks, shares)))
     {
-        for (begin, part_tiles) in [(0, Call::UNPARTED), (0, 1 << 18), (blocks - 1, 1 << 18), (0, 1)] {
-            let call = upload(own, &[Call { part_tiles, share: k::SHARE, ..Call::zeroed() }])?;
-            let listed =
-                Outcome { crowded: blocks, crowded_tiles: shares, crowded_end: begin, ..Outcome::zeroed() };
-            let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
-            let bound = [("call", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
-            run(own, &k::SHARES_OPEN, Default::default(), 1, &bound)?;
-            let left = blocks - begin;
-            let taken = match part_tiles {
-                Call::UNPARTED => left,
-                tiles => left.min((tiles / (shares * (k::SHARE / 256))).max(1)),
+        for (begin, tiles_per_submission) in
+            [(0, SearchParams::UNLIMITED), (0, 1 << 18), (blocks - 1, 1 << 18), (0, 1)]
+        {
+            let call = upload(
+                own,
+                &[SearchParams {
+                    tiles_per_submission,
+                    candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
+                    ..SearchParams::zeroed()
+                }],
+            )?;
+            let listed = Outcome {
+                deferred_blocks: blocks,
+                deferred_max_tiles: shares,
+                deferred_end: begin,
+                ..Outcome::zeroed()
             };
-            let case = || format!("{blocks} blocks from {begin} on of {shares} shares, {part_tiles} a part");
-            let expected = Outcome { crowded_begin: begin, crowded_end: begin + taken, ..listed };
+            let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
+            let bound = [("params", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
+            run(own, &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, Default::default(), 1, &bound)?;
+            let left = blocks - begin;
+            let taken = match tiles_per_submission {
+                SearchParams::UNLIMITED => left,
+                tiles => left.min((tiles / (shares * (k::CANDIDATES_PER_INVOCATION / 256))).max(1)),
+            };
+            let case = || {
+                format!("{blocks} blocks from {begin} on of {shares} shares, {tiles_per_submission} a part")
+            };
+            let expected = Outcome { deferred_begin: begin, deferred_end: begin + taken, ..listed };
             same(case, &download::<Outcome>(own, &outcome, 1)?[0], &expected)?;
             let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
             same(case, &groups, &[shares, taken.min(65_535), taken.div_ceil(65_535)])?;

@@ -2,7 +2,7 @@
 
 use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort};
 use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
-use lazygrid_kernels::layout::Lengths;
+use lazygrid_kernels::layout::SortCounts;
 
 use super::support::{KernelError, same, variants};
 use crate::Random;
@@ -56,9 +56,9 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
             let mut random = Random(size as u64);
             // The sum fits 32 bits, as that of counters does.
             let values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
-            let lengths = upload(own, &[Lengths { items: 0, counters: size as u32 }])?;
+            let lengths = upload(own, &[SortCounts { items: 0, counters: size as u32 }])?;
             let buffer = upload(own, &values)?;
-            run(own, &SCAN_ONCE, variant, 1, &[("lengths", &lengths), ("values", &buffer)])?;
+            run(own, &SCAN_ONCE, variant, 1, &[("sort_counts", &lengths), ("values", &buffer)])?;
             let found = download::<u32>(own, &buffer, size)?;
             same(|| format!("{size} values, {variant:?}"), &found, &scan_plain(&values).0)?;
         }

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
 use lazygrid::{Pair, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Call, Grid, Lengths};
+use lazygrid_kernels::layout::{Grid, SearchParams, SortCounts};
 
 use super::support::{KernelError, same};
 use crate::Random;
@@ -33,19 +33,19 @@ impl Runs {
     /// Gives each sphere one entry, in its first cell on all axes.
     fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
-        let call = Call {
+        let call = SearchParams {
             pair_capacity: PAIR_CAPACITY,
             window_end: u32::MAX,
-            refinement: passive,
-            part_tiles: Call::UNPARTED,
-            ..Call::zeroed()
+            split_policy: passive,
+            tiles_per_submission: SearchParams::UNLIMITED,
+            ..SearchParams::zeroed()
         };
-        let grid = Grid { spheres: count, passive, refinement: 2 * passive, ..Grid::zeroed() };
+        let grid = Grid { spheres: count, passive, split_policy: 2 * passive, ..Grid::zeroed() };
         let objects: Vec<u32> = (0..count).map(|entry| entry | 7 << 29).collect();
         Ok(Self {
             call: upload(own, &[call])?,
             grid: upload_one(own, &grid)?,
-            lengths: upload(own, &[Lengths { items: count, ..Lengths::zeroed() }])?,
+            lengths: upload(own, &[SortCounts { items: count, ..SortCounts::zeroed() }])?,
             keys: upload(own, keys)?,
             objects: upload(own, &objects)?,
             spheres: upload(own, spheres)?,
@@ -58,28 +58,28 @@ impl Runs {
 
     fn bound(&self) -> [(&'static str, &wgpu::Buffer); 9] {
         [
-            ("call", &self.call),
+            ("params", &self.call),
             ("grid", &self.grid),
-            ("lengths", &self.lengths),
+            ("sort_counts", &self.lengths),
             ("keys", &self.keys),
             ("objects", &self.objects),
             ("spheres", &self.spheres),
             ("outcome", &self.outcome),
             ("pairs", &self.pairs),
-            ("crowded", &self.crowded),
+            ("deferred", &self.crowded),
         ]
     }
 
     fn search(&self, own: &GpuDevice) -> Result<(), KernelError> {
-        Ok(run(own, &k::RUNS_SEARCH, Variant::default(), self.groups, &self.bound())?)
+        Ok(run(own, &k::RUNS_SEARCH_NEAR, Variant::default(), self.groups, &self.bound())?)
     }
 
     fn search_crowded(&self, own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
-        let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
-        run(own, &k::CROWDED_OPEN, variant, 1, &bound)?;
+        let bound = [("params", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
+        run(own, &k::RUNS_SEARCH_FAR_DISPATCH_ARGS, variant, 1, &bound)?;
         let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
-        Ok(run_over(own, (&k::CROWDED_SEARCH, variant), groups, &self.bound())?)
+        Ok(run_over(own, (&k::RUNS_SEARCH_FAR, variant), groups, &self.bound())?)
     }
 
     /// The pairs found so far, sorted.
@@ -96,7 +96,7 @@ impl Runs {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
     {
@@ -123,7 +123,7 @@ pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn crowded_search(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in super::support::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {
             let keys: Vec<u32> =

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, SkinState};
 use lazygrid::{Pair, Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Call, Skin};
+use lazygrid_kernels::layout::{SearchParams, SkinParams};
 
 use super::support::{KernelError, SIZES, same};
 use crate::Random;
@@ -12,9 +12,9 @@ use crate::device::{download, run, run_over, upload};
 use crate::scenes::periodic;
 
 /// A skin of 0.5, whose whole half is the displacement limit.
-const SKIN: Skin = Skin { half: 0.25, usable: 0.0625, capacity: 1000 };
+const SKIN: SkinParams = SkinParams { half_skin: 0.25, limit_squared: 0.0625, candidate_capacity: 1000 };
 
-/// Lengths of unbounded space and of a periodic box.
+/// SortCounts of unbounded space and of a periodic box.
 const SPACES: [[Option<f32>; 3]; 2] = [[None; 3], [Some(16.0), None, Some(8.0)]];
 
 /// Spheres at multiples of an eighth in the box, which avoids rounding; some are invalid.
@@ -33,14 +33,18 @@ fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
 fn widened(sphere: &Sphere) -> [f32; 4] {
     let [x, y, z] = sphere.center.to_array();
     match sphere.is_valid() {
-        true => [x, y, z, (sphere.radius + SKIN.half) * (1.0 + 1.0 / (1 << 19) as f32)],
+        true => [x, y, z, (sphere.radius + SKIN.half_skin) * (1.0 + 1.0 / (1 << 19) as f32)],
         false => [0.0, 0.0, 0.0, -1.0],
     }
 }
 
-fn call(spheres: usize, space: Space) -> (Call, Variant) {
-    let call =
-        Call { spheres: spheres as u32, pair_capacity: 1 << 16, window_end: u32::MAX, ..Call::zeroed() };
+fn call(spheres: usize, space: Space) -> (SearchParams, Variant) {
+    let call = SearchParams {
+        spheres: spheres as u32,
+        pair_capacity: 1 << 16,
+        window_end: u32::MAX,
+        ..SearchParams::zeroed()
+    };
     (call.in_space(space), Variant { periodic: space.is_periodic(), ..Variant::default() })
 }
 
@@ -48,7 +52,7 @@ fn call(spheres: usize, space: Space) -> (Call, Variant) {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, lengths) in SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths))) {
         let space = periodic::space(lengths);
         let then = spheres(size, 1);
@@ -83,19 +87,19 @@ pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), KernelError> {
             let (now, kept) = (upload(own, &now)?, upload(own, &kept)?);
             let state = upload(own, &[SkinState::zeroed()])?;
             let bound = [
-                ("call", &call),
+                ("params", &call),
                 ("skin", &skin),
                 ("count_source", &count),
                 ("spheres", &now),
-                ("kept", &kept),
+                ("reference", &kept),
                 ("state", &state),
             ];
-            run(own, &k::SKIN_MEASURE, variant, size.div_ceil(256) as u32, &bound)?;
+            run(own, &k::SKIN_DISPLACEMENT, variant, size.div_ceil(256) as u32, &bound)?;
             let found = download::<SkinState>(own, &state, 1)?[0];
             let case = || format!("{size} spheres in {lengths:?}");
-            same(case, &found.changed, &changed)?;
+            same(case, &found.input_changed, &changed)?;
             if changed == 0 {
-                same(case, &f32::from_bits(found.moved), &farthest)?;
+                same(case, &f32::from_bits(found.displacement), &farthest)?;
             }
         }
     }
@@ -106,21 +110,21 @@ pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
     let kept = SkinState {
         is_complete: 1,
         spheres: 10,
         age: 4,
-        moved: SKIN.usable.to_bits(),
+        displacement: SKIN.limit_squared.to_bits(),
         ..SkinState::zeroed()
     };
     let cases = [
         (kept, 0),
-        (SkinState::zeroed(), SkinState::FIRST),
-        (SkinState { spheres: 9, ..kept }, SkinState::CHANGED),
-        (SkinState { changed: 1, ..kept }, SkinState::CHANGED),
-        (SkinState { moved: SKIN.usable.next_up().to_bits(), ..kept }, SkinState::MOVED),
-        (SkinState { moved: f32::NAN.to_bits(), ..kept }, SkinState::MOVED),
+        (SkinState::zeroed(), SkinState::NO_LIST),
+        (SkinState { spheres: 9, ..kept }, SkinState::INPUT_CHANGED),
+        (SkinState { input_changed: 1, ..kept }, SkinState::INPUT_CHANGED),
+        (SkinState { displacement: SKIN.limit_squared.next_up().to_bits(), ..kept }, SkinState::DISPLACEMENT),
+        (SkinState { displacement: f32::NAN.to_bits(), ..kept }, SkinState::DISPLACEMENT),
     ];
     for (state, rebuilt) in cases {
         let is_rebuilt = rebuilt != 0;
@@ -132,23 +136,23 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), KernelError> {
             let (gate, dispatch) =
                 (upload(own, &vec![7_u32; 3 * steps as usize])?, upload(own, &[7_u32; 4])?);
             let bound = [
-                ("call", &call),
+                ("params", &call),
                 ("skin", &skin),
                 ("count_source", &count),
                 ("state", &given),
-                ("full", &full_given),
-                ("gate", &gate),
+                ("full_counts", &full_given),
+                ("dispatch_counts", &gate),
                 ("dispatch", &dispatch),
             ];
-            run(own, &k::SKIN_DECIDE, Variant::default(), 1, &bound)?;
+            run(own, &k::SKIN_CHECK, Variant::default(), 1, &bound)?;
             let case = || format!("{state:?}, {steps} dispatches");
             let expected = SkinState {
-                moved: 0,
-                changed: 0,
+                displacement: 0,
+                input_changed: 0,
                 spheres: 10,
-                rebuilt,
+                rebuild_reason: rebuilt,
                 age: if is_rebuilt { 0 } else { state.age + 1 },
-                moved_last: state.moved,
+                last_displacement: state.displacement,
                 ..state
             };
             same(case, &download::<SkinState>(own, &given, 1)?[0], &expected)?;
@@ -165,19 +169,24 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
-        SIZES.into_iter().flat_map(|size| [0, SkinState::MOVED].map(|rebuilt| (size, rebuilt)))
+        SIZES.into_iter().flat_map(|size| [0, SkinState::DISPLACEMENT].map(|rebuilt| (size, rebuilt)))
     {
         let given = spheres(size, 3);
-        let state = SkinState { spheres: size as u32, rebuilt, ..SkinState::zeroed() };
+        let state = SkinState { spheres: size as u32, rebuild_reason: rebuilt, ..SkinState::zeroed() };
         let before = vec![[7.0_f32; 4]; size];
         let (call, variant) = call(size, Space::UNBOUNDED);
         let (call, skin) = (upload(own, &[call])?, upload(own, &[SKIN])?);
         let (input, state, kept) = (upload(own, &given)?, upload(own, &[state])?, upload(own, &before)?);
-        let bound =
-            [("call", &call), ("skin", &skin), ("spheres", &input), ("state", &state), ("kept", &kept)];
-        run(own, &k::SKIN_KEEP, variant, size.div_ceil(256) as u32, &bound)?;
+        let bound = [
+            ("params", &call),
+            ("skin", &skin),
+            ("spheres", &input),
+            ("state", &state),
+            ("reference", &kept),
+        ];
+        run(own, &k::SKIN_STORE_REFERENCE, variant, size.div_ceil(256) as u32, &bound)?;
         let expected = if rebuilt != 0 { given.iter().map(widened).collect() } else { before };
         let case = || format!("{size} spheres, rebuilt {rebuilt}");
         same(case, &download::<[f32; 4]>(own, &kept, size)?, &expected)?;
@@ -189,27 +198,27 @@ pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), KernelError> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 40_000_000;
-    let entries = Outcome::ENTRIES;
+    let entries = Outcome::OVERFLOW_ENTRIES;
     for (low, high, overflow, given) in [
         (0, 0, 0, 10),
         (1000, 0, 0, 10),
         (most, 0, 0, 10),
-        (most + 1, 0, Outcome::PAIRS, 10),
-        (5, 1, Outcome::PAIRS, 10),
+        (most + 1, 0, Outcome::OVERFLOW_PAIRS, 10),
+        (5, 1, Outcome::OVERFLOW_PAIRS, 10),
         (7, 0, entries, 10),
-        (7, 0, Outcome::SPHERES, 13),
+        (7, 0, Outcome::OVERFLOW_SPHERES, 13),
     ] {
         let (call, _) = call(12, Space::UNBOUNDED);
-        let skin = Skin { capacity: most, ..SKIN };
+        let skin = SkinParams { candidate_capacity: most, ..SKIN };
         let of_search =
             Outcome { found_lo: low, found_hi: high, overflow, quarantined: 3, ..Outcome::zeroed() };
         let (call, skin, count) = (upload(own, &[call])?, upload(own, &[skin])?, upload(own, &[given])?);
         let (found, state) = (upload(own, &[of_search])?, upload(own, &[SkinState::zeroed()])?);
         let (outcome, dispatch) = (upload(own, &[Outcome::zeroed()])?, upload(own, &[0_u32; 4])?);
         let bound = [
-            ("call", &call),
+            ("params", &call),
             ("skin", &skin),
             ("count_source", &count),
             ("found", &found),
@@ -217,10 +226,10 @@ pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), KernelError> {
             ("outcome", &outcome),
             ("dispatch", &dispatch),
         ];
-        run(own, &k::CANDIDATES_OPEN, Variant::default(), 1, &bound)?;
+        run(own, &k::CANDIDATES_TEST_DISPATCH_ARGS, Variant::default(), 1, &bound)?;
         let full = of_search.found() > most.into();
-        let lost = (overflow & entries) | if full { Outcome::CANDIDATES } else { 0 };
-        let more = if given > 12 { Outcome::SPHERES } else { 0 };
+        let lost = (overflow & entries) | if full { Outcome::OVERFLOW_CANDIDATES } else { 0 };
+        let more = if given > 12 { Outcome::OVERFLOW_SPHERES } else { 0 };
         let expected = Outcome {
             overflow: lost | more,
             quarantined: 3,
@@ -261,8 +270,12 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let expected: Vec<Pair> = candidates.iter().copied().filter(touch).collect();
         let (call, variant) = call(given.len(), space);
-        let call =
-            Call { pair_capacity: capacity, window_begin: window.start, window_end: window.end, ..call };
+        let call = SearchParams {
+            pair_capacity: capacity,
+            window_begin: window.start,
+            window_end: window.end,
+            ..call
+        };
         let state = SkinState { candidates: candidates.len() as u32, ..SkinState::zeroed() };
         let groups = (candidates.len() as u32).div_ceil(256);
         let (call, candidates) = (upload(own, &[call])?, upload(own, &candidates)?);
@@ -270,7 +283,7 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
         let (outcome, pairs) =
             (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![Pair::zeroed(); capacity as usize])?);
         let bound = [
-            ("call", &call),
+            ("params", &call),
             ("candidates", &candidates),
             ("state", &state),
             ("spheres", &input),

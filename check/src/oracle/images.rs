@@ -14,7 +14,7 @@ pub(crate) struct ImageOracle {
 
 impl ImageOracle {
     pub(crate) fn of(space: &Space) -> Self {
-        let given = space.edges();
+        let given = space.cell_vectors();
         let numbered = given.into_iter().enumerate();
         let mut edges: Vec<_> =
             numbered.filter_map(|(k, edge)| edge.map(|edge| (k, DVec3::from(edge)))).collect();
@@ -117,7 +117,7 @@ mod tests {
     fn image_distances_match_known_values() {
         let of = |edges: [Option<DVec3>; 3]| {
             let edges = edges.map(|edge| edge.map(|edge| edge.to_array()));
-            ImageOracle::of(&Space::sheared(edges).expect("linearly independent vectors"))
+            ImageOracle::of(&Space::triclinic(edges).expect("linearly independent vectors"))
         };
         let at = |images: &ImageOracle, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
         let triclinic = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);

@@ -121,7 +121,7 @@ impl TestInput {
 
     /// Returns `true` if the host filters the pairs of a device: the cell is triclinic, or pairs are excluded.
     pub fn is_refined(&self) -> bool {
-        self.space.shear().is_some() || self.groups.is_some() || self.excluded.is_some()
+        self.space.triclinic_cell().is_some() || self.groups.is_some() || self.excluded.is_some()
     }
 
     /// Returns `true` if the pair is excluded by groups or by the list.
@@ -150,7 +150,7 @@ impl TestInput {
     /// The squared distance of two centers, or of their nearest images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
-        if self.space.shear().is_some() {
+        if self.space.triclinic_cell().is_some() {
             return ImageOracle::of(&self.space).distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
         }
         if self.space.is_periodic() {
@@ -163,7 +163,7 @@ impl TestInput {
     /// All pairs in canonical order, as the contract defines them. The code is as simple as possible, as all other
     /// results are compared with it. In triclinic cells it tests all images that may be within the cutoff.
     pub fn oracle(&self) -> Vec<Pair> {
-        if self.space.shear().is_none() {
+        if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
         }
         let images = ImageOracle::of(&self.space);

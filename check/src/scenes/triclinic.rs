@@ -28,7 +28,7 @@ pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3
 
 /// Creates the space of these cell vectors, which must be linearly independent.
 pub fn space(edges: [Option<Vec3>; 3]) -> Space {
-    Space::sheared(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
+    Space::triclinic(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }
 
 fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> TestInput {
@@ -177,7 +177,7 @@ mod tests {
                 let words = SceneSeed::drawn(&mut random, 3);
                 let TestInput { space, spheres, .. } = (family.scene)(&words);
                 assert!(space.is_periodic() && spheres.len() == 3, "{}: {words:?}", family.name);
-                triclinic += usize::from(space.shear().is_some());
+                triclinic += usize::from(space.triclinic_cell().is_some());
                 let others = SceneSeed { elements: SceneSeed::drawn(&mut random, 5).elements, ..words };
                 assert_eq!((family.scene)(&others).space, space, "{}", family.name);
             }

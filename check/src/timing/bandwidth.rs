@@ -6,7 +6,7 @@ use std::time::Instant;
 use lazygrid::Error;
 use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort, wgpu};
 use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
-use lazygrid_kernels::layout::Lengths;
+use lazygrid_kernels::layout::SortCounts;
 
 use crate::Random;
 use crate::device::{download, storage_buffer, submit, upload, wait};
@@ -133,7 +133,7 @@ impl GpuTimer {
         same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
         // The keys are counted, then moved with their payload; a counter per digit and tile is written, scanned and
         // read.
-        let a_pass = 20 * u64::from(n) + 16 * u64::from(Lengths::for_sort(n, WIDE_TILE).counters);
+        let a_pass = 20 * u64::from(n) + 16 * u64::from(SortCounts::for_sort(n, WIDE_TILE).counters);
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
 

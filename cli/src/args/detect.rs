@@ -34,7 +34,7 @@ impl Detect {
         let [x, y, z] = space.lengths();
         let [xy, xz, yz] = [xy, xz, yz].map(f64::from);
         let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
-        let sheared = Space::sheared(edges);
+        let sheared = Space::triclinic(edges);
         sheared.map(Some).map_err(|error| Failure::Setting(error.into()))
     }
 
@@ -58,7 +58,7 @@ impl Detect {
         let config = with(config, self.adapter.clone(), Config::adapter);
         let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
         let config = with(config, self.tau, Config::tau);
-        let config = with(config, self.raster_ratio, Config::raster_ratio);
+        let config = with(config, self.cell_ratio, Config::cell_ratio);
         let config = with(config, self.skin, Config::skin);
         let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);
         let config = with(config, self.timeout, Config::timeout);

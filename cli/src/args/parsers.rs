@@ -62,7 +62,7 @@ pub(super) fn table_format(name: String) -> TableFormat {
     if name == "npy" { TableFormat::Npy } else { TableFormat::Csv }
 }
 
-pub(super) fn raster_ratio(text: &str) -> Result<f32, String> {
+pub(super) fn cell_ratio(text: &str) -> Result<f32, String> {
     let ratio = f32::from_str(text).ok().filter(|ratio| (0.5..=16.0).contains(ratio));
     ratio.ok_or_else(|| "expected a number from 0.5 to 16".to_owned())
 }

@@ -76,7 +76,7 @@ fn json_has_the_documented_fields() {
     let object = lazygrid(["detect", &data("lammps-pour.dump"), "--json"]).succeeds().json();
     let Value::Object(map) = &object else { panic!("not an object: {object}") };
     let names: Vec<_> = map.keys().map(String::as_str).collect();
-    let documented = "frame step periodic edges periodic_from spheres pairs backend adapter algorithm reason gpu candidates phases";
+    let documented = "frame step periodic cell_vectors periodic_from spheres pairs backend adapter algorithm reason gpu candidates phases";
     assert_eq!(names.join(" "), documented);
     assert_eq!((&object["periodic"], &object["periodic_from"]), (&Value::Null, &Value::Null));
     assert_eq!(object["step"], 3000);
@@ -331,7 +331,7 @@ fn wrong_usage_is_told_apart_from_failure() {
         &["detect", &pour, "--radius", "acid=inf"],
         &["detect", &pour, "--algorithm", "magic"],
         &["detect", &pour, "--backend", "cpu", "--algorithm", "lazy-grid"],
-        &["detect", &pour, "--raster-ratio", "99"],
+        &["detect", &pour, "--cell-ratio", "99"],
         &["detect", &pour, "--threads", "0"],
         &["detect", &pour, "--tau", "many"],
         &["detect", &pour, "--output", "pairs.txt"],
@@ -363,7 +363,7 @@ fn help_completions_and_devices() {
     }
     assert!(lazygrid(["detect", "--help"]).succeeds().out.contains("lazygrid detect pour.dump"));
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
-        assert!(lazygrid(["completions", shell]).succeeds().out.contains("raster-ratio"), "{shell}");
+        assert!(lazygrid(["completions", shell]).succeeds().out.contains("cell-ratio"), "{shell}");
     }
     let devices = lazygrid(["devices"]).succeeds().out;
     assert!(devices.starts_with("cpu  ") && devices.contains("\ngpu  "), "{devices}");

@@ -1,5 +1,5 @@
 use glam::Vec3;
-use lazygrid::{Interactions, Reach, Space, Sphere, Straight};
+use lazygrid::{EffectiveRadius, Interactions, Orthogonalization, Space, Sphere};
 
 use crate::{Class, Particle};
 
@@ -26,16 +26,17 @@ impl Body {
 pub struct Bodies {
     space: Space,
     /// The coordinates of a triclinic space.
-    straight: Option<Straight>,
+    straight: Option<Orthogonalization>,
     /// Indexed by species; `None` where all that touch pair.
-    reach: Option<Vec<Reach>>,
+    reach: Option<Vec<EffectiveRadius>>,
 }
 
 impl Bodies {
     /// In this space, with these interactions.
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
-        let reach = interactions.map(|table| (0..table.species()).map(|s| table.reach(s)).collect());
-        let straight = space.shear().map(|shear| shear.straight(Straight::SCALE));
+        let reach =
+            interactions.map(|table| (0..table.species()).map(|s| table.effective_radius(s)).collect());
+        let straight = space.triclinic_cell().map(|shear| shear.orthogonal_space(Orthogonalization::SCALE));
         Self { space, straight, reach }
     }
 
@@ -48,7 +49,7 @@ impl Bodies {
     #[inline]
     pub fn body(&self, sphere: Sphere, species: u32) -> Body {
         let reach = self.reach.as_ref().and_then(|reach| reach.get(species as usize));
-        let radius = reach.map_or(sphere.radius, |reach| reach.effective_radius(sphere.radius));
+        let radius = reach.map_or(sphere.radius, |reach| reach.for_radius(sphere.radius));
         match &self.straight {
             None => Body { center: self.space.wrap(sphere.center), radius },
             Some(straight) => {

@@ -65,7 +65,7 @@ impl Scene {
         let ([x, y, z], [xy, xz, yz]) = (self.lengths, self.tilts);
         let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
         let (space, table) =
-            (Space::sheared(edges.map(|edge| edge.map(|edge| edge.map(f64::from)))).unwrap(), self.table());
+            (Space::triclinic(edges.map(|edge| edge.map(|edge| edge.map(f64::from)))).unwrap(), self.table());
         let mut config = Config::default().space(space).threads(1);
         if let Some(table) = &table {
             config = config.interactions(table.clone());

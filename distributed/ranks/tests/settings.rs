@@ -25,7 +25,7 @@ fn table(entries: &[(u32, u32, Interaction)]) -> Interactions {
 
 fn sheared(tilt: f64) -> Space {
     let edges = [[10.0, 0.0, 0.0], [tilt, 10.0, 0.0], [0.0, 0.0, 10.0]];
-    Space::sheared(edges.map(Some)).unwrap()
+    Space::triclinic(edges.map(Some)).unwrap()
 }
 
 #[test]

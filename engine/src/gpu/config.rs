@@ -1,6 +1,6 @@
 //! The configuration of GPU detectors.
 
-use lazygrid_kernels::kernel::GROUP;
+use lazygrid_kernels::kernel::WORKGROUP_SIZE;
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use super::costs::{Calibration, Crossover};
@@ -14,13 +14,13 @@ pub struct GpuConfig {
     pub(crate) algorithm: Algorithm,
     pub(crate) crossover: Crossover,
     pub(crate) pair_capacity: u32,
-    pub(crate) raster_ratio: f32,
+    pub(crate) cell_ratio: f32,
     pub(crate) tau: u32,
     pub(crate) radix_sort_from: u32,
     pub(crate) interactions: Option<Interactions>,
     pub(crate) space: Space,
-    pub(crate) consumer_group: u32,
-    pub(crate) sorted_pairs: bool,
+    pub(crate) consumer_workgroup_size: u32,
+    pub(crate) pairs_in_cell_order: bool,
     pub(crate) subgroups: bool,
     pub(crate) timestamps: bool,
 }
@@ -42,9 +42,9 @@ impl GpuConfig {
         Self { pair_capacity, ..self }
     }
 
-    /// Cell size as a multiple of the largest diameter, 1.5 to 16. Default: [`GpuConfig::RASTER_RATIO`].
-    pub fn raster_ratio(self, raster_ratio: f32) -> Self {
-        Self { raster_ratio, ..self }
+    /// Cell size as a multiple of the largest diameter, 1.5 to 16. Default: [`GpuConfig::CELL_RATIO`].
+    pub fn cell_ratio(self, cell_ratio: f32) -> Self {
+        Self { cell_ratio, ..self }
     }
 
     /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only if they are more than this (Stroobant
@@ -65,7 +65,7 @@ impl GpuConfig {
         Self { interactions: interactions.into(), ..self }
     }
 
-    /// The space of the spheres, which is not [sheared](Space::sheared). Its lengths are rounded to `f32`. Default:
+    /// The space of the spheres, which is not [sheared](Space::triclinic). Its lengths are rounded to `f32`. Default:
     /// [`Space::UNBOUNDED`]. In a periodic space spheres are first copied to their nearest images, which takes 16 bytes for
     /// each; pairs within 5 ulp of exact tangency, relative to the squared reach, may fall either way. In unbounded space
     /// it is 4 ulp.
@@ -74,16 +74,16 @@ impl GpuConfig {
     }
 
     /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
-    pub fn consumer_group(self, consumer_group: u32) -> Self {
-        Self { consumer_group, ..self }
+    pub fn consumer_workgroup_size(self, consumer_workgroup_size: u32) -> Self {
+        Self { consumer_workgroup_size, ..self }
     }
 
     /// Sets whether pairs of the cell list hold positions in the order of its cells ([`CellOrder`](super::CellOrder))
     /// instead of indices of the spheres as given, for consumers that work on the sorted spheres.
-    /// [`Outcome::is_sorted`] tells which, as other algorithms have no such order. Windows always go by the indices
+    /// [`Outcome::pairs_in_cell_order`] tells which, as other algorithms have no such order. Windows always go by the indices
     /// given. A [`GpuSession`](super::GpuSession) does without. Default: no.
-    pub fn sorted_pairs(self, sorted_pairs: bool) -> Self {
-        Self { sorted_pairs, ..self }
+    pub fn pairs_in_cell_order(self, pairs_in_cell_order: bool) -> Self {
+        Self { pairs_in_cell_order, ..self }
     }
 
     /// Sets whether subgroup operations are used if the device was made with them. Default: yes.
@@ -104,11 +104,11 @@ impl GpuConfig {
     /// devices may differ.
     pub const TAU: u32 = 64;
     /// Raster ratio by default: on the same driver the best for five sizes, where 3 is better for equal ones by a tenth.
-    pub const RASTER_RATIO: f32 = 2.0;
-    /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
-    pub const MIN_RASTER_RATIO: f32 = 1.5;
-    /// The largest raster ratio.
-    pub const MAX_RASTER_RATIO: f32 = 16.0;
+    pub const CELL_RATIO: f32 = 2.0;
+    /// The smallest cell ratio with which no sphere overlaps more than two cells per axis.
+    pub const MIN_CELL_RATIO: f32 = 1.5;
+    /// The largest cell ratio.
+    pub const MAX_CELL_RATIO: f32 = 16.0;
 }
 
 impl Default for GpuConfig {
@@ -117,13 +117,13 @@ impl Default for GpuConfig {
             algorithm: Algorithm::Auto,
             crossover: Crossover::HARDWARE,
             pair_capacity: 1 << 20,
-            raster_ratio: Self::RASTER_RATIO,
+            cell_ratio: Self::CELL_RATIO,
             tau: Self::TAU,
             radix_sort_from: Calibration::RADIX_SORT_FROM,
             interactions: None,
             space: Space::UNBOUNDED,
-            consumer_group: GROUP,
-            sorted_pairs: false,
+            consumer_workgroup_size: WORKGROUP_SIZE,
+            pairs_in_cell_order: false,
             subgroups: true,
             timestamps: false,
         }
@@ -132,19 +132,19 @@ impl Default for GpuConfig {
 
 /// Refuses settings out of range.
 pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
-    if settings.space.shear().is_some() {
+    if settings.space.triclinic_cell().is_some() {
         let range =
             "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
-        return Err(Error::Setting { name: "space", value: "sheared".into(), range });
+        return Err(Error::InvalidSetting { name: "space", value: "sheared".into(), range });
     }
-    if !(GpuConfig::MIN_RASTER_RATIO..=GpuConfig::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
-        let value = settings.raster_ratio.to_string();
+    if !(GpuConfig::MIN_CELL_RATIO..=GpuConfig::MAX_CELL_RATIO).contains(&settings.cell_ratio) {
+        let value = settings.cell_ratio.to_string();
         let range = "on the GPU choose between 1.5 and 16";
-        return Err(Error::Setting { name: "raster_ratio", value, range });
+        return Err(Error::InvalidSetting { name: "cell_ratio", value, range });
     }
-    if settings.consumer_group == 0 {
+    if settings.consumer_workgroup_size == 0 {
         let range = "choose the consumer's workgroup size";
-        return Err(Error::Setting { name: "consumer_group", value: "0".into(), range });
+        return Err(Error::InvalidSetting { name: "consumer_workgroup_size", value: "0".into(), range });
     }
     check_algorithm(settings.algorithm)
 }

@@ -1,7 +1,7 @@
 //! The exact contact test, which every filter ends in.
 
 use glam::{DVec3, Vec3};
-use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Sphere, Spheres};
 
 use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
@@ -66,7 +66,7 @@ pub(crate) struct SkinMargin<'a> {
 struct Species<'a> {
     table: &'a Interactions,
     ids: &'a [u32],
-    reach: Vec<Reach>,
+    reach: Vec<EffectiveRadius>,
 }
 
 impl<'a> PairTest<'a> {
@@ -74,7 +74,7 @@ impl<'a> PairTest<'a> {
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
         let species = interactions.zip(spheres.species()).map(|(table, ids)| {
-            let reach = (0..table.species()).map(|s| table.reach(s)).collect();
+            let reach = (0..table.species()).map(|s| table.effective_radius(s)).collect();
             Species { table, ids, reach }
         });
         let is_plain = species.is_none();
@@ -171,7 +171,7 @@ impl<'a> PairTest<'a> {
         let sphere = self.spheres.get(id as usize);
         let effective = match &self.species {
             None => sphere.radius,
-            Some(s) => s.reach[s.ids[id as usize] as usize].effective_radius(sphere.radius),
+            Some(s) => s.reach[s.ids[id as usize] as usize].for_radius(sphere.radius),
         };
         let widened = match &self.margin {
             None => effective,
@@ -229,7 +229,7 @@ impl<'a> PairTest<'a> {
         let radii = f64::from(a.radius) + f64::from(b.radius);
         let reach = match &self.species {
             None => Some(radii),
-            Some(s) => s.table.get(s.ids[i as usize], s.ids[j as usize]).reach(radii),
+            Some(s) => s.table.get(s.ids[i as usize], s.ids[j as usize]).cutoff(radii),
         };
         reach.is_some_and(|reach| within(self.lengths, a.center, b.center, reach))
     }

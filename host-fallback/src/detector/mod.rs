@@ -43,8 +43,8 @@ impl PairFinder<HostBackend> {
     /// Creates a detector with these settings.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a setting outside its range, [`Error::NotOnBackend`] for a GPU algorithm,
-    /// [`Error::Threads`] if the system refuses the threads.
+    /// [`Error::InvalidSetting`] for a setting outside its range, [`Error::NotOnBackend`] for a GPU algorithm,
+    /// [`Error::ThreadPool`] if the system refuses the threads.
     pub fn new(settings: Settings) -> Result<Self, Error> {
         HostBackend::new(settings).map(Self::on)
     }
@@ -83,7 +83,7 @@ impl HostBackend {
     /// bytes for each of its spheres. The candidates that a skin keeps are included, as many as it may keep: up to 96 of
     /// 8 bytes for each sphere, although few scenes have more than ten. [`Skin::Off`](crate::Skin::Off) keeps none.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        let (ratio, threads) = (self.settings.raster_ratio, self.team.count() as u64);
+        let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {
             true => with_growth(spheres * size_of::<Sphere>() as u64),
             false => 0,

@@ -102,8 +102,8 @@ mod tests {
     use crate::Settings;
     use crate::test_support::{assert_matches_naive, assert_threads_match_naive};
 
-    fn settings(raster_ratio: f32) -> Settings {
-        Settings { algorithm: Algorithm::ArrayGrid, raster_ratio, ..Settings::default() }
+    fn settings(cell_ratio: f32) -> Settings {
+        Settings { algorithm: Algorithm::ArrayGrid, cell_ratio, ..Settings::default() }
     }
 
     #[test]
@@ -115,6 +115,6 @@ mod tests {
 
     #[test]
     fn threads_share_the_work() {
-        assert_threads_match_naive(&settings(Settings::RASTER_RATIO));
+        assert_threads_match_naive(&settings(Settings::CELL_RATIO));
     }
 }

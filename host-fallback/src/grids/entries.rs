@@ -102,7 +102,7 @@ impl Entries {
         report: &mut Report,
     ) -> Result<(), Error> {
         let stats = &input.stats;
-        let (n, ratio) = (stats.spheres, input.settings.raster_ratio);
+        let (n, ratio) = (stats.spheres, input.settings.cell_ratio);
         let executor = input.executor.for_light_work(n);
         let sphere = |k: usize| input.test.effective(k as u32);
         let (mut grid, mut most) =

@@ -102,7 +102,7 @@ impl HashGrid {
 
     /// Counts entries, piece by piece, in a grid where they are few, of cells large enough that 32 bits number them.
     fn count<const PERIODIC: bool>(&mut self, input: &SearchInput<'_>) -> Result<UniformGrid, Error> {
-        let (n, ratio, lengths) = (input.stats.spheres, input.settings.raster_ratio, input.test.lengths());
+        let (n, ratio, lengths) = (input.stats.spheres, input.settings.cell_ratio, input.test.lengths());
         let mut grid = UniformGrid::new(&input.stats, ratio, lengths);
         let mut most = most_entries(n, ratio);
         try_resize(&mut self.offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
@@ -252,8 +252,8 @@ mod tests {
     use crate::Settings;
     use crate::test_support::{assert_matches_naive, assert_threads_match_naive};
 
-    fn settings(raster_ratio: f32) -> Settings {
-        Settings { algorithm: Algorithm::HashGrid, raster_ratio, ..Settings::default() }
+    fn settings(cell_ratio: f32) -> Settings {
+        Settings { algorithm: Algorithm::HashGrid, cell_ratio, ..Settings::default() }
     }
 
     #[test]
@@ -265,6 +265,6 @@ mod tests {
 
     #[test]
     fn threads_share_the_work() {
-        assert_threads_match_naive(&settings(Settings::RASTER_RATIO));
+        assert_threads_match_naive(&settings(Settings::CELL_RATIO));
     }
 }

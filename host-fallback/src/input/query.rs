@@ -102,7 +102,7 @@ impl QueryBuffers {
         (space, is_narrow): (&Space, bool),
         executor: Executor,
     ) -> Result<(), Error> {
-        self.frame = Some(match space.shear().filter(|_| is_narrow) {
+        self.frame = Some(match space.triclinic_cell().filter(|_| is_narrow) {
             Some(shear) => {
                 let last = self.frame.take().filter(SearchFrame::is_narrow);
                 last.unwrap_or_else(|| SearchFrame::narrow(shear))

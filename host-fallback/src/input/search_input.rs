@@ -54,14 +54,14 @@ impl SearchInput<'_> {
 /// order of the pieces. None is begun that nobody wants any more. `most` pieces at a time are done by one thread.
 ///
 /// # Errors
-/// The errors of `search`, [`Error::OutOfMemory`], and [`Error::Stopped`] where the caller wants no more of any kind.
+/// The errors of `search`, [`Error::OutOfMemory`], and [`Error::Cancelled`] where the caller wants no more of any kind.
 pub(crate) fn search_pieces<'o, O: Output>(
     (output, input): (&'o O, &SearchInput<'_>),
     (pieces, most): (usize, usize),
     search: impl Fn(O::Sink<'o>, usize) -> Result<O::Sink<'o>, Error> + Send + Sync,
 ) -> Result<O::Sink<'o>, Error> {
     let piece = |sink: O::Sink<'o>, piece| match sink.stopped() {
-        _ if input.is_stopped() => Err(Error::Stopped),
+        _ if input.is_stopped() => Err(Error::Cancelled),
         true => Ok(sink),
         false => search(sink, piece)?.checked(),
     };

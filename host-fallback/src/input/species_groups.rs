@@ -9,7 +9,7 @@
     reason = "lists have at most MAX_PRESENT species or MAX_GROUPS groups"
 )]
 
-use lazygrid_kernels::{Interaction, Interactions, Reach};
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 
 use crate::Error;
 use crate::executor::Executor;
@@ -44,7 +44,7 @@ impl Meeting {
         let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
             let interaction = table.get(a, b);
             let is_by_radii = [a, b].into_iter().all(|species| {
-                let Reach { touches, half } = table.reach(species);
+                let EffectiveRadius { touches, half } = table.effective_radius(species);
                 match interaction {
                     Interaction::Never => false,
                     Interaction::Touch => half == 0.0,

@@ -10,7 +10,7 @@ const CHUNK_SPHERES: usize = 1 << 13;
 /// Refuses a query with spheres that are not valid.
 ///
 /// # Errors
-/// [`InputError::Sphere`] for the first set, [`InputError::Second`] for the second.
+/// [`InputError::Sphere`] for the first set, [`InputError::SecondSet`] for the second.
 pub fn check_valid(query: &Query<'_>, executor: Executor) -> Result<(), InputError> {
     query.check_each(|spheres| check(spheres, executor))
 }

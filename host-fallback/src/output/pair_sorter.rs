@@ -113,7 +113,7 @@ impl PairSorter {
     /// chunks out, so that a hundred are better than one.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`], [`Error::Threads`].
+    /// [`Error::OutOfMemory`], [`Error::ThreadPool`].
     ///
     /// # Panics
     /// Panics if an `i` is far above `spheres`.

@@ -135,7 +135,7 @@ impl CandidateList {
     /// more than [`MAX_CANDIDATES_PER_SPHERE`] or than a result may hold, or if memory for them is refused.
     ///
     /// # Errors
-    /// [`Error::Stopped`], [`Error::Threads`].
+    /// [`Error::Cancelled`], [`Error::ThreadPool`].
     pub(crate) fn find(
         &mut self,
         (list, density_cache): (&mut CellList, &DensityCache),

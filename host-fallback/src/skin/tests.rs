@@ -141,13 +141,13 @@ fn skins_that_no_arithmetic_can_follow_are_refused() {
     for distance in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-20, 1e20] {
         let settings = Settings { skin: Skin::Fixed(distance), ..Settings::default() };
         assert!(
-            matches!(HostDetector::new(settings), Err(Error::Setting { name: "skin", .. })),
+            matches!(HostDetector::new(settings), Err(Error::InvalidSetting { name: "skin", .. })),
             "{distance}"
         );
     }
     let algorithm = lazygrid_kernels::Algorithm::HashGrid;
     let settings = Settings { skin: Skin::Fixed(1.0), algorithm, ..Settings::default() };
-    assert!(matches!(HostDetector::new(settings), Err(Error::Setting { name: "skin", .. })));
+    assert!(matches!(HostDetector::new(settings), Err(Error::InvalidSetting { name: "skin", .. })));
 }
 
 /// A skin across all of space has more candidates than are kept, and radii beside which allowances are nothing have none.
@@ -235,7 +235,7 @@ fn candidates_that_expired_in_a_refused_call_are_given_up() {
 #[test]
 fn radii_without_effect_are_checked_while_candidates_serve() {
     let table = Interactions::new(1, Interaction::Within(1.0)).expect("one species");
-    let sheared = Space::sheared([Some([40.0, 0.0, 0.0]), Some([9.0, 40.0, 0.0]), None]).expect("a space");
+    let sheared = Space::triclinic([Some([40.0, 0.0, 0.0]), Some([9.0, 40.0, 0.0]), None]).expect("a space");
     for space in [Space::UNBOUNDED, Space::periodic([Some(40.0); 3]).expect("a box"), sheared] {
         let interactions = Some(table.clone());
         let settings = Settings { skin: Skin::Fixed(0.5), interactions, space, ..Settings::default() };

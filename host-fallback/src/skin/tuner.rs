@@ -97,7 +97,7 @@ impl SkinTuner {
     /// found candidates.
     ///
     /// # Errors
-    /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`], [`Error::Threads`].
+    /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`], [`Error::ThreadPool`].
     pub fn skin(
         &mut self,
         spheres: Spheres<'_>,

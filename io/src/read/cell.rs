@@ -40,7 +40,7 @@ impl Cell {
 
     fn sheared(&self, place: &Place) -> Result<Space, Error> {
         let repeats = |k: usize| self.periodic[k].then(|| self.edges[k].map(|x| f64::from(x as f32)));
-        Space::sheared([0, 1, 2].map(repeats))
+        Space::triclinic([0, 1, 2].map(repeats))
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }
 
@@ -89,10 +89,10 @@ mod tests {
         let edges = [[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 1.0, 6.0]];
         let space = |periodic| Cell { edges, periodic }.space(&place).unwrap();
         let taken = edges.map(Some);
-        assert_eq!(space([true; 3]).edges(), taken);
-        assert_eq!(space([false, true, true]).edges(), [None, taken[1], taken[2]]);
+        assert_eq!(space([true; 3]).cell_vectors(), taken);
+        assert_eq!(space([false, true, true]).cell_vectors(), [None, taken[1], taken[2]]);
         // What leans does not repeat.
-        assert!(space([true, false, false]).shear().is_none());
+        assert!(space([true, false, false]).triclinic_cell().is_none());
     }
 
     #[test]

@@ -6,7 +6,7 @@ fn reduced_variants_have_the_whole_text() {
     for kernel in KERNELS {
         for (species, periodic) in [(false, true), (true, false), (true, true)] {
             let variant = Variant { species, periodic, ..Variant::default() };
-            let whole = Expansion { variant, is_standard: false }.expand(kernel.source);
+            let whole = Preprocessor { variant, strict: false }.expand(kernel.source);
             assert!(kernel.wgsl(variant) == whole, "{} {variant:?}", kernel.name);
         }
         let unbounded = kernel.wgsl(Variant::default());
@@ -19,12 +19,12 @@ fn reduced_variants_have_the_whole_text() {
 fn devices_are_given_what_they_have_room_for() {
     let plain = Variant::default();
     let given = Variant::for_device;
-    assert_eq!(given(Some(32), 48 << 10), Variant { subgroups: Some(32), wide: true, ..plain });
-    assert_eq!(given(None, 48 << 10), Variant { wide: true, ..plain });
+    assert_eq!(given(Some(32), 48 << 10), Variant { subgroups: Some(32), wide_tiles: true, ..plain });
+    assert_eq!(given(None, 48 << 10), Variant { wide_tiles: true, ..plain });
     // Too small for what kernels do with them.
-    assert_eq!(given(Some(2), 48 << 10), Variant { wide: true, ..plain });
+    assert_eq!(given(Some(2), 48 << 10), Variant { wide_tiles: true, ..plain });
     // Wide tiles take 20 KiB, and so do tables of subgroups of 8.
     assert_eq!(given(Some(32), 16 << 10), Variant { subgroups: Some(32), ..plain });
     assert_eq!(given(Some(8), 16 << 10), plain);
-    assert_eq!(given(Some(8), 20 << 10), Variant { subgroups: Some(8), wide: true, ..plain });
+    assert_eq!(given(Some(8), 20 << 10), Variant { subgroups: Some(8), wide_tiles: true, ..plain });
 }

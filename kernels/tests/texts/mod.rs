@@ -29,7 +29,8 @@ fn name_of(kernel: &Kernel, variant: Variant) -> String {
     if let Some(size) = variant.subgroups {
         name += &format!("-subgroups-{size}");
     }
-    let parts = [(variant.species, "-species"), (variant.periodic, "-periodic"), (variant.wide, "-wide")];
+    let parts =
+        [(variant.species, "-species"), (variant.periodic, "-periodic"), (variant.wide_tiles, "-wide")];
     for (is_so, what) in parts {
         name += if is_so { what } else { "" };
     }

@@ -46,7 +46,7 @@ pub struct GpuSimulation {
     centers: Vec<[f32; 3]>,
     base: Base,
     detector: Option<GpuDetector>,
-    raster_ratio: f32,
+    cell_ratio: f32,
     options: GpuOptions,
     steps: Steps,
     /// Particles at the last look.
@@ -126,7 +126,7 @@ impl GpuSimulation {
             centers: state.centers.clone(),
             base,
             detector,
-            raster_ratio: GpuConfig::RASTER_RATIO,
+            cell_ratio: GpuConfig::CELL_RATIO,
             options,
             steps,
             alive,
@@ -385,6 +385,6 @@ fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetect
         .interactions(Some(table))
         .space(model.boundary.space()?)
         .pair_capacity(sizes.pairs.max(1))
-        .consumer_group(k::GROUP);
+        .consumer_workgroup_size(k::GROUP);
     GpuDetector::new(&base.own.device, settings).map(Some).map_err(refused)
 }

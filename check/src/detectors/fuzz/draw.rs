@@ -60,8 +60,8 @@ impl Triclinic {
 /// Returns `true` if spheres that [walk] stay within so few boxes that `f64` distinguishes the images.
 fn stays_near(scenario: &TestInput) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
-    let mut edges = scenario.space.edges().into_iter().flatten();
-    scenario.space.shear().is_none() || edges.all(|edge| DVec3::from(edge).length() > least)
+    let mut edges = scenario.space.cell_vectors().into_iter().flatten();
+    scenario.space.triclinic_cell().is_none() || edges.all(|edge| DVec3::from(edge).length() > least)
 }
 
 fn one_of<T: Copy>(random: &mut Random, values: &[T]) -> T {
@@ -85,7 +85,7 @@ pub(crate) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
     DetectorVariant {
         skin: if keeps && random.below(3) == 0 { [0.01, 0.3, 2.0][random.below(3) as usize] } else { 0.0 },
         tau: (random.below(2) == 0).then_some(tau),
-        raster_ratio: (random.below(2) == 0).then_some(ratio),
+        cell_ratio: (random.below(2) == 0).then_some(ratio),
         ..DetectorVariant::new(algorithm, target)
     }
 }

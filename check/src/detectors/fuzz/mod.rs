@@ -232,7 +232,7 @@ mod tests {
             let space = round.calls[0].1.space;
             assert!(round.calls.iter().all(|(_, scenario)| scenario.space == space), "{round}");
             for (call, scenario) in &round.calls {
-                triclinic += usize::from(space.shear().is_some());
+                triclinic += usize::from(space.triclinic_cell().is_some());
                 less += usize::from(scenario.groups.is_some() || scenario.excluded.is_some());
                 kinds[match call {
                     Call::List => 0,

@@ -246,7 +246,7 @@ fn streamed(
     match outcome {
         Err(payload) if payload.is::<Thrown>() => Ok(Answer::Part(pairs)),
         Err(payload) => resume_unwind(payload as Box<dyn Any + Send>),
-        Ok(Err(Error::Stopped)) if matches!(ending, Ending::Stop(_)) => Ok(Answer::Part(pairs)),
+        Ok(Err(Error::Cancelled)) if matches!(ending, Ending::Stop(_)) => Ok(Answer::Part(pairs)),
         Ok(Err(error)) => Ok(Answer::Refused(error)),
         Ok(Ok(_)) if matches!(ending, Ending::Panic(_)) && has_ended => {
             Err("the panic of the consumer was lost".to_owned())

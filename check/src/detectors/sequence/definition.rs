@@ -15,7 +15,7 @@ const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 /// All pairs of a valid scene in canonical order.
 pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
-    let images = scenario.space.shear().map(|_| ImageOracle::of(&scenario.space));
+    let images = scenario.space.triclinic_cell().map(|_| ImageOracle::of(&scenario.space));
     let is_pair = |i: usize, j: usize| {
         let reach = scenario.reach(i, j);
         reach.is_some_and(|reach| match &images {
@@ -55,7 +55,7 @@ impl Sieve {
     fn new(scenario: &TestInput) -> Self {
         let farthest = farthest(scenario);
         let axis = |row: DVec3, period: f64| Axis::new(scenario, row, (period, farthest));
-        let axes = match scenario.space.shear() {
+        let axes = match scenario.space.triclinic_cell() {
             Some(_) => ImageOracle::of(&scenario.space)
                 .fractions()
                 .iter()
@@ -131,7 +131,7 @@ mod tests {
                 let found = pairs(scenario);
                 assert_eq!(found, scenario.oracle(), "{sequence}");
                 pairs_seen += found.len();
-                triclinic += usize::from(scenario.space.shear().is_some());
+                triclinic += usize::from(scenario.space.triclinic_cell().is_some());
             }
         }
         assert!(pairs_seen > 10_000 && triclinic > 100, "{pairs_seen} pairs, {triclinic} triclinic scenes");

@@ -170,7 +170,7 @@ impl Settings {
 impl fmt::Display for Sequence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Settings { variant, skin, order, max_pairs, space, rows } = &self.settings;
-        let space = match (space.is_periodic(), space.shear().is_some()) {
+        let space = match (space.is_periodic(), space.triclinic_cell().is_some()) {
             (_, true) => "triclinic",
             (true, false) => "periodic",
             (false, _) => "unbounded",

@@ -79,7 +79,7 @@ impl<'a> Verifier<'a> {
     fn is_refused_rightly(&self, error: &Error, range: [u64; 2]) -> Result<(), String> {
         let max_pairs = self.settings.max_pairs;
         match *error {
-            Error::Stopped if self.step.ask.is_stopped => Ok(()),
+            Error::Cancelled if self.step.ask.is_stopped => Ok(()),
             Error::TooManyPairs { found, limit }
                 if self.is_limited() && found > limit && limit == max_pairs =>
             {
@@ -233,14 +233,14 @@ fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     let mut errors = set_refusals(settings, step, 0..first);
     if split.is_some() {
         let second = set_refusals(settings, step, first..n);
-        errors.extend(second.into_iter().map(|error| InputError::Second(Box::new(error))));
+        errors.extend(second.into_iter().map(|error| InputError::SecondSet(Box::new(error))));
     }
     if step.ask.has_foreign_exclusions {
         let (made_for, given) = match split {
             None => ((n, Some(3)), (n, None)),
             Some(split) => ((split, None), (split, Some(n - split))),
         };
-        errors.push(InputError::ExclusionsOfOthers { made_for, given });
+        errors.push(InputError::ExclusionSizeMismatch { made_for, given });
     }
     errors.into_iter().map(|error| format!("{:?}", Error::Input(error))).collect()
 }

@@ -30,7 +30,7 @@ fn excluded(path: &Path) -> PathBuf {
 
 fn of_space(space: &Space) -> Option<String> {
     // As the option is read.
-    let edges = space.edges().map(|edge| edge.map(|edge| edge.map(|number| number as f32)));
+    let edges = space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)));
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
     }
@@ -44,7 +44,7 @@ fn of_space(space: &Space) -> Option<String> {
     let periodic = format!(" --periodic {}", [0, 1, 2].map(length).join(","));
     let part = |k: usize, axis: usize| format!("{:?}", edges[k].map_or(0.0, |edge| edge[axis]));
     let tilts = [part(1, 0), part(2, 0), part(2, 1)].join(",");
-    Some(if space.shear().is_some() { format!("{periodic} --tilt {tilts}") } else { periodic })
+    Some(if space.triclinic_cell().is_some() { format!("{periodic} --tilt {tilts}") } else { periodic })
 }
 
 /// Writes a scene, with comments before it, and beside it the pairs that are listed to be left out.
@@ -54,7 +54,7 @@ pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result
     comments.lines().for_each(&mut comment);
     if options(path, scenario).is_none() && scenario.space.is_periodic() {
         comment("Space repeats along these edges:");
-        for [x, y, z] in scenario.space.edges().into_iter().flatten() {
+        for [x, y, z] in scenario.space.cell_vectors().into_iter().flatten() {
             comment(&format!("  {:?} {:?} {:?}", x as f32, y as f32, z as f32));
         }
     }

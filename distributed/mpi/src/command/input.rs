@@ -110,10 +110,10 @@ fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
 
 /// The space that the frames declare, on all ranks.
 fn common_space(world: &SimpleCommunicator, way: &Way, own: Space) -> Result<Space, Error> {
-    let mut edges = own.edges().map(|edge| edge.unwrap_or([0.0; 3]));
+    let mut edges = own.cell_vectors().map(|edge| edge.unwrap_or([0.0; 3]));
     world.process_at_rank(0).broadcast_into(edges.as_flattened_mut());
     // No edge is zero.
-    let first = Space::sheared(edges.map(|edge| (edge != [0.0; 3]).then_some(edge)));
+    let first = Space::triclinic(edges.map(|edge| (edge != [0.0; 3]).then_some(edge)));
     let first = first.map_err(|error| refused(world, error.to_string()));
     let agreed = first.and_then(|first| match way {
         Way::Own(path) if own != first => Err(refused(
@@ -121,8 +121,8 @@ fn common_space(world: &SimpleCommunicator, way: &Way, own: Space) -> Result<Spa
             format!(
                 "{}: the box {:?} is not that of rank 0, {:?}; give the lengths with --periodic X,Y,Z",
                 path.display(),
-                own.edges(),
-                first.edges()
+                own.cell_vectors(),
+                first.cell_vectors()
             ),
         )),
         _ => Ok(first),

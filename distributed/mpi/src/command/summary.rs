@@ -26,7 +26,7 @@ impl Summary<'_> {
             "spheres": report.owned.total,
             "pairs": report.pairs.total,
             "periodic": self.space.is_periodic().then(|| self.space.lengths_f32()),
-            "edges": self.space.shear().map(|_| self.space.edges().map(|edge| edge.map(|edge| edge.map(|number| number as f32)))),
+            "cell_vectors": self.space.triclinic_cell().map(|_| self.space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)))),
             "ghosts": report.ghosts.total,
             "imbalance": { "spheres": report.owned.imbalance(), "pairs": report.pairs.imbalance() },
             "reason": report.detector,

@@ -54,7 +54,7 @@ impl GpuBackend {
             .algorithm(settings.algorithm)
             .crossover(known.crossover)
             .radix_sort_from(known.radix_sort_from)
-            .raster_ratio(raster_ratio(config.raster_ratio)?)
+            .cell_ratio(cell_ratio(config.cell_ratio)?)
             .tau(config.tau.unwrap_or(GpuConfig::TAU))
             .interactions(interactions.clone())
             .space(searched_space(&settings.space))
@@ -211,12 +211,12 @@ impl Device {
 /// The table with which a device searches. In a frame spheres are as large as the reach of their species: they are
 /// candidates if they touch and their species ever pair.
 fn searched_table(settings: &Settings, is_framed: bool) -> Option<Interactions> {
-    settings.interactions.as_ref().map(|table| if is_framed { table.touching() } else { table.clone() })
+    settings.interactions.as_ref().map(|table| if is_framed { table.contact_only() } else { table.clone() })
 }
 
 /// A space as a device searches it, which repeats along the same axes as that of every frame.
 fn searched_space(space: &Space) -> Space {
-    let lengths = match space.shear() {
+    let lengths = match space.triclinic_cell() {
         None => space.lengths_f32(),
         Some(shear) => [0, 1, 2].map(|axis| (axis < shear.rank()).then_some(1.0)),
     };
@@ -248,14 +248,14 @@ fn conclude(report: &mut Report, search: &SlabSearch) {
     report.phases.extend_from_slice(&search.timings);
 }
 
-/// The raster ratio that was `asked` for, as near as the GPU comes to it.
-fn raster_ratio(asked: Option<f32>) -> Result<f32, Error> {
-    let ratio = asked.unwrap_or(GpuConfig::RASTER_RATIO);
+/// The cell ratio that was `asked` for, as near as the GPU comes to it.
+fn cell_ratio(asked: Option<f32>) -> Result<f32, Error> {
+    let ratio = asked.unwrap_or(GpuConfig::CELL_RATIO);
     if Config::RASTER_RATIOS.contains(&ratio) {
-        return Ok(ratio.max(GpuConfig::MIN_RASTER_RATIO));
+        return Ok(ratio.max(GpuConfig::MIN_CELL_RATIO));
     }
     let range = "choose between 0.5 and 16";
-    Err(Error::Setting { name: "raster_ratio", value: ratio.to_string(), range })
+    Err(Error::InvalidSetting { name: "cell_ratio", value: ratio.to_string(), range })
 }
 
 #[cfg(test)]

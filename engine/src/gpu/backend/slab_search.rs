@@ -2,7 +2,7 @@ use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 use lazygrid_host::{ChunkConsumer, PairConsumer, PairFilter, PairSource, PhaseTime, ranges};
-use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
+use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, try_reserve};
 
 use super::slabs::{Slab, SlabInput, Slabs};
 use crate::Error;
@@ -143,7 +143,7 @@ impl SlabSearch {
                     found += count as u64;
                     let pairs = self.session.pairs_mut();
                     self.slab.name(pairs);
-                    make_room(list, pairs.len(), "pairs")?;
+                    try_reserve(list, pairs.len(), "pairs")?;
                     list.append(pairs);
                 }
                 Err(Error::TooManyPairs { found: more, .. }) => found += more,
@@ -171,7 +171,7 @@ impl SlabSearch {
             if found > limit {
                 return ControlFlow::Continue(());
             }
-            refused = make_room(list, pairs.len(), "pairs").err();
+            refused = try_reserve(list, pairs.len(), "pairs").err();
             if refused.is_some() {
                 return ControlFlow::Break(());
             }
@@ -291,12 +291,12 @@ impl SlabSearch {
     ) -> Result<(), Error> {
         let mut counts = Vec::new();
         let (mut list, mut found) = (Vec::new(), 0);
-        make_room(&mut counts, cut.0.spheres.len(), "pairs of each sphere")?;
+        try_reserve(&mut counts, cut.0.spheres.len(), "pairs of each sphere")?;
         counts.resize(cut.0.spheres.len(), 0_u32);
         self.slab_by_slab(cut, &GpuSpheres::ALL, |pairs| {
             found += pairs.len() as u64;
             pairs.iter().for_each(|pair| counts[pair.i as usize] += 1);
-            match found <= most && make_room(&mut list, pairs.len(), "pairs").is_ok() {
+            match found <= most && try_reserve(&mut list, pairs.len(), "pairs").is_ok() {
                 true => list.append(pairs),
                 false => list = Vec::new(),
             }
@@ -311,7 +311,7 @@ impl SlabSearch {
             list.clear();
             let mut refused = None;
             self.slab_by_slab(cut, &range, |pairs| {
-                match make_room(&mut list, pairs.len(), "pairs") {
+                match try_reserve(&mut list, pairs.len(), "pairs") {
                     Ok(()) => list.append(pairs),
                     Err(error) => refused = Some(error),
                 }

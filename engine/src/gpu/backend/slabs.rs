@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use lazygrid_kernels::{Interactions, Pair, Reach, Space, Sphere, Spheres, make_room};
+use lazygrid_kernels::{EffectiveRadius, Interactions, Pair, Space, Sphere, Spheres, try_reserve};
 
 use crate::Error;
 
@@ -34,7 +34,7 @@ pub(crate) struct SlabInput<'a> {
     spheres: Spheres<'a>,
     /// The number of spheres of the first of two sets; 0 for one set.
     split: u32,
-    reaches: Vec<Reach>,
+    reaches: Vec<EffectiveRadius>,
     space: Space,
 }
 
@@ -64,7 +64,8 @@ pub(crate) struct Slab {
 
 impl<'a> SlabInput<'a> {
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&Interactions>, space: Space) -> Self {
-        let reach = |table: &Interactions| (0..table.species()).map(|of| table.reach(of)).collect();
+        let reach =
+            |table: &Interactions| (0..table.species()).map(|of| table.effective_radius(of)).collect();
         Self { spheres, split: 0, reaches: interactions.map_or_else(Vec::new, reach), space }
     }
 
@@ -82,9 +83,7 @@ impl<'a> SlabInput<'a> {
     fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
         let Sphere { center, radius } = self.spheres.get(k);
         let radius = match self.spheres.species() {
-            Some(species) if !self.reaches.is_empty() => {
-                self.reaches[species[k] as usize].effective_radius(radius)
-            }
+            Some(species) if !self.reaches.is_empty() => self.reaches[species[k] as usize].for_radius(radius),
             _ => radius,
         };
         let half = f64::from(radius) * (1.0 + MARGIN);
@@ -202,7 +201,7 @@ impl Slabs {
         slab.has_two_sets = input.split != 0;
         let Slab { spheres, species, indices, later, ends, .. } = slab;
         indices.clear();
-        make_room(indices, count, "the spheres of a slab")?;
+        try_reserve(indices, count, "the spheres of a slab")?;
         later.iter_mut().for_each(Vec::clear);
         let is_owned = |[begin, _]: [f64; 2]| from <= begin && begin < to;
         let is_lent = |[begin, end]: [f64; 2]| {
@@ -221,20 +220,20 @@ impl Slabs {
                 (false, true) => &mut later[1],
                 (false, false) => &mut later[2],
             };
-            make_room(group, 1, "the spheres of a slab")?;
+            try_reserve(group, 1, "the spheres of a slab")?;
             group.push(k as u32);
         }
         for (group, end) in later.iter_mut().zip(ends) {
             *end = indices.len() as u32;
-            make_room(indices, group.len(), "the spheres of a slab")?;
+            try_reserve(indices, group.len(), "the spheres of a slab")?;
             indices.append(group);
         }
         spheres.clear();
-        make_room(spheres, indices.len(), "the spheres of a slab")?;
+        try_reserve(spheres, indices.len(), "the spheres of a slab")?;
         spheres.extend(indices.iter().map(|&k| input.spheres.get(k as usize)));
         species.clear();
         if let Some(of_all) = input.spheres.species() {
-            make_room(species, indices.len(), "the spheres of a slab")?;
+            try_reserve(species, indices.len(), "the spheres of a slab")?;
             species.extend(indices.iter().map(|&k| of_all[k as usize]));
         }
         Ok(())
@@ -306,7 +305,7 @@ mod tests {
         let radius = |k: usize| {
             let reach = input.spheres.species().map(|species| input.reaches[species[k] as usize]);
             let radius = input.spheres.get(k).radius;
-            f64::from(reach.map_or(radius, |reach| reach.effective_radius(radius)))
+            f64::from(reach.map_or(radius, |reach| reach.for_radius(radius)))
         };
         let [at, other] = [a, b].map(|k| input.spheres.get(k).center);
         input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use lazygrid_kernels::Interactions;
-use lazygrid_kernels::layout::Call;
+use lazygrid_kernels::layout::SearchParams;
 
 use crate::Error;
 use crate::gpu::config::GpuConfig;
@@ -20,7 +20,7 @@ pub enum SphereCount<'a> {
     Buffer {
         /// The buffer.
         buffer: &'a wgpu::Buffer,
-        /// The most it may say; more set [`Outcome::SPHERES`] in the overflow flag.
+        /// The most it may say; more set [`Outcome::OVERFLOW_SPHERES`] in the overflow flag.
         at_most: u32,
     },
 }
@@ -113,18 +113,18 @@ pub(in crate::gpu) fn check_buffer(
 
 impl GpuConfig {
     /// The parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
-    pub(in crate::gpu) fn call(&self, spheres: u32, input: &GpuSpheres<'_>) -> Call {
-        let call = Call {
+    pub(in crate::gpu) fn call(&self, spheres: u32, input: &GpuSpheres<'_>) -> SearchParams {
+        let call = SearchParams {
             spheres,
             pair_capacity: self.pair_capacity,
             species: self.interactions.as_ref().map_or(0, Interactions::species),
-            consumer_group: self.consumer_group,
+            consumer_workgroup_size: self.consumer_workgroup_size,
             window_begin: input.window.start,
             window_end: input.window.end,
-            split: input.split,
+            second_set_start: input.split,
             tau: self.tau,
-            sorted_pairs: u32::from(self.sorted_pairs),
-            ..Call::default()
+            pairs_in_cell_order: u32::from(self.pairs_in_cell_order),
+            ..SearchParams::default()
         };
         call.in_space(self.space)
     }

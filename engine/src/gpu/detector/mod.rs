@@ -10,9 +10,9 @@ mod tables;
 mod timer;
 
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::Call;
 #[cfg(doc)]
 use lazygrid_kernels::layout::Outcome;
+use lazygrid_kernels::layout::SearchParams;
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 pub(crate) use capacity::CapacitySnapshot;
@@ -40,8 +40,8 @@ pub struct GpuDetector {
     device: wgpu::Device,
     settings: GpuConfig,
     entry_capacity: EntryCapacity,
-    /// See [`Call::part_tiles`].
-    part_tiles: u32,
+    /// See [`SearchParams::tiles_per_submission`].
+    tiles_per_submission: u32,
     pipelines: Pipelines,
     tables: Option<Tables>,
     prepared: Option<Prepared>,
@@ -52,14 +52,14 @@ pub struct GpuDetector {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AlgorithmChoice {
     pub(crate) algorithm: Algorithm,
-    pub(crate) raster_ratio: f32,
+    pub(crate) cell_ratio: f32,
 }
 
 impl GpuDetector {
     /// A detector on the caller's device. Kernels are compiled when first needed.
     ///
     /// # Errors
-    /// [`Error::Setting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
+    /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
     pub fn new(device: &wgpu::Device, settings: GpuConfig) -> Result<Self, Error> {
         Self::with_pipelines(device, Pipelines::new(device), settings)
     }
@@ -82,7 +82,7 @@ impl GpuDetector {
             timer,
             settings,
             entry_capacity: EntryCapacity::NONE,
-            part_tiles: Call::UNPARTED,
+            tiles_per_submission: SearchParams::UNLIMITED,
         })
     }
 
@@ -122,7 +122,7 @@ impl GpuDetector {
 
     /// The settings of calls by the configuration.
     pub(crate) fn algorithm_choice(&self) -> AlgorithmChoice {
-        AlgorithmChoice { algorithm: self.settings.algorithm, raster_ratio: self.settings.raster_ratio }
+        AlgorithmChoice { algorithm: self.settings.algorithm, cell_ratio: self.settings.cell_ratio }
     }
 
     fn plan_for(&self, spheres: u32, choice: AlgorithmChoice) -> Result<Plan, Error> {
@@ -176,7 +176,7 @@ impl GpuDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Raises the capacity to at least this number of (cell, object) entries, as [`Outcome::entries`] tells after a call that had
+    /// Raises the capacity to at least this number of (cell, object) entries, as [`Outcome::entries_needed`] tells after a call that had
     /// too little, and for some more; the next call allocates anew. Calls of less than half
     /// as many spheres do without. False where the device cannot hold them.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
@@ -207,9 +207,9 @@ impl GpuDetector {
 
     /// Has later calls end before their crowded search is done, where it is more than so many distance tests:
     /// [`encode_continuation`](Self::encode_continuation) records a further part while the outcome is partial.
-    pub(crate) fn set_part_tests(&mut self, tests: u64) {
-        let tile = u64::from(k::GROUP) * u64::from(k::GROUP);
-        self.part_tiles = u32::try_from(tests / tile).unwrap_or(Call::UNPARTED);
+    pub(crate) fn set_max_tests_per_submission(&mut self, tests: u64) {
+        let tile = u64::from(k::WORKGROUP_SIZE) * u64::from(k::WORKGROUP_SIZE);
+        self.tiles_per_submission = u32::try_from(tests / tile).unwrap_or(SearchParams::UNLIMITED);
     }
 
     /// Records a further part of the last recorded call, whose search it is timed as.
@@ -222,13 +222,13 @@ impl GpuDetector {
         }
     }
 
-    /// Changes the cell edge; see [`GpuConfig::raster_ratio`].
+    /// Changes the cell edge; see [`GpuConfig::cell_ratio`].
     ///
     /// # Errors
-    /// [`Error::Setting`] where it is out of range.
-    pub fn set_raster_ratio(&mut self, ratio: f32) -> Result<(), Error> {
-        let before = std::mem::replace(&mut self.settings.raster_ratio, ratio);
-        check(&self.settings).inspect_err(|_| self.settings.raster_ratio = before)
+    /// [`Error::InvalidSetting`] where it is out of range.
+    pub fn set_cell_ratio(&mut self, ratio: f32) -> Result<(), Error> {
+        let before = std::mem::replace(&mut self.settings.cell_ratio, ratio);
+        check(&self.settings).inspect_err(|_| self.settings.cell_ratio = before)
     }
 
     /// Records the detection, all of it in this encoder however crowded the spheres are: where a submission must end
@@ -301,28 +301,30 @@ impl GpuDetector {
     }
 
     /// The parameters of a call that the kernels read.
-    fn call(&self, plan: &Plan, choice: AlgorithmChoice, input: &GpuSpheres<'_>) -> Call {
+    fn call(&self, plan: &Plan, choice: AlgorithmChoice, input: &GpuSpheres<'_>) -> SearchParams {
         let sides = self.tables.as_ref().map(|tables| &tables.sides);
-        let (meetings, interaction) = if input.split == 0 {
-            sides.map_or((Call::FIRST_WITH_ITSELF, Call::TOUCH), |sides| (sides.meetings, sides.interaction))
+        let (side_pairs, interaction) = if input.split == 0 {
+            sides.map_or((SearchParams::FIRST_WITH_ITSELF, SearchParams::TOUCH), |sides| {
+                (sides.side_pairs, sides.interaction)
+            })
         } else {
-            (Call::FIRST_WITH_SECOND, sides.map_or(Call::TOUCH, |sides| sides.across_sets))
+            (SearchParams::FIRST_WITH_SECOND, sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets))
         };
-        Call {
-            meetings,
+        SearchParams {
+            side_pairs,
             interaction,
             entry_capacity: plan.entries,
             key_bits: plan.key_bits,
-            raster_ratio: choice.raster_ratio,
+            cell_ratio: choice.cell_ratio,
             search_groups: plan.search_groups,
-            refinement: plan.split_policy as u32,
-            density_slots: plan.density_slots,
-            part_tiles: self.part_tiles,
+            split_policy: plan.split_policy as u32,
+            occupancy_slots: plan.occupancy_slots,
+            tiles_per_submission: self.tiles_per_submission,
             cells: plan.cells,
             counters: if plan.tile == 0 { plan.counters } else { 0 },
-            tile: plan.tile,
-            share: plan.share,
-            further_shares: plan.further_shares,
+            radix_tile: plan.tile,
+            candidates_per_invocation: plan.candidates_per_invocation,
+            overflow_workgroups: plan.overflow_workgroups,
             ..self.settings.call(plan.spheres, input)
         }
     }

@@ -21,7 +21,7 @@ pub struct GpuOutput {
 
 /// The spheres in the order of a cell list's cells: neighbours in space are mostly neighbours in memory. Who takes this
 /// order over, every now and then, makes the next calls faster, which then read memory nearly in sequence; and with
-/// [`GpuConfig::sorted_pairs`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
+/// [`GpuConfig::pairs_in_cell_order`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
 /// call left until the next one, and have as many elements as the call had spheres.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]

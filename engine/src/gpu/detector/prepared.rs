@@ -2,7 +2,7 @@
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::Variant;
-use lazygrid_kernels::layout::Call;
+use lazygrid_kernels::layout::SearchParams;
 
 use super::input::{GpuSpheres, SphereCount};
 use super::output::{CellOrder, GpuOutput};
@@ -26,11 +26,11 @@ pub(crate) struct Key {
     pub(crate) spheres: wgpu::Buffer,
     pub(crate) species: Option<wgpu::Buffer>,
     pub(crate) count: Option<wgpu::Buffer>,
-    pub(crate) call: Call,
+    pub(crate) call: SearchParams,
 }
 
 impl Key {
-    pub(crate) fn of(input: &GpuSpheres<'_>, call: Call) -> Self {
+    pub(crate) fn of(input: &GpuSpheres<'_>, call: SearchParams) -> Self {
         let count = match input.count {
             SphereCount::Host(_) => None,
             SphereCount::Buffer { buffer, .. } => Some(buffer.clone()),
@@ -71,7 +71,7 @@ impl Prepared {
                     (Resource::Own(slot), ..) => buffers.get(slot),
                     (Resource::Spheres, ..) => &key.spheres,
                     (Resource::Count, ..) => key.count.as_ref().unwrap_or(&call),
-                    (Resource::Pass(pass), ..) => &passes[pass as usize],
+                    (Resource::RadixPass(pass), ..) => &passes[pass as usize],
                     (Resource::Species, _, Some(species)) => species,
                     (Resource::Reach, Some(tables), _) => &tables.reach,
                     (Resource::Table, Some(tables), _) => &tables.table,

@@ -1,7 +1,7 @@
 //! The two sides of the spheres of a cell list on the GPU: sides that do not meet are never compared.
 
 use lazygrid_host::SpeciesPartition;
-use lazygrid_kernels::layout::Call;
+use lazygrid_kernels::layout::SearchParams;
 use lazygrid_kernels::{Interaction, Interactions};
 
 /// Two sides are kept apart if they save at least this part of the comparisons of one side.
@@ -21,9 +21,9 @@ pub(crate) enum Side {
 pub(crate) struct Sides {
     /// The side of each species.
     pub(crate) of_species: Vec<Side>,
-    /// The sides that are compared in a search of one set; see [`Call::meetings`].
-    pub(crate) meetings: u32,
-    /// The interaction of all pairs in a search of one set; see [`Call::interaction`].
+    /// The sides that are compared in a search of one set; see [`SearchParams::side_pairs`].
+    pub(crate) side_pairs: u32,
+    /// The interaction of all pairs in a search of one set; see [`SearchParams::interaction`].
     pub(crate) interaction: f32,
     /// The interaction of all pairs in a search of two sets, where spheres of one species may meet.
     pub(crate) across_sets: f32,
@@ -52,15 +52,15 @@ impl Sides {
             Some(_) => Side::First,
         };
         let of_species: Vec<Side> = species().map(side).collect();
-        let meetings = cost(best).1;
+        let side_pairs = cost(best).1;
         let on = |side: Side| species().filter(|&of| of_species[of as usize] == side).collect::<Vec<_>>();
         let [first, second] = [Side::First, Side::Second].map(on);
         let compared = [
-            (Call::FIRST_WITH_ITSELF, &first, &first),
-            (Call::FIRST_WITH_SECOND, &first, &second),
-            (Call::SECOND_WITH_ITSELF, &second, &second),
+            (SearchParams::FIRST_WITH_ITSELF, &first, &first),
+            (SearchParams::FIRST_WITH_SECOND, &first, &second),
+            (SearchParams::SECOND_WITH_ITSELF, &second, &second),
         ];
-        let compared = compared.into_iter().filter(|(bit, ..)| meetings & bit != 0);
+        let compared = compared.into_iter().filter(|(bit, ..)| side_pairs & bit != 0);
         let interaction = common(compared.flat_map(|(_, a, b)| product(a, b)), table);
         let across_sets = if second.is_empty() {
             interaction
@@ -68,7 +68,7 @@ impl Sides {
             let all = [first, second].concat();
             common(product(&all, &all), table)
         };
-        Self { of_species, meetings, interaction, across_sets }
+        Self { of_species, side_pairs, interaction, across_sets }
     }
 }
 
@@ -79,12 +79,12 @@ fn product(a: &[u32], b: &[u32]) -> impl Iterator<Item = (u32, u32)> {
 
 /// The interaction of all these pairs of species, if it is the same.
 fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> f32 {
-    let Some((a, b)) = pairs.next() else { return Call::TOUCH };
+    let Some((a, b)) = pairs.next() else { return SearchParams::TOUCH };
     let first = table.get(a, b);
     match first {
-        _ if pairs.any(|(a, b)| table.get(a, b) != first) => Call::BY_SPECIES,
-        Interaction::Never => Call::BY_SPECIES,
-        Interaction::Touch => Call::TOUCH,
+        _ if pairs.any(|(a, b)| table.get(a, b) != first) => SearchParams::BY_SPECIES,
+        Interaction::Never => SearchParams::BY_SPECIES,
+        Interaction::Touch => SearchParams::TOUCH,
         Interaction::Within(distance) => distance as f32,
     }
 }
@@ -97,10 +97,10 @@ fn comparisons((second, weights): (u32, &[f64]), meets: impl Fn(usize, usize) ->
     let mut spheres = [0.0; 2];
     (0..groups).for_each(|group| spheres[side(group)] += weights[group]);
     let pairs = (0..groups).flat_map(|a| (a..groups).map(move |b| (a, b)));
-    let meetings =
+    let side_pairs =
         pairs.filter(|&(a, b)| meets(a, b)).fold(0, |bits, (a, b)| bits | 1 << (side(a) + side(b)));
     let each = [0.5 * spheres[0] * spheres[0], spheres[0] * spheres[1], 0.5 * spheres[1] * spheres[1]];
-    ((0..3).filter(|bit| meetings >> bit & 1 == 1).map(|bit| each[bit]).sum(), meetings)
+    ((0..3).filter(|bit| side_pairs >> bit & 1 == 1).map(|bit| each[bit]).sum(), side_pairs)
 }
 
 #[cfg(test)]
@@ -123,10 +123,13 @@ mod tests {
         // Either reactant of the second reaction may be on the first side.
         assert!([[First, Second], [Second, First]].contains(&[sides.of_species[2], sides.of_species[3]]));
         assert_eq!([sides.of_species[0], sides.of_species[1], sides.of_species[4]], [First, Second, Idle]);
-        assert_eq!((sides.meetings, sides.interaction), (Call::FIRST_WITH_SECOND, Call::BY_SPECIES));
+        assert_eq!(
+            (sides.side_pairs, sides.interaction),
+            (SearchParams::FIRST_WITH_SECOND, SearchParams::BY_SPECIES)
+        );
         let sides = Sides::of(&table(3, &[(0, 1, within)]));
         assert_eq!((sides.of_species, sides.interaction), (vec![First, Second, Idle], 0.5));
-        assert_eq!(sides.across_sets, Call::BY_SPECIES, "of two sets spheres of one species meet");
+        assert_eq!(sides.across_sets, SearchParams::BY_SPECIES, "of two sets spheres of one species meet");
     }
 
     #[test]
@@ -134,16 +137,22 @@ mod tests {
         let ring: Vec<_> = (0..4).map(|of| (of, (of + 1) % 4, TOUCH)).collect();
         let sides = Sides::of(&table(4, &ring));
         assert_eq!(sides.of_species, [First, Second, First, Second]);
-        assert_eq!((sides.meetings, sides.interaction), (Call::FIRST_WITH_SECOND, Call::TOUCH));
+        assert_eq!(
+            (sides.side_pairs, sides.interaction),
+            (SearchParams::FIRST_WITH_SECOND, SearchParams::TOUCH)
+        );
     }
 
     #[test]
     fn species_that_all_pair_are_on_one_side() {
         let all = Sides::of(&Interactions::new(7, TOUCH).expect("a table"));
         assert_eq!(all.of_species, [First; 7]);
-        assert_eq!((all.meetings, all.interaction, all.across_sets), (1, Call::TOUCH, Call::TOUCH));
+        assert_eq!(
+            (all.side_pairs, all.interaction, all.across_sets),
+            (1, SearchParams::TOUCH, SearchParams::TOUCH)
+        );
         let none = Sides::of(&Interactions::new(2, Interaction::Never).expect("a table"));
-        assert_eq!((none.of_species, none.meetings), (vec![Idle; 2], 0));
+        assert_eq!((none.of_species, none.side_pairs), (vec![Idle; 2], 0));
         assert_eq!(Sides::of(&Interactions::new(0, TOUCH).expect("a table")).of_species, []);
     }
 
@@ -151,7 +160,7 @@ mod tests {
     fn species_that_meets_itself_may_be_a_side() {
         let sides = Sides::of(&table(2, &[(0, 0, TOUCH), (0, 1, TOUCH)]));
         assert_eq!(sides.of_species, [First, Second]);
-        assert_eq!(sides.meetings, Call::FIRST_WITH_ITSELF | Call::FIRST_WITH_SECOND);
+        assert_eq!(sides.side_pairs, SearchParams::FIRST_WITH_ITSELF | SearchParams::FIRST_WITH_SECOND);
     }
 
     #[test]
@@ -175,7 +184,7 @@ mod tests {
                         Second => 1,
                         Idle => panic!("species {of} pairs"),
                     });
-                    assert_eq!(sides.meetings >> (bit[0] + bit[1]) & 1, 1, "{a} and {b} of {species}");
+                    assert_eq!(sides.side_pairs >> (bit[0] + bit[1]) & 1, 1, "{a} and {b} of {species}");
                 }
             }
         }

@@ -6,7 +6,7 @@
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::Skin;
+use lazygrid_kernels::layout::SkinParams;
 use lazygrid_kernels::{Interaction, Interactions};
 
 use super::input::GpuSpheres;
@@ -76,10 +76,10 @@ struct Parts {
 impl GpuSkinDetector {
     /// A detector on the caller's device with a skin of this width, in the unit of the coordinates. A wider one lasts
     /// longer and has more candidates: a good one is a few times as wide as the fastest sphere goes in a call.
-    /// [`GpuConfig::sorted_pairs`] and [`GpuConfig::timestamps`] are of no effect.
+    /// [`GpuConfig::pairs_in_cell_order`] and [`GpuConfig::timestamps`] are of no effect.
     ///
     /// # Errors
-    /// [`Error::Setting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
+    /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
     pub fn new(device: &wgpu::Device, settings: GpuConfig, skin: f32) -> Result<Self, Error> {
         Self::with_pipelines(device, Pipelines::new(device), settings, skin)
     }
@@ -123,7 +123,7 @@ impl GpuSkinDetector {
     }
 
     /// Changes how many candidates there is room for, by default four for each pair that the output holds. After a call
-    /// that had too little ([`Outcome::CANDIDATES`]) [`Outcome::entries`] tells how many there are.
+    /// that had too little ([`Outcome::OVERFLOW_CANDIDATES`]) [`Outcome::entries_needed`] tells how many there are.
     pub fn set_candidate_capacity(&mut self, candidates: u32) {
         self.search.set_pair_capacity(candidates);
     }
@@ -167,7 +167,7 @@ impl GpuSkinDetector {
         Some(candidates.state.get(BufferId::SkinState))
     }
 
-    /// Records the detection, as [`GpuDetector::encode`] does. [`Outcome::CANDIDATES`] in the overflow flag says that the
+    /// Records the detection, as [`GpuDetector::encode`] does. [`Outcome::OVERFLOW_CANDIDATES`] in the overflow flag says that the
     /// candidates did not fit: the pairs are then not all that there are.
     ///
     /// # Errors
@@ -241,7 +241,8 @@ impl GpuSkinDetector {
         let groups = search.map(Recording::workgroup_counts).unwrap_or_default();
         parts.get_or_insert_with((key, groups), |(key, groups)| {
             let half = self.skin / 2.0;
-            let skin = Skin { half, usable: (half * USABLE).powi(2), capacity: found.capacity };
+            let limit_squared = (half * USABLE).powi(2);
+            let skin = SkinParams { half_skin: half, limit_squared, candidate_capacity: found.capacity };
             let call = constant_buffer(&self.device, "call", bytemuck::bytes_of(&key.call))?;
             let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;
             let full = constant_buffer(&self.device, "workgroups", bytemuck::cast_slice(groups))?;
@@ -253,13 +254,13 @@ impl GpuSkinDetector {
                 ("spheres", ..) => &key.spheres,
                 ("species", _, Some(species)) => species,
                 ("table", Some(tables), _) => &tables.table,
-                ("kept", ..) => gpu(BufferId::ReferenceSpheres),
-                ("kept_species", Some(_), _) => gpu(BufferId::ReferenceSpecies),
+                ("reference", ..) => gpu(BufferId::ReferenceSpheres),
+                ("reference_species", Some(_), _) => gpu(BufferId::ReferenceSpecies),
                 ("state", ..) => state.get(BufferId::SkinState),
-                ("full", ..) => &full,
-                ("gate", ..) => gate.get(BufferId::DispatchCounts),
+                ("full_counts", ..) => &full,
+                ("dispatch_counts", ..) => gate.get(BufferId::DispatchCounts),
                 // Of the search, where it finds workgroups itself; its own, which is written again, where it does not.
-                ("dispatch", ..) if dispatch.kernel == &k::SKIN_DECIDE => {
+                ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => {
                     search.and_then(Recording::indirect_args).unwrap_or(gpu(BufferId::DispatchArgs))
                 }
                 ("dispatch", ..) => gpu(BufferId::DispatchArgs),
@@ -284,7 +285,7 @@ fn check_skin(skin: f32) -> Result<(), Error> {
         return Ok(());
     }
     let (value, range) = (skin.to_string(), "choose between 1e-14 and 1e17, or a `GpuDetector`");
-    Err(Error::Setting { name: "skin", value, range })
+    Err(Error::InvalidSetting { name: "skin", value, range })
 }
 
 /// What finds the candidates.
@@ -298,7 +299,7 @@ fn search(
         .clone()
         .interactions(settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?)
         .pair_capacity(settings.pair_capacity.saturating_mul(PER_PAIR))
-        .sorted_pairs(false)
+        .pairs_in_cell_order(false)
         .timestamps(false);
     GpuDetector::with_pipelines(device, pipelines, wide)
 }

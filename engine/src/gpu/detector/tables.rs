@@ -1,6 +1,6 @@
 use crate::Error;
-use lazygrid_kernels::layout::{Call, SpeciesReach};
-use lazygrid_kernels::{Interaction, Interactions, Reach};
+use lazygrid_kernels::layout::{SearchParams, SpeciesParams};
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 
 use super::sides::{Side, Sides};
 use crate::gpu::device::constant_buffer;
@@ -8,7 +8,7 @@ use crate::gpu::device::constant_buffer;
 /// The interaction table on the device.
 #[derive(Debug)]
 pub(crate) struct Tables {
-    /// A [`SpeciesReach`] for each species.
+    /// A [`SpeciesParams`] for each species.
     pub(crate) reach: wgpu::Buffer,
     /// Per pair of species, a distance or one of the two negative marks.
     pub(crate) table: wgpu::Buffer,
@@ -30,20 +30,20 @@ impl Tables {
         let sides = Sides::of(interactions);
         let flags = |side: Side| match side {
             Side::First => 0,
-            Side::Second => SpeciesReach::SECOND_SIDE,
-            Side::Idle => SpeciesReach::IDLE,
+            Side::Second => SpeciesParams::SECOND_SIDE,
+            Side::Idle => SpeciesParams::IDLE,
         };
-        let touches = |reach: Reach| if reach.touches { SpeciesReach::TOUCHES } else { 0 };
-        let reach: Vec<SpeciesReach> = (0..species)
+        let touches = |reach: EffectiveRadius| if reach.touches { SpeciesParams::TOUCHES } else { 0 };
+        let reach: Vec<SpeciesParams> = (0..species)
             .zip(&sides.of_species)
-            .map(|(id, &side)| (interactions.reach(id), side))
-            .map(|(reach, side)| SpeciesReach { flags: touches(reach) | flags(side), half: reach.half })
+            .map(|(id, &side)| (interactions.effective_radius(id), side))
+            .map(|(reach, side)| SpeciesParams { flags: touches(reach) | flags(side), half: reach.half })
             .collect();
         let table: Vec<f32> = (0..species)
             .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
             .map(|interaction| match interaction {
-                Interaction::Never => Call::NEVER,
-                Interaction::Touch => Call::TOUCH,
+                Interaction::Never => SearchParams::NEVER,
+                Interaction::Touch => SearchParams::TOUCH,
                 Interaction::Within(distance) => distance as f32,
             })
             .collect();

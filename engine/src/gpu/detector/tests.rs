@@ -102,7 +102,7 @@ fn a_further_part_is_timed_as_a_search() {
     }
     let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid).timestamps(true);
     let mut detector = detector(&gpu, settings);
-    detector.set_part_tests(1 << 20);
+    detector.set_max_tests_per_submission(1 << 20);
     let given = upload(&gpu, &[Sphere::new([1.0; 3], 0.5); 3000]);
     // The ticks, by phase.
     let ticks = |detector: &GpuDetector, encoder| -> Vec<[u64; 2]> {
@@ -139,7 +139,7 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     let grid: Grid = StorageBuffer::new(grid).create().expect("all of it");
     // After the sort, which changes their order alone.
     let front = plan.passes() % 2 == 1;
-    let count = outcome[0].entries() as usize;
+    let count = outcome[0].entries_needed() as usize;
     let [keys, objects]: [Vec<u32>; 2] = [BufferId::Keys(front), BufferId::Objects(front)]
         .map(|slot| download(gpu, encoder(gpu), buffers.get(slot), count));
     let first_keys = 1 << grid.levels[0].bits.element_sum();

@@ -79,7 +79,7 @@ impl AdapterId {
         let named = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
             (0..found.len()).filter(|&place| fits(&found[place].name.to_lowercase())).collect()
         };
-        let fitting = match self {
+        let matches = match self {
             Self::Index(index) => (*index..found.len()).take(1).collect(),
             Self::Name(name) => {
                 let name = name.to_lowercase();
@@ -90,12 +90,12 @@ impl AdapterId {
                 }
             }
         };
-        if let [place] = fitting[..] {
+        if let [place] = matches[..] {
             return Ok(place);
         }
         let one = |place: usize| format!("{place} {} ({})", found[place].name, found[place].api);
-        let there_are = (0..found.len()).map(one).collect::<Vec<_>>().join(", ");
-        Err(Error::UnknownAdapter { asked: self.to_string(), fitting: fitting.len(), there_are })
+        let available = (0..found.len()).map(one).collect::<Vec<_>>().join(", ");
+        Err(Error::UnknownAdapter { requested: self.to_string(), matches: matches.len(), available })
     }
 }
 
@@ -193,7 +193,7 @@ mod tests {
                 (Err(error), Err(how_many)) => {
                     let text = error.to_string();
                     assert!(
-                        matches!(error, Error::UnknownAdapter { fitting, .. } if fitting == how_many),
+                        matches!(error, Error::UnknownAdapter { matches, .. } if matches == how_many),
                         "{asked}: {text}"
                     );
                     assert!(text.contains(asked) && text.contains("1 Card H1 Large (vulkan)"), "{text}");

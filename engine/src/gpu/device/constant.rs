@@ -22,5 +22,5 @@ pub(crate) fn constant_buffer(
         buffer.unmap();
         Ok(buffer)
     })?
-    .map_err(|error| Error::Validation { what: label, reason: error.to_string() })
+    .map_err(|error| Error::DeviceRejected { what: label, reason: error.to_string() })
 }

@@ -29,5 +29,5 @@ fn lost_or_refused(what: &'static str, reason: String) -> Error {
     if text.contains("device") && text.contains("lost") {
         return Error::DeviceLost { reason };
     }
-    Error::Validation { what, reason }
+    Error::DeviceRejected { what, reason }
 }

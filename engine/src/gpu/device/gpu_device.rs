@@ -182,7 +182,7 @@ impl GpuDevice {
     /// is being done and takes `bytes`, for the message.
     ///
     /// # Errors
-    /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Validation`].
+    /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::DeviceRejected`].
     pub fn with_error_scope<T>(
         &self,
         what: &'static str,

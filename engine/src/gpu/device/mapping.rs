@@ -53,7 +53,7 @@ impl Mapping {
                 let seconds = timeout.as_secs();
                 waiting.answer(Err(match error {
                     wgpu::PollError::Timeout => Error::Timeout { seconds },
-                    other => Error::Validation { what: "waiting", reason: other.to_string() },
+                    other => Error::DeviceRejected { what: "waiting", reason: other.to_string() },
                 }));
             }
         };

@@ -45,7 +45,7 @@ impl Pipelines {
 
     pub(crate) fn get(&self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, Error> {
         let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
-        match compiled.entry((kernel.name, kernel.reduced(variant))) {
+        match compiled.entry((kernel.name, kernel.effective_variant(variant))) {
             Entry::Occupied(found) => Ok(found.get().clone()),
             Entry::Vacant(vacant) => {
                 let work = || compile(&self.device, kernel, variant);

@@ -2,7 +2,7 @@
 //! buffers once, and is then recorded as often as wanted without allocating anything.
 
 use lazygrid_kernels::kernel::SCAN_TILE;
-use lazygrid_kernels::layout::{Lengths, Pass};
+use lazygrid_kernels::layout::{RadixPass, SortCounts};
 
 use super::recording::{Buffers, Recording};
 use crate::Error;
@@ -50,7 +50,7 @@ impl RadixSort {
         let mut sizes = sort_buffers(count, tile).to_vec();
         sizes.retain(|(slot, _)| !matches!(slot, BufferId::Keys(false) | BufferId::Objects(false)));
         let buffers = Buffers::allocate(&self.device, &sizes)?;
-        let lengths = Lengths::for_sort(count, tile);
+        let lengths = SortCounts::for_sort(count, tile);
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
         let keys = [&input.keys, buffers.get(BufferId::Keys(true))];
         let payload = [&input.payload, buffers.get(BufferId::Objects(true))];
@@ -63,7 +63,7 @@ impl RadixSort {
                 let front = dispatch.pass as usize % 2;
                 match binding {
                     "digit_pass" => &uniforms[dispatch.pass as usize],
-                    "lengths" => &lengths,
+                    "sort_counts" => &lengths,
                     "keys" => keys[front],
                     "payload" => payload[front],
                     "sorted_keys" => keys[1 - front],
@@ -91,7 +91,7 @@ impl BoundSort {
 }
 
 /// The uniforms of radix passes.
-pub(crate) fn pass_buffers(device: &wgpu::Device, digits: &[Pass]) -> Result<Vec<wgpu::Buffer>, Error> {
+pub(crate) fn pass_buffers(device: &wgpu::Device, digits: &[RadixPass]) -> Result<Vec<wgpu::Buffer>, Error> {
     digits.iter().map(|digit| constant_buffer(device, "radix pass", bytemuck::bytes_of(digit))).collect()
 }
 
@@ -123,14 +123,14 @@ impl PrefixScan {
     pub fn bind(&self, values: &wgpu::Buffer, count: u32) -> Result<BoundScan, Error> {
         let sums = u64::from(count.div_ceil(SCAN_TILE)).max(2) * 8;
         let buffers = Buffers::allocate(&self.device, &[(BufferId::Sums, sums), (BufferId::Total, 16)])?;
-        let lengths = Lengths { items: 0, counters: count };
+        let lengths = SortCounts { items: 0, counters: count };
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
         let variant = self.pipelines.variant();
         let dispatches = scan_dispatches(count, 0).into_iter().filter(|dispatch| dispatch.groups > 0);
         let total = buffers.get(BufferId::Total);
         let recording =
             Recording::new(&self.device, &self.pipelines, variant, dispatches, |_, binding| match binding {
-                "lengths" => &lengths,
+                "sort_counts" => &lengths,
                 "values" => values,
                 "sums" => buffers.get(BufferId::Sums),
                 _ => total,

@@ -1,6 +1,8 @@
 use std::collections::HashMap;
 
-use lazygrid_kernels::kernel::{CROWDED_OPEN, SHARES_OPEN, Variant};
+use lazygrid_kernels::kernel::{
+    CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, RUNS_SEARCH_FAR_DISPATCH_ARGS, Variant,
+};
 
 use crate::Error;
 use crate::gpu::device::{Pipelines, with_error_scope};
@@ -82,7 +84,9 @@ impl Recording {
         let mut bound_dispatches = Vec::new();
         let mut continuation_start = None;
         for dispatch in dispatches {
-            if dispatch.kernel == &CROWDED_OPEN || dispatch.kernel == &SHARES_OPEN {
+            if dispatch.kernel == &RUNS_SEARCH_FAR_DISPATCH_ARGS
+                || dispatch.kernel == &CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS
+            {
                 continuation_start = Some(bound_dispatches.len());
             }
             let compiled = pipelines.get(dispatch.kernel, variant)?;

@@ -2,7 +2,7 @@
 
 use encase::ShaderType;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::{Bounds, Grid, Lengths, Outcome};
+use lazygrid_kernels::layout::{Bounds, Grid, Outcome, SortCounts};
 
 use super::Plan;
 
@@ -24,7 +24,7 @@ pub(crate) enum BufferId {
     /// Counters of the smaller spheres in each cell.
     Density,
     /// The number of entries.
-    Lengths,
+    SortCounts,
     /// Keys of the entries, two of them to sort to and fro.
     Keys(bool),
     /// Objects of the entries, likewise.
@@ -42,7 +42,7 @@ pub(crate) enum BufferId {
     /// Workgroups of the crowded search.
     DispatchArgs,
     /// Bounds and sizes of the spheres of a cell list.
-    Survey,
+    InputStats,
     /// The cells of a cell list.
     List,
     /// The start of each cell's spheres.
@@ -75,9 +75,9 @@ pub(crate) enum Resource {
     /// Species ids, from the caller.
     Species,
     /// The uniform of this call.
-    Call,
+    SearchParams,
     /// The uniform of a radix pass.
-    Pass(u32),
+    RadixPass(u32),
     /// Effective radii by species.
     Reach,
     /// The interaction table.
@@ -96,15 +96,15 @@ pub(super) fn call_buffers(pairs: u32) -> [(BufferId, u64); 4] {
 
 /// The buffers of the grids for the spheres' cells.
 pub(super) fn cell_buffers(plan: &Plan) -> [(BufferId, u64); 2] {
-    [(BufferId::Cells, bytes_of(plan.spheres, 8)), (BufferId::Density, bytes_of(plan.density_slots, 8))]
+    [(BufferId::Cells, bytes_of(plan.spheres, 8)), (BufferId::Density, bytes_of(plan.occupancy_slots, 8))]
 }
 
 /// The buffers for entries and their sort.
 pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(BufferId, u64)> {
     let mut buffers = sort_buffers(entries, tile).to_vec();
     buffers.extend([
-        (BufferId::Lengths, size_of::<Lengths>() as u64),
-        (BufferId::Crowded, bytes_of(entries.div_ceil(k::GROUP), 4)),
+        (BufferId::SortCounts, size_of::<SortCounts>() as u64),
+        (BufferId::Crowded, bytes_of(entries.div_ceil(k::WORKGROUP_SIZE), 4)),
         (BufferId::DispatchArgs, 16),
     ]);
     buffers
@@ -117,7 +117,7 @@ pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6
         (BufferId::Keys(true), bytes_of(items, 4)),
         (BufferId::Objects(false), bytes_of(items, 4)),
         (BufferId::Objects(true), bytes_of(items, 4)),
-        (BufferId::Counts, bytes_of(Lengths::for_sort(items, tile).counters, 4)),
+        (BufferId::Counts, bytes_of(SortCounts::for_sort(items, tile).counters, 4)),
         (BufferId::Totals, bytes_of(1 << k::DIGIT_BITS, 4)),
     ]
 }

@@ -2,7 +2,7 @@
 
 use encase::ShaderType;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::{Lengths, List, Survey};
+use lazygrid_kernels::layout::{CellListLayout, InputStats, SortCounts};
 
 use super::buffers::{BufferId, bytes_of, sort_buffers};
 use super::dispatches::{Dispatch, GpuPhase, scan_dispatches, sort_dispatches};
@@ -46,12 +46,12 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
     // Two more are behind the cells.
     plan.counters = plan.cells + plan.cells / ROUNDED as u32 + 2;
-    plan.density_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
+    plan.occupancy_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
     if is_counted {
         plan.tile = 0;
         if request.spheres <= FEW {
-            plan.density_slots = 0;
-            plan.further_shares = request.spheres / plan.share;
+            plan.occupancy_slots = 0;
+            plan.overflow_workgroups = request.spheres / plan.candidates_per_invocation;
         }
     } else {
         plan.key_bits = u32::BITS - (plan.counters - 1).leading_zeros();
@@ -60,13 +60,13 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
 
 pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(BufferId, u64)> {
     let mut buffers = vec![
-        (BufferId::Survey, size_of::<Survey>() as u64),
-        (BufferId::List, List::min_size().get()),
-        (BufferId::Lengths, size_of::<Lengths>() as u64),
+        (BufferId::InputStats, size_of::<InputStats>() as u64),
+        (BufferId::List, CellListLayout::min_size().get()),
+        (BufferId::SortCounts, size_of::<SortCounts>() as u64),
         (BufferId::Starts, bytes_of(plan.counters, 4)),
-        (BufferId::Density, bytes_of(plan.density_slots, 4)),
+        (BufferId::Density, bytes_of(plan.occupancy_slots, 4)),
         (BufferId::Sorted, bytes_of(plan.spheres, 16)),
-        (BufferId::Crowded, bytes_of(plan.spheres.div_ceil(k::GROUP), 4)),
+        (BufferId::Crowded, bytes_of(plan.spheres.div_ceil(k::WORKGROUP_SIZE), 4)),
         (BufferId::DispatchArgs, 16),
     ];
     if plan.tile == 0 {
@@ -87,42 +87,46 @@ pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(BufferId, u64)> {
 }
 
 pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
-    let per_sphere = plan.spheres.div_ceil(k::GROUP);
+    let per_sphere = plan.spheres.div_ceil(k::WORKGROUP_SIZE);
     let dispatch = Dispatch::new;
-    let survey = plan.spheres.div_ceil(k::GROUP * SPHERES_PER_THREAD).clamp(1, SURVEY_GROUPS);
+    let survey = plan.spheres.div_ceil(k::WORKGROUP_SIZE * SPHERES_PER_THREAD).clamp(1, SURVEY_GROUPS);
     let mut dispatches = match plan.spheres <= VERY_FEW && plan.tile == 0 {
-        true => vec![dispatch(&k::LIST_BEGIN, 1, GpuPhase::Survey)],
+        true => vec![dispatch(&k::CELL_LIST_SETUP_SMALL, 1, GpuPhase::Survey)],
         false => vec![
-            dispatch(&k::SPHERES_SURVEY, survey, GpuPhase::Survey),
-            dispatch(&k::LIST_CONFIGURE, 1, GpuPhase::Survey),
+            dispatch(&k::STATS_REDUCE, survey, GpuPhase::Survey),
+            dispatch(&k::CELL_LIST_CONFIGURE, 1, GpuPhase::Survey),
         ],
     };
-    if plan.density_slots > 0 {
-        dispatches.push(dispatch(&k::DENSITY_COUNT, per_sphere, GpuPhase::Entries));
+    if plan.occupancy_slots > 0 {
+        dispatches.push(dispatch(&k::OCCUPANCY_COUNT, per_sphere, GpuPhase::Entries));
     }
     if plan.tile == 0 {
-        dispatches.push(dispatch(&k::HOMES_COUNT, per_sphere, GpuPhase::Entries));
+        dispatches.push(dispatch(&k::CELLS_COUNT, per_sphere, GpuPhase::Entries));
         if plan.counters <= k::SCANNED_AT_ONCE {
             dispatches.push(dispatch(&k::SCAN_ONCE, 1, GpuPhase::Sort));
         } else {
             dispatches.extend(scan_dispatches(plan.counters, 0));
         }
-        dispatches.push(dispatch(&k::SPHERES_PLACE, per_sphere, GpuPhase::Sort));
+        dispatches.push(dispatch(&k::SPHERES_SCATTER, per_sphere, GpuPhase::Sort));
     } else {
-        dispatches.push(dispatch(&k::HOMES_KEY, plan.spheres.div_ceil(plan.tile), GpuPhase::Entries));
+        dispatches.push(dispatch(&k::CELLS_KEY, plan.spheres.div_ceil(plan.tile), GpuPhase::Entries));
         // The digits of the first pass are counted already.
         dispatches.extend(sort_dispatches(plan.spheres, plan.tile, plan.passes()).skip(1));
         let sorted = |kernel, groups| Dispatch::in_sort(kernel, groups, plan.passes());
-        dispatches.push(sorted(&k::CELLS_INDEX, plan.counters.div_ceil(INDEX_BLOCK)));
+        dispatches.push(sorted(&k::CELL_STARTS_FIND, plan.counters.div_ceil(INDEX_BLOCK)));
         dispatches.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
-    dispatches.push(dispatch(&k::LIST_SEARCH, per_sphere, GpuPhase::Search));
+    dispatches.push(dispatch(&k::CELL_LIST_SEARCH, per_sphere, GpuPhase::Search));
     // One share holds all candidates of very few spheres.
-    if plan.further_shares > 0 {
-        dispatches.push(dispatch(&k::SHARES_SEARCH, per_sphere * plan.further_shares, GpuPhase::Search));
-    } else if plan.spheres > plan.share {
-        dispatches.push(dispatch(&k::SHARES_OPEN, 1, GpuPhase::Search));
-        dispatches.push(Dispatch::indirect(&k::SHARES_SEARCH, GpuPhase::Search));
+    if plan.overflow_workgroups > 0 {
+        dispatches.push(dispatch(
+            &k::CELL_LIST_SEARCH_OVERFLOW,
+            per_sphere * plan.overflow_workgroups,
+            GpuPhase::Search,
+        ));
+    } else if plan.spheres > plan.candidates_per_invocation {
+        dispatches.push(dispatch(&k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, 1, GpuPhase::Search));
+        dispatches.push(Dispatch::indirect(&k::CELL_LIST_SEARCH_OVERFLOW, GpuPhase::Search));
     }
     dispatches
 }

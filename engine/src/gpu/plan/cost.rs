@@ -49,13 +49,13 @@ impl Plan {
         let is_counted = self.tile == 0;
         let is = |kernel: &Kernel| dispatch.kernel == kernel;
         // Per sphere, and per counter of the table of cells.
-        let (per_sphere, per_counter) = if is(&k::SPHERES_SURVEY) {
+        let (per_sphere, per_counter) = if is(&k::STATS_REDUCE) {
             // Clears the counters.
-            (16 + 4 * u64::from(self.density_slots) / spheres.max(1), if is_counted { 4 } else { 0 })
-        } else if is(&k::HOMES_COUNT) {
+            (16 + 4 * u64::from(self.occupancy_slots) / spheres.max(1), if is_counted { 4 } else { 0 })
+        } else if is(&k::CELLS_COUNT) {
             // Sphere in, home out; each counter is read and written in a cache.
             (16 + 8, 8)
-        } else if is(&k::HOMES_KEY) {
+        } else if is(&k::CELLS_KEY) {
             (16 + 4, 0)
         } else if is(&k::SCAN_ONCE) {
             (0, 8)
@@ -68,15 +68,15 @@ impl Plan {
         } else if is(&k::RADIX_SCATTER) {
             // The payload of the first pass is the place itself.
             (if dispatch.pass == 0 { 4 + 8 } else { 8 + 8 }, 0)
-        } else if is(&k::CELLS_INDEX) {
+        } else if is(&k::CELL_STARTS_FIND) {
             (4, 4)
-        } else if is(&k::SPHERES_PLACE) {
+        } else if is(&k::SPHERES_SCATTER) {
             // Home and sphere in; sphere, cell and index out, by sectors.
             (8 + 16 + 3 * 32, 4)
         } else if is(&k::SPHERES_GATHER) {
             // Index in, sphere in by sectors, sphere out.
             (4 + 32 + 16, 0)
-        } else if is(&k::LIST_SEARCH) {
+        } else if is(&k::CELL_LIST_SEARCH) {
             // Sphere, cell and index, and where cells begin.
             (16 + 4 + 4, 4)
         } else {

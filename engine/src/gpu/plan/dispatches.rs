@@ -69,7 +69,7 @@ impl Dispatch {
 
 /// The dispatches of a call.
 pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
-    let per_sphere = plan.spheres.div_ceil(k::GROUP);
+    let per_sphere = plan.spheres.div_ceil(k::WORKGROUP_SIZE);
     let dispatch = Dispatch::new;
     let mut dispatches = vec![
         dispatch(&k::CALL_BEGIN, 1, GpuPhase::Survey),
@@ -83,22 +83,26 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         dispatches = cell_list::dispatches(plan);
     } else {
         if plan.split_policy == SplitPolicy::Dense {
-            let groups = (2 * plan.density_slots).div_ceil(k::DENSITY_TILE);
-            dispatches.push(dispatch(&k::DENSITY_CLEAR, groups, GpuPhase::Entries));
+            let groups = (2 * plan.occupancy_slots).div_ceil(k::DENSITY_TILE);
+            dispatches.push(dispatch(&k::OCCUPANCY_CLEAR, groups, GpuPhase::Entries));
         }
         dispatches.push(dispatch(&k::CELLS_FIND, per_sphere, GpuPhase::Entries));
         if plan.split_policy == SplitPolicy::Dense {
-            dispatches.push(dispatch(&k::LEVELS_REFINE, per_sphere, GpuPhase::Entries));
+            dispatches.push(dispatch(&k::LEVELS_COUNT, per_sphere, GpuPhase::Entries));
         }
         if plan.split_policy != SplitPolicy::None {
-            dispatches.push(dispatch(&k::LEVELS_SETTLE, 1, GpuPhase::Entries));
+            dispatches.push(dispatch(&k::LEVELS_ASSIGN_KEYS, 1, GpuPhase::Entries));
         }
         dispatches.push(dispatch(&k::ENTRIES_EMIT, per_sphere, GpuPhase::Entries));
-        dispatches.push(dispatch(&k::ENTRIES_CLOSE, 1, GpuPhase::Entries));
+        dispatches.push(dispatch(&k::ENTRIES_FINISH, 1, GpuPhase::Entries));
         dispatches.extend(sort_dispatches(plan.entries, plan.tile, plan.passes()));
-        dispatches.push(dispatch(&k::RUNS_SEARCH, plan.entries.div_ceil(k::GROUP), GpuPhase::Search));
-        dispatches.push(dispatch(&k::CROWDED_OPEN, 1, GpuPhase::Search));
-        dispatches.push(Dispatch::indirect(&k::CROWDED_SEARCH, GpuPhase::Search));
+        dispatches.push(dispatch(
+            &k::RUNS_SEARCH_NEAR,
+            plan.entries.div_ceil(k::WORKGROUP_SIZE),
+            GpuPhase::Search,
+        ));
+        dispatches.push(dispatch(&k::RUNS_SEARCH_FAR_DISPATCH_ARGS, 1, GpuPhase::Search));
+        dispatches.push(Dispatch::indirect(&k::RUNS_SEARCH_FAR, GpuPhase::Search));
     }
     dispatches.push(dispatch(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
     dispatches.retain(|dispatch| dispatch.groups > 0);

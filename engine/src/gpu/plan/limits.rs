@@ -24,7 +24,7 @@ impl DeviceLimits {
 
     /// Returns `true` if radix passes use wide tiles.
     pub(in crate::gpu) fn wide(&self) -> bool {
-        k::Variant::for_device(None, self.workgroup_memory).wide
+        k::Variant::for_device(None, self.workgroup_memory).wide_tiles
     }
 }
 
@@ -43,7 +43,7 @@ impl From<&wgpu::Limits> for DeviceLimits {
 impl DeviceLimits {
     /// Keys that one workgroup sorts in a radix pass.
     pub(in crate::gpu) fn radix_tile(&self) -> u32 {
-        k::Variant { wide: self.wide(), ..k::Variant::default() }.radix_tile()
+        k::Variant { wide_tiles: self.wide(), ..k::Variant::default() }.radix_tile()
     }
 
     /// The most bytes a buffer may have that is bound as a whole.

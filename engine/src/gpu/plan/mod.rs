@@ -9,7 +9,7 @@ pub(super) mod skin;
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::Pass;
+use lazygrid_kernels::layout::RadixPass;
 
 use crate::Error;
 
@@ -26,7 +26,7 @@ pub use limits::DeviceLimits;
 /// Workgroups of the naive search if there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
 /// The most entries: even if all are in one cell, the crowded search shares them out over one dimension.
-const MAX_ENTRIES: u64 = 65_535 * (k::CROWDED_TILES * k::GROUP) as u64;
+const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
 /// The fewest key bits: folding needs three per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
 /// Most counters in either half of the density table: so many stay in the caches of today's devices.
@@ -81,7 +81,7 @@ pub(crate) struct Plan {
     /// `true` if spheres are first wrapped into the box.
     pub(crate) periodic: bool,
     /// Counters in either half of the density table, or of the crowds of a cell list; 0 without one.
-    pub(crate) density_slots: u32,
+    pub(crate) occupancy_slots: u32,
     /// Cells that the table of a cell list has room for; 0 without one.
     pub(crate) cells: u32,
     /// Counters in that table.
@@ -89,9 +89,9 @@ pub(crate) struct Plan {
     /// Keys that one workgroup sorts in a radix pass; 0 where a cell list is sorted by counting.
     pub(crate) tile: u32,
     /// Candidates of one sphere of a cell list that one invocation tests.
-    pub(crate) share: u32,
+    pub(crate) candidates_per_invocation: u32,
     /// Workgroups for further shares of each block; 0 where the device finds how many it takes.
-    pub(crate) further_shares: u32,
+    pub(crate) overflow_workgroups: u32,
     /// Workgroups of the naive search; 0 without it.
     pub(crate) search_groups: u32,
     /// The buffers and their bytes.
@@ -121,12 +121,12 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         key_bits: 0,
         split_policy,
         periodic: request.periodic,
-        density_slots: 0,
+        occupancy_slots: 0,
         cells: 0,
         counters: 0,
         tile: limits.radix_tile(),
-        share: k::SHARE,
-        further_shares: 0,
+        candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
+        overflow_workgroups: 0,
         search_groups: 0,
         buffers: call_buffers(request.pairs).to_vec(),
         dispatches: Vec::new(),
@@ -143,7 +143,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         plan.entries = entry_capacity(request, limits)?;
         plan.key_bits = key_bits(request.spheres);
         if split_policy == SplitPolicy::Dense {
-            plan.density_slots = density_slots(request.spheres);
+            plan.occupancy_slots = occupancy_slots(request.spheres);
         }
         plan.buffers.extend(cell_buffers(&plan));
         plan.buffers.extend(entry_buffers(plan.entries, plan.tile));
@@ -165,7 +165,7 @@ impl Plan {
     }
 
     /// Which digit each of them sorts by.
-    pub(crate) fn digits(&self) -> Vec<Pass> {
+    pub(crate) fn digits(&self) -> Vec<RadixPass> {
         // A cell list's objects are the places of its keys; entries say which theirs are.
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
     }
@@ -184,19 +184,19 @@ impl Plan {
             GpuPhase::Survey | GpuPhase::Entries => false,
         };
         Resource::Own(match binding {
-            "call" => return Resource::Call,
+            "params" => return Resource::SearchParams,
             "count_source" => return Resource::Count,
-            "digit_pass" => return Resource::Pass(dispatch.pass),
+            "digit_pass" => return Resource::RadixPass(dispatch.pass),
             "given" => return Resource::Spheres,
             "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return Resource::Spheres,
             "spheres" | "wrapped" => BufferId::Wrapped,
             "species" => return Resource::Species,
-            "reach" => return Resource::Reach,
+            "species_params" => return Resource::Reach,
             "table" => return Resource::Table,
-            "survey" => BufferId::Survey,
-            "list" => BufferId::List,
+            "stats" => BufferId::InputStats,
+            "cell_list" => BufferId::List,
             "starts" | "values" => BufferId::Starts,
-            "homes" => BufferId::Homes,
+            "cell_ranks" => BufferId::Homes,
             "sorted" => BufferId::Sorted,
             "sorted_species" => BufferId::SortedSpecies,
             "cells" if self.algorithm == Algorithm::CellList => BufferId::Keys(front),
@@ -205,7 +205,7 @@ impl Plan {
             "grid" => BufferId::Grid,
             "outcome" => BufferId::Outcome,
             "pairs" => BufferId::Pairs,
-            "lengths" => BufferId::Lengths,
+            "sort_counts" => BufferId::SortCounts,
             "keys" => BufferId::Keys(front),
             "objects" | "payload" => BufferId::Objects(front),
             "sorted_keys" => BufferId::Keys(!front),
@@ -215,8 +215,8 @@ impl Plan {
             "sums" => BufferId::Sums,
             "total" => BufferId::Total,
             "cells" => BufferId::Cells,
-            "density" => BufferId::Density,
-            "crowded" => BufferId::Crowded,
+            "occupancy" => BufferId::Density,
+            "deferred" => BufferId::Crowded,
             "dispatch" => BufferId::DispatchArgs,
             other => unreachable!("no kernel binds `{other}`"),
         })
@@ -225,13 +225,13 @@ impl Plan {
 
 /// Which digits a sort by the lowest `bits` bits takes, least significant first: as few as there can be, about equally
 /// wide.
-pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<Pass> {
+pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
     let passes = bits.div_ceil(k::DIGIT_BITS);
     let width = bits.div_ceil(passes.max(1));
     let digit = |pass: u32| {
         let shift = pass * width;
         let mask = u32::MAX >> (u32::BITS - width.min(bits - shift));
-        Pass { shift, mask, is_first: u32::from(is_counted && pass == 0) }
+        RadixPass { shift, mask, is_first: u32::from(is_counted && pass == 0) }
     };
     (0..passes).map(digit).collect()
 }
@@ -267,7 +267,7 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
 
 /// So many workgroups that none compares with more than [`k::NAIVE_TILES`] tiles, and that the device is busy.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
-    let blocks = u64::from(spheres.div_ceil(k::GROUP)).max(1);
+    let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
     let limit = u64::from(limits.groups_per_dimension).pow(2).min(u32::MAX.into());
     if needed > limit {
@@ -285,7 +285,7 @@ fn key_bits(spheres: u32) -> u32 {
 }
 
 /// About half as many counters as spheres, as most share their cells with others.
-fn density_slots(spheres: u32) -> u32 {
+fn occupancy_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }
 

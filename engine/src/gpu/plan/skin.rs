@@ -25,14 +25,14 @@ pub(in crate::gpu) fn buffers(spheres: u32, pairs: u32, species: bool) -> Vec<(B
 
 /// The dispatches before the search for candidates and behind it.
 pub(in crate::gpu) fn dispatches(spheres: u32) -> [Vec<Dispatch>; 2] {
-    let per_sphere = spheres.div_ceil(k::GROUP);
+    let per_sphere = spheres.div_ceil(k::WORKGROUP_SIZE);
     let before = vec![
-        Dispatch::new(&k::SKIN_MEASURE, per_sphere, GpuPhase::Survey),
-        Dispatch::new(&k::SKIN_DECIDE, 1, GpuPhase::Survey),
-        Dispatch::new(&k::SKIN_KEEP, per_sphere, GpuPhase::Survey),
+        Dispatch::new(&k::SKIN_DISPLACEMENT, per_sphere, GpuPhase::Survey),
+        Dispatch::new(&k::SKIN_CHECK, 1, GpuPhase::Survey),
+        Dispatch::new(&k::SKIN_STORE_REFERENCE, per_sphere, GpuPhase::Survey),
     ];
     let behind = vec![
-        Dispatch::new(&k::CANDIDATES_OPEN, 1, GpuPhase::Search),
+        Dispatch::new(&k::CANDIDATES_TEST_DISPATCH_ARGS, 1, GpuPhase::Search),
         Dispatch::indirect(&k::CANDIDATES_TEST, GpuPhase::Search),
         Dispatch::new(&k::OUTCOME_FINISH, 1, GpuPhase::Search),
     ];

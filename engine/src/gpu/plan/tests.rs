@@ -90,7 +90,7 @@ fn every_binding_has_a_resource_and_sort_passes_alternate() {
         }
     }
     let last = plan.dispatches.iter().rfind(|s| s.kernel == &k::RADIX_SCATTER).expect("sorts");
-    let search = plan.dispatches.iter().find(|s| s.kernel == &k::RUNS_SEARCH).expect("searches");
+    let search = plan.dispatches.iter().find(|s| s.kernel == &k::RUNS_SEARCH_NEAR).expect("searches");
     assert_eq!(plan.resource(last, "sorted_keys"), plan.resource(search, "keys"));
 }
 
@@ -112,10 +112,13 @@ fn no_invocation_takes_more_turns_than_its_share() {
                 };
                 for dispatch in &plan.dispatches {
                     let turns = plan.turns(dispatch);
-                    assert!(turns <= k::MAX_TURNS.into(), "{algorithm}, {spheres}: {turns} in {dispatch:?}");
+                    assert!(
+                        turns <= k::MAX_LOOP_ITERATIONS.into(),
+                        "{algorithm}, {spheres}: {turns} in {dispatch:?}"
+                    );
                 }
-                let tiles = plan.entries.div_ceil(k::GROUP);
-                assert!(tiles.div_ceil(k::CROWDED_TILES) <= limits.groups_per_dimension);
+                let tiles = plan.entries.div_ceil(k::WORKGROUP_SIZE);
+                assert!(tiles.div_ceil(k::RUN_TILES) <= limits.groups_per_dimension);
             }
         }
     }
@@ -184,8 +187,8 @@ fn a_cell_list_is_sorted_by_counting_up_to_where_it_is_told() {
     let kernels =
         |plan: &Plan| plan.dispatches.iter().map(|dispatch| dispatch.kernel.name).collect::<Vec<_>>();
     let (counted, sorted) = (kernels(&list((1 << 19) - 1, false)), kernels(&list(1 << 19, false)));
-    assert!(counted.contains(&"homes_count") && !counted.contains(&"radix_scatter"), "{counted:?}");
-    assert!(sorted.contains(&"radix_scatter") && !sorted.contains(&"homes_count"), "{sorted:?}");
+    assert!(counted.contains(&"cells_count") && !counted.contains(&"radix_scatter"), "{counted:?}");
+    assert!(sorted.contains(&"radix_scatter") && !sorted.contains(&"cells_count"), "{sorted:?}");
     // Cells are rings: nothing is moved beforehand in periodic boxes.
     assert_eq!(list(1 << 19, true).dispatches, list(1 << 19, false).dispatches);
 }
@@ -207,19 +210,20 @@ impl Plan {
         const FIXED: u64 = 1024;
         let kernel = dispatch.kernel;
         if kernel == &k::NAIVE_SEARCH {
-            let blocks = self.spheres.div_ceil(k::GROUP).max(1);
+            let blocks = self.spheres.div_ceil(k::WORKGROUP_SIZE).max(1);
             let shares = (self.search_groups / blocks).clamp(1, blocks);
-            u64::from(blocks.div_ceil(shares)) * u64::from(k::NAIVE_TURNS)
-        } else if kernel == &k::CROWDED_SEARCH {
-            u64::from(k::CROWDED_TILES * k::CROWDED_TURNS + u32::BITS)
+            u64::from(blocks.div_ceil(shares)) * u64::from(k::NAIVE_ITERATIONS_PER_TILE)
+        } else if kernel == &k::RUNS_SEARCH_FAR {
+            u64::from(k::RUN_TILES * k::RUN_ITERATIONS_PER_TILE + u32::BITS)
         } else if kernel == &k::SCAN_SPINE {
             let tiles = self.counters.div_ceil(k::SCAN_TILE);
             FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
         } else if kernel == &k::RADIX_SCAN {
             let tiles = self.entries.max(self.spheres).div_ceil(self.tile.max(1));
             FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
-        } else if [&k::LIST_SEARCH, &k::SHARES_SEARCH].contains(&kernel) {
-            u64::from(self.share) + u64::from(2 * self.share * k::GROUP / 1024 * 5)
+        } else if [&k::CELL_LIST_SEARCH, &k::CELL_LIST_SEARCH_OVERFLOW].contains(&kernel) {
+            u64::from(self.candidates_per_invocation)
+                + u64::from(2 * self.candidates_per_invocation * k::WORKGROUP_SIZE / 1024 * 5)
         } else if kernel == &k::ENTRIES_EMIT {
             // At each level a look at eight cells, a scan over at most 64 subgroups, and eight entries.
             u64::from(k::DEPTHS) * (1 + 8 + 64 + 8)

@@ -1,6 +1,6 @@
 use bytemuck::Pod;
 use lazygrid_kernels::layout::{Outcome, SkinState};
-use lazygrid_kernels::{Pair, Sphere, Spheres, make_room};
+use lazygrid_kernels::{Pair, Sphere, Spheres, try_reserve};
 
 use crate::Error;
 use crate::gpu::detector::read_outcome;
@@ -29,7 +29,7 @@ impl CallBuffers {
             Some(rows) => write(gpu, &mut self.spheres, "spheres", rows)?,
             None => {
                 self.rows.clear();
-                make_room(&mut self.rows, spheres.len(), "rows of spheres")?;
+                try_reserve(&mut self.rows, spheres.len(), "rows of spheres")?;
                 self.rows.extend(spheres.iter());
                 write(gpu, &mut self.spheres, "spheres", &self.rows)?;
             }
@@ -113,7 +113,7 @@ impl Readback<'_> {
     /// [`Error::OutOfMemory`].
     pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) -> Result<(), Error> {
         let at = PAIRS_AT as usize;
-        make_room(pairs, count, "pairs")?;
+        try_reserve(pairs, count, "pairs")?;
         pairs.extend_from_slice(bytemuck::cast_slice(&self.0[at..at + count * size_of::<Pair>()]));
         Ok(())
     }

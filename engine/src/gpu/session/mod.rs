@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use lazygrid_host::{CandidateListStats, PhaseTime};
 use lazygrid_kernels::layout::Outcome;
-use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
+use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, try_reserve};
 
 use super::config::{GpuConfig, check_algorithm};
 use super::detector::{AlgorithmChoice, GpuDetector, GpuSpheres};
@@ -27,7 +27,7 @@ const MAX_IN_FLIGHT: usize = 2;
 /// Pairs that the first call brings back together with their number.
 const FIRST_PAIRS: u64 = 1 << 12;
 /// Distance tests of crowded cells in one submission, by default.
-const PART_TESTS: u64 = 1 << 34;
+const MAX_TESTS_PER_SUBMISSION: u64 = 1 << 34;
 
 /// Host in, host out: uploads, detects, reads back, and repeats what did not fit.
 ///
@@ -96,10 +96,10 @@ impl GpuSession {
     pub fn new(gpu: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
         gpu.probe()?;
         // Nobody could tell who is meant.
-        let settings = settings.sorted_pairs(false);
+        let settings = settings.pairs_in_cell_order(false);
         let mut detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
             .map_err(|error| gpu.reason(error))?;
-        detector.set_part_tests(PART_TESTS);
+        detector.set_max_tests_per_submission(MAX_TESTS_PER_SUBMISSION);
         let asked = detector.algorithm_choice();
         Ok(Self {
             asked,
@@ -151,8 +151,8 @@ impl GpuSession {
 
     /// How many distance tests of crowded cells one submission may hold: more are split over several, so that none
     /// keeps the device longer than a driver's watchdog allows. Default: 2³⁴, some tens of milliseconds of a large GPU.
-    pub fn set_part_tests(&mut self, tests: u64) {
-        self.detector.set_part_tests(tests);
+    pub fn set_max_tests_per_submission(&mut self, tests: u64) {
+        self.detector.set_max_tests_per_submission(tests);
     }
 
     /// What it runs on.
@@ -201,7 +201,7 @@ impl GpuSession {
     }
 
     /// Bytes of device memory for calls of up to `spheres` spheres, input and way back included: with room for eight
-    /// entries per sphere, or more where a call needed more; see [`Outcome::entries`].
+    /// entries per sphere, or more where a call needed more; see [`Outcome::entries_needed`].
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] where the device cannot hold it.
@@ -232,17 +232,17 @@ impl GpuSession {
     /// Uploads the spheres and starts the detection; does not wait.
     ///
     /// # Errors
-    /// [`Error::Busy`] with two calls in flight already; [`Error::Setting`] for spheres with groups, which only
+    /// [`Error::TooManyInFlight`] with two calls in flight already; [`Error::InvalidSetting`] for spheres with groups, which only
     /// [`Detector`](crate::Detector) excludes; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         if spheres.is_f64() {
             let range = "a session searches f32 numbers: use `Detector`, or convert the spheres";
-            return Err(Error::Setting { name: "spheres", value: "f64".into(), range });
+            return Err(Error::InvalidSetting { name: "spheres", value: "f64".into(), range });
         }
         if spheres.groups().is_some() {
             let range =
                 "a session reports all pairs that touch: use `Detector`, or filter the pairs after readback";
-            return Err(Error::Setting { name: "groups", value: "given".into(), range });
+            return Err(Error::InvalidSetting { name: "groups", value: "given".into(), range });
         }
         self.begin_as(self.call(self.asked.algorithm), spheres)
     }
@@ -266,7 +266,7 @@ impl GpuSession {
         let slot_of = |number: u64| number as usize % MAX_IN_FLIGHT;
         let mut numbers = self.begun..self.begun + MAX_IN_FLIGHT as u64;
         let Some(number) = numbers.find(|&number| self.pending[slot_of(number)].is_none()) else {
-            return Err(Error::Busy { calls: MAX_IN_FLIGHT });
+            return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
         };
         self.slots[slot_of(number)].upload(&self.gpu, spheres).map_err(|error| self.gpu.reason(error))?;
         let window = call.window.clone();
@@ -357,7 +357,7 @@ impl GpuSession {
         }
         let mut all = std::mem::take(&mut self.gathered);
         all.clear();
-        make_room(&mut all, found as usize, "pairs")?;
+        try_reserve(&mut all, found as usize, "pairs")?;
         let gathered = self.read_windows(number, found, wait, |pairs| {
             all.append(pairs);
             ControlFlow::Continue(())

@@ -18,11 +18,11 @@ impl AlgorithmChoice {
     /// the grid on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
     /// of the levels down to their own, however coarse these are.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
-        if self.raster_ratio < GpuConfig::MAX_RASTER_RATIO {
-            let raster_ratio = (self.raster_ratio * 2.0).min(GpuConfig::MAX_RASTER_RATIO);
-            return Some(Self { raster_ratio, ..self });
+        if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
+            let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
+            return Some(Self { cell_ratio, ..self });
         }
-        let one_level = Self { algorithm: Algorithm::ArrayGrid, raster_ratio: asked };
+        let one_level = Self { algorithm: Algorithm::ArrayGrid, cell_ratio: asked };
         matches!(ran, Algorithm::EagerGrid | Algorithm::LazyGrid).then_some(one_level)
     }
 }
@@ -41,13 +41,13 @@ impl GpuSession {
                 self.pending[number as usize % MAX_IN_FLIGHT].as_ref().is_some_and(|flight| flight.is_kept);
             let outcome = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
             self.last = outcome;
-            if is_kept && outcome.overflow & !Outcome::PAIRS != 0 {
+            if is_kept && outcome.overflow & !Outcome::OVERFLOW_PAIRS != 0 {
                 self.pairs.clear();
                 self.repeat_for_candidates(number, window.clone(), &outcome)?;
-            } else if outcome.overflow & Outcome::ENTRIES != 0 {
+            } else if outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0 {
                 self.pairs.clear();
-                self.repeat_for_entries(number, window.clone(), outcome.entries())?;
-            } else if !outcome.is_partial() {
+                self.repeat_for_entries(number, window.clone(), outcome.entries_needed())?;
+            } else if !outcome.has_remaining_work() {
                 return Ok(outcome);
             } else {
                 // Those of all parts come with the last one.
@@ -69,14 +69,14 @@ impl GpuSession {
             return self.submit_with_capacity(number, window, before);
         }
         let Some(choice) =
-            self.calls[slot].choice.with_fewer_entries(self.algorithm(), self.asked.raster_ratio)
+            self.calls[slot].choice.with_fewer_entries(self.algorithm(), self.asked.cell_ratio)
         else {
             let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
             return Err(Error::LimitExceeded { what, needed: entries, limit, remedy });
         };
-        let AlgorithmChoice { algorithm, raster_ratio } = choice;
-        log::info!("{entries} entries do not fit: repeating as {algorithm} with raster ratio {raster_ratio}");
+        let AlgorithmChoice { algorithm, cell_ratio } = choice;
+        log::info!("{entries} entries do not fit: repeating as {algorithm} with cell ratio {cell_ratio}");
         self.calls[slot].choice = choice;
         self.submit(number, Submission::Full(window))
     }
@@ -175,7 +175,7 @@ mod tests {
         let Some(gpu) = device_or_skip() else { return };
         let settings = GpuConfig::default().algorithm(ArrayGrid).timestamps(true);
         let mut session = GpuSession::new(gpu, settings).expect("made");
-        session.set_part_tests(1 << 18);
+        session.set_max_tests_per_submission(1 << 18);
         let spheres = vec![Sphere::new([1.0; 3], 0.5); 1500];
         let search = |session: &GpuSession| {
             session.timings().iter().find(|timing| timing.name == "search").map_or(Duration::ZERO, |t| t.time)
@@ -184,7 +184,7 @@ mod tests {
         session.time("search", BEFORE);
         let whole = session.finish_with_retries(ticket.number, GpuSpheres::ALL, Wait::Blocking);
         let outcome = pollster::block_on(whole).expect("settled");
-        assert!(outcome.crowded_begin > 0, "one part only: {outcome:?}");
+        assert!(outcome.deferred_begin > 0, "one part only: {outcome:?}");
         assert!(search(&session) >= BEFORE, "{:?}", session.timings());
         let windows = session
             .read_windows(ticket.number, outcome.found(), Wait::Blocking, |_| ControlFlow::Continue(()));
@@ -206,13 +206,12 @@ mod tests {
             (ArrayGrid, 3.0, Some((ArrayGrid, 6.0))),
             (ArrayGrid, 16.0, None),
         ] {
-            let choice = AlgorithmChoice { algorithm, raster_ratio: ratio };
-            let expected =
-                expected.map(|(algorithm, raster_ratio)| AlgorithmChoice { algorithm, raster_ratio });
+            let choice = AlgorithmChoice { algorithm, cell_ratio: ratio };
+            let expected = expected.map(|(algorithm, cell_ratio)| AlgorithmChoice { algorithm, cell_ratio });
             assert_eq!(choice.with_fewer_entries(algorithm, 3.0), expected, "{algorithm}, {ratio}");
         }
         // What `Auto` became is what counts.
-        let auto = AlgorithmChoice { algorithm: Algorithm::Auto, raster_ratio: 16.0 };
+        let auto = AlgorithmChoice { algorithm: Algorithm::Auto, cell_ratio: 16.0 };
         assert!(auto.with_fewer_entries(LazyGrid, 2.0).is_some_and(|choice| choice.algorithm == ArrayGrid));
     }
 }

@@ -32,7 +32,7 @@ impl GpuSession {
     /// device, calls search anew as well. Unlike another search, that for candidates is never split over several submissions.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a distance out of range; otherwise where the device refuses something.
+    /// [`Error::InvalidSetting`] for a distance out of range; otherwise where the device refuses something.
     pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         let keeping = |distance| {
             let detector = self.with_skin(distance)?;
@@ -96,10 +96,10 @@ impl GpuSession {
     /// submissions has.
     pub(super) fn note(&mut self, state: &SkinState) {
         let Some(skin) = &mut self.skin else { return };
-        let rebuilt = match state.rebuilt {
+        let rebuilt = match state.rebuild_reason {
             0 => None,
-            SkinState::MOVED => Some(RebuildReason::Displacement),
-            SkinState::CHANGED => Some(RebuildReason::InputChanged),
+            SkinState::DISPLACEMENT => Some(RebuildReason::Displacement),
+            SkinState::INPUT_CHANGED => Some(RebuildReason::InputChanged),
             _ => Some(RebuildReason::NoList),
         };
         let before = self.kept.take();
@@ -107,7 +107,7 @@ impl GpuSession {
         kept.count = state.candidates.into();
         kept.rebuilt = before.and_then(|kept| kept.rebuilt).or(rebuilt);
         if before.is_none() {
-            skin.last_rebuild = (skin.age.saturating_add(1), skin.detector.part(state.moved_last));
+            skin.last_rebuild = (skin.age.saturating_add(1), skin.detector.part(state.last_displacement));
         }
         skin.age = match (kept.rebuilt, before) {
             (Some(_), _) => 0,
@@ -126,10 +126,10 @@ impl GpuSession {
         window: Range<u32>,
         outcome: &Outcome,
     ) -> Result<(), Error> {
-        let (largest, needed) = (self.largest_capacity(), outcome.entries());
+        let (largest, needed) = (self.largest_capacity(), outcome.entries_needed());
         let Some(skin) = &mut self.skin else { return self.submit(number, Submission::Full(window)) };
         let before = skin.detector.candidate_capacity();
-        if outcome.overflow & !Outcome::PAIRS == Outcome::CANDIDATES && needed <= largest {
+        if outcome.overflow & !Outcome::OVERFLOW_PAIRS == Outcome::OVERFLOW_CANDIDATES && needed <= largest {
             // Below 2³² by the largest capacity.
             skin.detector.set_candidate_capacity((needed + needed / 8).min(largest) as u32);
             log::info!("{needed} candidates do not fit: repeating with room for them");

@@ -136,7 +136,7 @@ impl GpuSession {
         let flight =
             self.pending[number as usize % MAX_IN_FLIGHT].take().filter(|flight| flight.number == number);
         let Some(flight) = flight else {
-            return Err(Error::Busy { calls: MAX_IN_FLIGHT });
+            return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
         };
         let start = Instant::now();
         let waiting = flight.mapping.clone();
@@ -147,7 +147,8 @@ impl GpuSession {
         self.time("wait", start.elapsed());
         let start = Instant::now();
         let view = flight.staging.slice(..).get_mapped_range();
-        let view = view.map_err(|error| Error::Validation { what: "readback", reason: error.to_string() })?;
+        let view =
+            view.map_err(|error| Error::DeviceRejected { what: "readback", reason: error.to_string() })?;
         let returned = Readback(&view);
         let outcome = returned.outcome()?;
         if outcome.found() <= flight.staged.min(flight.capacity.into()) {

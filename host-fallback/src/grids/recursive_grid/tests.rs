@@ -3,8 +3,8 @@ use lazygrid_kernels::Algorithm;
 use crate::Settings;
 use crate::test_support::{assert_matches_naive, assert_threads_match_naive};
 
-fn settings(raster_ratio: f32) -> Settings {
-    Settings { algorithm: Algorithm::RecursiveGrid, raster_ratio, ..Settings::default() }
+fn settings(cell_ratio: f32) -> Settings {
+    Settings { algorithm: Algorithm::RecursiveGrid, cell_ratio, ..Settings::default() }
 }
 
 #[test]
@@ -17,6 +17,6 @@ fn agrees_with_all_pairs() {
 #[test]
 fn threads_share_the_work() {
     for tau in [0, Settings::TAU, 1000] {
-        assert_threads_match_naive(&Settings { tau, ..settings(Settings::RASTER_RATIO) });
+        assert_threads_match_naive(&Settings { tau, ..settings(Settings::CELL_RATIO) });
     }
 }

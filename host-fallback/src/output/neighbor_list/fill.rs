@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use lazygrid_kernels::{Bond, Error, Pair};
+use lazygrid_kernels::{Error, ImageVector, Pair};
 
 use super::{CHUNK_ROWS, ContactTest, ListOptions, PeriodicImages};
 use crate::compare::PairFilter;
@@ -33,7 +33,7 @@ pub(super) struct Neighbor {
 /// One entry. The shift is that of the bond, which would not tell that it is beyond its type.
 struct Entry {
     pair: Pair,
-    bond: Bond,
+    bond: ImageVector,
     distance: f64,
 }
 
@@ -152,7 +152,7 @@ impl Fill<'_> {
         if !is_asked_for || self.reach(i, i)? <= 0.0 {
             return None;
         }
-        Some(Entry { pair: Pair { i, j: i }, bond: Bond::default(), distance: 0.0 })
+        Some(Entry { pair: Pair { i, j: i }, bond: ImageVector::default(), distance: 0.0 })
     }
 
     /// The entry of a pair that the search has decided on.
@@ -162,7 +162,8 @@ impl Fill<'_> {
         // Which image is nearest may depend on the direction if two are equally far away: the pair decides, not the entry.
         let is_mirrored = query.second().is_none() && j < i;
         let (from, to) = if is_mirrored { (j, i) } else { (i, j) };
-        let mut bond = space.bond(center(self.first[from as usize]), center(self.second[to as usize]));
+        let mut bond =
+            space.minimum_image(center(self.first[from as usize]), center(self.second[to as usize]));
         if is_mirrored {
             bond.shift = bond.shift.map(|count| count.saturating_neg());
             bond.vector = bond.vector.map(|number| -number);
@@ -191,7 +192,7 @@ impl Fill<'_> {
             return None;
         }
         let apart = [0, 1, 2].map(|axis| b[axis] - a[axis]);
-        let mut bond = Bond::default();
+        let mut bond = ImageVector::default();
         bond.shift = shift.map(|count| count as i32);
         bond.vector = space.image(apart, shift);
         self.entry(i, j, bond)
@@ -199,7 +200,7 @@ impl Fill<'_> {
 
     /// The entry of two spheres that touch; none if they do no more than that and this does not count.
     #[inline(always)]
-    fn entry(&self, i: u32, j: u32, bond: Bond) -> Option<Entry> {
+    fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
         if is_open && !is_clear(bond.vector, self.reach(i, j)?) && bond.length() >= self.reach(i, j)? {
             return None;

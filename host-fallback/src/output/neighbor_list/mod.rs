@@ -108,7 +108,7 @@ impl NeighborListBuilder {
     /// those between the spheres and their `images`.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`], [`Error::Threads`], and [`InputError::Shift`] for a shift beyond 32 bits.
+    /// [`Error::OutOfMemory`], [`Error::ThreadPool`], and [`InputError::Shift`] for a shift beyond 32 bits.
     pub fn build(
         &mut self,
         contact: ContactTest<'_>,

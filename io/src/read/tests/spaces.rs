@@ -62,7 +62,8 @@ fn lammps_bounds() {
 
 #[test]
 fn boxes_that_lean() {
-    let leaning = |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.edges();
+    let leaning =
+        |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.cell_vectors();
     let edges = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(Some);
     // LAMMPS writes the bounds of all corners.
     let bounds = "xy xz yz pp pp pp\n-1 12 2\n-5 18 -1\n0 30 3";

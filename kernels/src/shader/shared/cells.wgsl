@@ -39,12 +39,12 @@ fn cells_at(cells: Cells, depth: u32) -> Cells {
 #ifdef PERIODIC
 // Cells once around each axis at this depth; 0 where it is unbounded, fewer than four where all are one.
 fn cells_around(depth: u32) -> vec3<i32> {
-    return vec3<i32>(min(grid.turns * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
+    return vec3<i32>(min(grid.ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
 }
 
 // Which axes have but one cell at this depth: in a smaller ring spheres would share cells that neither begins in.
 fn one_cell(depth: u32) -> vec3<bool> {
-    return (grid.turns != vec3(0.0)) & (cells_around(depth) < vec3(4));
+    return (grid.ring_cells != vec3(0.0)) & (cells_around(depth) < vec3(4));
 }
 
 // With that cell if there is but one.

@@ -1,4 +1,4 @@
-struct Pass {
+struct RadixPass {
     // The lowest bit of this pass's digit, and what is left of a key shifted by that.
     shift: u32,
     mask: u32,

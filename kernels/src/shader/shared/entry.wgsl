@@ -30,7 +30,7 @@ fn is_passive(key: u32) -> bool {
 // One past the last entry of this run, which begins at or before `begin`.
 fn run_end(run: u32, begin: u32) -> u32 {
     var low = begin;
-    var high = lengths.items;
+    var high = sort_counts.items;
     // A turn leaves half of them, or less.
     for (var turn = 32u - countLeadingZeros(high - min(low, high)); turn > 0u; turn--) {
         if (low >= high) {

@@ -14,41 +14,41 @@ fn scaled_down(value: f32) -> f32 {
     return select(0.0, bitcast<f32>(bits - (70u << 23u)), (bits & 0x7f800000u) > (70u << 23u));
 }
 
-#include between
+#include displacement
 
 // How far apart coordinates are, times 2^100, where it is known to be below 2^-40.
-fn scaled_apart(a: f32, b: f32, period: f32) -> f32 {
+fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     if (max(abs(a), abs(b)) < 0x1p20) {
         // No seam that is farther off matters.
-        return apart(scaled_up(a), scaled_up(b), scaled_up(select(period, 0x1p22, period > 0x1p22)));
+        return axis_displacement(scaled_up(a), scaled_up(b), scaled_up(select(period, 0x1p22, period > 0x1p22)));
     }
-    return apart(a, b, period) * 0x1p100;
+    return axis_displacement(a, b, period) * 0x1p100;
 }
 
-// Whether the centres are at most `reach.x + reach.y` apart, where squares would overflow or underflow.
+// Whether the centers are at most `reach.x + reach.y` apart, where squares would overflow or underflow.
 fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -> bool {
     let lengths = periods();
     if (large) {
         let d = vec3(
-            apart(scaled_down(a.x), scaled_down(b.x), scaled_down(lengths.x)),
-            apart(scaled_down(a.y), scaled_down(b.y), scaled_down(lengths.y)),
-            apart(scaled_down(a.z), scaled_down(b.z), scaled_down(lengths.z)),
+            axis_displacement(scaled_down(a.x), scaled_down(b.x), scaled_down(lengths.x)),
+            axis_displacement(scaled_down(a.y), scaled_down(b.y), scaled_down(lengths.y)),
+            axis_displacement(scaled_down(a.z), scaled_down(b.z), scaled_down(lengths.z)),
         );
         let s = scaled_down(reach.x) + scaled_down(reach.y);
         return dot(d, d) <= s * s;
     }
     let d = vec3(
-        scaled_apart(a.x, b.x, lengths.x),
-        scaled_apart(a.y, b.y, lengths.y),
-        scaled_apart(a.z, b.z, lengths.z),
+        scaled_axis_displacement(a.x, b.x, lengths.x),
+        scaled_axis_displacement(a.y, b.y, lengths.y),
+        scaled_axis_displacement(a.z, b.z, lengths.z),
     );
     let s = scaled_up(reach.x) + scaled_up(reach.y);
     return dot(d, d) <= s * s;
 }
 
-// Whether the centres are at most `reach.x + reach.y` apart, for any finite values.
+// Whether the centers are at most `reach.x + reach.y` apart, for any finite values.
 fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
-    let d = between(a, b);
+    let d = displacement(a, b);
     let s = reach.x + reach.y;
     let largest = max(max(abs(d.x), abs(d.y)), max(abs(d.z), s));
     if (largest < 0x1p60 && largest > 0x1p-40) {
@@ -59,7 +59,7 @@ fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
 
 // The test without guards, for calls whose values are all ordinary.
 fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
-    let d = between(a.xyz, b.xyz);
+    let d = displacement(a.xyz, b.xyz);
     let s = a.w + b.w;
     return dot(d, d) <= s * s;
 }
@@ -67,7 +67,7 @@ fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
 #ifdef SPECIES
 // `table` holds a distance for each two species, or NEVER or TOUCH.
 fn is_pair(a: vec4<f32>, b: vec4<f32>, species_a: u32, species_b: u32) -> bool {
-    let distance = table[species_a * call.species + species_b];
+    let distance = table[species_a * params.species + species_b];
     if (distance == NEVER) {
         return false;
     }

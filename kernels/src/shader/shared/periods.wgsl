@@ -1,7 +1,7 @@
-// Lengths of the periodic axes, 0 for unbounded ones.
+// SortCounts of the periodic axes, 0 for unbounded ones.
 #ifdef PERIODIC
 fn periods() -> vec3<f32> {
-    return vec3(call.period_x, call.period_y, call.period_z);
+    return vec3(params.period_x, params.period_y, params.period_z);
 }
 #else
 fn periods() -> vec3<f32> {

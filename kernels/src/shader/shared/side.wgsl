@@ -2,10 +2,10 @@
 // side with itself unless it meets itself. Two sets are two sides; else the species decide.
 
 fn side_of(index: u32) -> u32 {
-    var side = select(0u, 1u, call.split != 0u && index >= call.split);
+    var side = select(0u, 1u, params.second_set_start != 0u && index >= params.second_set_start);
 #ifdef SPECIES
-    if (call.split == 0u) {
-        side = (reach[species[index]].x & SECOND_SIDE) / SECOND_SIDE;
+    if (params.second_set_start == 0u) {
+        side = (species_params[species[index]].x & SECOND_SIDE) / SECOND_SIDE;
     }
 #endif
     return side;

@@ -3,19 +3,19 @@
 // knows that.
 #ifdef SUBGROUPS
 #standard @diagnostic(off, subgroup_uniformity)
-fn largest_in_subgroup(value: u32) -> u32 {
+fn max_in_subgroup(value: u32) -> u32 {
     return subgroupMax(value);
 }
 
-fn passes_on(place: Place) -> bool {
-    return place.lane_in_subgroup == 0u;
+fn is_leader(thread: Thread) -> bool {
+    return thread.lane == 0u;
 }
 #else
-fn largest_in_subgroup(value: u32) -> u32 {
+fn max_in_subgroup(value: u32) -> u32 {
     return value;
 }
 
-fn passes_on(place: Place) -> bool {
+fn is_leader(thread: Thread) -> bool {
     return true;
 }
 #endif

@@ -6,28 +6,28 @@ var<workgroup> tile_species: array<u32, 256>;
 #endif
 
 // The sphere that a thread compares with the tile.
-struct Row {
+struct QuerySphere {
     sphere: vec4<f32>,
     object: u32,
     species: u32,
 }
 
 // Which of the 32 spheres from `first` on pair with the row, one bit each.
-fn tile_hits(row: Row, first: u32) -> u32 {
+fn tile_hits(query: QuerySphere, first: u32) -> u32 {
     var hits = 0u;
 #ifdef SPECIES
     for (var k = 0u; k < 32u; k++) {
-        let hit = is_pair(row.sphere, tile[first + k], row.species, tile_species[first + k]);
+        let hit = is_pair(query.sphere, tile[first + k], query.species, tile_species[first + k]);
         hits |= select(0u, 1u << k, hit);
     }
 #else
     if (grid.ordinary != 0u) {
         for (var k = 0u; k < 32u; k++) {
-            hits |= select(0u, 1u << k, is_within_ordinary(row.sphere, tile[first + k]));
+            hits |= select(0u, 1u << k, is_within_ordinary(query.sphere, tile[first + k]));
         }
     } else {
         for (var k = 0u; k < 32u; k++) {
-            hits |= select(0u, 1u << k, is_pair(row.sphere, tile[first + k]));
+            hits |= select(0u, 1u << k, is_pair(query.sphere, tile[first + k]));
         }
     }
 #endif

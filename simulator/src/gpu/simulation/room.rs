@@ -33,14 +33,14 @@ impl GpuSimulation {
                 sizes.pairs = (needed + needed / 4) as u32;
             }
             Head::NO_ROOM_FOR_ENTRIES => {
-                self.raster_ratio *= 2.0;
-                if self.raster_ratio > GpuConfig::MAX_RASTER_RATIO {
+                self.cell_ratio *= 2.0;
+                if self.cell_ratio > GpuConfig::MAX_CELL_RATIO {
                     let (needed, limit) = (head.lacking(), self.steps.sizes.particles.into());
                     let (what, remedy) = ("the number of (cell, particle) entries", "choose the CPU");
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
                 if let Some(detector) = &mut self.detector {
-                    detector.set_raster_ratio(self.raster_ratio).map_err(refused)?;
+                    detector.set_cell_ratio(self.cell_ratio).map_err(refused)?;
                 }
             }
             Head::ROUNDS_LEFT => {
@@ -68,7 +68,7 @@ impl GpuSimulation {
             Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
             other => {
                 let reason = format!("the run froze for reason {other}, which nobody knows");
-                return failed(lazygrid::Error::Validation { what: "a step", reason });
+                return failed(lazygrid::Error::DeviceRejected { what: "a step", reason });
             }
         }
         log::info!(

@@ -19,11 +19,11 @@ final class NativeSettings implements AutoCloseable {
     private static final int INTERACTIONS = 80;
     private static final int SKIN = 60;
     private static final int SKIN_DISTANCE = 64;
-    private static final int EDGES = 88;
+    private static final int CELL_VECTORS = 88;
 
     private final ByteBuffer structure = direct(SIZE);
     private final ByteBuffer adapter;
-    private final ByteBuffer edges;
+    private final ByteBuffer cellVectors;
     private final long interactions;
 
     /** Throws {@link LazygridException} for a table that is refused. */
@@ -40,10 +40,10 @@ final class NativeSettings implements AutoCloseable {
         structure.putInt(TIMEOUT, settings.timeoutSeconds);
         structure.putInt(SKIN, settings.skin.kind().ordinal());
         structure.putDouble(SKIN_DISTANCE, settings.skin.distance());
-        edges = settings.edges == null ? null : direct(9 * Double.BYTES);
-        if (edges != null) {
-            for (int k = 0; k < 9; k++) edges.putDouble(Double.BYTES * k, settings.edges[k / 3][k % 3]);
-            structure.putLong(EDGES, NativeApi.address(edges, 1));
+        cellVectors = settings.cellVectors == null ? null : direct(9 * Double.BYTES);
+        if (cellVectors != null) {
+            for (int k = 0; k < 9; k++) cellVectors.putDouble(Double.BYTES * k, settings.cellVectors[k / 3][k % 3]);
+            structure.putLong(CELL_VECTORS, NativeApi.address(cellVectors, 1));
         }
         adapter = settings.adapter == null ? null : text(settings.adapter);
         if (adapter != null) structure.putLong(ADAPTER, NativeApi.address(adapter, 1));
@@ -60,7 +60,7 @@ final class NativeSettings implements AutoCloseable {
     public void close() {
         if (interactions != 0) NativeApi.interactionsDestroy(interactions);
         Reference.reachabilityFence(adapter);
-        Reference.reachabilityFence(edges);
+        Reference.reachabilityFence(cellVectors);
         Reference.reachabilityFence(structure);
     }
 

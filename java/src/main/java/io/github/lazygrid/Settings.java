@@ -10,7 +10,7 @@ public final class Settings {
     int threads;
     long maxPairs;
     double[] periodic = new double[3];
-    double[][] edges;
+    double[][] cellVectors;
     int timeoutSeconds;
     String adapter;
     Interactions interactions;
@@ -99,7 +99,7 @@ public final class Settings {
      * @return these settings
      * @throws IllegalArgumentException for an edge without exactly three components
      */
-    public Settings edges(double[] a, double[] b, double[] c) {
+    public Settings cellVectors(double[] a, double[] b, double[] c) {
         double[][] given = {a, b, c};
         for (int k = 0; k < 3; k++) {
             given[k] = given[k] == null ? new double[3] : given[k].clone();
@@ -107,7 +107,7 @@ public final class Settings {
                 throw new IllegalArgumentException("an edge has " + given[k].length + " components; give x, y and z");
             }
         }
-        this.edges = given;
+        this.cellVectors = given;
         return this;
     }
 

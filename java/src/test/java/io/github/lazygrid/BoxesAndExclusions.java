@@ -95,7 +95,7 @@ final class BoxesAndExclusions {
             List<int[]> expected = plainLoop(rows, edges);
             for (Algorithm algorithm : CPU) {
                 Settings settings = onCpu().algorithm(algorithm);
-                settings.edges(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
+                settings.cell_vectors(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
                 try (Detector detector = new Detector(settings)) {
                     same(detector, Spheres.rows(rows), expected, repeating + " edges, " + algorithm);
                 }
@@ -120,7 +120,7 @@ final class BoxesAndExclusions {
                 }
             }
             check(!rest.isEmpty() && rest.size() < apart.size() && apart.size() < all.size(), "some of each");
-            Settings settings = edges == null ? onCpu() : onCpu().edges(edges[0], edges[1], edges[2]);
+            Settings settings = edges == null ? onCpu() : onCpu().cellVectors(edges[0], edges[1], edges[2]);
             try (Detector detector = new Detector(settings)) {
                 Spheres spheres = Spheres.rows(rows), grouped = spheres.withGroups(groups);
                 same(detector, grouped, apart, "groups");
@@ -157,7 +157,7 @@ final class BoxesAndExclusions {
         Exclusions exclusions = Exclusions.across(SPLIT, COUNT - SPLIT, flat(listed));
         Query across = Query.across(a, b).without(exclusions);
         for (Algorithm algorithm : CPU) {
-            Settings settings = onCpu().algorithm(algorithm).edges(TRICLINIC[0], TRICLINIC[1], TRICLINIC[2]);
+            Settings settings = onCpu().algorithm(algorithm).cellVectors(TRICLINIC[0], TRICLINIC[1], TRICLINIC[2]);
             try (Detector detector = new Detector(settings)) {
                 check(Arrays.equals(detector.pairsAsArray(across), flat(expected)), "across, " + algorithm);
                 check(detector.count(across) == expected.size(), "count across, " + algorithm);
@@ -191,12 +191,12 @@ final class BoxesAndExclusions {
         failing(Status.INPUT, "(1, 7)", () -> Exclusions.of(7, 0, 1, 1, 7));
         failing(Status.INPUT, "", () -> Exclusions.across(2, 1, 1, 1));
         failing(Status.INPUT, "(4, 0, 0)", () -> new Detector(
-            onCpu().edges(new double[] {4, 0, 0}, new double[] {8, 0, 0}, null)).close());
-        failing(Status.ARGUMENT, "settings.edges", () -> new Detector(
-            onCpu().periodic(1, 0, 0).edges(new double[] {4, 0, 0}, null, null)).close());
+            onCpu().cellVectors(new double[] {4, 0, 0}, new double[] {8, 0, 0}, null)).close());
+        failing(Status.ARGUMENT, "settings.cell_vectors", () -> new Detector(
+            onCpu().periodic(1, 0, 0).cellVectors(new double[] {4, 0, 0}, null, null)).close());
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(7, 0), "odd");
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(-1), "negative");
-        throwing(IllegalArgumentException.class, e -> true, () -> onCpu().edges(new double[2], null, null), "edge");
+        throwing(IllegalArgumentException.class, e -> true, () -> onCpu().cellVectors(new double[2], null, null), "edge");
         Spheres spheres = Spheres.rows(scene(5));
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("groups has 2"),
             () -> spheres.withGroups(Spheres.allocateInts(2)), "groups");

@@ -145,7 +145,7 @@ final class Precisions {
         Spheres spheres = Spheres.rows(rows);
         double[][] edges = {{length, 0, 0}, null, null};
         for (Settings settings : new Settings[] {
-            onCpu().periodic(length, 0, 0), onCpu().edges(edges[0], edges[1], edges[2])
+            onCpu().periodic(length, 0, 0), onCpu().cellVectors(edges[0], edges[1], edges[2])
         }) {
             try (Detector detector = new Detector(settings)) {
                 check(detector.count(spheres) == 1, "touching over the periodic boundary");

@@ -1,0 +1,59 @@
+// Pairs of the spheres of crowded blocks with further shares of their candidates, so that a single crowded cell keeps
+// the whole device busy and no invocation takes more turns than some devices allow.
+#include layout
+#include cell_list
+#include thread
+#include sphere
+
+@group(0) @binding(0) var<uniform> params: SearchParams;
+@group(0) @binding(1) var<storage, read> cell_list: CellListLayout;
+@group(0) @binding(2) var<storage, read> starts: array<u32>;
+@group(0) @binding(3) var<storage, read> sorted: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> cells: array<u32>;
+@group(0) @binding(5) var<storage, read> order: array<u32>;
+@group(0) @binding(6) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(7) var<storage, read_write> pairs: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read> deferred: array<u32>;
+#ifdef SPECIES
+@group(0) @binding(9) var<storage, read> sorted_species: array<u32>;
+@group(0) @binding(10) var<storage, read> table: array<f32>;
+#endif
+#include overlap
+#include pairs
+#include cell_numbers
+#include neighbor_cells
+#include candidates
+
+// Blocks of one layer of the dispatch.
+const MAX_GROUPS: u32 = 65535u;
+
+// The listed blocks that this part takes.
+var<workgroup> part: vec2<u32>;
+
+@compute @workgroup_size(256)
+fn cell_list_search_overflow(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include thread_builtins
+) {
+#include thread_from_builtins
+    if (thread.local_index == 0u) {
+        part = vec2(atomicLoad(&outcome.deferred_begin), atomicLoad(&outcome.deferred_end));
+        if (params.overflow_workgroups != 0u) {
+            part = vec2(0u, atomicLoad(&outcome.deferred_blocks));
+        }
+    }
+    let listed = workgroupUniformLoad(&part);
+    var block = listed.x + id.y + id.z * MAX_GROUPS;
+    var share = id.x + 1u;
+    if (params.overflow_workgroups != 0u) {
+        // So many workgroups for each block that there may be.
+        let number = workgroup_index(id, groups);
+        block = number / params.overflow_workgroups;
+        share = number % params.overflow_workgroups + 1u;
+    }
+    if (block >= listed.y) {
+        return;
+    }
+    search_candidates(deferred[block], share, thread.local_index);
+}

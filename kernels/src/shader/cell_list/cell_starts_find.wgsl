@@ -1,0 +1,124 @@
+// Where the spheres of each cell begin among those sorted by cell: each workgroup takes a block of cells, however many
+// spheres these have.
+#include layout
+#include cell_list
+#include thread
+
+@group(0) @binding(0) var<storage, read> cell_list: CellListLayout;
+@group(0) @binding(1) var<storage, read> cells: array<u32>;
+@group(0) @binding(2) var<storage, read_write> starts: array<u32>;
+
+const WORKGROUP_SIZE: u32 = 256u;
+const ITEMS: u32 = 8u;
+const BLOCK: u32 = WORKGROUP_SIZE * ITEMS;
+// Blocks of more spheres are not read through: the beginning of each of their cells is looked for.
+const MOST_READ: u32 = 32768u;
+
+// The first sphere of each cell of the block; the end of the block's if there is none. One word in 33 is left out, so
+// that threads which have eight cells each read different banks.
+var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
+// The earliest first of what is behind each thread's cells.
+var<workgroup> later: array<u32, 512>;
+// Where the block's spheres begin and end.
+var<workgroup> stretch: array<u32, 2>;
+
+fn slot_of(number: u32) -> u32 {
+    return number + number / 32u;
+}
+
+// The first sphere from `low` up to `high` whose cell is not before this one.
+fn first_from(cell: u32, low: u32, high: u32) -> u32 {
+    var begin = low;
+    var end = high;
+    // A turn leaves half of them, or less.
+    for (var turn = 32u - countLeadingZeros(high - low); turn > 0u; turn--) {
+        if (begin >= end) {
+            break;
+        }
+        let middle = begin + (end - begin) / 2u;
+        if (cells[middle] < cell) {
+            begin = middle + 1u;
+        } else {
+            end = middle;
+        }
+    }
+    return begin;
+}
+
+@compute @workgroup_size(256)
+fn cell_starts_find(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include thread_builtins
+) {
+#include thread_from_builtins
+    let first_cell = workgroup_index(id, groups) * BLOCK;
+    let counters = cell_list.cells + 2u;
+    if (first_cell >= counters) {
+        return;
+    }
+    if (thread.local_index < 2u) {
+        stretch[thread.local_index] = first_from(first_cell + thread.local_index * BLOCK, 0u, cell_list.spheres);
+    }
+    let begin = workgroupUniformLoad(&stretch[0]);
+    let end = workgroupUniformLoad(&stretch[1]);
+    if (end - begin > MOST_READ) {
+        for (var item = 0u; item < ITEMS; item++) {
+            let cell = first_cell + item * WORKGROUP_SIZE + thread.local_index;
+            if (cell < counters) {
+                starts[cell] = first_from(cell, begin, end);
+            }
+        }
+        return;
+    }
+
+    for (var item = 0u; item < ITEMS; item++) {
+        atomicStore(&firsts[slot_of(item * WORKGROUP_SIZE + thread.local_index)], end);
+    }
+    workgroupBarrier();
+    let rounds = (end - begin + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
+    for (var round = 0u; round < rounds; round++) {
+        let position = begin + round * WORKGROUP_SIZE + thread.local_index;
+        if (position < end) {
+            let cell = cells[position];
+            if (position == begin || cells[position - 1u] != cell) {
+                atomicStore(&firsts[slot_of(cell - first_cell)], position);
+            }
+        }
+    }
+    workgroupBarrier();
+    var earliest = end;
+    for (var item = 0u; item < ITEMS; item++) {
+        earliest = min(earliest, atomicLoad(&firsts[slot_of(thread.local_index * ITEMS + item)]));
+    }
+    var front = 0u;
+    later[thread.local_index] = earliest;
+    workgroupBarrier();
+    for (var step = 1u; step < WORKGROUP_SIZE; step *= 2u) {
+        var value = later[front + thread.local_index];
+        if (thread.local_index + step < WORKGROUP_SIZE) {
+            value = min(value, later[front + thread.local_index + step]);
+        }
+        front = WORKGROUP_SIZE - front;
+        later[front + thread.local_index] = value;
+        workgroupBarrier();
+    }
+    // Backwards: a cell without spheres begins where the next one does.
+    var start = end;
+    if (thread.local_index + 1u < WORKGROUP_SIZE) {
+        start = later[front + thread.local_index + 1u];
+    }
+    for (var item = 0u; item < ITEMS; item++) {
+        let slot = slot_of(thread.local_index * ITEMS + (ITEMS - 1u - item));
+        start = min(start, atomicLoad(&firsts[slot]));
+        atomicStore(&firsts[slot], start);
+    }
+    workgroupBarrier();
+    // Neighbours in memory are written together.
+    for (var item = 0u; item < ITEMS; item++) {
+        let number = item * WORKGROUP_SIZE + thread.local_index;
+        if (first_cell + number < counters) {
+            starts[first_cell + number] = atomicLoad(&firsts[slot_of(number)]);
+        }
+    }
+}

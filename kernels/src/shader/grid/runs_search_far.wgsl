@@ -1,0 +1,131 @@
+// Pairs of entries more than NEAR places apart in one run: each workgroup takes a listed block of 256 entries
+// and a share of the tiles that follow, so that a single crowded cell keeps the whole device busy and no invocation
+// takes more turns than some devices allow.
+#include layout
+#include thread
+
+@group(0) @binding(0) var<uniform> params: SearchParams;
+@group(0) @binding(1) var<storage, read> grid: Grid;
+@group(0) @binding(2) var<storage, read> sort_counts: SortCounts;
+@group(0) @binding(3) var<storage, read> keys: array<u32>;
+@group(0) @binding(4) var<storage, read> objects: array<u32>;
+@group(0) @binding(5) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(7) var<storage, read_write> pairs: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read> deferred: array<u32>;
+#ifdef SPECIES
+@group(0) @binding(9) var<storage, read> species: array<u32>;
+@group(0) @binding(10) var<storage, read> table: array<f32>;
+#endif
+#include overlap
+#include reserve_by_subgroup
+#include entry
+#include far_tiles
+#include tile
+
+const WORKGROUP_SIZE: u32 = 256u;
+
+// Where the objects of the tile begin, all taken together.
+var<workgroup> tile_firsts: atomic<u32>;
+// Which of the listed blocks this part of the search takes, and the most tiles that one of them is compared with.
+struct Part {
+    begin: u32,
+    end: u32,
+    tiles: u32,
+}
+
+var<workgroup> group_part: Part;
+
+// Bits of the pairs among `hits` that this cell owns and that are asked for.
+fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
+    var owned = 0u;
+    for (var k = 0u; k < 32u; k++) {
+        let other = tile_objects[first + k];
+        owned |= select(0u, 1u << k, is_owned(object, other) && is_wanted(object, other));
+    }
+    return owned & hits;
+}
+
+@compute @workgroup_size(256)
+fn runs_search_far(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include thread_builtins
+) {
+#include thread_from_builtins
+    if (thread.local_index == 0u) {
+        group_part = Part(
+            atomicLoad(&outcome.deferred_begin),
+            atomicLoad(&outcome.deferred_end),
+            atomicLoad(&outcome.deferred_max_tiles),
+        );
+    }
+    let part = workgroupUniformLoad(&group_part);
+    let listed = part.begin + id.y + id.z * MAX_GROUPS;
+    if (listed >= part.end) {
+        return;
+    }
+    let per_workgroup = tiles_per_workgroup(part.end - part.begin, part.tiles);
+    let block = deferred[listed];
+    let run = run_of(keys[block + WORKGROUP_SIZE - 1u]);
+    let start = block + NEAR + 1u;
+    let end = run_end(run, block + WORKGROUP_SIZE);
+    let share = start + id.x * per_workgroup * WORKGROUP_SIZE;
+    let entry = block + thread.local_index;
+    let is_query = run_of(keys[entry]) == run && !is_passive(keys[entry]) && entry + NEAR + 1u < end;
+    var query: QuerySphere;
+    query.object = objects[entry];
+    query.sphere = spheres[index_of(query.object)];
+#ifdef SPECIES
+    query.species = species[index_of(query.object)];
+#endif
+    // A row that begins here on every axis makes this cell the owner of all its pairs.
+    let owns_all = is_owned(query.object, 0u) && asks_for_all(grid.spheres);
+    for (var turn = 0u; turn < per_workgroup; turn++) {
+        let column = share + turn * WORKGROUP_SIZE;
+        if (column >= end) {
+            break;
+        }
+        workgroupBarrier();
+        if (thread.local_index == 0u) {
+            atomicStore(&tile_firsts, 0u);
+        }
+        workgroupBarrier();
+        if (column + thread.local_index < end) {
+            let object = objects[column + thread.local_index];
+            atomicOr(&tile_firsts, object);
+            tile_objects[thread.local_index] = object;
+            tile[thread.local_index] = spheres[index_of(object)];
+#ifdef SPECIES
+            tile_species[thread.local_index] = species[index_of(object)];
+#endif
+        }
+        workgroupBarrier();
+        // In the first tile only partners beyond the near ones, which end farther on for later threads.
+        let begin = select(0u, thread.local_index, column == start);
+        let finish = min(WORKGROUP_SIZE, end - column);
+        // Where many objects share several cells, all but one of these cells are passed over here.
+        let query_owns = is_query && is_owned(query.object, atomicLoad(&tile_firsts));
+        for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {
+            let window = tile_window(first, begin, finish);
+            var hits = 0u;
+            if (query_owns && window != 0u) {
+                hits = tile_hits(query, first) & window;
+                if (hits != 0u && !owns_all) {
+                    hits = owned_hits(query.object, first, hits);
+                }
+            }
+            if (any_in_subgroup(hits != 0u)) {
+                var at_pair = pairs_reserve_by_subgroup(countOneBits(hits), thread);
+                for (; hits != 0u; hits &= hits - 1u) {
+                    if (at_pair >= params.pair_capacity) {
+                        break;
+                    }
+                    let k = firstTrailingBit(hits);
+                    pair_write(at_pair, index_of(query.object), index_of(tile_objects[first + k]));
+                    at_pair += 1u;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,391 @@
+// Chooses the cells of a call: which sizes share a level, how wide its cells are and how many go round each axis.
+// Clears the survey for the next call, and what this one counts.
+
+#include outcome_begin
+
+const SAMPLES: u32 = 256u;
+// So many are taken where fewer could miss a occupancy and no last call knows of it.
+const MOST_SAMPLES: u32 = 1024u;
+// So few of the largest spheres are compared with all others instead of having cells.
+const MOST_LISTED: u32 = 8u;
+// Edges are wider than diameters by this much, which is more than the distance test rounds.
+const SLACK: f32 = 0x1.04p0;
+// Edges below this would have quanta that devices may flush.
+const SHORTEST: f32 = 0x1p-90;
+// Above this all spheres share one cell, so that nothing overflows.
+const WIDEST: f32 = 0x1p120;
+// Rings have no more cells than this, so that roundings at the seam stay below the slack.
+const MOST_AROUND: f32 = 32768.0;
+// A box may begin this many cells below the lowest center.
+const MARGIN: u32 = 8u;
+
+var<workgroup> members: array<u32, 512>;
+var<workgroup> largest: array<u32, 256>;
+// The highest class that has cells.
+var<workgroup> base_class: atomic<u32>;
+// Spheres of each level if all leave level 0, and of each side.
+var<workgroup> populations: array<atomic<u32>, 32>;
+var<workgroup> on_side: array<atomic<u32>, 2>;
+var<workgroup> packed_levels: array<atomic<u32>, 64>;
+var<workgroup> low: array<u32, 3>;
+var<workgroup> high: array<u32, 3>;
+var<workgroup> samples: u32;
+// The cells that they are in.
+var<workgroup> sampled: array<u32, 1024>;
+var<workgroup> sampled_pairs: atomic<u32>;
+// Exponent of a quantum of level 0.
+var<workgroup> quantum: i32;
+var<workgroup> quanta: u32;
+var<workgroup> level_radius: f32;
+var<workgroup> is_single: u32;
+var<workgroup> level_cells: array<vec3<u32>, 32>;
+var<workgroup> has_overfull_cells: bool;
+// Levels of either side that have cells, a bit each.
+var<workgroup> used_levels: u32;
+
+fn power_of_two(exponent: i32) -> f32 {
+    return bitcast<f32>(u32(clamp(127 + exponent, 1, 254)) << 23u);
+}
+
+fn has_two_sides() -> bool {
+    return params.side_pairs > 1u;
+}
+
+fn meets(a: u32, b: u32) -> bool {
+    return ((params.side_pairs >> (a + b)) & 1u) != 0u;
+}
+
+fn exponent_of(value: f32) -> i32 {
+    return i32((bitcast<u32>(value) >> 23u) & 255u) - 127;
+}
+
+// The cube root of a number of any size that is not negative.
+fn cube_root(value: f32) -> f32 {
+    return pow(max(value, 0x1p-120), 1.0 / 3.0);
+}
+
+// The finest level whose cells hold a sphere of this radius.
+fn finest_level(radius: f32) -> u32 {
+    if (is_single != 0u) {
+        return 0u;
+    }
+    let mantissa = select(0, 1, (bitcast<u32>(radius) & 0x7fffffu) > (bitcast<u32>(level_radius) & 0x7fffffu));
+    return u32(clamp(exponent_of(level_radius) - exponent_of(radius) - mantissa, 0, i32(LEVELS) - 1));
+}
+
+// Edge of level 0: a diameter of the largest spheres that have cells, or up to so many times that as the raster ratio
+// allows where cells would otherwise be more than there is room for.
+fn choose_edge() {
+    let lengths = periods();
+    let diameter = 2.0 * (bitcast<f32>(largest[atomicLoad(&base_class)]) * SLACK);
+    var extent = vec3(0.0);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let open = from_sortable(high[axis]) * 0.5 - from_sortable(low[axis]) * 0.5;
+        extent[axis] = max(select(2.0 * min(open, 0x1p126), lengths[axis], lengths[axis] > 0.0), diameter);
+    }
+    let room = f32(max(params.cells, 1u));
+    let spacing = cube_root(extent.x / room) * cube_root(extent.y) * cube_root(extent.z);
+    let edge = max(clamp(spacing, diameter, diameter * max(params.cell_ratio, 1.0)), SHORTEST);
+    is_single = select(0u, 1u, !(edge < WIDEST));
+    quantum = exponent_of(edge) - 6;
+    quanta = u32(ceil(edge * power_of_two(-quantum)));
+    if (quanta > 127u) {
+        quanta = 64u;
+        quantum += 1;
+    }
+    level_radius = (f32(quanta) * 0.5 / SLACK) * power_of_two(quantum);
+}
+
+// Numbers from the lowest cell to the highest along an axis.
+fn open_extent(axis: u32, level: u32) -> u32 {
+    return open_number(from_sortable(high[axis]), level) - open_number(from_sortable(low[axis]), level) + 1u;
+}
+
+// Returns `true` if the product of the numbers of cells is at most `room`. Divisions do not overflow, and round nothing
+// that matters: a whole number is at most a quotient if and only if it is at most the quotient rounded down.
+fn fit(cells: vec3<u32>, room: u32) -> bool {
+    return room / cells.x / cells.y >= cells.z;
+}
+
+// The number of cells along each axis if there may be `room` cells: as many as the bounds of the spheres or the period
+// hold, except on the longest axes. All whole numbers: a root that is rounded up would cost an axis all its cells.
+fn cells_around(level: u32, room: u32) -> vec3<u32> {
+    let lengths = periods();
+    let edge = f32(quanta) * power_of_two(quantum - i32(level % LEVELS));
+    var wanted = vec3(1u);
+    for (var axis = 0u; axis < 3u; axis++) {
+        if (lengths[axis] > 0.0) {
+            // A little less, so that no rounding makes edges narrower.
+            let around = min((lengths[axis] / edge) * 0x1.ffffep-1, MOST_AROUND);
+            wanted[axis] = select(1u, u32(around), around >= 3.0 && lengths[axis] > SHORTEST);
+        } else {
+            let extent = open_extent(axis, level);
+            wanted[axis] = select(max(extent, 3u), 1u, extent == 1u);
+        }
+    }
+    // The largest number of cells along an axis with which all fit, bit by bit.
+    var limit = 0u;
+    for (var bit = 0u; bit < 32u; bit++) {
+        let more = limit | (0x80000000u >> bit);
+        limit = select(limit, more, fit(min(wanted, vec3(more)), room));
+    }
+    var cells = min(wanted, vec3(max(limit, 3u)));
+    // With room for fewer than three cells on the longest axes, axes with a single cell make up for the others.
+    for (var axis = 0u; axis < 3u; axis++) {
+        if (!fit(cells, room)) {
+            cells[axis] = 1u;
+        }
+    }
+    return cells;
+}
+
+// Everything of a level but where its cells begin in the table, and at which levels its spheres look.
+fn set_level(level: u32, room: u32) {
+    let lengths = periods();
+    let depth = i32(level % LEVELS);
+    cell_list.level[level].units_per_length = power_of_two(depth - quantum);
+    cell_list.level[level].far = u32(clamp(127 + 30 + quantum - depth, 1, 255)) << 23u;
+    cell_list.level[level].max_radius = level_radius * power_of_two(-depth);
+    cell_list.level[level].low = vec3(
+        open_number(from_sortable(low[0]), level),
+        open_number(from_sortable(low[1]), level),
+        open_number(from_sortable(low[2]), level),
+    ) - vec3(MARGIN);
+    var cells = vec3(1u);
+    if (is_single == 0u) {
+        cells = cells_around(level, room);
+    }
+    level_cells[level] = cells;
+    cell_list.level[level].cells = cells;
+    let used = (lengths > vec3(0.0)) & (cells > vec3(1u));
+    cell_list.level[level].cells_per_length = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(SHORTEST)), used);
+}
+
+// Spheres that have this level, or may have it.
+fn spheres_at(level: u32) -> u32 {
+    if (has_overfull_cells) {
+        return atomicLoad(&populations[level]);
+    }
+    return select(0u, atomicLoad(&on_side[level / LEVELS]), level % LEVELS == 0u);
+}
+
+// Decides at which of the levels in use the spheres of one of them look. Of two spheres the one at the finer level looks for
+// the other; at the same level of different sides one of the side that has fewer there.
+fn set_searched_levels(level: u32, used: u32) {
+    let side = level / LEVELS;
+    let own = 1u << (level % LEVELS);
+    var searched_levels = 0u;
+    for (var other = 0u; other < 2u; other++) {
+        let same = other * LEVELS + level % LEVELS;
+        let fewer = spheres_at(level) < spheres_at(same) || (spheres_at(level) == spheres_at(same) && side == 0u);
+        let looks = (own - 1u) | select(0u, own, other != side && fewer);
+        searched_levels |= select(0u, (looks << (other * LEVELS)) & used, meets(side, other));
+    }
+    cell_list.level[level].searched_levels = searched_levels;
+    cell_list.level[level].searches_itself = select(0u, 1u, meets(side, side));
+}
+
+// Sets the values of the call as a whole.
+fn set_call(count: u32) {
+    cell_list.spheres = count;
+    cell_list.units_per_cell = quanta;
+    sort_counts.items = count;
+    let smallest = bitcast<f32>(~atomicLoad(&stats.smallest));
+    var farthest = 0.0;
+    for (var axis = 0u; axis < 3u; axis++) {
+        farthest = max(farthest, max(abs(from_sortable(low[axis])), abs(from_sortable(high[axis]))));
+    }
+    var widest = 0.0;
+    for (var size_class = 0u; size_class < CLASSES; size_class++) {
+        widest = max(widest, bitcast<f32>(largest[size_class]));
+    }
+    // Without a valid sphere the complement of nothing is no number, and nothing is tested.
+    cell_list.ordinary = select(0u, 1u, smallest > 0x1p-40 && farthest < 0x1p58 && widest < 0x1p58);
+    outcome_begin(0u, atomicLoad(&stats.quarantined));
+    atomicStore(&outcome.pairs_in_cell_order, params.pairs_in_cell_order);
+    atomicStore(&outcome.entries_lo, count);
+    atomicStore(&stats.smallest, 0u);
+    atomicStore(&stats.quarantined, 0u);
+}
+
+// Fewer pairs of samples in one cell may be there by chance.
+const TELLING: f32 = 4.0;
+
+// Returns `true` if this number of samples may miss crowds of more than τ spheres.
+fn may_miss(count: u32, samples: u32) -> bool {
+    return count > samples && TELLING * f32(count) > f32(params.tau) * f32(samples) * f32(samples);
+}
+
+// Returns `true` if no call has left an outcome: each ends with this at 1.
+fn is_first() -> bool {
+    return atomicLoad(&outcome.dispatch_z) == 0u;
+}
+
+// The cell of level 0 of one of the spheres, or a number that no other sample has.
+fn sample_cell(number: u32, count: u32) -> u32 {
+    let spread = (count / samples) * number + ((count % samples) * number) / samples;
+    let index = select(number, spread, count > samples);
+    if (index >= count) {
+        return 0xffffffffu - number;
+    }
+    let sphere = spheres[index];
+    if (!may_pair(index, sphere) || class_of(effective_radius(index, sphere)) > atomicLoad(&base_class)) {
+        return 0xffffffffu - number;
+    }
+    return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS);
+}
+
+// Decides whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
+// last call found such cells. Where both may miss some these are looked for.
+fn decide_descent(count: u32) {
+    var finer = false;
+    for (var level = 1u; level < SIDED_LEVELS; level++) {
+        finer = finer || (level != LEVELS && atomicLoad(&populations[level]) != 0u);
+    }
+    // Ordered pairs of samples in one cell, as a share of all, times the spheres: how many share a cell on average.
+    let pairs = f32(atomicLoad(&sampled_pairs));
+    let share = f32(count) / f32(min(count, samples) * min(count, samples) + 1u);
+    let is_seen = pairs >= TELLING && pairs * share > f32(params.tau);
+    let was_dense = atomicLoad(&outcome.max_occupancy) > params.tau;
+    has_overfull_cells = finer && (is_seen || was_dense || (is_first() && may_miss(count, samples)));
+    cell_list.has_overfull_cells = select(0u, 1u, has_overfull_cells);
+    atomicStore(&outcome.max_occupancy, 0u);
+}
+
+// Called by all threads of the only workgroup.
+fn configure(lane: u32) {
+    let count = min(count_source[0], params.spheres);
+    let own = vec2(atomicLoad(&stats.members[lane]), atomicLoad(&stats.members[CLASSES + lane]));
+    let own_members = own.x + own.y;
+    members[lane] = own_members;
+    largest[lane] = atomicLoad(&stats.largest[lane]);
+    atomicStore(&stats.members[lane], 0u);
+    atomicStore(&stats.members[CLASSES + lane], 0u);
+    atomicStore(&stats.largest[lane], 0u);
+    if (lane < SIDED_LEVELS) {
+        atomicStore(&populations[lane], 0u);
+    }
+    if (lane < 2u) {
+        atomicStore(&on_side[lane], 0u);
+    }
+    if (lane < 64u) {
+        atomicStore(&packed_levels[lane], 0u);
+    }
+    if (lane < 3u) {
+        // Without a valid sphere the bounds are those of nothing: an empty box at 0.
+        let seen = atomicLoad(&stats.high[lane]) != 0u;
+        low[lane] = select(0x80000000u, ~atomicLoad(&stats.low[lane]), seen);
+        high[lane] = select(0x80000000u, atomicLoad(&stats.high[lane]), seen);
+        atomicStore(&stats.low[lane], 0u);
+        atomicStore(&stats.high[lane], 0u);
+    }
+    if (lane == 0u) {
+        atomicStore(&base_class, 0u);
+        atomicStore(&sampled_pairs, 0u);
+    }
+    workgroupBarrier();
+
+    // The number of spheres of this class or a larger one.
+    var front = 0u;
+    for (var step = 1u; step < CLASSES; step *= 2u) {
+        var sum = members[front + lane];
+        if (lane + step < CLASSES) {
+            sum += members[front + lane + step];
+        }
+        front = CLASSES - front;
+        members[front + lane] = sum;
+        workgroupBarrier();
+    }
+    if (own_members != 0u && members[front + lane] > MOST_LISTED) {
+        atomicMax(&base_class, lane);
+    }
+    workgroupBarrier();
+    if (lane == 0u) {
+        choose_edge();
+        set_call(count);
+        samples = select(SAMPLES, MOST_SAMPLES, is_first() && may_miss(count, SAMPLES));
+    }
+    workgroupBarrier();
+
+    var level = LISTED;
+    if (lane <= atomicLoad(&base_class)) {
+        level = finest_level(bitcast<f32>(largest[lane]));
+        atomicAdd(&populations[level], own.x);
+        atomicAdd(&populations[LEVELS + level], own.y);
+        atomicAdd(&on_side[0], own.x);
+        atomicAdd(&on_side[1], own.y);
+    }
+    atomicOr(&packed_levels[lane / 4u], level << ((lane % 4u) * 8u));
+    workgroupBarrier();
+    if (lane < 64u) {
+        cell_list.class_levels[lane] = atomicLoad(&packed_levels[lane]);
+    }
+    if (lane < SIDED_LEVELS) {
+        level_cells[lane] = vec3(0u);
+    }
+    storageBarrier();
+    workgroupBarrier();
+    if (lane == 0u || (lane == LEVELS && has_two_sides())) {
+        // Half of the room goes to two sides in equal shares, half by their numbers of spheres.
+        let share = 0.25 + 0.5 * f32(atomicLoad(&on_side[lane / LEVELS])) / f32(max(count, 1u));
+        let room = select(params.cells, u32(f32(params.cells) * share * 0x1.ffffp-1), has_two_sides());
+        set_level(lane, max(room, 1u));
+    }
+    storageBarrier();
+
+    let taken = samples;
+    for (var round = 0u; round < MOST_SAMPLES / 256u; round++) {
+        let number = round * 256u + lane;
+        if (number < taken) {
+            sampled[number] = sample_cell(number, count);
+        }
+    }
+    workgroupBarrier();
+    var shared_with = 0u;
+    for (var round = 0u; round < MOST_SAMPLES / 256u; round++) {
+        let number = round * 256u + lane;
+        if (number < taken) {
+            for (var other = 0u; other < taken; other++) {
+                shared_with += select(0u, 1u, other != number && sampled[other] == sampled[number]);
+            }
+        }
+    }
+    atomicAdd(&sampled_pairs, shared_with);
+    workgroupBarrier();
+    if (lane == 0u) {
+        decide_descent(count);
+    }
+    // Where smaller spheres leave the first level its cells are chosen anew: half of the room goes in equal shares to all
+    // levels, half by numbers.
+    if (workgroupUniformLoad(&has_overfull_cells) && lane < SIDED_LEVELS) {
+        let population = atomicLoad(&populations[lane]);
+        var levels = select(1.0, 2.0, has_two_sides());
+        for (var other = 1u; other < SIDED_LEVELS; other++) {
+            levels += select(0.0, 1.0, other != LEVELS && atomicLoad(&populations[other]) != 0u);
+        }
+        let share = 0.5 / levels + 0.5 * f32(population) / f32(max(count, 1u));
+        if (lane == 0u || (lane == LEVELS && has_two_sides()) || population != 0u) {
+            set_level(lane, max(u32(f32(params.cells) * share * 0x1.ffffp-1), 1u));
+        }
+    }
+    workgroupBarrier();
+    if (lane == 0u) {
+        var base = 0u;
+        var levels = 0u;
+        for (var level = 0u; level < SIDED_LEVELS; level++) {
+            let cells = level_cells[level];
+            cell_list.level[level].base = base;
+            levels |= select(0u, 1u << level, cells.x != 0u);
+            base += cells.x * cells.y * cells.z;
+        }
+        cell_list.cells = base;
+        cell_list.levels = levels;
+        used_levels = levels;
+        let tiles = (count + max(params.radix_tile, 1u) - 1u) / max(params.radix_tile, 1u);
+        sort_counts.counters = select(tiles * 256u, base + 2u, params.radix_tile == 0u);
+    }
+    workgroupBarrier();
+    if (lane < SIDED_LEVELS && ((used_levels >> lane) & 1u) != 0u) {
+        set_searched_levels(lane, used_levels);
+    }
+}

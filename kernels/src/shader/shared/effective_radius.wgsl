@@ -1,0 +1,41 @@
+// Devices may take any number below 2^-126 for 0, as an operand and as a result. A box is a sum of four, so that it has
+// lost less than this when it is made of a radius that is so much larger. To a radius from 2^-96 on it adds nothing.
+const FLUSHED: f32 = 0x1p-120;
+
+#ifdef SPECIES
+// `species_params[s]` holds flags of species s, and the bits of half the largest distance at which it pairs.
+// Some pair of the species is decided by touching.
+const TOUCHES: u32 = 1u;
+// Its spheres are on the second side; see `side`.
+const SECOND_SIDE: u32 = 2u;
+// It pairs with no species.
+const IDLE: u32 = 4u;
+
+// Effective radius: half of the largest distance at which this sphere pairs, the radius where touching counts.
+fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
+    let own = species_params[species[index]];
+    let half = bitcast<f32>(own.y);
+    return select(half, max(half, sphere.w), (own.x & TOUCHES) != 0u) + FLUSHED;
+}
+
+fn is_accepted(index: u32, sphere: vec4<f32>) -> bool {
+    return is_valid(sphere) && species[index] < params.species;
+}
+
+// Returns `true` if a sphere is valid and of a species that pairs with some species.
+fn may_pair(index: u32, sphere: vec4<f32>) -> bool {
+    return is_accepted(index, sphere) && (species_params[species[index]].x & IDLE) == 0u;
+}
+#else
+fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
+    return sphere.w + FLUSHED;
+}
+
+fn is_accepted(index: u32, sphere: vec4<f32>) -> bool {
+    return is_valid(sphere);
+}
+
+fn may_pair(index: u32, sphere: vec4<f32>) -> bool {
+    return is_valid(sphere);
+}
+#endif

@@ -1,0 +1,11 @@
+#include occupancy
+
+// A sphere of the cell's own depth, or a smaller one, overlaps the cell.
+fn occupancy_add(depth: u32, cell: vec3<i32>, is_own: bool) {
+    let slot = occupancy_slot(depth, cell);
+    if (!is_own) {
+        atomicAdd(&occupancy[slot], 1u);
+    } else if ((atomicLoad(&occupancy[slot]) & HAS_OWN) == 0u) {
+        atomicOr(&occupancy[slot], HAS_OWN);
+    }
+}

@@ -1,9 +1,0 @@
-// Unsigned integers in the order of the floats.
-fn ordered(value: vec3<f32>) -> vec3<u32> {
-    let bits = bitcast<vec3<u32>>(value);
-    return select(~bits, bits | vec3(0x80000000u), bits < vec3(0x80000000u));
-}
-
-fn decoded(key: u32) -> f32 {
-    return bitcast<f32>(select(~key, key & 0x7fffffffu, key >= 0x80000000u));
-}

@@ -1,0 +1,25 @@
+// Settles the overflow flag and the indirect-dispatch arguments for the consumer of the pairs.
+#include layout
+
+@group(0) @binding(0) var<uniform> params: SearchParams;
+@group(0) @binding(1) var<storage, read_write> outcome: Outcome;
+#include dispatch_2d
+
+@compute @workgroup_size(1)
+fn outcome_finish() {
+    if (params.overflow_workgroups != 0u) {
+        // All were dispatched.
+        atomicStore(&outcome.deferred_end, atomicLoad(&outcome.deferred_blocks));
+    }
+    let found = atomicLoad(&outcome.found_lo);
+    let full = atomicLoad(&outcome.found_hi) != 0u || found > params.pair_capacity;
+    if (full) {
+        atomicOr(&outcome.overflow, 1u);
+    }
+    let written = select(found, params.pair_capacity, full);
+    let groups =
+        workgroups_2d(written / params.consumer_workgroup_size + select(0u, 1u, written % params.consumer_workgroup_size != 0u));
+    atomicStore(&outcome.dispatch_x, groups.x);
+    atomicStore(&outcome.dispatch_y, groups.y);
+    atomicStore(&outcome.dispatch_z, 1u);
+}

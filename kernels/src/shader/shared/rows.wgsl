@@ -1,8 +1,0 @@
-// Workgroups of one dimension.
-const MAX_GROUPS: u32 = 65535u;
-
-// So many workgroups in rows, the first two dimensions of a dispatch.
-fn in_rows(groups: u32) -> vec2<u32> {
-    let rows = (groups + MAX_GROUPS - 1u) / MAX_GROUPS;
-    return vec2(select(groups, MAX_GROUPS, rows > 1u), max(rows, 1u));
-}

@@ -1,0 +1,128 @@
+// Bounds of the valid spheres, how many of which size there are, and the number of the others. Clears what the call
+// counts in.
+
+var<workgroup> group_low: array<atomic<u32>, 3>;
+var<workgroup> group_high: array<atomic<u32>, 3>;
+var<workgroup> group_smallest: atomic<u32>;
+var<workgroup> group_quarantined: atomic<u32>;
+var<workgroup> group_members: array<atomic<u32>, 512>;
+var<workgroup> group_largest: array<atomic<u32>, 256>;
+
+// Spheres of one class and side that a thread has met one after another.
+struct Streak {
+    // CLASSES more on the second side.
+    size_class: u32,
+    members: u32,
+    largest: u32,
+}
+
+fn end_streak(streak: Streak) {
+    if (streak.members != 0u) {
+        atomicAdd(&group_members[streak.size_class], streak.members);
+        atomicMax(&group_largest[streak.size_class % CLASSES], streak.largest);
+    }
+}
+
+// Called by all threads of a workgroup: each looks at every so many spheres from its first on.
+fn reduce_stats(first: u32, stride: u32, thread: Thread) {
+    let lane = thread.local_index;
+    atomicStore(&group_members[lane], 0u);
+    atomicStore(&group_members[CLASSES + lane], 0u);
+    atomicStore(&group_largest[lane], 0u);
+    if (lane < 3u) {
+        atomicStore(&group_low[lane], 0u);
+        atomicStore(&group_high[lane], 0u);
+    }
+    if (lane == 0u) {
+        atomicStore(&group_smallest, 0u);
+        atomicStore(&group_quarantined, 0u);
+    }
+    workgroupBarrier();
+
+    let count = min(count_source[0], params.spheres);
+    var low = vec3(0u);
+    var high = vec3(0u);
+    var smallest = 0u;
+    var quarantined = 0u;
+    var streak = Streak(0u, 0u, 0u);
+    let rounds = (count + stride - 1u) / stride;
+    for (var round = 0u; round < rounds; round++) {
+        let index = first + round * stride;
+        if (index >= count) {
+            break;
+        }
+        let sphere = spheres[index];
+        if (!is_accepted(index, sphere)) {
+            quarantined += 1u;
+            continue;
+        }
+        if (!may_pair(index, sphere)) {
+            continue;
+        }
+        let radius = bitcast<u32>(effective_radius(index, sphere));
+        low = max(low, ~to_sortable(sphere.xyz));
+        high = max(high, to_sortable(sphere.xyz));
+        smallest = max(smallest, ~radius);
+        let size_class = side_of(index) * CLASSES + (radius >> 23u);
+        if (streak.size_class != size_class) {
+            end_streak(streak);
+            streak = Streak(size_class, 0u, 0u);
+        }
+        streak.members += 1u;
+        streak.largest = max(streak.largest, radius);
+    }
+    end_streak(streak);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let lowest = max_in_subgroup(low[axis]);
+        let highest = max_in_subgroup(high[axis]);
+        if (is_leader(thread)) {
+            atomicMax(&group_low[axis], lowest);
+            atomicMax(&group_high[axis], highest);
+        }
+    }
+    let least = max_in_subgroup(smallest);
+    if (is_leader(thread)) {
+        atomicMax(&group_smallest, least);
+    }
+    if (quarantined != 0u) {
+        atomicAdd(&group_quarantined, quarantined);
+    }
+    clear_counters(first, stride);
+    workgroupBarrier();
+
+    for (var side = 0u; side < 2u; side++) {
+        let members = atomicLoad(&group_members[side * CLASSES + lane]);
+        if (members != 0u) {
+            atomicAdd(&stats.members[side * CLASSES + lane], members);
+            atomicMax(&stats.largest[lane], atomicLoad(&group_largest[lane]));
+        }
+    }
+    if (lane < 3u) {
+        atomicMax(&stats.low[lane], atomicLoad(&group_low[lane]));
+        atomicMax(&stats.high[lane], atomicLoad(&group_high[lane]));
+    }
+    if (lane == 0u) {
+        atomicMax(&stats.smallest, atomicLoad(&group_smallest));
+        let bad = atomicLoad(&group_quarantined);
+        if (bad != 0u) {
+            atomicAdd(&stats.quarantined, bad);
+        }
+    }
+}
+
+fn clear_counters(first: u32, stride: u32) {
+    let rounds = (params.counters + stride - 1u) / stride;
+    for (var round = 0u; round < rounds; round++) {
+        let counter = first + round * stride;
+        if (counter < params.counters) {
+            starts[counter] = 0u;
+        }
+    }
+    let density_rounds = (params.occupancy_slots + stride - 1u) / stride;
+    for (var round = 0u; round < density_rounds; round++) {
+        let counter = first + round * stride;
+        if (counter < params.occupancy_slots) {
+            occupancy[counter] = 0u;
+        }
+    }
+}

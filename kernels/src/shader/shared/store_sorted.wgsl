@@ -1,0 +1,9 @@
+#include wrapped_sphere
+
+// Brings a sphere to its place in the order of the cells.
+fn store_sorted(position: u32, index: u32) {
+    sorted[position] = wrapped_sphere(spheres[index]);
+#ifdef SPECIES
+    sorted_species[position] = min(species[index], params.species - 1u);
+#endif
+}

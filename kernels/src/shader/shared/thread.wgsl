@@ -1,0 +1,18 @@
+// Per-thread indices. Workgroup-uniform values are passed separately: Tint takes every member of a structure with a
+// varying member to vary, and refuses barriers behind a branch on it.
+// Entry points take the builtins as parameters: naga 30 writes subgroup builtins in a structure to HLSL without
+// semantics.
+struct Thread {
+    local_index: u32,
+#ifdef SUBGROUPS
+    subgroup: u32,
+    subgroups: u32,
+    lane: u32,
+    subgroup_size: u32,
+#endif
+}
+
+// The number of a workgroup. Dispatches have two dimensions, because one dimension holds at most 65,535 workgroups.
+fn workgroup_index(id: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return id.x + id.y * groups.x;
+}

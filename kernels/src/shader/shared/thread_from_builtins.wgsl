@@ -1,0 +1,5 @@
+#ifdef SUBGROUPS
+    let thread = Thread(local_index, subgroup_index, subgroup_count, subgroup_lane, subgroup_width);
+#else
+    let thread = Thread(local_index);
+#endif

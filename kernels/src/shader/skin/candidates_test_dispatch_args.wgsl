@@ -1,0 +1,39 @@
+// Opens the test of the candidates: a thread for each, and an outcome that has no pairs yet.
+#include layout
+#include skin
+
+@group(0) @binding(0) var<uniform> params: SearchParams;
+@group(0) @binding(1) var<uniform> skin: SkinParams;
+@group(0) @binding(2) var<storage, read> count_source: array<u32>;
+// The outcome of the search for candidates.
+@group(0) @binding(3) var<storage, read_write> found: Outcome;
+@group(0) @binding(4) var<storage, read_write> state: SkinState;
+@group(0) @binding(5) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(6) var<storage, read_write> dispatch: array<u32>;
+#include outcome_begin
+#include dispatch_2d
+
+// Bits of `overflow`.
+const SPHERES: u32 = 4u;
+const CANDIDATES: u32 = 8u;
+
+@compute @workgroup_size(1)
+fn candidates_test_dispatch_args() {
+    let count = atomicLoad(&found.found_lo);
+    let full = atomicLoad(&found.found_hi) != 0u || count > skin.candidate_capacity;
+    // Pairs too many in that search are candidates too many here.
+    let others = atomicLoad(&found.overflow) & ~(1u | SPHERES);
+    let overflow = others | select(0u, CANDIDATES, full);
+    let written = select(count, skin.candidate_capacity, full);
+    state.is_complete = select(1u, 0u, overflow != 0u);
+    state.candidates = written;
+    let groups = workgroups_2d((written + 255u) / 256u);
+    dispatch[0] = groups.x;
+    dispatch[1] = groups.y;
+    dispatch[2] = 1u;
+    outcome_begin(overflow, atomicLoad(&found.quarantined));
+    // Of a full list the number of all that were found, so that there may be room for them.
+    atomicStore(&outcome.entries_lo, count);
+    atomicStore(&outcome.entries_hi, atomicLoad(&found.found_hi));
+    atomicStore(&outcome.max_occupancy, 0u);
+}

@@ -1,0 +1,44 @@
+// Second stage of a radix sort pass: for each digit, a workgroup turns its counts in all tiles into their exclusive
+// prefixes, and leaves their sum.
+#include layout
+#include thread
+
+@group(0) @binding(0) var<storage, read> sort_counts: SortCounts;
+@group(0) @binding(1) var<storage, read_write> counts: array<u32>;
+@group(0) @binding(2) var<storage, read_write> totals: array<u32>;
+
+#include workgroup_scan
+const ITEMS: u32 = 8u;
+
+@compute @workgroup_size(256)
+fn radix_scan(
+    @builtin(workgroup_id) id: vec3<u32>,
+#include thread_builtins
+) {
+#include thread_from_builtins
+    let tiles = sort_counts.counters / 256u;
+    let row = id.x * tiles;
+    let rounds = (tiles + WORKGROUP_SIZE * ITEMS - 1u) / (WORKGROUP_SIZE * ITEMS);
+    var carry = 0u;
+    for (var round = 0u; round < rounds; round++) {
+        let mine = (round * WORKGROUP_SIZE + thread.local_index) * ITEMS;
+        var sum = 0u;
+        for (var item = 0u; item < ITEMS; item++) {
+            if (mine + item < tiles) {
+                sum += counts[row + mine + item];
+            }
+        }
+        var running = carry + workgroup_scan(sum, thread);
+        carry += workgroup_sum();
+        for (var item = 0u; item < ITEMS; item++) {
+            if (mine + item < tiles) {
+                let next = running + counts[row + mine + item];
+                counts[row + mine + item] = running;
+                running = next;
+            }
+        }
+    }
+    if (thread.local_index == 0u) {
+        totals[id.x] = carry;
+    }
+}

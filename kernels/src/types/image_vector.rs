@@ -1,0 +1,209 @@
+//! From one point to the nearest image of another, and the contact test that decides on pairs.
+
+use super::triclinic::shifted;
+use crate::Space;
+
+/// The way from one point to the nearest image of another.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct ImageVector {
+    /// The numbers of edges `S` that lead to the image.
+    pub shift: [i32; 3],
+    /// `(to − from) + (S₁e₁ + S₂e₂ + S₃e₃)`, in the length unit of the spheres.
+    pub vector: [f64; 3],
+}
+
+impl ImageVector {
+    /// The length of the vector. Nothing overflows or underflows.
+    #[inline]
+    pub fn length(&self) -> f64 {
+        let root = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
+        let [x, y, z] = self.vector;
+        if PLAIN_SQUARES.contains(&(x * x + y * y + z * z)) {
+            return root(self.vector);
+        }
+        match largest(self.vector, 0.0) {
+            0.0 => 0.0,
+            size if size < *PLAIN.start() => root(self.vector.map(|number| number * UP)) / UP,
+            size if size > *PLAIN.end() => root(self.vector.map(|number| number * DOWN)) / DOWN,
+            _ => root(self.vector),
+        }
+    }
+}
+
+/// Lengths whose squares, and the roundings of these, are normal numbers.
+const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
+/// Their squares.
+const PLAIN_SQUARES: std::ops::RangeInclusive<f64> = 1.1e-289..=9.6e288;
+/// Powers of two that bring other lengths there.
+const DOWN: f64 = f64::from_bits((1023 - 600) << 52);
+const UP: f64 = f64::from_bits((1023 + 600) << 52);
+
+impl Space {
+    /// The way from a point to the nearest image of another, by the expression with which detectors decide on pairs.
+    ///
+    /// ```
+    /// # use lazygrid_kernels::Space;
+    /// let space = Space::periodic([Some(10.0), None, None])?;
+    /// let bond = space.minimum_image([0.5, 0.0, 0.0], [9.5, 1.0, 0.0]);
+    /// assert_eq!((bond.shift, bond.vector), ([-1, 0, 0], [-1.0, 1.0, 0.0]));
+    /// # Ok::<(), lazygrid_kernels::InputError>(())
+    /// ```
+    #[inline]
+    pub fn minimum_image(&self, from: [f64; 3], to: [f64; 3]) -> ImageVector {
+        let (shift, vector) = self.nearest(from, to);
+        ImageVector { shift: shift.map(|count| count as i32), vector }
+    }
+
+    /// The exact contact test of the contract: whether nearest images of spheres `a` and `b`, given as `x, y, z, r`, touch,
+    /// or are within a `distance` if there is one. Nothing overflows or underflows.
+    #[inline]
+    pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
+        self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)
+    }
+
+    /// The same test of sphere `a` and one image of `b`, the one that this many edges lead to.
+    pub fn touch_image(&self, a: [f64; 4], b: [f64; 4], shift: [f64; 3], distance: Option<f64>) -> bool {
+        self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
+    }
+
+    /// `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for the shift `S` and the edges `e`.
+    pub fn image(&self, vector: [f64; 3], shift: [f64; 3]) -> [f64; 3] {
+        shifted(vector, shift, &self.cell_vectors())
+    }
+
+    #[inline]
+    fn decide(
+        &self,
+        a: [f64; 4],
+        b: [f64; 4],
+        distance: Option<f64>,
+        way: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
+    ) -> bool {
+        let (vector, reach) = (way(self, center(a), center(b)), distance.unwrap_or(a[3] + b[3]));
+        let largest = largest(vector, reach);
+        if PLAIN.contains(&largest) {
+            is_within(vector, reach)
+        } else if largest < *PLAIN.start() {
+            // Differences of numbers are whole numbers of the smallest one, so that nothing is lost yet.
+            is_within(vector.map(|number| number * UP), reach * UP)
+        } else {
+            self.decide_scaled([a, b], distance, way)
+        }
+    }
+
+    /// The same of numbers all of which are divided by a power of two, so that no difference or sum overflows.
+    #[cold]
+    fn decide_scaled(
+        &self,
+        spheres: [[f64; 4]; 2],
+        distance: Option<f64>,
+        way: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
+    ) -> bool {
+        let [a, b] = spheres.map(|numbers| numbers.map(|number| number * DOWN));
+        let reach = distance.map_or(a[3] + b[3], |distance| distance * DOWN);
+        is_within(way(&self.scaled(DOWN), center(a), center(b)), reach)
+    }
+
+    /// The numbers of edges that lead to the nearest image, and the vector to it.
+    #[inline]
+    fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let apart = apart(from, to);
+        if let Some(cell) = self.triclinic_cell() {
+            return cell.minimum_image(apart);
+        }
+        let (mut shift, mut vector) = ([0.0; 3], apart);
+        for (axis, length) in self.lengths().into_iter().enumerate() {
+            if let Some(length) = length {
+                (shift[axis], vector[axis]) = nearest_along(apart[axis], length);
+            }
+        }
+        (shift, vector)
+    }
+}
+
+/// The number of lengths that leads to the nearest image along an axis, and that image.
+#[inline]
+fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
+    // Most are nowhere near half a length, and need no division.
+    if apart.abs() < 0.49 * length {
+        return (0.0, apart);
+    }
+    let turns = -(apart / length).round();
+    let other = turns + if apart + turns * length < 0.0 { 1.0 } else { -1.0 };
+    let (image, beside) = (apart + turns * length, apart + other * length);
+    if beside.abs() < image.abs() { (other, beside) } else { (turns, image) }
+}
+
+#[inline]
+fn apart(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|axis| to[axis] - from[axis])
+}
+
+fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
+    [x, y, z]
+}
+
+/// The largest of the numbers that are squared, or infinity if one of them is no number.
+fn largest(vector: [f64; 3], reach: f64) -> f64 {
+    let [x, y, z] = vector.map(f64::abs);
+    let largest = x.max(y).max(z).max(reach);
+    if (x + y + z).is_nan() { f64::INFINITY } else { largest }
+}
+
+fn is_within([x, y, z]: [f64; 3], reach: f64) -> bool {
+    x * x + y * y + z * z <= reach * reach
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn contact_is_exact_at_any_magnitude() {
+        for exponent in [-1060, -900, -500, -300, 0, 300, 480, 1010] {
+            let unit = 2.0_f64.powi(exponent / 2) * 2.0_f64.powi(exponent - exponent / 2);
+            let a = [0.0, 0.0, 0.0, 2.0 * unit];
+            let touching = [3.0 * unit, 4.0 * unit, 0.0, 3.0 * unit];
+            let [x, y, z, r] = touching;
+            assert!(Space::UNBOUNDED.touch(a, touching, None), "2^{exponent}");
+            assert!(!Space::UNBOUNDED.touch(a, [x, y.next_up(), z, r], None), "2^{exponent}");
+            assert!(!Space::UNBOUNDED.touch(a, [x, y, z, r.next_down().next_down()], None), "2^{exponent}");
+            assert!(Space::UNBOUNDED.touch(a, touching, Some(5.0 * unit)), "2^{exponent}");
+        }
+        let [left, right] = [[-f64::MAX, 0.0, 0.0, 1.0], [f64::MAX, 0.0, 0.0, 1.0]];
+        assert!(!Space::UNBOUNDED.touch(left, right, None));
+        assert!(Space::UNBOUNDED.touch(left, right, Some(f64::MAX)) == (2.0 * f64::MAX <= f64::MAX));
+        let [left, right] = [left, right].map(|[x, y, z, _]| [x, y, z, f64::MAX]);
+        assert!(Space::UNBOUNDED.touch(left, right, None));
+        for far in [[0.0; 4], [1e300, -1e300, 1e200, 0.0], [1e-300, 0.0, 0.0, 0.0]] {
+            assert!(Space::UNBOUNDED.touch(far, far, None), "{far:?}");
+        }
+    }
+
+    #[test]
+    fn shifts_and_edges_make_the_vector() {
+        let edges = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
+        let space = Space::triclinic(edges).expect("a box");
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            40.0 * ((state >> 11) as f64 / (1_u64 << 53) as f64) - 20.0
+        };
+        for _ in 0..2000 {
+            let [from, to] = [(); 2].map(|()| [(); 3].map(|()| random()));
+            let ImageVector { shift, vector, .. } = space.minimum_image(from, to);
+            let expected = [0, 1, 2].map(|axis| {
+                let along = |k: usize| f64::from(shift[k]) * edges[k].expect("an edge")[axis];
+                (to[axis] - from[axis]) + (along(0) + along(1) + along(2))
+            });
+            assert_eq!(vector, expected);
+            let squared = |v: [f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+            for k in 0..125 {
+                let beside = [k % 5, k / 5 % 5, k / 25].map(|count| f64::from(count) - 2.0);
+                let image = shifted(vector, beside, &edges);
+                assert!(squared(image) >= squared(vector) * (1.0 - 1e-12), "{from:?}, {to:?}, {beside:?}");
+            }
+        }
+    }
+}

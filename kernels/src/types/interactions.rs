@@ -1,0 +1,183 @@
+use crate::InputError;
+
+/// The condition for two spheres of given species to be a pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Interaction {
+    /// Never a pair.
+    Never,
+    /// A pair when they overlap or touch: centre distance ≤ `ri + rj`.
+    #[default]
+    Touch,
+    /// A pair when their centres are at most this far apart, for any radii: a reaction's binding radius.
+    Within(f64),
+}
+
+impl Interaction {
+    /// The largest distance of the centers of a pair whose radii add up to `radii`; `None` if there are no pairs.
+    #[inline]
+    pub fn cutoff(self, radii: f64) -> Option<f64> {
+        self.distance().map(|distance| distance.unwrap_or(radii))
+    }
+
+    /// The distance at which spheres pair whatever their radii, if there is one; `None` if they never pair.
+    #[inline]
+    pub fn distance(self) -> Option<Option<f64>> {
+        match self {
+            Self::Never => None,
+            Self::Touch => Some(None),
+            Self::Within(distance) => Some(Some(distance)),
+        }
+    }
+}
+
+/// A symmetric table: for any two species, what makes them a pair.
+///
+/// Reaction radii in reaction–diffusion models are not sums of radii, and most species pairs do not react at
+/// all; both are said here and decided before a pair is emitted.
+///
+/// ```
+/// # use lazygrid_kernels::{Interaction, Interactions};
+/// let (acid, base) = (0, 1);
+/// let mut reactions = Interactions::new(2, Interaction::Never)?;
+/// reactions.set(acid, base, Interaction::Within(0.2))?;
+/// assert_eq!(reactions.get(base, acid), Interaction::Within(0.2));
+/// # Ok::<(), lazygrid_kernels::InputError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interactions {
+    species: u32,
+    table: Vec<Interaction>,
+    /// `true` if all distances that it ever had are `f32` numbers.
+    is_narrow: bool,
+}
+
+impl Interactions {
+    /// The most species a table may have; 4096² entries are 128 MiB.
+    pub const MAX_SPECIES: u32 = 4096;
+
+    /// A table for species `0..species` in which every pair of species has the interaction `all`.
+    ///
+    /// # Errors
+    /// [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`]; [`InputError::Distance`] as for [`Self::set`].
+    pub fn new(species: u32, all: Interaction) -> Result<Self, InputError> {
+        if species > Self::MAX_SPECIES {
+            return Err(InputError::SpeciesCount { count: species, limit: Self::MAX_SPECIES });
+        }
+        check(0, 0, all)?;
+        let table = vec![all; species as usize * species as usize];
+        Ok(Self { species, table, is_narrow: is_narrow(all) })
+    }
+
+    /// Sets the interaction of species `a` with species `b`, and of `b` with `a`.
+    ///
+    /// # Errors
+    /// [`InputError::SpeciesId`] for a species outside the table; [`InputError::Distance`] for a distance that
+    /// is negative or not finite.
+    pub fn set(&mut self, a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
+        for id in [a, b] {
+            if id >= self.species {
+                return Err(InputError::SpeciesId { index: None, id, count: self.species });
+            }
+        }
+        check(a, b, interaction)?;
+        self.is_narrow &= is_narrow(interaction);
+        let n = self.species as usize;
+        self.table[a as usize * n + b as usize] = interaction;
+        self.table[b as usize * n + a as usize] = interaction;
+        Ok(())
+    }
+
+    /// The interaction of species `a` with species `b`.
+    ///
+    /// # Panics
+    /// Panics if a species is not in the table.
+    #[inline]
+    pub fn get(&self, a: u32, b: u32) -> Interaction {
+        self.table[a as usize * self.species as usize + b as usize]
+    }
+
+    /// The same with every distance replaced by touching: for spheres as large as their species [effective radius](Self::effective_radius), whose
+    /// pairs are all that this table has and more.
+    pub fn contact_only(&self) -> Self {
+        let contact = |interaction: &Interaction| match interaction {
+            Interaction::Never => Interaction::Never,
+            Interaction::Touch | Interaction::Within(_) => Interaction::Touch,
+        };
+        Self { species: self.species, table: self.table.iter().map(contact).collect(), is_narrow: true }
+    }
+
+    /// Returns `true` if all distances are `f32` numbers, as a device compares them.
+    #[inline]
+    pub fn is_narrow(&self) -> bool {
+        self.is_narrow
+    }
+
+    /// The number of species.
+    pub fn species(&self) -> u32 {
+        self.species
+    }
+
+    /// Half the largest distance of this species with any other, if it pairs by distance; and whether it ever pairs by
+    /// touching.
+    pub fn largest_half(&self, species: u32) -> (f64, bool) {
+        let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
+        row.iter().fold((0.0, false), |(half, touches), with| match *with {
+            Interaction::Never => (half, touches),
+            Interaction::Touch => (half, true),
+            Interaction::Within(distance) => (half.max(0.5 * distance), touches),
+        })
+    }
+
+    /// The rule for the effective radius of this species; see [`EffectiveRadius`].
+    pub fn effective_radius(&self, species: u32) -> EffectiveRadius {
+        let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
+        row.iter().fold(EffectiveRadius { touches: false, half: 0.0 }, |reach, with| match *with {
+            Interaction::Never => reach,
+            Interaction::Touch => EffectiveRadius { touches: true, ..reach },
+            Interaction::Within(distance) => {
+                EffectiveRadius { half: reach.half.max(half_up(distance)), ..reach }
+            }
+        })
+    }
+}
+
+/// How far a species' interactions reach: any two spheres that may pair have centres no farther apart than the
+/// sum of their effective radii, so that every culling rule made for plain radii stays valid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EffectiveRadius {
+    /// `true` if some pair of this species is decided by touching.
+    pub touches: bool,
+    /// Half the largest interaction distance with any species.
+    pub half: f32,
+}
+
+impl EffectiveRadius {
+    /// The effective radius of a sphere of this species.
+    #[inline]
+    pub fn for_radius(self, radius: f32) -> f32 {
+        if self.touches { self.half.max(radius) } else { self.half }
+    }
+}
+
+/// Half of `distance`, rounded up to `f32`, or its largest finite number.
+fn half_up(distance: f64) -> f32 {
+    let half = (0.5 * distance) as f32;
+    let half = if 2.0 * f64::from(half) < distance { half.next_up() } else { half };
+    half.min(f32::MAX)
+}
+
+fn is_narrow(interaction: Interaction) -> bool {
+    match interaction {
+        Interaction::Within(distance) => f64::from(distance as f32) == distance,
+        Interaction::Never | Interaction::Touch => true,
+    }
+}
+
+fn check(a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
+    match interaction {
+        Interaction::Within(d) if !(d.is_finite() && d >= 0.0) => {
+            Err(InputError::Distance { a, b, distance: d })
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,145 @@
+//! The images of points in a periodic space.
+
+use glam::DVec3;
+
+use super::triclinic::{combination, inverse, power_of_two_below};
+use crate::Space;
+
+/// The vectors along which a space repeats, as short and as orthogonal as they can be, and how far apart images lie.
+///
+/// Its numbers are in a length unit of its own, a power of two times the unit of the spheres, in which no product overflows.
+#[derive(Clone, Copy, Debug)]
+pub struct Lattice {
+    /// The number of vectors along which the space repeats. They are the first ones of the basis.
+    rank: usize,
+    unit: f64,
+    basis: [DVec3; 3],
+    inverse: [DVec3; 3],
+    /// The number of each edge of the space in each vector of the basis.
+    turns: [[f64; 3]; 3],
+}
+
+/// A point, moved into the box that the vectors of a [`Lattice`] span.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Folded {
+    /// The point in the unit of the lattice.
+    pub point: [f64; 3],
+    /// The number of each vector of the basis that was subtracted.
+    pub counts: [f64; 3],
+    /// The part of each vector of the basis that remains, between 0 and 1 up to rounding.
+    pub fractions: [f64; 3],
+}
+
+impl Lattice {
+    /// Creates the lattice of a space; `None` if the space does not repeat.
+    pub fn new(space: &Space) -> Option<Self> {
+        if let Some(cell) = space.triclinic_cell() {
+            return Some(cell.lattice());
+        }
+        let lengths = space.lengths();
+        let longest = lengths.into_iter().flatten().reduce(f64::max)?;
+        let unit = power_of_two_below(longest.recip().min(f64::MAX));
+        let (mut basis, mut turns) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
+        let axes = (0..3).filter(|&axis| lengths[axis].is_some());
+        let rest = (0..3).filter(|&axis| lengths[axis].is_none());
+        for (k, axis) in axes.chain(rest).enumerate() {
+            basis[k] = DVec3::AXES[axis] * lengths[axis].map_or(1.0, |length| length * unit);
+            turns[k][axis] = f64::from(u8::from(lengths[axis].is_some()));
+        }
+        Some(Self::from_parts(lengths.iter().flatten().count(), unit, basis, turns))
+    }
+
+    pub(crate) fn from_parts(rank: usize, unit: f64, basis: [DVec3; 3], turns: [[f64; 3]; 3]) -> Self {
+        Self { rank, unit, basis, inverse: inverse(&basis), turns }
+    }
+
+    /// The number of vectors along which the space repeats.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// The factor that takes lengths of the spheres to the unit of the lattice, a power of two.
+    pub fn unit(&self) -> f64 {
+        self.unit
+    }
+
+    /// The distance between neighboring images of the plane that the other vectors span, for each vector, in the unit of the
+    /// lattice. No image of a point is nearer to it than the smallest of the first [`rank`](Self::rank) ones.
+    pub fn heights(&self) -> [f64; 3] {
+        self.inverse.map(|row| row.length().recip())
+    }
+
+    /// Moves a point into the box that the vectors span. Along other directions it stays where it is.
+    pub fn fold(&self, point: [f64; 3]) -> Folded {
+        let mut folded = DVec3::from(point) * self.unit;
+        let mut counts = [0.0; 3];
+        // Far away the first division leaves more than one vector.
+        for _ in 0..4 {
+            let parts =
+                [0, 1, 2].map(|k| if k < self.rank { self.inverse[k].dot(folded).floor() } else { 0.0 });
+            if parts == [0.0; 3] {
+                break;
+            }
+            (0..3).for_each(|k| counts[k] += parts[k]);
+            folded = DVec3::from(point) * self.unit - combination(&self.basis, counts);
+        }
+        let fractions = self.inverse.map(|row| row.dot(folded));
+        Folded { point: folded.to_array(), counts, fractions }
+    }
+
+    /// The image of a folded point by this many vectors of the basis, in the unit of the lattice.
+    pub fn image(&self, folded: &Folded, steps: [f64; 3]) -> [f64; 3] {
+        (DVec3::from(folded.point) + combination(&self.basis, steps)).to_array()
+    }
+
+    /// The number of each edge of the space in this many vectors of the basis.
+    pub fn shift(&self, counts: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|edge| (0..3).map(|k| counts[k] * self.turns[k][edge]).sum())
+    }
+
+    /// An upper bound for the rounding error, in the unit of the lattice, of vectors between images for which up to this many
+    /// vectors of the basis are added to coordinates of up to `extent` of that unit: in a fold, in [`image`](Self::image), and
+    /// in [`Space::image`].
+    pub fn rounding(&self, extent: f64, counts: [f64; 3]) -> f64 {
+        const PART: f64 = 1.0 / (1_u64 << 47) as f64;
+        // No edge is longer than 2 in the unit of the lattice.
+        let edges = |k: usize| 2.0 * self.turns[k].iter().map(|turns| turns.abs()).sum::<f64>();
+        PART * (extent + (0..self.rank).map(|k| (counts[k] + 1.0) * edges(k)).sum::<f64>())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folds_are_undone_by_their_shifts() {
+        let edges = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
+        let spaces = [
+            Space::triclinic(edges),
+            Space::triclinic([edges[0], None, edges[2]]),
+            Space::periodic([None, Some(0.7), Some(2e9)]),
+            Space::periodic([Some(3e-300), None, None]),
+        ];
+        for space in spaces.map(|space| space.expect("a space")) {
+            let lattice = Lattice::new(&space).expect("it repeats");
+            let rank = space.cell_vectors().iter().flatten().count();
+            assert_eq!(lattice.rank(), rank);
+            for point in [[0.0; 3], [1.5, -2.25, 3.0], [-41.0, 1e4, 77.0]] {
+                let point = point.map(|number| number / lattice.unit());
+                let folded = lattice.fold(point);
+                for fraction in &folded.fractions[..rank] {
+                    assert!((-1e-6..1.0 + 1e-6).contains(fraction), "{space:?}: {folded:?}");
+                }
+                let back = space.image(point, lattice.shift(folded.counts.map(|count| -count)));
+                let extent = 1e4_f64.max(lattice.unit());
+                let bound = lattice.rounding(extent, folded.counts.map(f64::abs));
+                for (number, expected) in back.into_iter().zip(folded.point) {
+                    let error = (number * lattice.unit() - expected).abs();
+                    assert!(error <= bound, "{space:?}: {error:e}");
+                }
+            }
+        }
+        assert!(Lattice::new(&Space::UNBOUNDED).is_none());
+    }
+}

@@ -1,0 +1,12 @@
+//! Spheres, pairs, spaces and the rules that decide which spheres pair.
+
+pub(crate) mod exclusions;
+pub(crate) mod image_vector;
+pub(crate) mod interactions;
+pub(crate) mod lattice;
+pub(crate) mod pair;
+pub(crate) mod query;
+pub(crate) mod real;
+pub(crate) mod space;
+pub(crate) mod sphere;
+pub(crate) mod triclinic;

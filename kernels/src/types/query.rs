@@ -1,0 +1,108 @@
+use crate::{Exclusions, InputError, Spheres};
+
+/// A question to a detector: the pairs among one set of spheres, or those of one sphere of each of two sets, without the
+/// excluded ones.
+///
+/// Every search of a detector takes anything that converts into a query: a set of spheres, a tuple of two sets, or a query
+/// with exclusions.
+///
+/// ```
+/// # use lazygrid_kernels::{Exclusions, Query, Sphere};
+/// let atoms = [0.0, 0.5, 1.0].map(|x| Sphere::new([x, 0.0, 0.0], 0.3));
+/// let walls = [Sphere::new([2.0, 0.0, 0.0], 1.0)];
+/// let bonds = Exclusions::new(3, [(0, 1)])?;
+/// let among = Query::new(&atoms).without(&bonds);
+/// let across = Query::new((&atoms, &walls));
+/// assert_eq!((among.len(), across.len(), across.split()), (3, 4, Some(3)));
+/// # Ok::<(), lazygrid_kernels::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Query<'a> {
+    first: Spheres<'a>,
+    second: Option<Spheres<'a>>,
+    exclusions: Option<&'a Exclusions>,
+}
+
+impl<'a> Query<'a> {
+    /// Creates a query from one set of spheres, or from a tuple of two.
+    pub fn new(of: impl Into<Query<'a>>) -> Self {
+        of.into()
+    }
+
+    /// Excludes these pairs from the result. The search checks that they were made for as many spheres as it is given.
+    pub fn without(self, pairs: &'a Exclusions) -> Self {
+        Self { exclusions: Some(pairs), ..self }
+    }
+
+    /// The only set, or the first of two.
+    #[inline]
+    pub fn first(&self) -> Spheres<'a> {
+        self.first
+    }
+
+    /// The second set, if there are two.
+    #[inline]
+    pub fn second(&self) -> Option<Spheres<'a>> {
+        self.second
+    }
+
+    /// The excluded pairs, if any were given.
+    #[inline]
+    pub fn exclusions(&self) -> Option<&'a Exclusions> {
+        self.exclusions
+    }
+
+    /// The number of spheres of both sets together.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.first.len() + self.second.map_or(0, |second| second.len())
+    }
+
+    /// Returns `true` if there is no sphere.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The number of spheres of the first set if there are two. In the numbering of a search the second set follows there.
+    #[inline]
+    pub fn split(&self) -> Option<usize> {
+        self.second.map(|_| self.first.len())
+    }
+
+    /// Checks that the exclusions were made for these numbers of spheres.
+    ///
+    /// # Errors
+    /// [`InputError::ExclusionSizeMismatch`].
+    pub fn check_exclusions(&self) -> Result<(), InputError> {
+        let given = (self.first.len(), self.second.map(|second| second.len()));
+        match self.exclusions.map(Exclusions::spheres) {
+            Some(made_for) if made_for != given => Err(InputError::ExclusionSizeMismatch { made_for, given }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Runs a check of each set. An error of the second one is an [`InputError::SecondSet`].
+    ///
+    /// # Errors
+    /// The errors of `check`.
+    pub fn check_each(
+        &self,
+        check: impl Fn(Spheres<'a>) -> Result<(), InputError>,
+    ) -> Result<(), InputError> {
+        check(self.first)?;
+        self.second
+            .map_or(Ok(()), |second| check(second).map_err(|error| InputError::SecondSet(Box::new(error))))
+    }
+}
+
+impl<'a, S: Into<Spheres<'a>>> From<S> for Query<'a> {
+    fn from(spheres: S) -> Self {
+        Self { first: spheres.into(), second: None, exclusions: None }
+    }
+}
+
+impl<'a, A: Into<Spheres<'a>>, B: Into<Spheres<'a>>> From<(A, B)> for Query<'a> {
+    fn from((first, second): (A, B)) -> Self {
+        Self { first: first.into(), second: Some(second.into()), exclusions: None }
+    }
+}

@@ -1,0 +1,288 @@
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use super::real::{Radii, Real, Strided, Wide};
+use crate::InputError;
+
+/// The most spheres one call can name: indices are `u32` and the last two values are reserved.
+pub const MAX_SPHERES: u64 = u32::MAX as u64 - 1;
+
+/// A sphere: centre and radius in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
+///
+/// Any finite centre is allowed, anywhere in space. Radius 0 is a point; a negative, infinite or NaN radius
+/// and a centre that is not finite are refused by the detectors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Sphere {
+    /// Centre.
+    pub center: Vec3,
+    /// Radius, ≥ 0.
+    pub radius: f32,
+}
+
+impl Sphere {
+    /// A sphere from anything that converts to a vector, such as `[x, y, z]`.
+    pub fn new(center: impl Into<Vec3>, radius: f32) -> Self {
+        Self { center: center.into(), radius }
+    }
+
+    /// Returns `true` if the detectors accept this sphere: all values finite and the radius not negative.
+    #[inline]
+    pub fn is_valid(&self) -> bool {
+        self.center.is_finite() && self.radius.is_finite() && self.radius >= 0.0
+    }
+}
+
+impl From<[f32; 4]> for Sphere {
+    fn from([x, y, z, r]: [f32; 4]) -> Self {
+        Self::new([x, y, z], r)
+    }
+}
+
+/// A borrowed set of spheres, never copied here: rows (`&[Sphere]`, `&[[T; 4]]`), columns (four `&[T]`) or points with radii,
+/// where `T` is `f32` or `f64`; and optionally a species id and a group per sphere. No number is rounded.
+///
+/// ```
+/// # use lazygrid_kernels::{Sphere, Spheres};
+/// let rows = vec![[0.0, 0.0, 0.0, 1.0_f32], [1.5, 0.0, 0.0, 1.0]];
+/// let spheres = Spheres::from(&rows);
+/// assert_eq!(spheres.get(1), Sphere::new([1.5, 0.0, 0.0], 1.0));
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Spheres<'a> {
+    layout: Layout<'a>,
+    species: Option<&'a [u32]>,
+    groups: Option<&'a [u32]>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Layout<'a> {
+    Rows(&'a [Sphere]),
+    Columns([&'a [f32]; 4]),
+    Wide(Wide<'a>),
+}
+
+impl<'a> Spheres<'a> {
+    /// The group of spheres that are in none: see [`with_groups`](Self::with_groups).
+    pub const NO_GROUP: u32 = u32::MAX;
+
+    fn of(layout: Layout<'a>) -> Self {
+        Self { layout, species: None, groups: None }
+    }
+
+    /// Spheres stored as structure of arrays: `x`, `y`, `z` and `r`, all of one length.
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] where the lengths differ.
+    pub fn columns<T: Real>(x: &'a [T], y: &'a [T], z: &'a [T], r: &'a [T]) -> Result<Self, InputError> {
+        for (what, column) in [("y", y), ("z", z), ("r", r)] {
+            if column.len() != x.len() {
+                return Err(InputError::Lengths { what, length: column.len(), expected: x.len() });
+            }
+        }
+        let columns = [x, y, z, r];
+        Ok(Self::of(match T::narrow(columns) {
+            Some(columns) => Layout::Columns(columns),
+            None => Layout::Wide(T::wide(Strided::of_columns(columns))),
+        }))
+    }
+
+    /// Points with one radius for all, or one each.
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] unless there is one radius per point.
+    pub fn points<T: Real>(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
+        Ok(Self::strided(Strided::of_points(centers, radii)?))
+    }
+
+    /// Spheres in strided memory.
+    pub fn strided<T: Real>(strided: Strided<'a, T>) -> Self {
+        Self::of(Layout::Wide(T::wide(strided)))
+    }
+
+    /// Adds a species id per sphere, for [`Interactions`](crate::Interactions).
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] if there is not one id per sphere.
+    pub fn with_species(mut self, species: &'a [u32]) -> Result<Self, InputError> {
+        if species.len() != self.len() {
+            let (length, expected) = (species.len(), self.len());
+            return Err(InputError::Lengths { what: "species", length, expected });
+        }
+        self.species = Some(species);
+        Ok(self)
+    }
+
+    /// Adds a group per sphere: a molecule, a rigid body. Two spheres of one group are never a pair, but for those of
+    /// [`NO_GROUP`](Self::NO_GROUP). In a search between two sets groups of both are the same where their numbers are.
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] if there is not one group per sphere.
+    pub fn with_groups(mut self, groups: &'a [u32]) -> Result<Self, InputError> {
+        if groups.len() != self.len() {
+            let (length, expected) = (groups.len(), self.len());
+            return Err(InputError::Lengths { what: "groups", length, expected });
+        }
+        self.groups = Some(groups);
+        Ok(self)
+    }
+
+    /// The number of spheres.
+    #[inline]
+    pub fn len(&self) -> usize {
+        match self.layout {
+            Layout::Rows(rows) => rows.len(),
+            Layout::Columns([x, ..]) => x.len(),
+            Layout::Wide(wide) => wide.len(),
+        }
+    }
+
+    /// Returns `true` if there is no sphere.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Sphere `i`, rounded to `f32`: see [`get_f64`](Self::get_f64).
+    ///
+    /// # Panics
+    /// If `i` is not below [`len`](Self::len), as indexing a slice does.
+    #[inline]
+    pub fn get(&self, i: usize) -> Sphere {
+        match self.layout {
+            Layout::Rows(rows) => rows[i],
+            Layout::Columns([x, y, z, r]) => Sphere::new([x[i], y[i], z[i]], r[i]),
+            Layout::Wide(wide) => rounded(&wide, i),
+        }
+    }
+
+    /// The numbers `x, y, z, r` of sphere `i` as given.
+    ///
+    /// # Panics
+    /// The same as [`get`](Self::get).
+    #[inline]
+    pub fn get_f64(&self, i: usize) -> [f64; 4] {
+        match self.layout {
+            Layout::Wide(wide) => wide.get(i),
+            Layout::Rows(_) | Layout::Columns(_) => {
+                let Sphere { center, radius } = self.get(i);
+                [center.x, center.y, center.z, radius].map(f64::from)
+            }
+        }
+    }
+
+    /// Writes the numbers of the spheres from `from` on, as many as there is room for.
+    ///
+    /// # Panics
+    /// If there are fewer spheres.
+    #[inline]
+    pub fn read(&self, from: usize, into: &mut [[f64; 4]]) {
+        match self.layout {
+            Layout::Wide(wide) => wide.read(from, into),
+            Layout::Rows(_) | Layout::Columns(_) => {
+                into.iter_mut().zip(from..).for_each(|(numbers, k)| *numbers = self.get_f64(k));
+            }
+        }
+    }
+
+    /// Returns `true` if the detectors accept sphere `i`, as given.
+    pub fn is_valid(&self, i: usize) -> bool {
+        let numbers = self.get_f64(i);
+        numbers.iter().all(|number| number.is_finite()) && numbers[3] >= 0.0
+    }
+
+    /// Returns `true` if the numbers are `f64`.
+    pub fn is_f64(&self) -> bool {
+        matches!(self.layout, Layout::Wide(Wide::F64(_)))
+    }
+
+    /// Returns `true` if the spheres lie in memory as rows or columns of `f32`, as searches read them.
+    pub fn is_narrow(&self) -> bool {
+        !matches!(self.layout, Layout::Wide(_))
+    }
+
+    /// The spheres as one slice where they are stored as rows.
+    #[inline]
+    pub fn as_rows(&self) -> Option<&'a [Sphere]> {
+        match self.layout {
+            Layout::Rows(rows) => Some(rows),
+            Layout::Columns(_) | Layout::Wide(_) => None,
+        }
+    }
+
+    /// The species ids, if any were given.
+    #[inline]
+    pub fn species(&self) -> Option<&'a [u32]> {
+        self.species
+    }
+
+    /// The groups, if any were given.
+    #[inline]
+    pub fn groups(&self) -> Option<&'a [u32]> {
+        self.groups
+    }
+
+    /// The same spheres without groups.
+    pub fn without_groups(self) -> Self {
+        Self { groups: None, ..self }
+    }
+
+    /// All spheres in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Sphere> + '_ {
+        (0..self.len()).map(|i| self.get(i))
+    }
+}
+
+/// Sphere `i`, rounded. Kept out of line: searches read rows and columns, whose loops it would make longer.
+#[cold]
+#[inline(never)]
+fn rounded(wide: &Wide<'_>, i: usize) -> Sphere {
+    Sphere::from(wide.get(i).map(|number| number as f32))
+}
+
+impl<'a> From<&'a [Sphere]> for Spheres<'a> {
+    fn from(rows: &'a [Sphere]) -> Self {
+        Self::of(Layout::Rows(rows))
+    }
+}
+
+impl<'a> From<&'a Vec<Sphere>> for Spheres<'a> {
+    fn from(rows: &'a Vec<Sphere>) -> Self {
+        Self::from(rows.as_slice())
+    }
+}
+
+impl<'a, const N: usize> From<&'a [Sphere; N]> for Spheres<'a> {
+    fn from(rows: &'a [Sphere; N]) -> Self {
+        Self::from(rows.as_slice())
+    }
+}
+
+impl<'a> From<&'a [[f32; 4]]> for Spheres<'a> {
+    fn from(rows: &'a [[f32; 4]]) -> Self {
+        Self::from(bytemuck::cast_slice::<[f32; 4], Sphere>(rows))
+    }
+}
+
+impl<'a> From<&'a [[f64; 4]]> for Spheres<'a> {
+    fn from(rows: &'a [[f64; 4]]) -> Self {
+        Self::strided(Strided::of_rows(rows))
+    }
+}
+
+impl<'a, T: Real> From<&'a Vec<[T; 4]>> for Spheres<'a>
+where
+    Self: From<&'a [[T; 4]]>,
+{
+    fn from(rows: &'a Vec<[T; 4]>) -> Self {
+        Self::from(rows.as_slice())
+    }
+}
+
+impl<'a, T: Real, const N: usize> From<&'a [[T; 4]; N]> for Spheres<'a>
+where
+    Self: From<&'a [[T; 4]]>,
+{
+    fn from(rows: &'a [[T; 4]; N]) -> Self {
+        Self::from(rows.as_slice())
+    }
+}

@@ -1,0 +1,368 @@
+//! Spaces that repeat along edges which are not the axes: how far apart nearest images are, and the space with
+//! orthogonal edges in which the pairs of such a space are looked for.
+
+use glam::{DVec3, Vec3};
+
+use super::lattice::Lattice;
+use crate::{InputError, Space, Sphere};
+
+/// How much thinner than its longest edge a box may be: less, and `f64` would no longer tell its images apart.
+const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
+/// Swaps and steps of the reduction at most. Boxes that are no thinner than allowed take some hundreds.
+const MAX_REDUCTION_STEPS: usize = 1 << 16;
+/// Steps in which a vector is folded: each leaves about 2⁻⁵⁰ of what it had.
+const MAX_WRAP_STEPS: usize = 4;
+/// What a swap of the reduction has to gain, so that rounding cannot make it go round for ever.
+const LLL_DELTA: f64 = 0.99;
+/// The part of its coordinates by which a straightened sphere grows: four times what rounding them to `f32` takes, on
+/// three axes.
+const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
+/// From how many lengths away on the roundings of `f64` count as well: there they come to as much as those of `f32`.
+const FAR: f64 = 1.0 / (1 << 20) as f64;
+/// What the reach of straightened spheres has to spare: more than the 5 ulp of its square that a GPU may be wrong by.
+const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
+
+/// The edges of a space that are not all along axes.
+///
+/// All images of a sphere are at whole numbers of *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and
+/// Lovász), so that its vectors are about as short, and as orthogonal, as those images allow, however far the edges
+/// lean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriclinicCell {
+    vectors: [Option<[f64; 3]>; 3],
+    /// The number of vectors.
+    rank: usize,
+    /// A power of two by which numbers are multiplied before they meet the basis, so that no product overflows.
+    unit: f64,
+    /// As many vectors, and behind them such of length 1 that are orthogonal to all before.
+    basis: [DVec3; 3],
+    /// How many of each edge the vectors of the basis are.
+    turns: [[f64; 3]; 3],
+    /// What is orthogonal in each vector to those before it, divided by its squared length.
+    steps: [DVec3; 3],
+    /// The fractions of the basis that a vector has: rows of the inverse.
+    inverse: [DVec3; 3],
+    /// `true` if its straight coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Asked in every call, so found
+    /// once.
+    is_narrow: bool,
+}
+
+impl TriclinicCell {
+    /// The shear of these vectors.
+    ///
+    /// # Errors
+    /// [`InputError::CellVectors`] for edges that are not finite, or span a box far thinner than it is long.
+    pub(crate) fn new(vectors: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
+        let refused = || InputError::CellVectors { vectors: Box::new(vectors) };
+        let largest = vectors.iter().flatten().flatten().fold(0.0_f64, |most, number| most.max(number.abs()));
+        if !(largest.is_finite() && largest > 0.0) {
+            return Err(refused());
+        }
+        let unit = power_of_two_below(largest.recip().min(f64::MAX));
+        let (mut basis, mut turns) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
+        let mut rank = 0;
+        for (k, edge) in vectors.iter().enumerate() {
+            let Some(edge) = edge else { continue };
+            basis[rank] = DVec3::from(*edge) * unit;
+            turns[rank][k] = 1.0;
+            rank += 1;
+        }
+        let longest = basis.iter().fold(0.0, |longest, edge| edge.length().max(longest));
+        let heights = heights(&inverse(&completed(basis, rank)));
+        if !(longest.is_finite() && heights[..rank].iter().all(|&height| height >= MIN_THICKNESS * longest)) {
+            return Err(refused());
+        }
+        reduce(&mut basis[..rank], &mut turns);
+        let basis = completed(basis, rank);
+        let orthogonal = [0, 1, 2].map(|k| orthogonal_part(&basis, k));
+        let steps = orthogonal.map(|part| part / part.length_squared());
+        let inverse = inverse(&basis);
+        let mut cell = Self { vectors, rank, unit, basis, turns, steps, inverse, is_narrow: false };
+        cell.is_narrow = cell.orthogonal_space(Orthogonalization::SCALE).is_normal();
+        Ok(cell)
+    }
+
+    /// The edges as they were given.
+    pub(crate) fn vectors(&self) -> [Option<[f64; 3]>; 3] {
+        self.vectors
+    }
+
+    /// The orthogonal space with straight coordinates of this scale.
+    pub fn orthogonal_space(&self, scale: f64) -> Orthogonalization {
+        let heights = heights(&self.inverse);
+        // In a unit that is a power of two too, so that nothing is rounded twice.
+        let factor = scale / self.unit;
+        let lengths = [0, 1, 2].map(|k| match k < self.rank {
+            true => f64::from(((heights[k] * factor) as f32).max(f32::MIN_POSITIVE)),
+            false => heights[k] * factor,
+        });
+        let rows = [0, 1, 2].map(|k| self.inverse[k] * lengths[k]);
+        let stretch = norm_bound(rows) * self.unit;
+        Orthogonalization { rank: self.rank, unit: self.unit, inverse: self.inverse, lengths, stretch }
+    }
+
+    /// The same edges in a unit that is `1 / scale` of this one's.
+    pub(crate) fn scaled(self, scale: f64) -> Self {
+        let vectors = self.vectors.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
+        Self { vectors, unit: self.unit / scale, ..self }
+    }
+
+    /// Returns `true` if `f32` spheres can be searched in its straight coordinates at [`Orthogonalization::SCALE`].
+    pub(crate) fn is_narrow(&self) -> bool {
+        self.is_narrow
+    }
+
+    /// The reduced basis as a lattice.
+    pub(crate) fn lattice(&self) -> Lattice {
+        let mut basis = self.basis;
+        for (vector, turns) in basis.iter_mut().zip(&self.turns).take(self.rank) {
+            // Without the roundings of the reduction.
+            *vector = DVec3::from(shifted([0.0; 3], *turns, &self.vectors)) * self.unit;
+        }
+        Lattice::from_parts(self.rank, self.unit, basis, self.turns)
+    }
+
+    /// The longest edge.
+    pub fn longest(&self) -> f64 {
+        self.vectors
+            .iter()
+            .flatten()
+            .map(|edge| (DVec3::from(*edge) * self.unit).length())
+            .fold(0.0, f64::max)
+            / self.unit
+    }
+
+    /// The number of vectors.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// The numbers of edges that, added to a vector, give its nearest image, and that image.
+    ///
+    /// Why nine images are enough: a vector that has at most half of each basis vector is at most
+    /// `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for the nearest image, where `rₖ` is the part of the `k`-th basis
+    /// vector that is orthogonal to those before it. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`, and only
+    /// −1, 0 and 1 times the third vector can lead there from at most half of it. In each of these three planes the
+    /// same holds of the second vector, and along the first one the nearest image is found by rounding.
+    pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let scaled = DVec3::from(vector) * self.unit;
+        let mut counts = [0.0; 3];
+        let mut apart = scaled;
+        // Far away the first division leaves more than half of a vector.
+        for _ in 0..MAX_WRAP_STEPS {
+            let parts =
+                [0, 1, 2].map(|k| if k < self.rank { -self.inverse[k].dot(apart).round() } else { 0.0 });
+            if parts == [0.0; 3] {
+                break;
+            }
+            (0..3).for_each(|k| counts[k] += parts[k]);
+            apart = scaled + combination(&self.basis, counts);
+        }
+        let mut best: Option<(f64, [f64; 3], [f64; 3])> = None;
+        for image in self.images(apart, counts) {
+            let (shift, image) = self.image(vector, image);
+            let [x, y, z] = image.map(|number| number * self.unit);
+            let squared = x * x + y * y + z * z;
+            if best.is_none_or(|(least, ..)| squared < least) {
+                best = Some((squared, shift, image));
+            }
+        }
+        best.map_or(([0.0; 3], vector), |(_, shift, image)| (shift, image))
+    }
+
+    /// The numbers of basis vectors of the images that may be nearest, from a folded vector.
+    fn images(&self, apart: DVec3, counts: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
+        let Self { basis: [_, second, third], steps, rank, .. } = *self;
+        let (planes, lines) = (rank > 2, rank > 1);
+        image_offsets(planes).flat_map(move |plane| {
+            let in_plane = apart + third * *plane;
+            let middle = if lines { -steps[1].dot(in_plane).round() } else { 0.0 };
+            image_offsets(lines).map(move |line| {
+                let along_second = middle + line;
+                let on_line = in_plane + second * along_second;
+                let along_first = -steps[0].dot(on_line).round();
+                [counts[0] + along_first, counts[1] + along_second, counts[2] + plane]
+            })
+        })
+    }
+
+    /// The image of a vector by numbers of basis vectors: the numbers of vectors, and `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    fn image(&self, vector: [f64; 3], counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let mut shift = [0.0; 3];
+        for (count, turns) in counts.iter().zip(&self.turns) {
+            (0..3).for_each(|edge| shift[edge] += count * turns[edge]);
+        }
+        (shift, shifted(vector, shift, &self.vectors))
+    }
+}
+
+/// `vector + (S₁e₁ + S₂e₂ + S₃e₃)`, component by component from left to right, never fused. What decides on pairs.
+pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], edges: &[Option<[f64; 3]>; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|axis| {
+        let terms = [0, 1, 2].map(|k| edges[k].map(|edge| shift[k] * edge[axis]));
+        match terms.into_iter().flatten().reduce(|sum, term| sum + term) {
+            Some(sum) => vector[axis] + sum,
+            None => vector[axis],
+        }
+    })
+}
+
+pub(crate) fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
+    basis[0] * counts[0] + basis[1] * counts[1] + basis[2] * counts[2]
+}
+
+/// The largest power of two not above a positive number.
+pub(crate) fn power_of_two_below(number: f64) -> f64 {
+    const FRACTION: u64 = (1 << 52) - 1;
+    if number < f64::MIN_POSITIVE {
+        return f64::MIN_POSITIVE;
+    }
+    f64::from_bits(number.to_bits() & !FRACTION)
+}
+
+/// Straight coordinates: the distances from the planes that two of the basis vectors span. In them space repeats along the
+/// axes, and two spheres are nowhere farther apart than `stretch` times their distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orthogonalization {
+    rank: usize,
+    unit: f64,
+    inverse: [DVec3; 3],
+    /// How long each axis is, an `f32` number; for one that does not repeat, its scale.
+    lengths: [f64; 3],
+    /// How much longer than in space a straight distance may be.
+    stretch: f64,
+}
+
+impl Orthogonalization {
+    /// The scale of straight coordinates of `f32` spheres, which are up to √3 times as far apart: so that none exceeds what
+    /// `f32` holds.
+    pub const SCALE: f64 = 0.25;
+
+    /// The space of these coordinates.
+    pub fn space(&self) -> Space {
+        let length = |k: usize| (k < self.rank).then_some(self.lengths[k] as f32);
+        Space::of_lengths([0, 1, 2].map(length))
+    }
+
+    /// Returns `true` if the lengths are `f32` numbers of full precision, as `f32` spheres need.
+    fn is_normal(&self) -> bool {
+        let is_normal = |length: &f64| (*length as f32).is_normal() && *length > f64::from(f32::MIN_POSITIVE);
+        self.lengths[..self.rank].iter().all(is_normal)
+    }
+
+    /// A valid sphere in straight coordinates, as its image nearest to the origin. Any two spheres whose nearest images touch
+    /// touch there too: radii grow by the stretch, and by more than coordinates lose to rounding. By how much hardly
+    /// depends on where the sphere is, so that one that moves keeps its radius. A radius above `limit` is cut there; it must
+    /// be so large that the sphere touches all others.
+    pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
+        let center = DVec3::from(center) * self.unit;
+        let mut straight = Vec3::ZERO;
+        // The length scale of all roundings: that of the box, or where the sphere is far away, more.
+        let mut scale = 0.0_f64;
+        for k in 0..3 {
+            let length = self.lengths[k];
+            let part = self.inverse[k].dot(center);
+            let from_origin = length * self.inverse[k].abs().dot(center.abs());
+            if k < self.rank {
+                let half = 0.5 * length as f32;
+                straight[k] = ((length * (part - part.round())) as f32).clamp(-half, half);
+                scale = scale.max(length);
+            } else {
+                straight[k] = (length * part) as f32;
+            }
+            scale = scale.max(if k < self.rank { FAR * from_origin } else { from_origin });
+        }
+        if !(scale.is_finite() && straight.is_finite()) {
+            return Sphere { center: Vec3::ZERO, radius: limit as f32 };
+        }
+        let base = self.lengths[..self.rank].iter().fold(0.0, |longest, &length| length.max(longest));
+        let mut rounding = base;
+        while rounding < scale {
+            rounding *= 16.0;
+        }
+        let radius = (self.stretch * radius + ROUNDING * rounding) * REACH_MARGIN;
+        Sphere { center: straight, radius: (radius.min(limit) as f32).next_up() }
+    }
+}
+
+/// What to try of a basis vector.
+fn image_offsets(is_there: bool) -> std::slice::Iter<'static, f64> {
+    if is_there { [-1.0, 0.0, 1.0].iter() } else { [0.0].iter() }
+}
+
+/// The part of a vector that is orthogonal to those before it.
+fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
+    let mut rest = basis[k];
+    for before in 0..k {
+        let orthogonal = orthogonal_part(basis, before);
+        rest -= orthogonal * (rest.dot(orthogonal) / orthogonal.length_squared());
+    }
+    rest
+}
+
+/// Replaces vectors by shorter ones that lead to the same images. `turns` says how many of each edge they are.
+fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
+    let mut k = 1;
+    for _ in 0..MAX_REDUCTION_STEPS {
+        if k >= basis.len() {
+            return;
+        }
+        for before in (0..k).rev() {
+            let orthogonal = orthogonal_part(basis, before);
+            let count = (basis[k].dot(orthogonal) / orthogonal.length_squared()).round();
+            basis[k] -= basis[before] * count;
+            let taken = turns[before];
+            (0..3).for_each(|edge| turns[k][edge] -= count * taken[edge]);
+        }
+        let before = orthogonal_part(basis, k - 1);
+        let along = basis[k].dot(before) / before.length_squared();
+        if orthogonal_part(basis, k).length_squared() >= (LLL_DELTA - along * along) * before.length_squared()
+        {
+            k += 1;
+        } else {
+            basis.swap(k, k - 1);
+            turns.swap(k, k - 1);
+            k = (k - 1).max(1);
+        }
+    }
+}
+
+/// The same with vectors of length 1, orthogonal to the first `rank` and to each other, in place of those behind.
+fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
+    match rank {
+        1 => (basis[1], basis[2]) = basis[0].normalize().any_orthonormal_pair(),
+        2 => basis[2] = basis[0].normalize().cross(basis[1].normalize()).normalize(),
+        _ => {}
+    }
+    basis
+}
+
+/// The rows of the inverse of the matrix that has these columns.
+pub(crate) fn inverse([a, b, c]: &[DVec3; 3]) -> [DVec3; 3] {
+    let volume = a.dot(b.cross(*c));
+    [b.cross(*c) / volume, c.cross(*a) / volume, a.cross(*b) / volume]
+}
+
+/// How far apart the planes are that two of the vectors span and their images.
+fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
+    inverse.map(|row| row.length().recip())
+}
+
+/// No vector becomes longer by more than this factor when it is multiplied with a matrix of these rows: the largest
+/// singular value, rounded up. With `n` of them, the `p`-th power of a symmetric matrix has a trace between the `p`-th
+/// power of its largest eigenvalue and `n` times as much.
+fn norm_bound(rows: [DVec3; 3]) -> f64 {
+    const DOUBLINGS: i32 = 10;
+    let mut products = glam::DMat3::from_cols(rows[0], rows[1], rows[2]);
+    products = products.transpose() * products;
+    let trace = |matrix: &glam::DMat3| matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
+    let mut logarithm = 0.0_f64;
+    for doubling in 0..=DOUBLINGS {
+        // Divided by its trace, so that no power overflows.
+        let size = trace(&products);
+        logarithm += size.ln() / f64::from(1 << doubling);
+        products *= size.recip();
+        products = products * products;
+    }
+    (0.5 * logarithm).exp() * REACH_MARGIN
+}
