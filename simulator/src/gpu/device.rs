@@ -8,15 +8,15 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 
 use crate::Error;
 
-/// The longest wait for the device. Work is handed over in portions that are far below.
+/// The longest wait for the device. Submissions are sized to take far less.
 const TIMEOUT: Duration = Duration::from_secs(600);
 
-/// An error of the device as one of the simulator.
+/// Converts an error of the device.
 pub(super) fn refused(error: lazygrid::Error) -> Error {
     Error::Detection(error)
 }
 
-/// Runs `work`, with what the device complained about as an error.
+/// Runs `work` and returns errors of the device.
 pub(super) fn with_error_scope<T>(
     own: &GpuDevice,
     what: &'static str,
@@ -26,10 +26,10 @@ pub(super) fn with_error_scope<T>(
     own.with_error_scope(what, bytes, work).map_err(refused)
 }
 
-/// A buffer for kernels to read and write, copied from and to.
+/// Returns a buffer that kernels read and write, usable for copies both ways.
 pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
     use wgpu::BufferUsages as Usage;
-    // An empty table is bound all the same, with room for one row.
+    // An empty table is still bound, with space for one row.
     let size = if bytes == 0 { 64 } else { bytes.next_multiple_of(16) };
     let usage = Usage::STORAGE | Usage::UNIFORM | Usage::COPY_SRC | Usage::COPY_DST;
     // A buffer above the uniform limit is never bound as a uniform.
@@ -38,14 +38,14 @@ pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<
     with_error_scope(own, name, size, || own.device.create_buffer(&descriptor))
 }
 
-/// Contents as shaders read them.
+/// Returns contents in the layout of shaders.
 pub(super) fn encoded<T: ShaderType + WriteInto>(contents: &T) -> Vec<u8> {
     let mut bytes = StorageBuffer::new(Vec::<u8>::new());
     bytes.write(contents).expect("a vector grows");
     bytes.into_inner()
 }
 
-/// A buffer with these contents, or with zeros if there are none.
+/// Returns a buffer with these contents, or with zeros if they are empty.
 pub(super) fn filled<T: ShaderType + WriteInto>(
     own: &GpuDevice,
     name: &'static str,
@@ -57,7 +57,7 @@ pub(super) fn filled<T: ShaderType + WriteInto>(
     Ok(made)
 }
 
-/// Submits what was recorded, in which `parts` were copied to the beginning of a staging buffer, and waits for them.
+/// Submits `encoder`, copies the beginnings of `parts` to a staging buffer and waits for them.
 pub(super) fn read(
     own: &GpuDevice,
     mut encoder: wgpu::CommandEncoder,
@@ -81,7 +81,7 @@ pub(super) fn read(
     with_error_scope(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
     let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
-    // Nobody listens any more where waiting failed. A device that is lost may show only here.
+    // The receiver may be gone after a failed wait. A lost device may only show here.
     let done = move |result| drop(tell.send(result));
     with_error_scope(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
@@ -89,7 +89,7 @@ pub(super) fn read(
         wgpu::PollError::Timeout => refused(lazygrid::Error::Timeout { seconds: TIMEOUT.as_secs() }),
         other => lost(other.to_string()),
     })?;
-    // Another thread that polls the device may be the one that brings the answer, a little later.
+    // Another thread that polls the device may deliver the answer slightly later.
     let mapped = answer.recv_timeout(TIMEOUT).map_err(|_| lost("no answer to a readback".to_owned()))?;
     mapped.map_err(|error| lost(error.to_string()))?;
     let view = staging.slice(..).get_mapped_range().map_err(|error| lost(error.to_string()))?;

@@ -1,19 +1,19 @@
-//! The kernels: their WGSL and what they bind. Nothing here calls a device.
+//! The kernels: their WGSL and bindings. No function calls a device.
 
 use lazygrid::gpu::Access;
 use lazygrid::gpu::Access::{Read, ReadWrite as Write, Uniform};
 use lazygrid::gpu::wgsl;
 
-/// Storage buffers that a model with surfaces takes in one stage; others take eight, which every device has.
+/// Storage buffers per stage of a model with surfaces. Other models need eight, which every device has.
 pub(super) const SURFACE_BUFFERS: u32 = 10;
-/// Threads of a workgroup.
-pub(super) const GROUP: u32 = 256;
+/// Threads per workgroup.
+pub(super) const WORKGROUP_SIZE: u32 = 256;
 
-/// One compute stage; its name is that of its file and of its entry point.
+/// A compute stage, named after its file and entry point.
 #[derive(Debug)]
 pub(super) struct Kernel {
     pub(super) name: &'static str,
-    /// Names, and how they are used; its place is a binding's number in group 0.
+    /// Names and accesses; the index is the binding number in group 0.
     pub(super) bindings: &'static [(&'static str, Access)],
     source: &'static str,
 }
@@ -25,124 +25,124 @@ macro_rules! kernels {
             bindings: &[$(($binding, $access)),*],
             source: include_str!(concat!("shader/", $name, ".wgsl")),
         };)*
-        /// Every kernel.
+        /// All kernels.
         #[cfg(test)]
         pub(super) static KERNELS: &[&Kernel] = &[$(&$id),*];
     };
 }
 
 kernels! {
-    /// Puts a burst behind the particles that are there.
+    /// Appends a burst.
     BURST_APPEND = "burst_append" [
         Uniform "burst", Write "control", Read "burst_spheres", Read "burst_tags", Write "spheres", Write "tags",
     ];
     /// Begins a step.
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
-    /// Every particle by itself.
+    /// Moves particles independently.
     PARTICLES_MOVE = "particles_move" [
-        Uniform "params", Uniform "journey", Write "control", Read "spheres", Read "tags", Write "moved",
-        Write "species", Read "kinds", Read "fates", Read "bodies",
+        Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
+        Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows",
     ];
-    /// The same where surfaces turn some back.
-    PARTICLES_TURN = "particles_turn" [
-        Uniform "params", Uniform "journey", Write "control", Read "spheres", Read "tags", Write "moved",
-        Write "species", Read "kinds", Read "fates", Read "bodies", Write "claims", Write "receptors",
+    /// The same with surfaces that reflect or adsorb.
+    PARTICLES_MOVE_REFLECTING = "particles_move_reflecting" [
+        Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
+        Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
     ];
-    /// Begins a step of receptors.
-    RECEPTORS_BEGIN = "receptors_begin" [Write "receptors"];
-    /// Counts the receptors that are taken.
-    RECEPTORS_HOLD = "receptors_hold" [Write "control", Read "spheres", Read "fates", Write "receptors"];
-    /// The start of each receiver's list of particles that are to bind.
-    RECEPTORS_SCAN = "receptors_scan" [Write "control", Write "receptors"];
-    /// Lists these.
-    RECEPTORS_GROUP = "receptors_group" [
-        Write "control", Read "fates", Write "claims", Write "receptors", Write "bidders",
+    /// Resets the counters of receptors.
+    RECEPTORS_RESET = "receptors_reset" [Write "receptors"];
+    /// Counts occupied receptors.
+    RECEPTORS_COUNT_BOUND = "receptors_count_bound" [Write "control", Read "spheres", Read "event_rows", Write "receptors"];
+    /// Computes the beginning of each receiver's requests.
+    RECEPTORS_SCAN_REQUESTS = "receptors_scan_requests" [Write "control", Write "receptors"];
+    /// Groups requests by receiver.
+    RECEPTORS_GROUP_REQUESTS = "receptors_group_requests" [
+        Write "control", Read "event_rows", Write "claims", Write "receptors", Write "requesters",
     ];
-    /// Binds those for which receptors are free.
-    RECEPTORS_CHOOSE = "receptors_choose" [
-        Write "control", Read "tags", Read "fates", Write "claims", Write "receptors", Read "bidders", Write "moved",
+    /// Binds particles to free receptors.
+    RECEPTORS_SELECT = "receptors_select" [
+        Write "control", Read "tags", Read "event_rows", Write "claims", Write "receptors", Read "requesters", Write "moved",
     ];
-    /// Takes over what the detector found, or freezes the run.
-    PAIRS_CHECK = "pairs_check" [Uniform "params", Write "control", Write "outcome"];
-    /// Lists the pairs that chance lets react.
-    CANDIDATES_DRAW = "candidates_draw" [
-        Uniform "params", Write "control", Read "pairs", Read "moved", Read "species", Read "tags", Read "rules",
+    /// Takes over the detector's result, or halts the run.
+    DETECTOR_CHECK = "detector_check" [Uniform "params", Write "control", Write "outcome"];
+    /// Samples the pairs that react.
+    REACTIONS_SAMPLE = "reactions_sample" [
+        Uniform "params", Write "control", Read "pairs", Read "moved", Read "species", Read "tags", Read "reaction_rows",
         Write "candidates", Write "left",
     ];
     /// Begins a round of the matching.
-    MATCHING_OPEN = "matching_open" [
-        Uniform "round", Write "control", Read "candidates", Read "rules", Write "claims", Read "left",
+    MATCHING_COMPACT = "matching_compact" [
+        Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left",
         Write "left_next",
     ];
-    /// Enters the best priority at each particle.
+    /// Records the best priority at each particle.
     MATCHING_PROPOSE = "matching_propose" [
-        Uniform "round", Write "control", Read "candidates", Read "rules", Write "claims", Read "left_next",
+        Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left_next",
     ];
-    /// Decides between equal priorities.
-    MATCHING_TIE = "matching_tie" [
-        Uniform "round", Write "control", Read "candidates", Read "rules", Write "claims", Read "left_next",
+    /// Breaks ties by ids.
+    MATCHING_BREAK_TIES = "matching_break_ties" [
+        Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left_next",
     ];
-    /// Lets the winners react.
-    MATCHING_SETTLE = "matching_settle" [
-        Uniform "params", Uniform "round", Write "control", Read "candidates", Read "rules", Write "claims",
+    /// Applies the reactions that won.
+    MATCHING_APPLY = "matching_apply" [
+        Uniform "params", Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims",
         Read "left_next", Read "moved",
     ];
-    /// The rounds that are left, by one workgroup.
+    /// Runs the remaining rounds in one workgroup.
     MATCHING_FINISH = "matching_finish" [
-        Uniform "params", Uniform "round", Write "control", Read "candidates", Read "rules", Write "claims",
+        Uniform "params", Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims",
         Read "left", Read "moved",
     ];
-    /// Counts the particles that stay.
+    /// Counts surviving particles.
     SURVIVORS_COUNT = "survivors_count" [
-        Uniform "listing", Write "control", Read "order", Read "moved", Read "tags", Write "claims", Write "ids",
+        Uniform "output_order", Write "control", Read "order", Read "moved", Read "tags", Write "claims", Write "ids",
         Write "sums",
     ];
-    /// Scans those counts and settles the step.
+    /// Scans these counts and commits the step.
     SURVIVORS_SCAN = "survivors_scan" [Uniform "params", Write "control", Write "sums", Write "log"];
-    /// Brings together what stays.
+    /// Compacts surviving particles.
     SURVIVORS_PLACE = "survivors_place" [
-        Uniform "listing", Read "order", Read "moved", Read "species", Read "ids", Write "claims", Read "sums",
+        Uniform "output_order", Read "order", Read "moved", Read "species", Read "ids", Write "claims", Read "sums",
         Write "spheres", Write "tags",
     ];
-    /// The counts inside transparent receivers.
+    /// Counts particles inside transparent receivers.
     RECEIVERS_COUNT = "receivers_count" [
-        Uniform "params", Uniform "journey", Write "control", Read "spheres", Read "tags", Read "watches",
-        Read "bodies", Write "inside",
+        Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Read "occupancy_rows",
+        Read "receiver_rows", Write "inside",
     ];
 }
 
-/// Pieces of WGSL that several kernels have, by the name after `#include`.
+/// WGSL that several kernels share, by the name after `#include`.
 const SHARED: &[(&str, &str)] = &[
     ("adsorption", include_str!("shader/shared/adsorption.wgsl")),
+    ("apply_reaction", include_str!("shader/shared/apply_reaction.wgsl")),
     ("boundary", include_str!("shader/shared/boundary.wgsl")),
     ("candidate", include_str!("shader/shared/candidate.wgsl")),
-    ("claiming", include_str!("shader/shared/claiming.wgsl")),
+    ("claims", include_str!("shader/shared/claims.wgsl")),
+    ("compaction", include_str!("shader/shared/compaction.wgsl")),
     ("control", include_str!("shader/shared/control.wgsl")),
-    ("decaying", include_str!("shader/shared/decaying.wgsl")),
-    ("fate", include_str!("shader/shared/fate.wgsl")),
-    ("fate_rows", include_str!("shader/shared/fate_rows.wgsl")),
-    ("listing", include_str!("shader/shared/listing.wgsl")),
-    ("meeting", include_str!("shader/shared/meeting.wgsl")),
+    ("decay", include_str!("shader/shared/decay.wgsl")),
+    ("event", include_str!("shader/shared/event.wgsl")),
+    ("event_rows", include_str!("shader/shared/event_rows.wgsl")),
     ("normal", include_str!("shader/shared/normal.wgsl")),
+    ("output_order", include_str!("shader/shared/output_order.wgsl")),
     ("params", include_str!("shader/shared/params.wgsl")),
+    ("path_hit", include_str!("shader/shared/path_hit.wgsl")),
     ("philox", include_str!("shader/shared/philox.wgsl")),
+    ("receiver_cells", include_str!("shader/shared/receiver_cells.wgsl")),
     ("receptor", include_str!("shader/shared/receptor.wgsl")),
+    ("reflection", include_str!("shader/shared/reflection.wgsl")),
     ("round", include_str!("shader/shared/round.wgsl")),
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
-    ("seen", include_str!("shader/shared/seen.wgsl")),
-    ("settling", include_str!("shader/shared/settling.wgsl")),
-    ("survivor", include_str!("shader/shared/survivor.wgsl")),
-    ("turning", include_str!("shader/shared/turning.wgsl")),
 ];
 
 impl Kernel {
-    /// The complete text.
+    /// Returns the complete text.
     pub(super) fn wgsl(&self) -> String {
         expand(self.source)
     }
 }
 
-/// A text with its pieces in place.
+/// Expands the includes of a text.
 pub(super) fn expand(source: &str) -> String {
     wgsl::expand(source, SHARED, &|_| false)
 }
@@ -160,7 +160,8 @@ mod tests {
     use super::reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
     use super::super::layout::{
-        Body, CANDIDATE_BYTES, CLAIM_BYTES, Fate, Head, Journey, Kind, Lists, Params, Rule, Watch,
+        CANDIDATE_BYTES, CLAIM_BYTES, ControlHeader, EventRow, OccupancyRow, Params, ReactionRow,
+        ReceiverCellsHeader, ReceiverRow, SpeciesRow, TrajectoryHeader,
     };
     use super::*;
 
@@ -175,8 +176,9 @@ mod tests {
                 (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
             assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
             let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
-            // Models with surfaces are refused where a device has room for less.
-            let most = if kernel.name == PARTICLES_TURN.name { SURFACE_BUFFERS as usize } else { 8 };
+            // Models with surfaces are refused on devices with fewer bindings.
+            let most =
+                if kernel.name == PARTICLES_MOVE_REFLECTING.name { SURFACE_BUFFERS as usize } else { 8 };
             assert!(storage <= most, "{} binds {storage} storage buffers", kernel.name);
         }
     }
@@ -190,46 +192,46 @@ mod tests {
                 tallies,
                 first_reaction,
                 is_open,
-                turns,
+                max_iterations,
                 lists_pairs,
-                looks,
+                max_requeries,
                 axes,
                 low,
                 high
             }),
-            layout!(Kind {
+            layout!(SpeciesRow {
                 drift,
                 length,
                 diffusion,
                 radius,
-                fates_begin,
+                events_begin,
                 decays_begin,
-                fates_end,
+                events_end,
                 bend,
                 reach,
-                lists
+                cell_lists
             }),
-            layout!(Lists { low, per_edge, cells }),
-            layout!(Fate {
+            layout!(ReceiverCellsHeader { low, cells_per_length, counts }),
+            layout!(EventRow {
                 drift,
                 radius,
                 diffusion,
                 kind,
                 receiver,
-                up_to,
+                threshold,
                 product,
                 tally,
                 length,
                 own,
                 unbinding
             }),
-            layout!(Body { center, way }),
-            layout!(Journey { first, stride, longest, lists_at, lists }),
-            layout!(Watch { receiver, radius, first, species }),
-            layout!(Rule {
+            layout!(ReceiverRow { center, displacement }),
+            layout!(TrajectoryHeader { first, stride, max_displacement, cells_at, cells }),
+            layout!(OccupancyRow { receiver, radius, first, species }),
+            layout!(ReactionRow {
                 reaction,
                 first,
-                up_to,
+                threshold,
                 flags,
                 products,
                 radii,
@@ -247,7 +249,7 @@ mod tests {
             for structure in structures(&module) {
                 let (name, span, members) = &structure;
                 if name == "Control" {
-                    let tallies = ("tallies".to_owned(), size_of::<Head>());
+                    let tallies = ("tallies".to_owned(), size_of::<ControlHeader>());
                     assert_eq!(members.last(), Some(&tallies), "{}", kernel.name);
                     held += 1;
                 }

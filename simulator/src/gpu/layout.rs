@@ -1,7 +1,7 @@
-//! Rust twins of the structures in the shaders. A test holds sizes and offsets against them.
+//! Rust twins of the structures in shaders. A test compares sizes and offsets.
 //!
-//! Structures that are written lie in buffers as WGSL says (`ShaderType`). `repr(C)` keeps their members in order, by which
-//! the test tells them apart. [`Head`] is read back as the bytes that it is: words alone are the same on both sides.
+//! Structures that the host writes have the layout of WGSL (`ShaderType`). `repr(C)` keeps their members in order, which the
+//! test needs. [`ControlHeader`] is read back as bytes: it consists of words, which have the same layout on both sides.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -18,12 +18,12 @@ pub(super) struct Params {
     /// The first tally of reactions.
     pub(super) first_reaction: u32,
     pub(super) is_open: u32,
-    /// The most loop turns of the last rounds of a matching.
-    pub(super) turns: u32,
+    /// The most loop iterations of the last rounds of a matching.
+    pub(super) max_iterations: u32,
     /// `true` if pairs are listed, and not only counted.
     pub(super) lists_pairs: u32,
     /// The most searches for surfaces per particle and step.
-    pub(super) looks: u32,
+    pub(super) max_requeries: u32,
     /// The boundary of each axis: 0 open, 1 reflecting, 2 periodic.
     pub(super) axes: UVec3,
     pub(super) low: Vec3,
@@ -33,31 +33,31 @@ pub(super) struct Params {
 /// The step of one species.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
-pub(super) struct Kind {
+pub(super) struct SpeciesRow {
     pub(super) drift: Vec3,
     pub(super) length: f32,
     pub(super) diffusion: f32,
     pub(super) radius: f32,
-    pub(super) fates_begin: u32,
+    pub(super) events_begin: u32,
     pub(super) decays_begin: u32,
-    pub(super) fates_end: u32,
+    pub(super) events_end: u32,
     pub(super) bend: f32,
     /// Receivers within this distance are listed.
     pub(super) reach: f32,
-    /// Its place among the species for which receivers are listed, or [`NOTHING`].
-    pub(super) lists: u32,
+    /// Index among the species with lists of receivers, or [`NOTHING`].
+    pub(super) cell_lists: u32,
 }
 
 /// The possible events of a particle of one species.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
-pub(super) struct Fate {
+pub(super) struct EventRow {
     pub(super) drift: Vec3,
     pub(super) radius: f32,
     pub(super) diffusion: f32,
     pub(super) kind: u32,
     pub(super) receiver: u32,
-    pub(super) up_to: u32,
+    pub(super) threshold: u32,
     pub(super) product: u32,
     pub(super) tally: u32,
     pub(super) length: f32,
@@ -65,7 +65,7 @@ pub(super) struct Fate {
     pub(super) unbinding: f32,
 }
 
-impl Fate {
+impl EventRow {
     pub(super) const ABSORBING: u32 = 0;
     pub(super) const ENDPOINT: u32 = 1;
     pub(super) const REFLECTING: u32 = 2;
@@ -78,30 +78,30 @@ impl Fate {
 /// The position of a receiver at the beginning of a step, and its displacement in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
-pub(super) struct Body {
+pub(super) struct ReceiverRow {
     pub(super) center: Vec3,
-    pub(super) way: Vec3,
+    pub(super) displacement: Vec3,
 }
 
-/// The cells by which receivers are listed; none if there are no lists.
+/// The cells with lists of receivers; zero cells if there are no lists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
-pub(super) struct Lists {
+pub(super) struct ReceiverCellsHeader {
     pub(super) low: Vec3,
-    pub(super) per_edge: Vec3,
-    pub(super) cells: UVec3,
+    pub(super) cells_per_length: Vec3,
+    pub(super) counts: UVec3,
 }
 
-/// The steps for which it is known where receivers are.
+/// The steps for which the positions of receivers are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
-pub(super) struct Journey {
+pub(super) struct TrajectoryHeader {
     pub(super) first: u32,
     pub(super) stride: u32,
-    pub(super) longest: f32,
+    pub(super) max_displacement: f32,
     /// The first row, of 16 bytes, of the lists of receivers.
-    pub(super) lists_at: u32,
-    pub(super) lists: Lists,
+    pub(super) cells_at: u32,
+    pub(super) cells: ReceiverCellsHeader,
 }
 
 /// The receptors of a receiver.
@@ -109,29 +109,29 @@ pub(super) struct Journey {
 #[repr(C)]
 pub(super) struct ReceptorRow {
     pub(super) count: u32,
-    pub(super) held: u32,
-    pub(super) bids: u32,
+    pub(super) bound: u32,
+    pub(super) requests: u32,
     pub(super) first: u32,
 }
 
 /// A species in a transparent receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
-pub(super) struct Watch {
+pub(super) struct OccupancyRow {
     pub(super) receiver: u32,
     pub(super) radius: f32,
     pub(super) first: u32,
     pub(super) species: u32,
 }
 
-/// A reaction between two species, as an entry of the table by both.
+/// A reaction of two species, as an entry of the table by both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
-pub(super) struct Rule {
+pub(super) struct ReactionRow {
     pub(super) reaction: u32,
-    /// The species that is the first reactant, or [`NOTHING`].
+    /// Species of the first reactant, or [`NOTHING`].
     pub(super) first: u32,
-    pub(super) up_to: u32,
+    pub(super) threshold: u32,
     pub(super) flags: u32,
     pub(super) products: UVec2,
     pub(super) radii: Vec2,
@@ -141,10 +141,10 @@ pub(super) struct Rule {
     pub(super) first_share: f32,
 }
 
-impl Rule {
-    /// The detector looks further than `within`.
+impl ReactionRow {
+    /// The detector's cutoff is larger than `within`.
     pub(super) const NARROWER: u32 = 4;
-    /// Products go apart.
+    /// The products are placed apart.
     pub(super) const APART: u32 = 8;
 }
 
@@ -154,37 +154,37 @@ pub(super) const NOTHING: u32 = u32::MAX;
 /// The head of the control buffer, before the tallies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Head {
+pub(super) struct ControlHeader {
     pub(super) count: u32,
     pub(super) alive: u32,
     pub(super) incoming: u32,
-    pub(super) frozen: u32,
+    pub(super) halted: u32,
     pub(super) step: u32,
     pub(super) done: u32,
     pub(super) logged: u32,
-    pub(super) gone: u32,
+    pub(super) removed: u32,
     pub(super) pairs: u32,
     pub(super) found: [u32; 2],
-    pub(super) lacking: [u32; 2],
+    pub(super) missing: [u32; 2],
     pub(super) left: [u32; 2],
 }
 
-impl Head {
-    pub(super) const NO_ROOM_FOR_PAIRS: u32 = 1;
-    pub(super) const NO_ROOM_FOR_ENTRIES: u32 = 2;
+impl ControlHeader {
+    pub(super) const PAIR_OVERFLOW: u32 = 1;
+    pub(super) const ENTRY_OVERFLOW: u32 = 2;
     pub(super) const ROUNDS_LEFT: u32 = 4;
     pub(super) const NOT_FINITE: u32 = 8;
-    pub(super) const TOO_MANY_NEAR: u32 = 16;
-    pub(super) const TOO_MANY_BIDS: u32 = 32;
-    pub(super) const THROWN_TOO_FAR: u32 = 64;
+    pub(super) const TOO_MANY_SURFACES: u32 = 16;
+    pub(super) const TOO_MANY_REQUESTS: u32 = 32;
+    pub(super) const TOO_MANY_REQUERIES: u32 = 64;
 
-    /// The capacity that the device lacks.
-    pub(super) fn lacking(&self) -> u64 {
-        u64::from(self.lacking[1]) << 32 | u64::from(self.lacking[0])
+    /// The needed capacity.
+    pub(super) fn missing(&self) -> u64 {
+        u64::from(self.missing[1]) << 32 | u64::from(self.missing[0])
     }
 }
 
-/// Bytes of a candidate pair.
+/// Bytes of a candidate.
 pub(super) const CANDIDATE_BYTES: u64 = 24;
-/// Bytes of what a particle is claimed for.
+/// Bytes of a claim.
 pub(super) const CLAIM_BYTES: u64 = 32;

@@ -1,26 +1,25 @@
-//! The simulator on the GPU: particles, random numbers and reactions stay there, and the host only looks now and then.
+//! The simulation on the GPU: particles, random numbers and reactions stay on the device between readbacks.
 //!
-//! It embeds [`lazygrid::gpu::GpuDetector`] as any program with a device of its own can: one encoder takes many steps,
-//! each of which moves the particles, has their pairs found, and consumes the pairs where they lie. Draws, rules and
-//! the matching are those of the CPU, so that a run has the same reactions wherever arithmetic leaves no choice; where
-//! a device rounds differently, runs part ways after a while and only their statistics agree.
+//! The simulation embeds a [`lazygrid::gpu::GpuDetector`]. One encoder records many steps, each of which moves the particles,
+//! finds their pairs, and consumes the pairs in place. Random numbers, rules and the matching are those of the CPU. Runs have
+//! the same reactions wherever arithmetic is exact. A device may round differently; then runs diverge, and only their
+//! statistics agree.
 //!
-//! A step reads the particles from one set of buffers and leaves them there again only at its very end. When the
-//! detector finds more pairs than there is room for, the device stops before that: it *freezes*, and all steps recorded
-//! behind do nothing. The host sees it when it looks, makes room and goes on with that very step. Nothing is lost and
-//! nothing is done twice.
+//! A step is a transaction: it reads particles from one set of buffers and writes them back at its end. If a capacity is
+//! exceeded, the device *halts* before that, and all later recorded steps do nothing. The host sees the flag at the next
+//! readback, enlarges the capacity and repeats that step. No event is lost or applied twice.
 //!
-//! Bursts are computed on the host by [`Model::release`](crate::Model::release), as it knows their steps and ids
-//! beforehand, and go up with the steps. So does where receivers are in each of them.
+//! The host computes bursts with [`Model::release`](crate::Model::release), and the positions of receivers, because both are
+//! known in advance. It uploads them with the steps.
 
 mod device;
-mod journey;
+mod dispatches;
 mod kernel;
 mod layout;
-mod nearby;
 mod plan;
+mod receiver_cells;
+mod receiver_trajectory;
 mod simulation;
-mod stages;
 mod tables;
 #[cfg(test)]
 mod tests;

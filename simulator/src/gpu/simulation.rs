@@ -3,13 +3,13 @@
 use lazygrid::gpu::{Crossover, GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
 use super::device::{filled, read, refused, with_error_scope};
-use super::journey::{Itinerary, most_steps};
+use super::dispatches::{Groups, RunBuffers, Stage, StepDispatches};
 use super::kernel as k;
-use super::layout::{Head, Lists};
-use super::nearby::{Listing, Nearby};
-use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
-use super::stages::{Base, Groups, Stage, Steps};
-use super::tables::{Holder, Tables, Tallies, check};
+use super::layout::{ControlHeader, ReceiverCellsHeader};
+use super::plan::{GpuOptions, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
+use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
+use super::receiver_trajectory::{ReceiverTrajectory, max_steps};
+use super::tables::{BoundSpecies, Tables, Tallies, check};
 use crate::model::Model;
 use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
@@ -19,39 +19,38 @@ use crate::reaction::interactions;
 use crate::release::Released;
 use crate::{Error, State, Totals};
 
+mod overflow;
 mod receivers;
-mod room;
-mod rows;
-use room::prepare;
-use rows::columns;
+mod transfer;
+use overflow::prepare;
+use transfer::columns;
 
-/// A run whose particles live on a GPU: a model, a seed, and what has become of it.
+/// A run whose particles are on a GPU: a model, a seed, and the state.
 ///
-/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation), so that either can go on where the other
-/// stopped.
+/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation), so each can resume a run of the other.
 #[derive(Debug)]
 pub struct GpuSimulation {
     model: Model,
     key: Key,
     decays: Decays,
     tallies: Tallies,
-    /// The capacities of receptors.
-    holders: Vec<Holder>,
-    /// The positions of receivers in the steps that were recorded last.
-    itinerary: Itinerary,
-    /// Their lists by cells.
-    listing: Listing,
-    /// The cells of the lists that are on the device.
-    lists: Lists,
+    /// The species that receptors bind.
+    bound_species: Vec<BoundSpecies>,
+    /// The positions of receivers in the steps recorded last.
+    trajectory: ReceiverTrajectory,
+    /// Builds the lists of receivers by cell.
+    cells_builder: ReceiverCellsBuilder,
+    /// The cells of the lists on the device.
+    cells: ReceiverCellsHeader,
     centers: Vec<[f32; 3]>,
-    base: Base,
+    buffers: RunBuffers,
     detector: Option<GpuDetector>,
     cell_ratio: f32,
     options: GpuOptions,
-    steps: Steps,
-    /// Particles at the last look.
+    steps: StepDispatches,
+    /// Particles at the last readback.
     alive: u32,
-    /// The particles that were released since then and are not on the device yet.
+    /// Particles released since then, not yet on the device.
     due: Particles,
     step: u32,
     next_id: u32,
@@ -66,26 +65,26 @@ struct Burst {
     released: Released,
 }
 
-/// Rounds of a matching by the whole device, at most. With random priorities their number grows as the logarithm of
-/// that of the candidates.
+/// The most rounds of a matching by the whole device. With random priorities, the number of rounds grows as the logarithm
+/// of the number of candidates.
 const MAX_ROUNDS: u32 = 512;
-/// Work, in particles moved, that one submission may have: far below what watchdogs allow.
-const SUBMISSION: u32 = 1 << 24;
-/// Steps that one submission may have, however few particles there are.
-const STEPS: u32 = 64;
+/// The most work of one submission, in moved particles: far below the limit of watchdogs.
+const MAX_SUBMITTED_WORK: u32 = 1 << 24;
+/// The most steps of one submission, for few particles.
+const MAX_SUBMITTED_STEPS: u32 = 64;
 
 impl GpuSimulation {
-    /// The beginning of a run on a device.
+    /// Begins a run on a device.
     ///
     /// # Errors
-    /// [`Error::Model`] where the model makes no sense, [`Error::NotOnGpu`] for a part of it that has no kernels, and
-    /// [`Error::Detection`] where the device refuses or has no room.
+    /// [`Error::Model`] for an invalid model, [`Error::NotOnGpu`] for a part of it without kernels, and [`Error::Detection`] if
+    /// the device fails or has too little memory.
     pub fn new(model: Model, seed: u64, device: GpuDevice, options: GpuOptions) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, device, options, &state)
     }
 
-    /// A run that goes on from a state of the same model and seed.
+    /// Resumes a run from a state of the same model and seed.
     ///
     /// # Errors
     /// The same as [`new`](Self::new).
@@ -102,29 +101,31 @@ impl GpuSimulation {
             return Err(Error::Model("the state is one of another model".to_owned()));
         }
         let key = Key::new(seed);
-        let tables = Tables::new(&model, key, options.turns.min(MAX_TURNS));
-        let mut listing = Listing::new(&tables.kinds, &tables.fates, model.boundary);
-        let mut base = Base::new(device, &tables, listing.most_words())?;
+        let tables = Tables::new(&model, key, options.max_iterations.min(MAX_LOOP_ITERATIONS));
+        let mut cells_builder =
+            ReceiverCellsBuilder::new(&tables.species_rows, &tables.event_rows, model.boundary);
+        let mut buffers = RunBuffers::new(device, &tables, cells_builder.max_words())?;
         let alive = (state.particles.len() + state.bound.len()) as u32;
         let lists = !model.reactions.is_empty();
         let sizes =
             Sizes { particles: grown(alive), pairs: if lists { options.pair_capacity.max(1) } else { 0 } };
-        let mut detector = detector(&base, &model, sizes)?;
-        let steps = prepare(&mut base, sizes, options.rounds, detector.as_mut())?;
+        let mut detector = detector(&buffers, &model, sizes)?;
+        let steps = prepare(&mut buffers, sizes, options.rounds, detector.as_mut())?;
         // Moving receivers are listed for each of their paths.
         let moves = model.receivers.iter().any(crate::Receiver::moves);
-        let nearby = if moves { Nearby::default() } else { listing.of(&state.centers, &[], 0.0)? };
-        base.list(&nearby)?;
+        let receiver_cells =
+            if moves { ReceiverCells::default() } else { cells_builder.build(&state.centers, &[], 0.0)? };
+        buffers.upload_cells(&receiver_cells)?;
         let mut simulation = Self {
             key,
             decays: Decays::new(&model),
             tallies: tables.tallies,
-            holders: tables.holders(),
-            itinerary: Itinerary::new(&model, key, &state.centers, state.step, 0),
-            lists: nearby.head,
-            listing,
+            bound_species: tables.bound_species(),
+            trajectory: ReceiverTrajectory::new(&model, key, &state.centers, state.step, 0),
+            cells: receiver_cells.head,
+            cells_builder,
             centers: state.centers.clone(),
-            base,
+            buffers,
             detector,
             cell_ratio: GpuConfig::CELL_RATIO,
             options,
@@ -138,9 +139,9 @@ impl GpuSimulation {
             pairs: Vec::new(),
             model,
         };
-        simulation.base.take_up(&simulation.itinerary, simulation.lists)?;
+        simulation.buffers.upload_trajectory(&simulation.trajectory, simulation.cells)?;
         simulation.upload(state)?;
-        simulation.look(simulation.encoder(), alive, &[])?;
+        simulation.readback(simulation.encoder(), alive, &[])?;
         Ok(simulation)
     }
 
@@ -181,17 +182,17 @@ impl GpuSimulation {
         self.model.receivers.iter().enumerate().map(says).collect()
     }
 
-    /// Does so many steps. The host looks once at their end, or every thousand steps or so.
+    /// Runs `steps` steps. The host reads back at their end, and at least every 1,024 steps.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] if there are more pairs or particles than the
-    /// device has room for. The run then stands before the step that could not be done.
+    /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] if pairs or particles exceed the capacity of the device.
+    /// The run is then at the beginning of the step that failed.
     pub fn run(&mut self, steps: u32) -> Result<(), Error> {
         self.pairs.clear();
         let end = self.step.saturating_add(steps);
         while self.step < end {
-            let most = (end - self.step).min(most_steps(&self.model));
-            let bursts = self.bursts(most.min(steps_between_looks(self.steps.sizes.particles)))?;
+            let most = (end - self.step).min(max_steps(&self.model));
+            let bursts = self.bursts(most.min(steps_per_readback(self.steps.sizes.particles)))?;
             let added =
                 bursts.iter().map(|burst| burst.released.particles.len()).sum::<usize>() + self.due.len();
             let step = self.step;
@@ -199,18 +200,18 @@ impl GpuSimulation {
                 Error::Detection(source) => Error::Step { step, source },
                 other => other,
             };
-            self.make_room(self.alive.saturating_add(added as u32)).map_err(at_step)?;
-            let head = self.submit(most.min(steps_between_looks(self.steps.sizes.particles)), &bursts)?;
-            self.thaw(head).map_err(at_step)?;
+            self.reserve(self.alive.saturating_add(added as u32)).map_err(at_step)?;
+            let head = self.submit(most.min(steps_per_readback(self.steps.sizes.particles)), &bursts)?;
+            self.recover(head).map_err(at_step)?;
         }
         Ok(())
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {
-        self.base.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+        self.buffers.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// The particles that appear after each of the next steps.
+    /// Returns the particles that appear after each of the next steps.
     fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
@@ -224,10 +225,10 @@ impl GpuSimulation {
         Ok(bursts)
     }
 
-    /// Records and submits steps, and looks.
-    fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Head, Error> {
-        self.foresee(steps)?;
-        // Particles that a stopped step did not take remain for its repetition.
+    /// Records and submits steps, and reads back.
+    fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<ControlHeader, Error> {
+        self.prepare_receivers(steps)?;
+        // A halted step does not consume them; its repetition does.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();
         let mut particles = self.alive;
@@ -246,31 +247,33 @@ impl GpuSimulation {
             self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
             if let Some(detector) = &mut self.detector {
                 let at_most = self.steps.sizes.particles;
-                let count = SphereCount::Buffer { buffer: self.base.buffer("control"), at_most };
+                let count = SphereCount::Buffer { buffer: self.buffers.buffer("control"), at_most };
                 let input = GpuSpheres::new(self.steps.buffer("moved"), count)
                     .with_species(self.steps.buffer("species"));
                 detector.encode(&mut encoder, &input).map_err(refused)?;
             }
             self.steps.encode_after(&mut encoder, particles);
-            work += particles.max(SUBMISSION / STEPS);
-            if work >= SUBMISSION {
+            work += particles.max(MAX_SUBMITTED_WORK / MAX_SUBMITTED_STEPS);
+            if work >= MAX_SUBMITTED_WORK {
                 work = 0;
                 let full = std::mem::replace(&mut encoder, self.encoder());
-                with_error_scope(&self.base.own, "steps", 0, || self.base.own.queue.submit([full.finish()]))?;
+                with_error_scope(&self.buffers.own, "steps", 0, || {
+                    self.buffers.own.queue.submit([full.finish()])
+                })?;
             }
         }
-        self.look(encoder, particles, bursts)
+        self.readback(encoder, particles, bursts)
     }
 
-    /// The stage that puts a burst behind the other particles.
+    /// Returns the stage that appends a burst.
     fn append(&mut self, particles: &Particles) -> Result<Stage, Error> {
         let (spheres, tags) = columns(particles);
         let count = spheres.len() as u32;
-        let burst = filled(&self.base.own, "burst", &[count, 0, 0, 0])?;
-        let spheres = filled(&self.base.own, "burst_spheres", &spheres)?;
-        let tags = filled(&self.base.own, "burst_tags", &tags)?;
-        let (steps, control) = (&self.steps, self.base.buffer("control").clone());
-        self.base.stage(&k::BURST_APPEND, Groups::Items(count), |name| match name {
+        let burst = filled(&self.buffers.own, "burst", &[count, 0, 0, 0])?;
+        let spheres = filled(&self.buffers.own, "burst_spheres", &spheres)?;
+        let tags = filled(&self.buffers.own, "burst_tags", &tags)?;
+        let (steps, control) = (&self.steps, self.buffers.buffer("control").clone());
+        self.buffers.stage(&k::BURST_APPEND, Groups::Items(count), |name| match name {
             "burst" => burst.clone(),
             "burst_spheres" => spheres.clone(),
             "burst_tags" => tags.clone(),
@@ -279,30 +282,30 @@ impl GpuSimulation {
         })
     }
 
-    /// Reads what was counted since the last look, and enters it.
-    fn look(
+    /// Reads and adds the counts since the last readback.
+    fn readback(
         &mut self,
         mut encoder: wgpu::CommandEncoder,
         particles: u32,
         bursts: &[Burst],
-    ) -> Result<Head, Error> {
+    ) -> Result<ControlHeader, Error> {
         self.steps.encode_census(&mut encoder, particles);
         let tallies = self.tallies.len();
-        let head_bytes = size_of::<Head>();
+        let head_bytes = size_of::<ControlHeader>();
         let parts = [
-            (self.base.buffer("control"), (head_bytes + 8 * tallies) as u64),
-            (self.base.buffer("inside"), 4 * tallies as u64),
-            (self.base.buffer("log"), 8 * u64::from(super::plan::LOG_ROWS)),
+            (self.buffers.buffer("control"), (head_bytes + 8 * tallies) as u64),
+            (self.buffers.buffer("inside"), 4 * tallies as u64),
+            (self.buffers.buffer("log"), 8 * u64::from(super::plan::LOG_ROWS)),
         ];
-        let read = read(&self.base.own, encoder, &parts)?;
-        let head: Head = bytemuck::pod_read_unaligned(&read[0][..head_bytes]);
+        let read = read(&self.buffers.own, encoder, &parts)?;
+        let head: ControlHeader = bytemuck::pod_read_unaligned(&read[0][..head_bytes]);
         let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&read[0][head_bytes + 4 * tallies..]);
         let inside: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
         let log: Vec<u64> = bytemuck::pod_collect_to_vec(&read[2]);
         self.alive = head.alive;
-        self.centers = self.itinerary.centers_at(head.done).to_vec();
-        self.enter_bursts(bursts, head.done);
-        self.enter(&counts);
+        self.centers = self.trajectory.centers_at(head.done).to_vec();
+        self.record_bursts(bursts, head.done);
+        self.add_tallies(&counts);
         self.inside = inside
             .chunks(self.tallies.species.max(1))
             .take(self.tallies.receivers)
@@ -311,22 +314,22 @@ impl GpuSimulation {
         let pairs = &log[..head.logged as usize];
         self.totals.pairs = pairs.last().copied().unwrap_or(self.totals.pairs);
         self.pairs.extend_from_slice(pairs);
-        // For the next look: nothing is logged, and nothing counted but what was read.
-        let control = self.base.buffer("control");
+        // The next readback must not see these counts again.
+        let control = self.buffers.buffer("control");
         let zeros = vec![0u32; tallies];
-        let queue = &self.base.own.queue;
-        with_error_scope(&self.base.own, "counts", 0, || {
-            queue.write_buffer(control, std::mem::offset_of!(Head, logged) as u64, &[0; 4]);
+        let queue = &self.buffers.own.queue;
+        with_error_scope(&self.buffers.own, "counts", 0, || {
+            queue.write_buffer(control, std::mem::offset_of!(ControlHeader, logged) as u64, &[0; 4]);
             queue.write_buffer(control, (head_bytes + 4 * tallies) as u64, bytemuck::cast_slice(&zeros));
         })?;
         Ok(head)
     }
 
-    /// Adds tallies to the totals, and with them what is present.
-    fn enter(&mut self, counts: &[u32]) {
+    /// Adds tallies to the totals, including the present particles.
+    fn add_tallies(&mut self, counts: &[u32]) {
         let Self { model, tallies, totals, .. } = self;
         let count = |at: usize| u64::from(counts[at]);
-        // One kind may come and go between two looks, in any order; only the end is known not to be negative.
+        // A species may appear and disappear in any order between readbacks; only the final count cannot be negative.
         let present = &mut totals.present;
         let mut turn = |from: u32, to: Option<u32>, count: u64| {
             present[from as usize] = present[from as usize].wrapping_sub(count);
@@ -359,8 +362,8 @@ impl GpuSimulation {
         }
     }
 
-    /// Enters that the first `done` steps of the run are done, and what appeared until then.
-    fn enter_bursts(&mut self, bursts: &[Burst], done: u32) {
+    /// Records that the first `done` steps of the run are done, with the particles released until then.
+    fn record_bursts(&mut self, bursts: &[Burst], done: u32) {
         if done > self.step {
             self.due = Particles::default();
         }
@@ -375,16 +378,16 @@ impl GpuSimulation {
     }
 }
 
-/// The detector, if the model has pairs.
-fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
+/// Returns the detector if the model has pairs.
+fn detector(buffers: &RunBuffers, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
-    // A software driver has few threads, so that lists pay much sooner.
-    let crossover = Crossover::assumed(base.own.adapter.is_hardware);
+    // A software driver has few threads, so lists are worthwhile for fewer particles.
+    let crossover = Crossover::assumed(buffers.own.adapter.is_hardware);
     let settings = GpuConfig::default()
         .crossover(crossover)
         .interactions(Some(table))
         .space(model.boundary.space()?)
         .pair_capacity(sizes.pairs.max(1))
-        .consumer_workgroup_size(k::GROUP);
-    GpuDetector::new(&base.own.device, settings).map(Some).map_err(refused)
+        .consumer_workgroup_size(k::WORKGROUP_SIZE);
+    GpuDetector::new(&buffers.own.device, settings).map(Some).map_err(refused)
 }

@@ -1,8 +1,8 @@
 //! A model as the tables that kernels read. Pure functions.
 
-use super::journey::most_rows;
-use super::layout::{Fate, Kind, NOTHING, Params, ReceptorRow, Rule, Watch};
-use super::nearby::LISTED_FROM;
+use super::layout::{EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow};
+use super::receiver_cells::MIN_LISTED_RECEIVERS;
+use super::receiver_trajectory::max_rows;
 use crate::model::receiver::{Adsorption, ReceiverKind, Receptors};
 use crate::model::{Contact, Decay, Model};
 use crate::motion::propagate::{Propagator, SpeciesStep};
@@ -11,24 +11,24 @@ use crate::random::philox::Key;
 use crate::reaction::Reactions;
 use crate::{Axis, Boundary, Error, Receiver};
 
-/// Everything that a model says to the kernels.
+/// The tables of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tables {
     pub(super) params: Params,
-    pub(super) kinds: Vec<Kind>,
-    pub(super) fates: Vec<Fate>,
-    pub(super) watches: Vec<Watch>,
+    pub(super) species_rows: Vec<SpeciesRow>,
+    pub(super) event_rows: Vec<EventRow>,
+    pub(super) occupancy_rows: Vec<OccupancyRow>,
     /// Indexed by receiver; empty if no receiver has receptors.
     pub(super) receptors: Vec<ReceptorRow>,
-    /// `true` if some surfaces turn particles back.
+    /// `true` if some surfaces reflect particles.
     pub(super) reflects: bool,
-    /// Rows of the table of where receivers are, at most.
-    pub(super) bodies: usize,
-    pub(super) rules: Vec<Rule>,
+    /// The most rows of the table of positions of receivers.
+    pub(super) receiver_rows: usize,
+    pub(super) reaction_rows: Vec<ReactionRow>,
     pub(super) tallies: Tallies,
 }
 
-/// Which tally is what: arrivals by receiver and species, then decays, then reactions.
+/// The layout of tallies: arrivals by receiver and species, then decays, then reactions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,
@@ -56,12 +56,12 @@ impl Tallies {
 }
 
 /// The part of a lifetime that a step may take where a particle decays once in a step at most.
-const FAST_DECAY: f64 = 0.02;
+const MAX_CHAINED_DECAY: f64 = 0.02;
 
-/// Refuses what has no kernels.
+/// Refuses models without kernels.
 ///
 /// # Errors
-/// [`Error::NotOnGpu`], naming the first such thing.
+/// [`Error::NotOnGpu`], which names the first unsupported part.
 pub(super) fn check(model: &Model) -> Result<(), Error> {
     let rejected = |what: String| Err(Error::NotOnGpu { what });
     match model.contact {
@@ -87,13 +87,13 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     let decays = |species: u32| model.decays.iter().filter(move |decay| decay.reactant == species);
     for first in &model.decays {
         // Short steps notice what decays twice in the next one.
-        let is_fast = |second: &&Decay| second.rate * model.time_step > FAST_DECAY;
+        let is_fast = |second: &&Decay| second.rate * model.time_step > MAX_CHAINED_DECAY;
         if let Some(second) = first.products[0].and_then(|product| decays(product).find(is_fast)) {
             return rejected(format!(
                 "'{}' behind '{}' in one step; time-step = {:.2e} would do",
                 second.name,
                 first.name,
-                FAST_DECAY / second.rate
+                MAX_CHAINED_DECAY / second.rate
             ));
         }
     }
@@ -123,34 +123,34 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     Ok(())
 }
 
-/// Receivers and species of theirs that one thread looks at in a step: software drivers end an invocation's loops after
-/// 65 535 turns without a word.
-const MOST_SEEN: usize = 60_000;
-/// The same where surfaces turn particles back, to which it looks twice and has some turns more.
-const MOST_SEEN_TURNING: usize = 25_000;
-/// Loop turns of a thread that surfaces may turn back, of which it takes some besides at each look around, and at most one
-/// for each bounce.
-const TURNING: u32 = 60_000;
-const PER_LOOK: u32 = 1_100;
+/// The most receivers and species that one thread visits in a step, because software drivers end loops after 65,535
+/// iterations.
+const MAX_SEEN: usize = 60_000;
+/// The same if surfaces reflect: a thread then visits receivers twice.
+const MAX_SEEN_REFLECTING: usize = 25_000;
+/// Loop iterations of a thread near surfaces, its additional iterations per search, and the most reflections in a step.
+const REFLECTION_ITERATIONS: u32 = 60_000;
+const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// How often a particle may look around for surfaces in a step: again where it was thrown beyond what it saw. A look goes
-/// through all receivers that it sees, and so does what takes particles in.
-fn looks(kinds: &[Kind]) -> u32 {
-    let most = kinds.iter().map(|kind| kind.decays_begin - kind.fates_begin).max().unwrap_or(0);
-    (TURNING.saturating_sub(most + PER_LOOK) / (most + PER_LOOK)).clamp(1, BOUNCES)
+/// Returns the most searches for surfaces by a particle in a step. A particle searches again if moving surfaces pushed it
+/// beyond the region of the search. Each search, and the test of absorbing receivers, visits all receivers of a species.
+fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
+    let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
+    (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
+        .clamp(1, BOUNCES)
 }
 
 fn check_receivers(model: &Model) -> Result<(), Error> {
     let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
-    let most = if reflects { MOST_SEEN_TURNING } else { MOST_SEEN };
-    // Receptors take a workgroup for each receiver, whether it is seen or not.
-    let looks = seen.max(model.receivers.len());
-    match looks > most {
+    let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
+    // Receptors take one workgroup per receiver.
+    let max_requeries = seen.max(model.receivers.len());
+    match max_requeries > most {
         true => Err(Error::NotOnGpu {
             what: format!(
-                "so many receivers, at all of which each particle looks: {looks} counts of a receiver and a species, \
+                "so many receivers, at all of which each particle max_requeries: {max_requeries} counts of a receiver and a species, \
                  beyond {most}"
             ),
         }),
@@ -158,8 +158,8 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     }
 }
 
-/// Returns `true` if the ends of a step do not tell whether a receiver was met between them: drift may carry past what
-/// diffuses, and on a straight way a wall or another image of the receiver may turn up.
+/// Returns `true` if the ends of a step do not decide whether a receiver was hit: drift may carry a diffusing particle past
+/// it, and a straight path may involve a wall or another image of the receiver.
 fn drifts_past((receiver, time_step): (&Receiver, f64), step: &SpeciesStep, boundary: &Boundary) -> bool {
     let own = receiver.velocity.map(|v| (v * time_step) as f32);
     let drift: [f32; 3] = std::array::from_fn(|k| step.drift[k] - own[k]);
@@ -173,7 +173,7 @@ fn drifts_past((receiver, time_step): (&Receiver, f64), step: &SpeciesStep, boun
         match boundary.axes[k] {
             Axis::Open => false,
             Axis::Reflecting { .. } if step.drift[k] == 0.0 => false,
-            // Sooner or later it comes to a wall as well.
+            // A moving receiver reaches a wall eventually.
             Axis::Reflecting { .. } if own[k] != 0.0 => true,
             Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
             Axis::Periodic { low, high } => 2.0 * (receiver.radius + drift[k].abs()) > high - low,
@@ -182,48 +182,52 @@ fn drifts_past((receiver, time_step): (&Receiver, f64), step: &SpeciesStep, boun
 }
 
 impl Tables {
-    /// The tables of a model that was checked.
-    pub(super) fn new(model: &Model, key: Key, turns: u32) -> Self {
+    /// Returns the tables of a valid model.
+    pub(super) fn new(model: &Model, key: Key, max_iterations: u32) -> Self {
         let tallies = Tallies {
             species: model.species.len(),
             receivers: model.receivers.len(),
             decays: model.decays.len(),
             reactions: model.reactions.len(),
         };
-        let (kinds, fates) = kinds_and_fates(model, &tallies);
+        let (species_rows, event_rows) = species_and_event_rows(model, &tallies);
         Self {
-            params: Params { looks: looks(&kinds), ..params(model, key, turns, &tallies) },
-            kinds,
-            fates,
-            watches: watches(model, &tallies),
+            params: Params {
+                max_requeries: max_requeries(&species_rows),
+                ..params(model, key, max_iterations, &tallies)
+            },
+            species_rows,
+            event_rows,
+            occupancy_rows: occupancy_rows(model, &tallies),
             receptors: receptors(model),
             reflects: model.receivers.iter().any(|receiver| receiver.kind.reflects()),
-            bodies: most_rows(model),
-            rules: rules(model),
+            receiver_rows: max_rows(model),
+            reaction_rows: reaction_rows(model),
             tallies,
         }
     }
 
-    /// The fates of receptors, with species and receiver.
-    pub(super) fn holders(&self) -> Vec<Holder> {
-        let of_kind = |(species, kind): (usize, &Kind)| {
-            let fates = (kind.fates_begin..kind.decays_begin).map(|k| (k, &self.fates[k as usize]));
-            let binding = fates.filter(|(_, fate)| fate.kind == Fate::RECEPTORS);
+    /// Returns the events of receptors, with species and receiver.
+    pub(super) fn bound_species(&self) -> Vec<BoundSpecies> {
+        let of_kind = |(species, kind): (usize, &SpeciesRow)| {
+            let event_rows =
+                (kind.events_begin..kind.decays_begin).map(|k| (k, &self.event_rows[k as usize]));
+            let binding = event_rows.filter(|(_, event)| event.kind == EventRow::RECEPTORS);
             binding
-                .map(|(fate, row)| Holder { species: species as u32, receiver: row.receiver, fate })
+                .map(|(event, row)| BoundSpecies { species: species as u32, receiver: row.receiver, event })
                 .collect()
         };
-        self.kinds.iter().enumerate().flat_map(|kind| -> Vec<Holder> { of_kind(kind) }).collect()
+        self.species_rows.iter().enumerate().flat_map(|kind| -> Vec<BoundSpecies> { of_kind(kind) }).collect()
     }
 }
 
-/// A species that receptors of a receiver hold, by the place of that in the table of fates. In a list they are in the order
-/// of species and receivers, which is that of fates.
+/// A species that the receptors of a receiver bind, with the index of that event. Lists are in the order of species and
+/// receivers, which is the order of events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Holder {
+pub(super) struct BoundSpecies {
     pub(super) species: u32,
     pub(super) receiver: u32,
-    pub(super) fate: u32,
+    pub(super) event: u32,
 }
 
 fn receptors(model: &Model) -> Vec<ReceptorRow> {
@@ -238,20 +242,20 @@ fn receptors(model: &Model) -> Vec<ReceptorRow> {
     model.receivers.iter().map(row).collect()
 }
 
-fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
+fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Params {
     let mut params = Params {
         key: key.0.into(),
         species: tallies.species as u32,
         tallies: tallies.len() as u32,
         first_reaction: tallies.reaction(0) as u32,
         is_open: model.boundary.is_unbounded().into(),
-        turns,
+        max_iterations,
         lists_pairs: u32::from(!model.reactions.is_empty()),
         ..Params::default()
     };
     for (k, axis) in model.boundary.axes.into_iter().enumerate() {
         let (kind, walls) = match axis {
-            // Walls that nobody looks at, but that must not divide by zero.
+            // Unused, but no division by zero.
             Axis::Open => (0, [0.0, 1.0]),
             Axis::Reflecting { low, high } => (1, [low, high]),
             Axis::Periodic { low, high } => (2, [low, high]),
@@ -262,15 +266,15 @@ fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
     params
 }
 
-fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
+fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>, Vec<EventRow>) {
     let motion = Propagator::new(model);
-    let (mut fates, mut kinds, mut listed) = (Vec::new(), Vec::new(), 0);
+    let (mut event_rows, mut species_rows, mut listed) = (Vec::new(), Vec::new(), 0);
     for (id, species) in model.species.iter().enumerate() {
-        let fates_begin = fates.len() as u32;
+        let events_begin = event_rows.len() as u32;
         let step = motion.steps[id];
         for (place, receiver) in model.receivers.iter().enumerate().filter(|(_, r)| r.sees[id]) {
             let Some(surface) = surface(receiver, &step, model.time_step) else { continue };
-            fates.push(Fate {
+            event_rows.push(EventRow {
                 drift: receiver.velocity.map(|v| (v * model.time_step) as f32).into(),
                 radius: receiver.radius,
                 diffusion: (receiver.diffusion * model.time_step) as f32,
@@ -280,101 +284,101 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
                 ..surface
             });
         }
-        let decays_begin = fates.len() as u32;
-        let is_listed = decays_begin - fates_begin >= LISTED_FROM;
-        fates.extend(motion.decays.channels(id as u32).iter().map(|channel| Fate {
-            kind: Fate::DECAY,
-            up_to: channel.up_to,
+        let decays_begin = event_rows.len() as u32;
+        let is_listed = decays_begin - events_begin >= MIN_LISTED_RECEIVERS;
+        event_rows.extend(motion.decays.channels(id as u32).iter().map(|channel| EventRow {
+            kind: EventRow::DECAY,
+            threshold: channel.up_to,
             product: channel.product.unwrap_or(NOTHING),
             tally: tallies.decay(channel.decay as usize) as u32,
-            ..Fate::default()
+            ..EventRow::default()
         }));
-        kinds.push(Kind {
+        species_rows.push(SpeciesRow {
             drift: step.drift.into(),
             length: step.length,
             diffusion: step.diffusion,
             radius: species.radius,
-            fates_begin,
+            events_begin,
             decays_begin,
-            fates_end: fates.len() as u32,
+            events_end: event_rows.len() as u32,
             bend: step.bend,
             reach: reach(&step),
-            lists: if is_listed { listed } else { NOTHING },
+            cell_lists: if is_listed { listed } else { NOTHING },
         });
         listed += u32::from(is_listed);
     }
-    (kinds, fates)
+    (species_rows, event_rows)
 }
 
-/// The distance within which all but one particle of ten million stay in a step and may meet receivers.
+/// Returns the distance that all but one in ten million particles stay within in a step, including the reach of receivers.
 fn reach(step: &SpeciesStep) -> f32 {
     let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
     1.01 * (6.0 * step.length + drift) + step.bend
 }
 
-/// The effect of a receiver's surface on a species; none if the surface is transparent.
-fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<Fate> {
+/// Returns the effect of a receiver's surface on a species, or `None` for a transparent one.
+fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {
     let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
     let length = diffusion.sqrt();
     let own = |reactivity: f64| (reactivity * time_step / length) as f32;
-    let of_kind = |kind| Fate { kind, length: length as f32, ..Fate::default() };
+    let of_kind = |kind| EventRow { kind, length: length as f32, ..EventRow::default() };
     Some(match receiver.kind {
         ReceiverKind::Transparent => return None,
-        ReceiverKind::Absorbing => of_kind(Fate::ABSORBING),
-        ReceiverKind::Endpoint => of_kind(Fate::ENDPOINT),
-        ReceiverKind::Reflecting => of_kind(Fate::REFLECTING),
+        ReceiverKind::Absorbing => of_kind(EventRow::ABSORBING),
+        ReceiverKind::Endpoint => of_kind(EventRow::ENDPOINT),
+        ReceiverKind::Reflecting => of_kind(EventRow::REFLECTING),
         ReceiverKind::Partial(Adsorption::Reactivity(reactivity)) => {
-            Fate { own: own(reactivity), ..of_kind(Fate::PARTIAL) }
+            EventRow { own: own(reactivity), ..of_kind(EventRow::PARTIAL) }
         }
         ReceiverKind::Partial(Adsorption::PerStep(probability)) => match below(probability) {
-            Some(up_to) => Fate { up_to, ..of_kind(Fate::PER_STEP) },
-            None => of_kind(Fate::REFLECTING),
+            Some(threshold) => EventRow { threshold, ..of_kind(EventRow::PER_STEP) },
+            None => of_kind(EventRow::REFLECTING),
         },
-        ReceiverKind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => Fate {
+        ReceiverKind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => EventRow {
             own: own(adsorption::reactivity(binding_rate, 1, receiver.radius.into())),
             unbinding: (unbinding_rate * time_step) as f32,
-            ..of_kind(Fate::RECEPTORS)
+            ..of_kind(EventRow::RECEPTORS)
         },
     })
 }
 
-/// The largest word whose number in (0, 1), as the CPU makes it of a word, is below a probability.
+/// Returns the largest word whose number in (0, 1), converted as on the CPU, is below a probability.
 fn below(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0 - 0.5).ceil().clamp(0.0, 4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)
 }
 
-fn watches(model: &Model, tallies: &Tallies) -> Vec<Watch> {
+fn occupancy_rows(model: &Model, tallies: &Tallies) -> Vec<OccupancyRow> {
     let transparent = model.receivers.iter().enumerate().filter(|(_, r)| r.kind == ReceiverKind::Transparent);
-    let watch = |(place, receiver): (usize, &crate::Receiver), species: usize| Watch {
+    let row = |(place, receiver): (usize, &crate::Receiver), species: usize| OccupancyRow {
         receiver: place as u32,
         radius: receiver.radius,
         first: tallies.arrival(place, species) as u32,
         species: species as u32,
     };
     transparent
-        .flat_map(|r| (0..tallies.species).filter(move |&s| r.1.sees[s]).map(move |s| watch(r, s)))
+        .flat_map(|r| (0..tallies.species).filter(move |&s| r.1.sees[s]).map(move |s| row(r, s)))
         .collect()
 }
 
-fn rules(model: &Model) -> Vec<Rule> {
+fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
     let reactions = Reactions::new(model);
     let radius = |product: Option<u32>| product.map_or(0.0, |species| model.species[species as usize].radius);
     let entry = |[a, b]: [u32; 2]| {
         // Several were rejected before.
         let Ok(Some((rule, within))) = reactions.only(a, b) else {
-            return Rule { first: NOTHING, ..Rule::default() };
+            return ReactionRow { first: NOTHING, ..ReactionRow::default() };
         };
         let reaction = &model.reactions[rule.reaction as usize];
         let [share, first_share] = reactions.shares_of(rule.reaction);
         let parts = reaction.unbinding_radius > 0.0 && reaction.products.iter().all(Option::is_some);
         let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
-        flags |= if within.is_some() { Rule::NARROWER } else { 0 };
-        flags |= if parts { Rule::APART } else { 0 };
-        Rule {
+        flags |= if within.is_some() { ReactionRow::NARROWER } else { 0 };
+        flags |= if parts { ReactionRow::APART } else { 0 };
+        ReactionRow {
             reaction: rule.reaction,
             first: rule.first,
-            up_to: rule.up_to,
+            threshold: rule.up_to,
             flags,
             products: reaction.products.map(|product| product.unwrap_or(NOTHING)).into(),
             radii: reaction.products.map(radius).into(),

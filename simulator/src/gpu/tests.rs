@@ -1,4 +1,4 @@
-//! Kernels against the functions of the CPU. Without an adapter they are skipped and say why, unless
+//! Kernels against the functions of the CPU. Tests are skipped with a message if there is no adapter, unless
 //! `LAZYGRID_REQUIRE_GPU` is set.
 
 #[path = "../../../tests/src/adapter.rs"]
@@ -9,10 +9,10 @@ use adapter::or_skip;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
 
 use super::device::{buffer, filled, read};
+use super::dispatches::{Groups, RunBuffers, StepDispatches};
 use super::kernel::{self as k, expand};
-use super::layout::{CLAIM_BYTES, Head};
+use super::layout::{CLAIM_BYTES, ControlHeader};
 use super::plan::Sizes;
-use super::stages::{Base, Groups, Steps};
 use super::tables::Tables;
 use crate::random::gaussian;
 use crate::random::philox::{Key, Purpose, philox};
@@ -23,7 +23,7 @@ fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 
-/// Runs `body` for each of `count` values of `k`, with `out: array<vec4<u32>>` to write to.
+/// Runs `body` for each of `count` values of `k`, with the output `out: array<vec4<u32>>`.
 fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
     let source = format!(
         "{pieces}\n@group(0) @binding(0) var<storage, read_write> out: array<vec4<u32>>;\n\
@@ -59,7 +59,7 @@ fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 
     bytemuck::pod_collect_to_vec(&bytes[0])
 }
 
-/// A counter and a key that look random.
+/// Returns a counter and a key that look random.
 fn scattered(k: u32) -> ([u32; 4], [u32; 2]) {
     let word = |by: u32| k.wrapping_mul(by) ^ (k << 7);
     ([word(0x9e37_79b9), word(0x85eb_ca6b), k, 3], [word(0xc2b2_ae35), !k])
@@ -128,10 +128,10 @@ fn model() -> Model {
 }
 
 const CLAIMS: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
-/// Where the table by species has those reactions.
+/// The entries of the table by species that describe these reactions.
 const RULES: [u32; 3] = [0, 1, 4];
 
-/// Different pairs of `particles` particles, with few priorities, so that ties are common.
+/// Distinct pairs of `particles` particles, with few priorities, so that ties are common.
 fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
     let mut seen = std::collections::HashSet::new();
     let mut all = Vec::new();
@@ -139,7 +139,7 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
         let [a, by, priority, kind] = Key::new(7).draw(k, salt, 0, Purpose::Pair);
         let a = a % particles;
         let b = (a + 1 + by % (particles - 1)) % particles;
-        // Ids are not places.
+        // Ids differ from indices.
         let id = |at: u32| (at * 37 + 11) % 1_000_003;
         let ids = [id(a).min(id(b)), id(a).max(id(b))];
         if seen.insert(ids) {
@@ -157,21 +157,21 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
     all
 }
 
-/// The matching on the device: how the run stands, and by particle where its reaction was, if it had one.
+/// Runs the matching on the device. Returns the reason of a halt, and each particle's reaction, as the product's position.
 fn matched(
     own: &GpuDevice,
     all: &[ReactionCandidate],
     particles: u32,
-    [rounds, turns]: [u32; 2],
+    [rounds, max_iterations]: [u32; 2],
 ) -> (u32, Vec<Option<f32>>) {
-    let tables = Tables::new(&model(), Key::new(1), turns);
-    let mut base = Base::new(own.clone(), &tables, 0).expect("a base");
+    let tables = Tables::new(&model(), Key::new(1), max_iterations);
+    let mut buffers = RunBuffers::new(own.clone(), &tables, 0).expect("buffers");
     let sizes = Sizes { particles, pairs: all.len().max(1) as u32 };
     let table = crate::reaction::interactions(&model()).expect("interactions");
     let settings = lazygrid::gpu::GpuConfig::default().interactions(table);
     let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
     let found = detector.reserve(particles).expect("room");
-    let steps = Steps::new(&mut base, sizes, rounds, Some(found)).expect("steps");
+    let steps = StepDispatches::new(&mut buffers, sizes, rounds, Some(found)).expect("steps");
     let id = |at: u32| (at * 37 + 11) % 1_000_003;
     let rows: Vec<[u32; 6]> = all
         .iter()
@@ -179,7 +179,7 @@ fn matched(
         .collect();
     let order: Vec<u32> = (0..all.len() as u32).rev().collect();
     let moved: Vec<[f32; 4]> = (0..particles).map(|k| [k as f32, 0.0, 0.0, 0.0]).collect();
-    let head = Head { count: particles, left: [all.len() as u32, 0], ..Head::default() };
+    let head = ControlHeader { count: particles, left: [all.len() as u32, 0], ..ControlHeader::default() };
     let write = |name: &str, bytes: &[u8]| own.queue.write_buffer(steps.buffer(name), 0, bytes);
     write("candidates", bytemuck::cast_slice(&rows));
     write("left0", bytemuck::cast_slice(&order));
@@ -187,19 +187,18 @@ fn matched(
     write("control", bytemuck::bytes_of(&head));
     let mut encoder = own.device.create_command_encoder(&Default::default());
     steps.encode_matching(&mut encoder);
-    let parts =
-        [(steps.buffer("consumes"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
+    let parts = [(steps.buffer("claims"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
     let read = read(own, encoder, &parts).expect("read");
-    let consumes: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[0]);
+    let claims: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[0]);
     let control: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
-    (control[3], consumes.iter().map(|c| (c[2] != 0).then_some(f32::from_bits(c[4]))).collect())
+    (control[3], claims.iter().map(|c| (c[2] != 0).then_some(f32::from_bits(c[4]))).collect())
 }
 
 #[test]
-fn the_matching_is_the_greedy_one() {
+fn matching_equals_the_sequential_greedy_one() {
     let Some(own) = device() else { return };
     for (particles, count) in [(2, 1), (41, 300), (5_000, 300), (3_000, 9_000)] {
-        for [rounds, turns] in [[0, 60_000], [1, 60_000], [4, 60_000]] {
+        for [rounds, max_iterations] in [[0, 60_000], [1, 60_000], [4, 60_000]] {
             let all = candidates(particles, count, rounds);
             let mut expected = vec![None; particles as usize];
             let mut sorted = all.clone();
@@ -213,34 +212,33 @@ fn the_matching_is_the_greedy_one() {
                 };
                 (0..2).filter(|&k| consumes[k]).for_each(|k| expected[at[k] as usize] = Some(place));
             }
-            let found = matched(&own, &all, particles, [rounds, turns]);
+            let found = matched(&own, &all, particles, [rounds, max_iterations]);
             assert_eq!(found, (0, expected), "{particles} particles, {count} candidates, {rounds} rounds");
         }
     }
 }
 
 #[test]
-fn a_matching_that_is_not_finished_freezes_the_run() {
+fn unfinished_matching_halts_the_run() {
     let Some(own) = device() else { return };
     let all = candidates(41, 300, 0);
-    assert_eq!(matched(&own, &all, 41, [0, 64]).0, Head::ROUNDS_LEFT);
+    assert_eq!(matched(&own, &all, 41, [0, 64]).0, ControlHeader::ROUNDS_LEFT);
 }
 
-/// A buffer with these bytes.
+/// Returns a buffer with these bytes.
 fn written(own: &GpuDevice, name: &'static str, bytes: &[u8]) -> wgpu::Buffer {
     let made = buffer(own, name, bytes.len() as u64).expect("a buffer");
     own.queue.write_buffer(&made, 0, bytes);
     made
 }
 
-/// Particles of which some are gone, used up or turned into others stand afterwards in the order that they are given, and
-/// those of a run that stands still where they stood.
+/// Removed, consumed and transformed particles are compacted in the given order; those of a halted run do not change.
 #[test]
-fn survivors_come_together_in_the_order_of_the_list() {
+fn survivors_are_compacted_in_output_order() {
     let Some(own) = device() else { return };
     let tables = Tables::new(&model(), Key::new(1), 64);
-    for (count, is_listed, frozen) in [(700, 1, 0), (700, 0, 0), (70_001, 1, 0), (700, 1, 1)] {
-        let mut base = Base::new(own.clone(), &tables, 0).expect("a base");
+    for (count, is_cell_order, halted) in [(700, 1, 0), (700, 0, 0), (70_001, 1, 0), (700, 1, 1)] {
+        let mut buffers = RunBuffers::new(own.clone(), &tables, 0).expect("buffers");
         let word = |k: u32| philox([k, 0, 0, 0], [3, 0])[0];
         let mut order: Vec<u32> = (0..count).collect();
         order.sort_by_key(|&k| word(k));
@@ -250,23 +248,23 @@ fn survivors_come_together_in_the_order_of_the_list() {
         let tags: Vec<[u32; 2]> = (0..count).map(|k| [9, k * 7 + 1]).collect();
         let product = |k: u32| if word(k) % 7 == 2 { crate::gpu::layout::NOTHING } else { 5 };
         let claim = |k: u32| [0, 0, u32::from(word(k) % 7 < 3), product(k), k, 1, 2, 3];
-        let consumes: Vec<[u32; 8]> = (0..count).map(claim).collect();
-        let head = Head { count, frozen, ..Head::default() };
+        let claims: Vec<[u32; 8]> = (0..count).map(claim).collect();
+        let head = ControlHeader { count, halted, ..ControlHeader::default() };
         let with = |name, bytes: &[u8]| written(&own, name, bytes);
         let made: std::collections::HashMap<&str, wgpu::Buffer> = [
             ("order", with("order", bytemuck::cast_slice(&order))),
             ("moved", with("moved", bytemuck::cast_slice(&moved))),
             ("species", with("species", bytemuck::cast_slice(&species))),
             ("tags", with("tags", bytemuck::cast_slice(&tags))),
-            ("consumes", with("consumes", bytemuck::cast_slice(&consumes))),
+            ("claims", with("claims", bytemuck::cast_slice(&claims))),
             ("spheres", with("spheres", &vec![0; 16 * count as usize])),
             ("ids", with("ids", &vec![0; 4 * count as usize])),
             ("sums", with("sums", &vec![0; 4 * (count as usize / 256 + 2)])),
-            ("listing", with("listing", bytemuck::cast_slice(&[is_listed, 0, 0, 0]))),
+            ("output_order", with("output_order", bytemuck::cast_slice(&[is_cell_order, 0, 0, 0]))),
         ]
         .into();
-        own.queue.write_buffer(base.buffer("control"), 0, bytemuck::bytes_of(&head));
-        let [params, control, log] = ["params", "control", "log"].map(|name| base.buffer(name).clone());
+        own.queue.write_buffer(buffers.buffer("control"), 0, bytemuck::bytes_of(&head));
+        let [params, control, log] = ["params", "control", "log"].map(|name| buffers.buffer(name).clone());
         let find = |name| match name {
             "params" => params.clone(),
             "control" => control.clone(),
@@ -275,39 +273,39 @@ fn survivors_come_together_in_the_order_of_the_list() {
         };
         let mut encoder = own.device.create_command_encoder(&Default::default());
         for (kernel, groups) in [
-            (&k::SURVIVORS_COUNT, count.div_ceil(k::GROUP)),
+            (&k::SURVIVORS_COUNT, count.div_ceil(k::WORKGROUP_SIZE)),
             (&k::SURVIVORS_SCAN, 1),
-            (&k::SURVIVORS_PLACE, count.div_ceil(k::GROUP)),
+            (&k::SURVIVORS_PLACE, count.div_ceil(k::WORKGROUP_SIZE)),
         ] {
-            base.stage(kernel, Groups::Fixed(groups), find).expect("a stage").encode(&mut encoder, groups);
+            buffers.stage(kernel, Groups::Fixed(groups), find).expect("a stage").encode(&mut encoder, groups);
         }
         let n = u64::from(count);
         let read = read(&own, encoder, &[(&made["spheres"], 16 * n), (&made["tags"], 8 * n), (&control, 64)])
             .expect("read");
-        let head: Head = bytemuck::pod_read_unaligned(&read[2][..size_of::<Head>()]);
+        let head: ControlHeader = bytemuck::pod_read_unaligned(&read[2][..size_of::<ControlHeader>()]);
         let found: Vec<([u32; 4], [u32; 2])> = bytemuck::pod_collect_to_vec::<u8, [u32; 4]>(&read[0])
             .into_iter()
             .zip(bytemuck::pod_collect_to_vec::<u8, [u32; 2]>(&read[1]))
             .collect();
-        if frozen == 1 {
+        if halted == 1 {
             assert!(found.iter().zip(&tags).all(|((sphere, tag), old)| *sphere == [0; 4] && tag == old));
             continue;
         }
         let expected: Vec<([u32; 4], [u32; 2])> = (0..count as usize)
-            .map(|k| if is_listed == 1 { order[k] as usize } else { k })
-            .filter(|&at| moved[at][3] >= 0.0 && (consumes[at][2] == 0 || consumes[at][3] == 5))
-            .map(|at| match consumes[at][2] {
+            .map(|k| if is_cell_order == 1 { order[k] as usize } else { k })
+            .filter(|&at| moved[at][3] >= 0.0 && (claims[at][2] == 0 || claims[at][3] == 5))
+            .map(|at| match claims[at][2] {
                 0 => (moved[at].map(f32::to_bits), [species[at], tags[at][1]]),
-                _ => ([consumes[at][4], 1, 2, 3], [5, tags[at][1]]),
+                _ => ([claims[at][4], 1, 2, 3], [5, tags[at][1]]),
             })
             .collect();
         assert_eq!((head.alive, head.done, head.logged), (expected.len() as u32, 1, 1));
-        assert!(found[..expected.len()] == expected[..], "{count} particles, listed: {is_listed}");
+        assert!(found[..expected.len()] == expected[..], "{count} particles, listed: {is_cell_order}");
     }
 }
 
 #[test]
-fn a_buffer_begins_with_what_it_was_given() {
+fn buffer_begins_with_its_contents() {
     let Some(own) = device() else { return };
     let made = filled(&own, "three words", &[1u32, 2, 3]).expect("a buffer");
     let encoder = own.device.create_command_encoder(&Default::default());

@@ -62,7 +62,7 @@ fn a_run_that_froze_for_want_of_room_goes_on_as_if_it_had_not() {
     roomy.run(10).expect("steps");
     for options in [
         GpuOptions { pair_capacity: 1, ..GpuOptions::default() },
-        GpuOptions { rounds: 0, turns: 64, ..GpuOptions::default() },
+        GpuOptions { rounds: 0, max_iterations: 64, ..GpuOptions::default() },
     ] {
         let mut tight = gpu(&own, &model, 3, options);
         tight.run(10).expect("steps");

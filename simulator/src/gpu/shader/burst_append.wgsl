@@ -1,4 +1,4 @@
-// Puts the particles of a burst behind those that are there. A step that is repeated does so again.
+// Appends the particles of a burst. A repeated step appends them again.
 #include control
 
 struct Burst {
@@ -14,9 +14,9 @@ struct Burst {
 
 @compute @workgroup_size(256)
 fn burst_append(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                @builtin(local_invocation_index) lane: u32) {
-    let k = place_of(group, groups, lane);
-    if (control.frozen != 0u || k >= burst.count) {
+                @builtin(local_invocation_index) local_index: u32) {
+    let k = global_index(group, groups, local_index);
+    if (control.halted != 0u || k >= burst.count) {
         return;
     }
     let at = control.alive + k;

@@ -1,5 +1,6 @@
-// All rounds that are left, by one workgroup, which alone may wait for itself. By then few candidates are left. Where
-// they are too many for the loops of one invocation the run freezes, and is repeated with more rounds before.
+// Runs all remaining rounds in one workgroup, which can synchronize with itself. Few candidates are left by then. If
+// they are too many for the loops of one invocation, the run halts and the host repeats the step with more rounds before
+// this kernel.
 #include control
 #include params
 #include philox
@@ -12,81 +13,81 @@
 @group(0) @binding(1) var<uniform> round: Round;
 @group(0) @binding(2) var<storage, read_write> control: Control;
 @group(0) @binding(3) var<storage, read> candidates: array<Candidate>;
-@group(0) @binding(4) var<storage, read> rules: array<Rule>;
+@group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
 @group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(6) var<storage, read> left: array<u32>;
 @group(0) @binding(7) var<storage, read> moved: array<vec4<f32>>;
 
-#include claiming
-#include settling
+#include claims
+#include apply_reaction
 
-// Loop turns that one round takes for each candidate of a lane: four looks, one of them with a draw of ten rounds.
-const TURNS: u32 = 32u;
+// Loop iterations per candidate of a thread and round: four visits, one of them with a draw of ten rounds.
+const ITERATIONS_PER_CANDIDATE: u32 = 32u;
 
-// How many candidates are free, by round in turn, so that clearing one does not disturb who still reads the other.
+// The number of free candidates, in alternating entries: one is cleared while threads still read the other.
 var<workgroup> free: array<atomic<u32>, 2>;
-// How many candidates there are, read once for all.
-var<workgroup> listed: u32;
+// The number of candidates.
+var<workgroup> candidate_count: u32;
 
 fn is_free_at(index: u32) -> bool {
-    return is_free(candidates[index], rules[candidates[index].rule]);
+    return is_free(candidates[index], reaction_rows[candidates[index].rule]);
 }
 
-fn wait() {
+fn synchronize() {
     storageBarrier();
     workgroupBarrier();
 }
 
 @compute @workgroup_size(256)
-fn matching_finish(@builtin(local_invocation_index) lane: u32) {
-    if (lane == 0u) {
-        listed = atomicLoad(&control.left[round.source]);
+fn matching_finish(@builtin(local_invocation_index) local_index: u32) {
+    if (local_index == 0u) {
+        candidate_count = atomicLoad(&control.left[round.source]);
     }
-    let count = workgroupUniformLoad(&listed);
-    let shares = count / GROUP + 1u;
-    let rounds = params.turns / (TURNS * shares);
-    if (lane < 2u) {
-        atomicStore(&free[lane], 0u);
+    let count = workgroupUniformLoad(&candidate_count);
+    let chunks = count / WORKGROUP_SIZE + 1u;
+    let rounds = params.max_iterations / (ITERATIONS_PER_CANDIDATE * chunks);
+    if (local_index < 2u) {
+        atomicStore(&free[local_index], 0u);
     }
-    wait();
+    synchronize();
     for (var number = 0u; number < rounds; number++) {
-        for (var share = 0u; share < shares; share++) {
-            let k = share * GROUP + lane;
+        for (var chunk = 0u; chunk < chunks; chunk++) {
+            let k = chunk * WORKGROUP_SIZE + local_index;
             if (k < count && is_free_at(left[k])) {
                 clear(left[k]);
                 atomicAdd(&free[number & 1u], 1u);
             }
         }
-        wait();
+        synchronize();
         if (workgroupUniformLoad(&free[number & 1u]) == 0u) {
             return;
         }
-        for (var share = 0u; share < shares; share++) {
-            let k = share * GROUP + lane;
+        for (var chunk = 0u; chunk < chunks; chunk++) {
+            let k = chunk * WORKGROUP_SIZE + local_index;
             if (k < count && is_free_at(left[k])) {
                 propose(left[k]);
             }
         }
-        if (lane == 0u) {
+        if (local_index == 0u) {
             atomicStore(&free[(number + 1u) & 1u], 0u);
         }
-        wait();
-        for (var share = 0u; share < shares; share++) {
-            let k = share * GROUP + lane;
+        synchronize();
+        for (var chunk = 0u; chunk < chunks; chunk++) {
+            let k = chunk * WORKGROUP_SIZE + local_index;
             if (k < count && is_free_at(left[k])) {
                 break_tie(left[k]);
             }
         }
-        wait();
-        for (var share = 0u; share < shares; share++) {
-            let k = share * GROUP + lane;
+        synchronize();
+        for (var chunk = 0u; chunk < chunks; chunk++) {
+            let k = chunk * WORKGROUP_SIZE + local_index;
             if (k < count && is_free_at(left[k])) {
-                settle(left[k]);
+                apply_if_best(left[k]);
             }
         }
-        wait();
+        synchronize();
     }
-    if (lane == 0u) {
-        control.frozen = ROUNDS_LEFT;
+    if (local_index == 0u) {
+        control.halted = ROUNDS_LEFT;
     }
 }

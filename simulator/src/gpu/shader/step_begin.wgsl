@@ -1,4 +1,4 @@
-// Begins a step: how many particles it has, and nothing counted yet. A frozen run has steps without particles.
+// Begins a step: sets its number of particles and resets its counters. A halted run has steps without particles.
 #include control
 #include params
 
@@ -6,23 +6,23 @@
 @group(0) @binding(1) var<storage, read_write> control: Control;
 
 @compute @workgroup_size(256)
-fn step_begin(@builtin(local_invocation_index) lane: u32) {
-    for (var turn = 0u; turn < params.tallies / GROUP + 1u; turn++) {
-        let k = turn * GROUP + lane;
+fn step_begin(@builtin(local_invocation_index) local_index: u32) {
+    for (var iteration = 0u; iteration < params.tallies / WORKGROUP_SIZE + 1u; iteration++) {
+        let k = iteration * WORKGROUP_SIZE + local_index;
         if (k < params.tallies) {
             atomicStore(&control.tallies[k], 0u);
         }
     }
-    if (lane != 0u) {
+    if (local_index != 0u) {
         return;
     }
-    control.count = select(0u, control.alive + control.incoming, control.frozen == 0u);
+    control.count = select(0u, control.alive + control.incoming, control.halted == 0u);
     control.incoming = 0u;
     control.step = control.done;
     control.pairs = 0u;
     control.found_lo = 0u;
     control.found_hi = 0u;
-    atomicStore(&control.gone, 0u);
+    atomicStore(&control.removed, 0u);
     atomicStore(&control.left[0], 0u);
     atomicStore(&control.left[1], 0u);
 }

@@ -1,9 +1,9 @@
-// Counts the particles that stay, by workgroup, in the order in which they are to stand.
+// Counts the surviving particles of each workgroup, in output order.
 #include control
 #include candidate
 #include running_sum
 
-@group(0) @binding(0) var<uniform> listing: Listing;
+@group(0) @binding(0) var<uniform> output_order: OutputOrder;
 @group(0) @binding(1) var<storage, read_write> control: Control;
 @group(0) @binding(2) var<storage, read> order: array<u32>;
 @group(0) @binding(3) var<storage, read> moved: array<vec4<f32>>;
@@ -12,21 +12,21 @@
 @group(0) @binding(6) var<storage, read_write> ids: array<u32>;
 @group(0) @binding(7) var<storage, read_write> sums: array<u32>;
 
-#include listing
-#include survivor
+#include output_order
+#include compaction
 
 @compute @workgroup_size(256)
 fn survivors_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                   @builtin(local_invocation_index) lane: u32) {
-    let k = place_of(group, groups, lane);
+                   @builtin(local_invocation_index) local_index: u32) {
+    let k = global_index(group, groups, local_index);
     let count = control.count;
-    let at = listed(k, count);
-    let sum = running_sum(select(0u, 1u, survives(at, count)), lane);
+    let at = output_index(k, count);
+    let sum = running_sum(select(0u, 1u, survives(at, count)), local_index);
     if (at < count) {
-        // Tags are written where they are read when particles are brought together.
+        // survivors_place writes tags in output order, so ids are copied before.
         ids[k] = tags[at].y;
     }
-    if (lane == GROUP - 1u && k - lane < count) {
-        sums[1u + k / GROUP] = sum;
+    if (local_index == WORKGROUP_SIZE - 1u && k - local_index < count) {
+        sums[1u + k / WORKGROUP_SIZE] = sum;
     }
 }

@@ -1,9 +1,9 @@
-// Brings the particles that stay together, in the order of the detector's cells, as what has become of them.
+// Compacts the surviving particles, in output order, with the products of their reactions.
 #include control
 #include candidate
 #include running_sum
 
-@group(0) @binding(0) var<uniform> listing: Listing;
+@group(0) @binding(0) var<uniform> output_order: OutputOrder;
 @group(0) @binding(1) var<storage, read> order: array<u32>;
 @group(0) @binding(2) var<storage, read> moved: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> species: array<u32>;
@@ -13,23 +13,23 @@
 @group(0) @binding(7) var<storage, read_write> spheres: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> tags: array<vec2<u32>>;
 
-#include listing
-#include survivor
+#include output_order
+#include compaction
 
 @compute @workgroup_size(256)
 fn survivors_place(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                   @builtin(local_invocation_index) lane: u32) {
-    let k = place_of(group, groups, lane);
-    // None where the run stands still.
+                   @builtin(local_invocation_index) local_index: u32) {
+    let k = global_index(group, groups, local_index);
+    // Zero if the run is halted.
     let count = sums[0];
-    let at = listed(k, count);
-    let stays = survives(at, count);
-    let rank = running_sum(select(0u, 1u, stays), lane);
+    let at = output_index(k, count);
+    let adsorbs = survives(at, count);
+    let rank = running_sum(select(0u, 1u, adsorbs), local_index);
     if (k >= count) {
         return;
     }
-    if (stays) {
-        let to = sums[1u + k / GROUP] + rank - 1u;
+    if (adsorbs) {
+        let to = sums[1u + k / WORKGROUP_SIZE] + rank - 1u;
         if (atomicLoad(&claims[at].is_taken) == 0u) {
             spheres[to] = moved[at];
             tags[to] = vec2(species[at], ids[k]);
@@ -38,6 +38,6 @@ fn survivors_place(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
             tags[to] = vec2(claims[at].product, ids[k]);
         }
     }
-    // Clean for the next step.
+    // Reset for the next step.
     atomicStore(&claims[at].is_taken, 0u);
 }

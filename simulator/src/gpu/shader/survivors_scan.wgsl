@@ -1,4 +1,5 @@
-// Where each workgroup's survivors begin, behind how many particles the step had. With that the step is settled: it enters the counts.
+// Computes the first output index of each workgroup, after the number of particles of the step. Then commits the step to
+// the counts.
 #include control
 #include params
 #include running_sum
@@ -8,49 +9,49 @@
 @group(0) @binding(2) var<storage, read_write> sums: array<u32>;
 @group(0) @binding(3) var<storage, read_write> log: array<vec2<u32>>;
 
-var<workgroup> group_frozen: u32;
+var<workgroup> group_halted: u32;
 
-// Whether the run stands still; the same for the whole workgroup, which takes part in sums as a whole or not at all.
-fn stands_still(lane: u32) -> bool {
-    if (lane == 0u) {
-        group_frozen = control.frozen;
+// Returns true if the run is halted. The result is uniform, because sums need the whole workgroup.
+fn is_halted(local_index: u32) -> bool {
+    if (local_index == 0u) {
+        group_halted = control.halted;
     }
-    return workgroupUniformLoad(&group_frozen) != 0u;
+    return workgroupUniformLoad(&group_halted) != 0u;
 }
 
 @compute @workgroup_size(256)
-fn survivors_scan(@builtin(local_invocation_index) lane: u32) {
-    if (stands_still(lane)) {
-        if (lane == 0u) {
+fn survivors_scan(@builtin(local_invocation_index) local_index: u32) {
+    if (is_halted(local_index)) {
+        if (local_index == 0u) {
             sums[0] = 0u;
         }
         return;
     }
-    if (lane == 0u) {
+    if (local_index == 0u) {
         sums[0] = control.count;
     }
-    let count = (control.count + GROUP - 1u) / GROUP;
-    let share = (count + GROUP - 1u) / GROUP;
-    let begin = min(lane * share, count);
-    let end = min(begin + share, count);
+    let count = (control.count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
+    let chunk = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
+    let begin = min(local_index * chunk, count);
+    let end = min(begin + chunk, count);
     var own = 0u;
     for (var k = begin; k < end; k++) {
         own += sums[1u + k];
     }
-    let through = running_sum(own, lane);
+    let through = running_sum(own, local_index);
     var before = through - own;
     for (var k = begin; k < end; k++) {
         let here = sums[1u + k];
         sums[1u + k] = before;
         before += here;
     }
-    for (var turn = 0u; turn < params.tallies / GROUP + 1u; turn++) {
-        let k = turn * GROUP + lane;
+    for (var iteration = 0u; iteration < params.tallies / WORKGROUP_SIZE + 1u; iteration++) {
+        let k = iteration * WORKGROUP_SIZE + local_index;
         if (k < params.tallies) {
             atomicAdd(&control.tallies[params.tallies + k], atomicLoad(&control.tallies[k]));
         }
     }
-    if (lane == GROUP - 1u) {
+    if (local_index == WORKGROUP_SIZE - 1u) {
         control.alive = through;
         control.done = control.step + 1u;
         log[control.logged] = vec2(control.found_lo, control.found_hi);

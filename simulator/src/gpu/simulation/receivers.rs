@@ -1,22 +1,25 @@
-//! Receivers in the steps to come.
+//! Receivers in the next steps.
 
 use super::GpuSimulation;
 use crate::Error;
-use crate::gpu::journey::Itinerary;
+use crate::gpu::receiver_trajectory::ReceiverTrajectory;
 
 impl GpuSimulation {
-    /// Works out where receivers are in so many steps, and which ones are near each cell, and hands that over.
-    pub(super) fn foresee(&mut self, steps: u32) -> Result<(), Error> {
-        self.itinerary = Itinerary::new(&self.model, self.key, &self.centers, self.step, steps);
-        // Those that rest are listed from the beginning.
-        if !self.itinerary.gone.is_empty() {
-            let (gone, longest) = (&self.itinerary.gone, self.itinerary.head.longest);
-            let pays = self.listing.pays(u64::from(steps) * u64::from(self.alive));
-            let nearby = pays.then(|| self.listing.of(&self.centers, gone, longest)).transpose()?;
-            let nearby = nearby.unwrap_or_default();
-            self.base.list(&nearby)?;
-            self.lists = nearby.head;
+    /// Computes and uploads the positions of receivers in the next steps, and their lists by cell.
+    pub(super) fn prepare_receivers(&mut self, steps: u32) -> Result<(), Error> {
+        self.trajectory = ReceiverTrajectory::new(&self.model, self.key, &self.centers, self.step, steps);
+        // Resting receivers were listed at the beginning.
+        if !self.trajectory.max_displacements.is_empty() {
+            let (displacements, max_displacement) =
+                (&self.trajectory.max_displacements, self.trajectory.head.max_displacement);
+            let is_worthwhile = self.cells_builder.is_worthwhile(u64::from(steps) * u64::from(self.alive));
+            let receiver_cells = is_worthwhile
+                .then(|| self.cells_builder.build(&self.centers, displacements, max_displacement))
+                .transpose()?;
+            let receiver_cells = receiver_cells.unwrap_or_default();
+            self.buffers.upload_cells(&receiver_cells)?;
+            self.cells = receiver_cells.head;
         }
-        self.base.take_up(&self.itinerary, self.lists)
+        self.buffers.upload_trajectory(&self.trajectory, self.cells)
     }
 }

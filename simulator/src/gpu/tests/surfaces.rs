@@ -1,10 +1,10 @@
-//! What kernels do at surfaces against the functions of the CPU.
+//! The kernels of surfaces against the functions of the CPU.
 
 use std::collections::HashMap;
 
 use super::*;
 use crate::gpu::device::encoded;
-use crate::gpu::layout::{Fate, ReceptorRow};
+use crate::gpu::layout::{EventRow, ReceptorRow};
 use crate::model::receiver::{Receiver, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
 use crate::motion::binding::{bids, rejected};
@@ -15,7 +15,7 @@ use crate::motion::reflection::reflect_path;
 use crate::random::philox::{Draws, open_unit};
 
 #[test]
-fn what_stays_and_comes_off_is_that_of_the_cpu() {
+fn adsorption_and_unbinding_equal_those_of_the_cpu() {
     let Some(own) = device() else { return };
     let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include adsorption";
     let body = "let length = ldexp(1.0, i32((k / 24u) % 8u) - 6);
@@ -23,7 +23,7 @@ fn what_stays_and_comes_off_is_that_of_the_cpu() {
         params.key = vec2(5u, 6u);
         var draws = Draws(vec4(k, 0u, 3u, PURPOSE_UNBINDING), vec4(0u), 4u);
         let distances = 0.5 * length * f32((k / 192u) % 16u);
-        out[k] = bitcast<vec4<u32>>(vec4(sticking(surface, distances), effective_part(surface),
+        out[k] = bitcast<vec4<u32>>(vec4(adsorption_probability(surface, distances), effective_part(surface),
             height_after(surface, &draws), length));";
     let found = evaluate(&own, pieces, body, 12_288);
     let (mut others, time_step) = (0, 0.1);
@@ -38,13 +38,13 @@ fn what_stays_and_comes_off_is_that_of_the_cpu() {
         assert!(close(stays, step.sticking(distances)), "{k}: {stays} and not {}", step.sticking(distances));
         assert!(close(part, step.effective_part()), "{k}: {part} and not {}", step.effective_part());
         let mut draws = Draws::new(Key([5, 6]), k, 3, Purpose::Unbinding);
-        // A trial that only just counts may fall either way.
+        // A trial at the threshold may fall either way.
         others += u32::from((above - step.height_after(&mut draws)).abs() > 1e-4 * length);
     }
     assert!(others <= 4, "{others} of 12 288 heights are others");
 }
 
-/// The text of three spheres that turn particles back, as private variables, and what goes to each.
+/// The text of three reflecting spheres as private variables, and the paths of particles near them.
 fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let receiver =
         |center, radius| Receiver { center, radius, kind: ReceiverKind::Reflecting, ..Receiver::default() };
@@ -57,28 +57,28 @@ fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let mut text = String::new();
     for (k, (receiver, way)) in receivers.iter().zip(ways).enumerate() {
         let (center, radius) = (vector(receiver.center), receiver.radius);
-        text += &format!("bodies[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
-        text += &format!("bodies[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
-        text += &format!("fates[{k}].radius = {radius:?};\nfates[{k}].kind = REFLECTING;\n");
-        text += &format!("fates[{k}].receiver = {k}u;\n");
+        text += &format!("receiver_rows[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
+        text += &format!("receiver_rows[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
+        text += &format!("event_rows[{k}].radius = {radius:?};\nevent_rows[{k}].kind = REFLECTING;\n");
+        text += &format!("event_rows[{k}].receiver = {k}u;\n");
     }
     (receivers, text)
 }
 
 #[test]
-fn ways_are_turned_as_on_the_cpu() {
+fn paths_reflect_as_on_the_cpu() {
     let Some(own) = device() else { return };
     let pieces = "const NOTHING: u32 = 0xffffffffu;\nstruct Now { step: u32 }\nvar<private> control: Now;
 #include params
 var<private> params: Params;
 #include philox
 #include boundary
-#include fate
-var<private> journey: Journey;
-var<private> fates: array<Fate, 3>;
-var<private> bodies: array<vec4<u32>, 6>;
-#include seen
-#include turning";
+#include event
+var<private> trajectory: TrajectoryHeader;
+var<private> event_rows: array<EventRow, 3>;
+var<private> receiver_rows: array<vec4<u32>, 6>;
+#include receiver_cells
+#include reflection";
     let rooms = [
         (Boundary::default(), 0),
         (Boundary::reflecting([-2.0; 3], [2.0; 3]), 1),
@@ -94,10 +94,10 @@ var<private> bodies: array<vec4<u32>, 6>;
                 let more = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
                 let before = 4.0 * vec3(open_unit(words.x), open_unit(words.y), open_unit(words.z)) - 2.0;
                 let end = before + 4.0 * (vec3(open_unit(more.x), open_unit(more.y), open_unit(more.z)) - 0.5);
-                journey.longest = 0.6; params.looks = 8u;
-                let kind = ReceiverKind(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING);
-                let turned = turned_back(kind, Path(before, end, placed(end, 0.0)));
-                out[k] = vec4(bitcast<vec3<u32>>(turned.after), turned.first + 1u);",
+                trajectory.max_displacement = 0.6; params.max_requeries = 8u;
+                let kind = SpeciesRow(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING);
+                let reflected = reflect_path(kind, Path(before, end, confined(end, 0.0)));
+                out[k] = vec4(bitcast<vec3<u32>>(reflected.after), reflected.first + 1u);",
                 u32::from(axes == 0)
             );
             let count = 20_000;
@@ -124,7 +124,7 @@ var<private> bodies: array<vec4<u32>, 6>;
                     expected.map_or((path.after, 0), |turned| (turned.path.after, turned.first + 1));
                 let found = [x, y, z].map(f32::from_bits);
                 bounced += u32::from(first > 0);
-                // Bounces off the edge of a sphere make much of rounding.
+                // A grazing reflection amplifies rounding.
                 let near = found.into_iter().zip(after).all(|(a, b)| (a - b).abs() < 1e-3);
                 others += u32::from(first != by || !near);
             }
@@ -134,21 +134,21 @@ var<private> bodies: array<vec4<u32>, 6>;
     }
 }
 
-/// Receptors of three receivers, and how many of them are taken: all that come find one, some do, and none.
+/// Receptors of three receivers and their occupied ones: enough for all requests, for some, and for none.
 const RECEPTORS: [[u32; 2]; 3] = [[5_000, 100], [900, 7], [40, 40]];
 
-/// Particles some of which receptors hold, and some of which come to them.
+/// Particles, some of them bound, and some that request a receptor.
 #[derive(Default)]
 struct Crowd {
     spheres: Vec<[f32; 4]>,
     claims: Vec<[u32; 8]>,
-    /// What comes.
+    /// Requests.
     events: Vec<Event>,
-    /// How many come to each receiver.
+    /// Requests by receiver.
     coming: [u32; 3],
 }
 
-/// Few ranks, so that ids decide. Of four particles one does nothing, and of the others those come that are not held.
+/// Returns particles with few ranks, so that ids decide. One in four does nothing; the free others request a receptor.
 fn crowd(count: u32) -> Crowd {
     let mut crowd = Crowd::default();
     let mut holding = [0; 3];
@@ -176,82 +176,87 @@ fn id_of(at: u32) -> u32 {
     (at * 37 + 11) % 1_000_003
 }
 
-/// What the kernels of receptors leave: particles, claims, taken receptors, tallies, and how many are gone.
+/// The result of the kernels: particles, claims, occupied receptors, tallies, and removed particles.
 struct Chosen {
     moved: Vec<[f32; 4]>,
     claims: Vec<[u32; 8]>,
     held: Vec<u32>,
     tallies: Vec<u32>,
-    gone: u32,
+    removed: u32,
 }
 
-/// A base for three receivers that see one species.
-fn base_of_three(own: &GpuDevice) -> Base {
+/// Returns buffers for three receivers that absorb one species.
+fn buffers_of_three(own: &GpuDevice) -> RunBuffers {
     let mut model = model();
     model.species.truncate(1);
     model.reactions.clear();
     model.receivers = vec![Receiver { sees: vec![true], ..Receiver::default() }; 3];
-    Base::new(own.clone(), &Tables::new(&model, Key::new(1), 64), 0).expect("a base")
+    RunBuffers::new(own.clone(), &Tables::new(&model, Key::new(1), 64), 0).expect("buffers")
 }
 
-/// Has the kernels choose among those that come.
+/// Runs the kernels that select requests.
 fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let count = crowd.spheres.len() as u32;
-    let mut base = base_of_three(own);
+    let mut buffers = buffers_of_three(own);
     let rows: Vec<ReceptorRow> =
         RECEPTORS.iter().map(|&[count, _]| ReceptorRow { count, ..ReceptorRow::default() }).collect();
-    let fates: Vec<Fate> =
-        (0..3).map(|k| Fate { kind: Fate::RECEPTORS, receiver: k, tally: k, ..Fate::default() }).collect();
+    let event_rows: Vec<EventRow> = (0..3)
+        .map(|k| EventRow { kind: EventRow::RECEPTORS, receiver: k, tally: k, ..EventRow::default() })
+        .collect();
     let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id_of(at)]).collect();
     let made: HashMap<&str, wgpu::Buffer> = [
         ("spheres", written(own, "spheres", bytemuck::cast_slice(&crowd.spheres))),
         ("moved", written(own, "moved", bytemuck::cast_slice(&crowd.spheres))),
         ("tags", written(own, "tags", bytemuck::cast_slice(&tags))),
         ("claims", written(own, "claims", bytemuck::cast_slice(&crowd.claims))),
-        ("fates", written(own, "fates", &encoded(&fates))),
+        ("event_rows", written(own, "event_rows", &encoded(&event_rows))),
         ("receptors", written(own, "receptors", &encoded(&rows))),
-        ("bidders", written(own, "bidders", &vec![0; 4 * count as usize])),
-        ("control", base.buffer("control").clone()),
+        ("requesters", written(own, "requesters", &vec![0; 4 * count as usize])),
+        ("control", buffers.buffer("control").clone()),
     ]
     .into();
-    let head = Head { count, ..Head::default() };
+    let head = ControlHeader { count, ..ControlHeader::default() };
     own.queue.write_buffer(&made["control"], 0, bytemuck::bytes_of(&head));
-    let all = count.div_ceil(k::GROUP);
+    let all = count.div_ceil(k::WORKGROUP_SIZE);
     let mut recorded = |stages: &[(&'static k::Kernel, u32)]| {
         let mut encoder = own.device.create_command_encoder(&Default::default());
         for &(kernel, groups) in stages {
-            let stage = base.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
+            let stage = buffers.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
             stage.expect("a stage").encode(&mut encoder, groups);
         }
         encoder
     };
-    let begin = recorded(&[(&k::RECEPTORS_BEGIN, 1), (&k::RECEPTORS_HOLD, all)]);
+    let begin = recorded(&[(&k::RECEPTORS_RESET, 1), (&k::RECEPTORS_COUNT_BOUND, all)]);
     own.queue.submit([begin.finish()]);
-    // What particles_turn counts.
+    // particles_move_reflecting counts these.
     for (k, bids) in crowd.coming.iter().enumerate() {
         own.queue.write_buffer(&made["receptors"], 16 * k as u64 + 8, bytemuck::bytes_of(bids));
     }
-    let encoder = recorded(&[(&k::RECEPTORS_SCAN, 1), (&k::RECEPTORS_GROUP, all), (&k::RECEPTORS_CHOOSE, 3)]);
+    let encoder = recorded(&[
+        (&k::RECEPTORS_SCAN_REQUESTS, 1),
+        (&k::RECEPTORS_GROUP_REQUESTS, all),
+        (&k::RECEPTORS_SELECT, 3),
+    ]);
     let parts = [
         (&made["moved"], 16 * u64::from(count)),
         (&made["claims"], CLAIM_BYTES * u64::from(count)),
         (&made["receptors"], 48),
-        (&made["control"], size_of::<Head>() as u64 + 12),
+        (&made["control"], size_of::<ControlHeader>() as u64 + 12),
     ];
     let read = read(own, encoder, &parts).expect("read");
     let receptors: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[2]);
-    let head: Head = bytemuck::pod_read_unaligned(&read[3][..size_of::<Head>()]);
+    let head: ControlHeader = bytemuck::pod_read_unaligned(&read[3][..size_of::<ControlHeader>()]);
     Chosen {
         moved: bytemuck::pod_collect_to_vec(&read[0]),
         claims: bytemuck::pod_collect_to_vec(&read[1]),
         held: receptors.iter().map(|row| row[1]).collect(),
-        tallies: bytemuck::pod_collect_to_vec(&read[3][size_of::<Head>()..]),
-        gone: head.gone,
+        tallies: bytemuck::pod_collect_to_vec(&read[3][size_of::<ControlHeader>()..]),
+        removed: head.removed,
     }
 }
 
 #[test]
-fn receptors_go_to_the_lowest_ranks() {
+fn lowest_ranks_bind_to_free_receptors() {
     let Some(own) = device() else { return };
     let crowd = crowd(5_000);
     let Crowd { spheres, claims, events, coming } = &crowd;
@@ -259,7 +264,7 @@ fn receptors_go_to_the_lowest_ranks() {
     let expected = rejected(bids(events, id_of), &free);
     assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
 
-    let Chosen { moved, claims: after, held, tallies, gone } = choose(&own, &crowd);
+    let Chosen { moved, claims: after, held, tallies, removed } = choose(&own, &crowd);
     assert_eq!(held, RECEPTORS.map(|[_, held]| held));
     assert!(after.iter().all(|claim| claim[2] == 0));
     let stays = |event: &&Event| moved[event.at() as usize] == spheres[event.at() as usize];
@@ -274,5 +279,5 @@ fn receptors_go_to_the_lowest_ranks() {
         assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
     }
     let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
-    assert_eq!((&tallies, gone), (&bound, bound.iter().sum()));
+    assert_eq!((&tallies, removed), (&bound, bound.iter().sum()));
 }

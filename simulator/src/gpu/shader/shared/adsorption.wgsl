@@ -1,12 +1,12 @@
-// What stays on a surface and what comes off again, as adsorption.rs has it.
+// Adsorption on a surface and unbinding from it, as in adsorption.rs.
 const ROOT_PI: f32 = 1.7724538509055159;
-// Heights beyond this many times sqrt(4 D dt) do not occur.
+// Larger multiples of sqrt(4 D dt) do not occur as heights.
 const FAR: f32 = 5.0;
-// Heights that are tried, at most.
+// The most trials for a height.
 const TRIALS: u32 = 1000u;
 
-// exp(x * x) * erfc(x) for x from 0 on, to 1e-6 of it: 2 / (2 + x) times the exponential of a polynomial in
-// (2 - x) / (2 + x), which was fitted to 1e-8 at the zeros of a Chebyshev polynomial.
+// exp(x * x) * erfc(x) for x >= 0, with a relative error of 1e-6: 2 / (2 + x) times the exponential of a polynomial in
+// (2 - x) / (2 + x), interpolated at the zeros of a Chebyshev polynomial with an error of 1e-8.
 fn erfcx(x: f32) -> f32 {
     let u = (2.0 - x) / (2.0 + x);
     let high = 0.0017940662500077753 + u * (-0.0022887652400513936 + u * (-0.0002279109663083645
@@ -16,13 +16,12 @@ fn erfcx(x: f32) -> f32 {
     return 2.0 / (2.0 + x) * exp(low);
 }
 
-// A uniform number in (0, 1), as finely as there are numbers.
+// A uniform number in (0, 1) with all 32 bits, rounded.
 fn fine_unit(word: u32) -> f32 {
     return (f32(word) + 0.5) * 0x1p-32;
 }
 
-// What a surface takes: its reactivity as kappa sqrt(dt / D), the same with what its curvature adds, and the square root of
-// D dt with its radius.
+// A reactive surface: kappa sqrt(dt / D), the same with the effect of curvature, sqrt(D dt), and the radius.
 struct Surface {
     own: f32,
     all: f32,
@@ -34,8 +33,8 @@ fn surface_of(own: f32, length: f32, radius: f32) -> Surface {
     return Surface(own, own + length / radius, length, radius);
 }
 
-// The part that stays, of those that reach the surface on their way between such distances from it.
-fn sticking(surface: Surface, distances: f32) -> f32 {
+// The adsorption probability of a path between two distances from the surface, given their sum.
+fn adsorption_probability(surface: Surface, distances: f32) -> f32 {
     return min(ROOT_PI * surface.own * erfcx(surface.all + distances / (2.0 * surface.length)), 1.0);
 }
 
@@ -51,7 +50,7 @@ fn taken_from(x: f32, y: f32) -> f32 {
     return -x * (first + x * (0.5 * second + x * third / 6.0));
 }
 
-// The mean of erfcx(x * sqrt(t)) over t from 0 to 1.
+// The mean of erfcx(x * sqrt(t)) for t from 0 to 1.
 fn mean_of(x: f32) -> f32 {
     if (x > 0.5) {
         return 2.0 / (x * x) * (0.5 * (erfcx(x) - 1.0) + x / ROOT_PI);
@@ -63,7 +62,7 @@ fn mean_of(x: f32) -> f32 {
         - x * (0.08597174606442003 - x * (0.041666666666666664 - x * (0.01910483245876 - x * high)))))));
 }
 
-// The part of what such a surface would take that it does take, as nothing is taken twice.
+// The fraction of the flux to a reactive surface that it adsorbs, as adsorbed particles are missing near it.
 fn effective_part(surface: Surface) -> f32 {
     if (surface.own <= 0.0) {
         return 0.0;
@@ -94,15 +93,15 @@ fn unit_of(draws: ptr<function, Draws>) -> f32 {
     return fine_unit(word_of(draws));
 }
 
-// The height at the end of the step of what came off in it.
+// Draws the height above the surface at the end of the step in which a particle unbinds.
 fn height_after(surface: Surface, draws: ptr<function, Draws>) -> f32 {
     let scale = 2.0 * surface.length;
     let most = taken_from(surface.all, 0.0) * (1.0 + FAR * scale / surface.radius);
     var height = 0.0;
     for (var trial = 0u; trial < TRIALS; trial++) {
         let far = sqrt(-ln(unit_of(draws)));
-        // A quarter of a turn at most; cosines of devices may be wrong in the fourth digit.
-        let y = far * turn(word_of(draws) >> 2u).x;
+        // An angle of at most a right angle: cosines of devices may be wrong in the fourth digit.
+        let y = far * cos_sin(word_of(draws) >> 2u).x;
         let u = unit_of(draws);
         height = y * scale;
         if (y < FAR && u * most < taken_from(surface.all, y) * (1.0 + height / surface.radius)) {

@@ -1,5 +1,5 @@
-// Walls and images, axis by axis, as boundary.rs has them: where a sphere of this radius is put back.
-fn placed(x: vec3<f32>, radius: f32) -> vec3<f32> {
+// Confines the center of a sphere of this radius, axis by axis, as boundary.rs does.
+fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
     if (params.is_open != 0u) {
         return x;
     }
@@ -18,8 +18,8 @@ fn placed(x: vec3<f32>, radius: f32) -> vec3<f32> {
     return select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u));
 }
 
-// A difference of two positions, that of the nearest images where space repeats.
-fn nearest(d: vec3<f32>) -> vec3<f32> {
+// Returns the minimum image of a difference of two positions.
+fn minimum_image(d: vec3<f32>) -> vec3<f32> {
     let length = params.high - params.low;
     return select(d, d - length * floor(d / length + 0.5), params.axes == vec3(2u));
 }

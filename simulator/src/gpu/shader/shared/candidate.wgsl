@@ -1,44 +1,44 @@
-// Two particles that may react.
+// A possible reaction of two particles.
 struct Candidate {
-    // The reactants in the order of the reaction.
+    // Indices of the reactants, in the order of the reaction.
     at: vec2<u32>,
-    // Their ids, in that order.
+    // Their ids, in the same order.
     ids: vec2<u32>,
     rule: u32,
     priority: u32,
 }
 
-// What a particle is claimed for.
+// The claims of candidates to a particle.
 struct Claim {
-    // The best candidate of a round: its priority, and the id of its other particle, which decides between equals.
+    // The best key of a round: a priority, and the id of the other particle, which breaks ties.
     priority: atomic<u32>,
     other: atomic<u32>,
-    // 0 as long as the particle is free, 1 once it has reacted.
+    // 0 while the particle is free, 1 after it reacted.
     is_taken: atomic<u32>,
-    // What it turns into; NOTHING where it is used up.
+    // Its new species, or NOTHING if the particle is consumed.
     product: u32,
-    // Where the product goes, with its radius.
+    // Center and radius of the product.
     sphere: vec4<f32>,
 }
 
-// A reaction between two species, as seen from a pair of them. Two entries of the table have the same reaction.
-struct Rule {
+// A reaction of two species, as an entry of the table by both. Two entries of the table describe the same reaction.
+struct ReactionRow {
     reaction: u32,
-    // The species that is the first reactant; NOTHING where nothing reacts.
+    // Species of the first reactant, or NOTHING if the species do not react.
     first: u32,
-    up_to: u32,
-    // Bits 0 and 1: whether the first and the second reactant are used up. Bit 2: the detector looks further than
-    // `within`. Bit 3: products go apart.
+    threshold: u32,
+    // Bits 0 and 1: the first or second reactant is consumed. Bit 2: the detector's cutoff is larger than `within`. Bit 3:
+    // the products are placed apart.
     flags: u32,
     products: vec2<u32>,
     radii: vec2<f32>,
     within: f32,
     unbinding: f32,
-    // How much of the way to the meeting point is the first reactant's, and to each other the first product's.
+    // The first reactant's fraction of the distance to the meeting point, and the first product's of `unbinding`.
     share: f32,
     first_share: f32,
 }
 
-fn claims_it(rule: Rule, side: u32) -> bool {
+fn claims_it(rule: ReactionRow, side: u32) -> bool {
     return (rule.flags & (1u << side)) != 0u;
 }

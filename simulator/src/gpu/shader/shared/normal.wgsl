@@ -10,12 +10,12 @@ fn ln(value: f32) -> f32 {
     return exponent * 0.6931471805599453 + s * series;
 }
 
-fn distance_of(word: u32) -> f32 {
+fn rayleigh(word: u32) -> f32 {
     return sqrt(-2.0 * ln(open_unit(word)));
 }
 
-// Cosine and sine of the angle that a word stands for as a part of a full turn.
-fn turn(word: u32) -> vec2<f32> {
+// Cosine and sine of an angle, given as a 32-bit fraction of a full turn.
+fn cos_sin(word: u32) -> vec2<f32> {
     let quarter = (word + 0x20000000u) >> 30u;
     let rest = bitcast<i32>(word - (quarter << 30u)) >> 8u;
     let a = f32(rest) * (6.283185307179586 / 16777216.0);
@@ -28,11 +28,11 @@ fn turn(word: u32) -> vec2<f32> {
 }
 
 fn normals(words: vec4<u32>) -> vec3<f32> {
-    return vec3(distance_of(words.x) * turn(words.y), distance_of(words.z) * turn(words.w).x);
+    return vec3(rayleigh(words.x) * cos_sin(words.y), rayleigh(words.z) * cos_sin(words.w).x);
 }
 
 // A uniformly distributed direction.
 fn direction(first: u32, second: u32) -> vec3<f32> {
     let z = 2.0 * open_unit(first) - 1.0;
-    return vec3(sqrt(max(1.0 - z * z, 0.0)) * turn(second), z);
+    return vec3(sqrt(max(1.0 - z * z, 0.0)) * cos_sin(second), z);
 }

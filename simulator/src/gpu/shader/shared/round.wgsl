@@ -1,4 +1,4 @@
 struct Round {
-    // Which of the two lists of candidates the round begins with; it goes on with the other one.
+    // The list of candidates with which the round begins; the round continues with the other list.
     source: u32,
 }

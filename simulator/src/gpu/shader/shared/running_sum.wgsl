@@ -1,17 +1,17 @@
 var<workgroup> partial: array<u32, 256>;
 
-// The sum of all values of a workgroup up to this lane's, its own included.
-fn running_sum(value: u32, lane: u32) -> u32 {
-    partial[lane] = value;
+// Returns the inclusive prefix sum of `value` over the workgroup.
+fn running_sum(value: u32, local_index: u32) -> u32 {
+    partial[local_index] = value;
     workgroupBarrier();
-    for (var distance = 1u; distance < GROUP; distance *= 2u) {
+    for (var distance = 1u; distance < WORKGROUP_SIZE; distance *= 2u) {
         var before = 0u;
-        if (lane >= distance) {
-            before = partial[lane - distance];
+        if (local_index >= distance) {
+            before = partial[local_index - distance];
         }
         workgroupBarrier();
-        partial[lane] += before;
+        partial[local_index] += before;
         workgroupBarrier();
     }
-    return partial[lane];
+    return partial[local_index];
 }

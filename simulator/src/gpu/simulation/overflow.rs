@@ -1,30 +1,30 @@
-//! Room: a step that froze for want of it is repeated with more.
+//! Recovery from a halt: the host enlarges the exceeded capacity and repeats the step.
 
 use lazygrid::gpu::{GpuConfig, GpuDetector};
 
 use super::{GpuSimulation, MAX_ROUNDS};
 use crate::Error;
 use crate::gpu::device::{refused, with_error_scope};
-use crate::gpu::layout::Head;
+use crate::gpu::dispatches::{RunBuffers, StepDispatches};
+use crate::gpu::layout::ControlHeader;
 use crate::gpu::plan::{Sizes, grown};
-use crate::gpu::stages::{Base, Steps};
 
-/// Surfaces near one particle, as `turning.wgsl` has it.
+/// The most surfaces near one particle, as in `reflection.wgsl`.
 const NEAR: u64 = 16;
-/// Particles that come to the receptors of one receiver in a step, as `receptors_scan.wgsl` has it.
-const MOST_BIDS: u64 = 1 << 20;
+/// The most requests for the receptors of one receiver in a step, as in `receptors_scan_requests.wgsl`.
+const MAX_REQUESTS: u64 = 1 << 20;
 
 impl GpuSimulation {
-    /// Makes room for what froze the run, if anything did, and lets it go on.
-    pub(super) fn thaw(&mut self, head: Head) -> Result<(), Error> {
+    /// Enlarges the capacity whose lack halted the run, if it is halted, and resumes it.
+    pub(super) fn recover(&mut self, head: ControlHeader) -> Result<(), Error> {
         let step = self.step;
         let failed = |source| Err(refused(source));
         let mut sizes = self.steps.sizes;
-        match head.frozen {
+        match head.halted {
             0 => return Ok(()),
-            Head::NO_ROOM_FOR_PAIRS => {
+            ControlHeader::PAIR_OVERFLOW => {
                 let limit = 1u64 << 28;
-                let needed = head.lacking();
+                let needed = head.missing();
                 if needed > limit {
                     let remedy = "make binding radii or bursts smaller, or choose the CPU";
                     let what = "the number of pairs of a step";
@@ -32,10 +32,10 @@ impl GpuSimulation {
                 }
                 sizes.pairs = (needed + needed / 4) as u32;
             }
-            Head::NO_ROOM_FOR_ENTRIES => {
+            ControlHeader::ENTRY_OVERFLOW => {
                 self.cell_ratio *= 2.0;
                 if self.cell_ratio > GpuConfig::MAX_CELL_RATIO {
-                    let (needed, limit) = (head.lacking(), self.steps.sizes.particles.into());
+                    let (needed, limit) = (head.missing(), self.steps.sizes.particles.into());
                     let (what, remedy) = ("the number of (cell, particle) entries", "choose the CPU");
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
@@ -43,7 +43,7 @@ impl GpuSimulation {
                     detector.set_cell_ratio(self.cell_ratio).map_err(refused)?;
                 }
             }
-            Head::ROUNDS_LEFT => {
+            ControlHeader::ROUNDS_LEFT => {
                 self.options.rounds = (2 * self.options.rounds).max(4);
                 let (needed, limit) = (self.options.rounds.into(), MAX_ROUNDS.into());
                 if needed > limit {
@@ -51,42 +51,43 @@ impl GpuSimulation {
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
             }
-            Head::TOO_MANY_NEAR | Head::TOO_MANY_BIDS => {
-                let (what, limit) = match head.frozen {
-                    Head::TOO_MANY_NEAR => ("the number of surfaces within reach of a particle's step", NEAR),
-                    _ => ("the number of particles that come to a receiver's receptors in a step", MOST_BIDS),
+            ControlHeader::TOO_MANY_SURFACES | ControlHeader::TOO_MANY_REQUESTS => {
+                let (what, limit) = match head.halted {
+                    ControlHeader::TOO_MANY_SURFACES => {
+                        ("the number of surfaces within reach of a particle's step", NEAR)
+                    }
+                    _ => ("the number of requests for a receiver's receptors in a step", MAX_REQUESTS),
                 };
-                let (needed, remedy) = (head.lacking(), "shorten the time step, or choose the CPU");
+                let (needed, remedy) = (head.missing(), "shorten the time step, or choose the CPU");
                 return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
             }
-            Head::THROWN_TOO_FAR => {
-                let what =
-                    "how often a particle looks around for surfaces at which others throw it in a step";
-                let (needed, remedy) = (head.lacking(), "shorten the time step, or choose the CPU");
+            ControlHeader::TOO_MANY_REQUERIES => {
+                let what = "the number of searches for moving surfaces near a particle in a step";
+                let (needed, remedy) = (head.missing(), "shorten the time step, or choose the CPU");
                 return failed(lazygrid::Error::LimitExceeded { what, needed, limit: needed - 1, remedy });
             }
-            Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
+            ControlHeader::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.missing() }),
             other => {
-                let reason = format!("the run froze for reason {other}, which nobody knows");
+                let reason = format!("the device halted for the unknown reason {other}");
                 return failed(lazygrid::Error::DeviceRejected { what: "a step", reason });
             }
         }
         log::info!(
-            "step {step}: repeated for want of room (reason {}, {} needed)",
-            head.frozen,
-            head.lacking()
+            "step {step}: repeated with more capacity (reason {}, {} needed)",
+            head.halted,
+            head.missing()
         );
         self.rebuild(sizes)?;
-        let at = std::mem::offset_of!(Head, frozen) as u64;
-        let control = self.base.buffer("control");
-        with_error_scope(&self.base.own, "thawing", 0, || {
-            self.base.own.queue.write_buffer(control, at, &[0; 4])
+        let at = std::mem::offset_of!(ControlHeader, halted) as u64;
+        let control = self.buffers.buffer("control");
+        with_error_scope(&self.buffers.own, "resuming", 0, || {
+            self.buffers.own.queue.write_buffer(control, at, &[0; 4])
         })
     }
 
-    pub(super) fn make_room(&mut self, particles: u32) -> Result<(), Error> {
+    pub(super) fn reserve(&mut self, particles: u32) -> Result<(), Error> {
         let sizes = self.steps.sizes;
-        // The detector may have lost its buffers to a growth that failed.
+        // A failed growth may have released the detector's buffers.
         let found = self.detector.as_mut().map(|detector| detector.reserve(sizes.particles));
         let found = found.transpose().map_err(refused)?;
         let bound = found.is_none_or(|found| self.steps.are_bound_to(&found));
@@ -97,9 +98,9 @@ impl GpuSimulation {
         }
     }
 
-    /// Goes over to other sizes. Particles stay on the device; what a step works in begins clean.
+    /// Changes sizes. Particles stay on the device; all other buffers are new.
     pub(super) fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
-        let steps = prepare(&mut self.base, sizes, self.options.rounds, self.detector.as_mut())?;
+        let steps = prepare(&mut self.buffers, sizes, self.options.rounds, self.detector.as_mut())?;
         let mut encoder = self.encoder();
         for (name, bytes) in [("spheres", 16), ("tags", 8)] {
             let bytes = bytes * u64::from(self.alive);
@@ -107,7 +108,9 @@ impl GpuSimulation {
                 encoder.copy_buffer_to_buffer(self.steps.buffer(name), 0, steps.buffer(name), 0, bytes);
             }
         }
-        with_error_scope(&self.base.own, "new sizes", 0, || self.base.own.queue.submit([encoder.finish()]))?;
+        with_error_scope(&self.buffers.own, "new sizes", 0, || {
+            self.buffers.own.queue.submit([encoder.finish()])
+        })?;
         self.steps = steps;
         Ok(())
     }
@@ -115,14 +118,14 @@ impl GpuSimulation {
 
 /// Allocates for these sizes, in the detector first.
 pub(super) fn prepare(
-    base: &mut Base,
+    buffers: &mut RunBuffers,
     sizes: Sizes,
     rounds: u32,
     detector: Option<&mut GpuDetector>,
-) -> Result<Steps, Error> {
+) -> Result<StepDispatches, Error> {
     let found = detector.map(|detector| {
         detector.set_pair_capacity(sizes.pairs.max(1));
         detector.reserve(sizes.particles)
     });
-    Steps::new(base, sizes, rounds, found.transpose().map_err(refused)?)
+    StepDispatches::new(buffers, sizes, rounds, found.transpose().map_err(refused)?)
 }

@@ -1,7 +1,7 @@
-// The steps of a round of the matching, for one candidate each: those that are best at all particles they claim have
-// their turn. Keys are (priority, lower id, higher id); among the candidates of one particle that is the order of
-// (priority, the other one's id).
-fn is_free(candidate: Candidate, rule: Rule) -> bool {
+// The stages of a round of the matching, for one candidate. A candidate wins if it has the best key at all particles that
+// it claims. Keys are (priority, lower id, higher id). Among the candidates of one particle, that order is the order of
+// (priority, id of the other particle).
+fn is_free(candidate: Candidate, rule: ReactionRow) -> bool {
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side) && atomicLoad(&claims[candidate.at[side]].is_taken) != 0u) {
             return false;
@@ -12,7 +12,7 @@ fn is_free(candidate: Candidate, rule: Rule) -> bool {
 
 fn clear(index: u32) {
     let candidate = candidates[index];
-    let rule = rules[candidate.rule];
+    let rule = reaction_rows[candidate.rule];
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side)) {
             atomicStore(&claims[candidate.at[side]].priority, 0xffffffffu);
@@ -23,7 +23,7 @@ fn clear(index: u32) {
 
 fn propose(index: u32) {
     let candidate = candidates[index];
-    let rule = rules[candidate.rule];
+    let rule = reaction_rows[candidate.rule];
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side)) {
             atomicMin(&claims[candidate.at[side]].priority, candidate.priority);
@@ -33,7 +33,7 @@ fn propose(index: u32) {
 
 fn break_tie(index: u32) {
     let candidate = candidates[index];
-    let rule = rules[candidate.rule];
+    let rule = reaction_rows[candidate.rule];
     for (var side = 0u; side < 2u; side++) {
         let at = candidate.at[side];
         if (claims_it(rule, side) && atomicLoad(&claims[at].priority) == candidate.priority) {

@@ -1,27 +1,27 @@
-//! Particles, and what receptors hold, as rows on the device.
+//! Upload and download of particles, including bound ones.
 
 use super::GpuSimulation;
 use crate::gpu::device::{read, with_error_scope};
-use crate::gpu::layout::Head;
+use crate::gpu::layout::ControlHeader;
 use crate::model::particles::{Particle, Particles};
 use crate::motion::binding::Bound;
 use crate::{Error, State};
 
-/// The radius of what the first receptor of the table of fates holds; see `receptor.wgsl`.
-const HELD: f32 = -2.0;
+/// The radius of a particle bound by the first event; see `receptor.wgsl`.
+const BOUND_RADIUS: f32 = -2.0;
 
 impl GpuSimulation {
-    /// The particles and all else that changes, brought to the host.
+    /// Downloads the particles and all other state.
     ///
     /// # Errors
-    /// [`Error::Detection`] where the device fails.
+    /// [`Error::Detection`] if the device fails.
     pub fn state(&self) -> Result<State, Error> {
         let n = u64::from(self.alive);
         let parts = [(self.steps.buffer("spheres"), 16 * n), (self.steps.buffer("tags"), 8 * n)];
-        let read = read(&self.base.own, self.encoder(), &parts)?;
+        let read = read(&self.buffers.own, self.encoder(), &parts)?;
         let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
-        // The device keeps them by where they are, in an order that its threads settle between them.
+        // The device keeps them in the order of cells, which depends on the scheduling of threads.
         let mut rows: Vec<_> = spheres.into_iter().zip(tags).collect();
         rows.sort_unstable_by_key(|&(_, [_, id])| id);
         let (mut particles, mut bound) = (Particles::default(), Vec::new());
@@ -31,11 +31,13 @@ impl GpuSimulation {
                 particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
                 continue;
             }
-            let fate = (HELD - radius) as u32;
-            let Ok(at) = self.holders.binary_search_by_key(&fate, |holder| holder.fate) else {
-                return Err(Error::Model("the device has something bound to what binds nothing".to_owned()));
+            let event = (BOUND_RADIUS - radius) as u32;
+            let Ok(at) = self.bound_species.binary_search_by_key(&event, |bound| bound.event) else {
+                return Err(Error::Model(
+                    "a particle on the device is bound to a receiver without receptors".to_owned(),
+                ));
             };
-            let receiver = self.holders[at].receiver;
+            let receiver = self.bound_species[at].receiver;
             bound.push(Bound { id, species, receiver, direction: [x, y, z] });
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
@@ -45,26 +47,30 @@ impl GpuSimulation {
     }
 
     pub(super) fn upload(&self, state: &State) -> Result<(), Error> {
-        let head = Head { alive: self.alive, done: self.step, step: self.step, ..Head::default() };
+        let head =
+            ControlHeader { alive: self.alive, done: self.step, step: self.step, ..ControlHeader::default() };
         let (mut spheres, mut tags) = columns(&state.particles);
         for &Bound { id, species, receiver, direction: [x, y, z] } in &state.bound {
-            let holder = self.holders.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
-            let Ok(at) = holder else {
-                return Err(Error::Model("the state has something bound to what binds nothing".to_owned()));
+            let found =
+                self.bound_species.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
+            let Ok(at) = found else {
+                return Err(Error::Model(
+                    "a particle of the state is bound to a receiver without receptors".to_owned(),
+                ));
             };
-            spheres.push([x, y, z, HELD - self.holders[at].fate as f32]);
+            spheres.push([x, y, z, BOUND_RADIUS - self.bound_species[at].event as f32]);
             tags.push([species, id]);
         }
-        let queue = &self.base.own.queue;
-        with_error_scope(&self.base.own, "the particles", 0, || {
-            queue.write_buffer(self.base.buffer("control"), 0, bytemuck::bytes_of(&head));
+        let queue = &self.buffers.own.queue;
+        with_error_scope(&self.buffers.own, "the particles", 0, || {
+            queue.write_buffer(self.buffers.buffer("control"), 0, bytemuck::bytes_of(&head));
             queue.write_buffer(self.steps.buffer("spheres"), 0, bytemuck::cast_slice(&spheres));
             queue.write_buffer(self.steps.buffer("tags"), 0, bytemuck::cast_slice(&tags));
         })
     }
 }
 
-/// Particles as the device has them.
+/// Returns particles in the layout of the device.
 pub(super) fn columns(particles: &Particles) -> (Vec<[f32; 4]>, Vec<[u32; 2]>) {
     let sphere = |at: usize| {
         let Particle { position: [x, y, z], radius, .. } = particles.get(at);

@@ -1,9 +1,9 @@
-// Whether a particle of a step that had `count` is still there at its end.
+// Returns true if a particle of a step with `count` particles exists after it.
 fn survives(at: u32, count: u32) -> bool {
     if (at >= count) {
         return false;
     }
-    // Below that are those that receptors hold.
+    // Smaller values mark bound particles.
     let radius = moved[at].w;
     if (radius < 0.0 && radius > -2.0) {
         return false;

@@ -1,4 +1,4 @@
-//! The dispatches of a step, with everything bound.
+//! The dispatches of a step and their bind groups.
 
 use std::collections::HashMap;
 
@@ -6,27 +6,27 @@ use encase::ShaderType;
 use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuOutput, Outcome, wgpu};
 
 use super::device::{buffer, encoded, filled, refused, with_error_scope};
-use super::journey::Itinerary;
 use super::kernel::{self as k, Kernel};
-use super::layout::{Body, Head, Journey, Lists};
-use super::nearby::Nearby;
+use super::layout::{ControlHeader, ReceiverCellsHeader, ReceiverRow, TrajectoryHeader};
 use super::plan::{LOG_ROWS, Sizes, groups_for};
+use super::receiver_cells::ReceiverCells;
+use super::receiver_trajectory::ReceiverTrajectory;
 use super::tables::Tables;
 use crate::Error;
 
 /// The buffers of fixed size, and the kernels compiled so far.
 #[derive(Debug)]
-pub(super) struct Base {
+pub(super) struct RunBuffers {
     pub(super) own: GpuDevice,
     pub(super) limits: DeviceLimits,
     /// `true` if there are transparent receivers.
-    watches: bool,
-    /// `true` if some surfaces turn particles back.
+    counts_inside: bool,
+    /// `true` if some surfaces reflect particles.
     reflects: bool,
-    /// Receivers, where some have receptors.
+    /// Number of receivers if some have receptors, else 0.
     receptors: u32,
-    /// Bytes in front of the lists of receivers.
-    lists_at: u64,
+    /// Offset in bytes of the lists of receivers.
+    cells_at: u64,
     buffers: HashMap<&'static str, wgpu::Buffer>,
     pipelines: HashMap<&'static str, (wgpu::ComputePipeline, wgpu::BindGroupLayout)>,
 }
@@ -42,19 +42,19 @@ pub(super) struct Stage {
 /// The number of workgroups of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Groups {
-    /// These.
+    /// A fixed number.
     Fixed(u32),
-    /// For a thread for each of so many items.
+    /// One thread per item of a fixed number.
     Items(u32),
-    /// For a thread for each particle.
+    /// One thread per particle.
     Particles,
-    /// For a thread for each pair, as the detector says.
+    /// One thread per pair, from the detector's dispatch arguments.
     Pairs,
 }
 
 #[cfg(test)]
 impl Stage {
-    /// Records this dispatch alone, with so many workgroups.
+    /// Records this dispatch alone.
     pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, groups: u32) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline);
@@ -63,45 +63,44 @@ impl Stage {
     }
 }
 
-impl Base {
-    /// With room for so many words of lists of receivers.
+impl RunBuffers {
+    /// Allocates the buffers, with `lists` words for lists of receivers.
     pub(super) fn new(own: GpuDevice, tables: &Tables, lists: usize) -> Result<Self, Error> {
         let tallies = tables.tallies.len() as u64;
         let mut buffers = HashMap::new();
         let mut keep = |name, made: wgpu::Buffer| drop(buffers.insert(name, made));
         keep("params", filled(&own, "params", &tables.params)?);
-        keep("kinds", filled(&own, "kinds", &tables.kinds)?);
-        keep("fates", filled(&own, "fates", &tables.fates)?);
-        keep("rules", filled(&own, "rules", &tables.rules)?);
-        keep("watches", filled(&own, "watches", &tables.watches)?);
+        keep("species_rows", filled(&own, "species_rows", &tables.species_rows)?);
+        keep("event_rows", filled(&own, "event_rows", &tables.event_rows)?);
+        keep("reaction_rows", filled(&own, "reaction_rows", &tables.reaction_rows)?);
+        keep("occupancy_rows", filled(&own, "occupancy_rows", &tables.occupancy_rows)?);
         keep("receptors", filled(&own, "receptors", &tables.receptors)?);
-        let lists_at = tables.bodies as u64 * Body::min_size().get();
-        keep("bodies", buffer(&own, "bodies", lists_at + 4 * lists as u64)?);
-        keep("journey", filled(&own, "journey", &Journey::default())?);
+        let cells_at = tables.receiver_rows as u64 * ReceiverRow::min_size().get();
+        keep("receiver_rows", buffer(&own, "receiver_rows", cells_at + 4 * lists as u64)?);
+        keep("trajectory", filled(&own, "trajectory", &TrajectoryHeader::default())?);
         keep("round0", filled(&own, "round", &[0u32; 4])?);
         keep("round1", filled(&own, "round", &[1u32, 0, 0, 0])?);
-        keep("unlisted", filled(&own, "listing", &[0u32; 4])?);
-        keep("listed", filled(&own, "listing", &[1u32, 0, 0, 0])?);
-        keep("control", buffer(&own, "control", size_of::<Head>() as u64 + 8 * tallies)?);
+        keep("same_order", filled(&own, "output_order", &[0u32; 4])?);
+        keep("cell_order", filled(&own, "output_order", &[1u32, 0, 0, 0])?);
+        keep("control", buffer(&own, "control", size_of::<ControlHeader>() as u64 + 8 * tallies)?);
         keep("inside", buffer(&own, "inside", 4 * tallies)?);
         keep("log", buffer(&own, "log", 8 * u64::from(LOG_ROWS))?);
         let limits = DeviceLimits::of(&own.device);
-        let watches = !tables.watches.is_empty();
+        let counts_inside = !tables.occupancy_rows.is_empty();
         if tables.reflects && limits.storage_buffers < k::SURFACE_BUFFERS {
             let (has, needed) = (limits.storage_buffers, k::SURFACE_BUFFERS);
             let what = format!(
-                "surfaces that turn particles back on this device, which binds {has} storage buffers in a stage and \
-                 would need {needed}"
+                "surfaces that reflect particles: they need {needed} storage buffers per stage, and this device has {has}"
             );
             return Err(Error::NotOnGpu { what });
         }
         Ok(Self {
             own,
             limits,
-            watches,
+            counts_inside,
             reflects: tables.reflects,
             receptors: tables.receptors.len() as u32,
-            lists_at,
+            cells_at,
             buffers,
             pipelines: HashMap::new(),
         })
@@ -111,26 +110,30 @@ impl Base {
         &self.buffers[name]
     }
 
-    /// Hands over which receivers are near each cell.
-    pub(super) fn list(&self, nearby: &Nearby) -> Result<(), Error> {
-        let words = bytemuck::cast_slice(&nearby.words);
-        with_error_scope(&self.own, "which receivers are near", 0, || {
-            self.own.queue.write_buffer(self.buffer("bodies"), self.lists_at, words);
+    /// Uploads the lists of receivers.
+    pub(super) fn upload_cells(&self, receiver_cells: &ReceiverCells) -> Result<(), Error> {
+        let words = bytemuck::cast_slice(&receiver_cells.words);
+        with_error_scope(&self.own, "lists of receivers", 0, || {
+            self.own.queue.write_buffer(self.buffer("receiver_rows"), self.cells_at, words);
         })
     }
 
-    /// Hands over where receivers are, and by which cells they are listed.
-    pub(super) fn take_up(&self, itinerary: &Itinerary, lists: Lists) -> Result<(), Error> {
-        let lists_at = (self.lists_at / 16) as u32;
-        let head = encoded(&Journey { lists_at, lists, ..itinerary.head });
-        let rows = encoded(&itinerary.rows);
-        with_error_scope(&self.own, "where receivers are", 0, || {
-            self.own.queue.write_buffer(self.buffer("journey"), 0, &head);
-            self.own.queue.write_buffer(self.buffer("bodies"), 0, &rows);
+    /// Uploads the positions of receivers.
+    pub(super) fn upload_trajectory(
+        &self,
+        trajectory: &ReceiverTrajectory,
+        cells: ReceiverCellsHeader,
+    ) -> Result<(), Error> {
+        let cells_at = (self.cells_at / 16) as u32;
+        let head = encoded(&TrajectoryHeader { cells_at, cells, ..trajectory.head });
+        let rows = encoded(&trajectory.rows);
+        with_error_scope(&self.own, "positions of receivers", 0, || {
+            self.own.queue.write_buffer(self.buffer("trajectory"), 0, &head);
+            self.own.queue.write_buffer(self.buffer("receiver_rows"), 0, &rows);
         })
     }
 
-    /// A kernel with its buffers, which `find` knows by name.
+    /// Binds a kernel to its buffers, which `find` returns by name.
     pub(super) fn stage(
         &mut self,
         kernel: &'static Kernel,
@@ -158,18 +161,18 @@ impl Base {
 
 /// The dispatches of a step for certain sizes.
 #[derive(Debug)]
-pub(super) struct Steps {
+pub(super) struct StepDispatches {
     pub(super) sizes: Sizes,
     limits: DeviceLimits,
     buffers: HashMap<&'static str, wgpu::Buffer>,
     /// The stages before the detection.
     before: Vec<Stage>,
-    /// From pairs to candidates; nothing where nothing is detected.
-    drawing: Vec<Stage>,
+    /// From pairs to candidates; empty without a detector.
+    sampling: Vec<Stage>,
     matching: Vec<Stage>,
     /// The stages at the end of a step.
     after: Vec<Stage>,
-    /// Counts what is inside transparent receivers, if there are any.
+    /// Counts particles inside transparent receivers, if there are any.
     census: Option<Stage>,
 }
 
@@ -185,23 +188,23 @@ const SIZED: [&str; 11] = [
     "candidates",
     "left0",
     "left1",
-    "bidders",
+    "requesters",
 ];
 
-impl Steps {
-    /// Allocates and binds. The detector has its buffers for these sizes already.
+impl StepDispatches {
+    /// Allocates and binds. The detector must have allocated for these sizes.
     pub(super) fn new(
-        base: &mut Base,
+        run: &mut RunBuffers,
         sizes: Sizes,
         rounds: u32,
         found: Option<GpuOutput>,
     ) -> Result<Self, Error> {
-        let mut buffers = base.buffers.clone();
+        let mut buffers = run.buffers.clone();
         for name in SIZED {
-            // Nobody is to bind if there are no receptors.
-            let sizes = if name == "bidders" && base.receptors == 0 { Sizes::default() } else { sizes };
-            let bytes = sizes.bytes(name, &base.limits).map_err(refused)?;
-            buffers.insert(name, buffer(&base.own, name, bytes)?);
+            // Without receptors there are no requests.
+            let sizes = if name == "requesters" && run.receptors == 0 { Sizes::default() } else { sizes };
+            let bytes = sizes.bytes(name, &run.limits).map_err(refused)?;
+            buffers.insert(name, buffer(&run.own, name, bytes)?);
         }
         let detects = found.is_some();
         let mut order = None;
@@ -210,56 +213,55 @@ impl Steps {
             buffers.insert("outcome", outcome);
             order = sorted.map(|sorted| sorted.order);
         }
-        let listing = if order.is_some() { "listed" } else { "unlisted" };
-        buffers.insert("listing", buffers[listing].clone());
-        // If there is no order nobody reads it.
-        buffers.insert("order", order.unwrap_or_else(|| buffers["kinds"].clone()));
-        let (limits, watches) = (base.limits, base.watches);
-        let (reflects, receptors) = (base.reflects, base.receptors);
-        let mut stage = |kernel: &'static Kernel, groups: Groups| {
-            base.stage(kernel, groups, |name| buffers[name].clone())
-        };
+        let output_order = if order.is_some() { "cell_order" } else { "same_order" };
+        buffers.insert("output_order", buffers[output_order].clone());
+        // Without an order, no kernel reads it.
+        buffers.insert("order", order.unwrap_or_else(|| buffers["species_rows"].clone()));
+        let (limits, counts_inside) = (run.limits, run.counts_inside);
+        let (reflects, receptors) = (run.reflects, run.receptors);
+        let mut stage =
+            |kernel: &'static Kernel, groups: Groups| run.stage(kernel, groups, |name| buffers[name].clone());
         let mut before = vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?];
         if receptors > 0 {
-            before.push(stage(&k::RECEPTORS_BEGIN, Groups::Fixed(1))?);
-            before.push(stage(&k::RECEPTORS_HOLD, Groups::Particles)?);
+            before.push(stage(&k::RECEPTORS_RESET, Groups::Fixed(1))?);
+            before.push(stage(&k::RECEPTORS_COUNT_BOUND, Groups::Particles)?);
         }
-        let moving = if reflects { &k::PARTICLES_TURN } else { &k::PARTICLES_MOVE };
+        let moving = if reflects { &k::PARTICLES_MOVE_REFLECTING } else { &k::PARTICLES_MOVE };
         before.push(stage(moving, Groups::Particles)?);
         if receptors > 0 {
-            before.push(stage(&k::RECEPTORS_SCAN, Groups::Fixed(1))?);
-            before.push(stage(&k::RECEPTORS_GROUP, Groups::Particles)?);
-            before.push(stage(&k::RECEPTORS_CHOOSE, Groups::Fixed(receptors))?);
+            before.push(stage(&k::RECEPTORS_SCAN_REQUESTS, Groups::Fixed(1))?);
+            before.push(stage(&k::RECEPTORS_GROUP_REQUESTS, Groups::Particles)?);
+            before.push(stage(&k::RECEPTORS_SELECT, Groups::Fixed(receptors))?);
         }
         let after = vec![
             stage(&k::SURVIVORS_COUNT, Groups::Particles)?,
             stage(&k::SURVIVORS_SCAN, Groups::Fixed(1))?,
             stage(&k::SURVIVORS_PLACE, Groups::Particles)?,
         ];
-        let census = watches.then(|| stage(&k::RECEIVERS_COUNT, Groups::Particles)).transpose()?;
-        let (mut drawing, mut matching) = (Vec::new(), Vec::new());
+        let census = counts_inside.then(|| stage(&k::RECEIVERS_COUNT, Groups::Particles)).transpose()?;
+        let (mut sampling, mut matching) = (Vec::new(), Vec::new());
         if detects {
-            drawing.push(stage(&k::PAIRS_CHECK, Groups::Fixed(1))?);
+            sampling.push(stage(&k::DETECTOR_CHECK, Groups::Fixed(1))?);
             if sizes.pairs > 0 {
-                let left = |name| buffers[listed(name, 0)].clone();
-                drawing.push(base.stage(&k::CANDIDATES_DRAW, Groups::Pairs, left)?);
-                matching = match_stages(base, &buffers, sizes, rounds)?;
+                let first = |name| buffers[alternating(name, 0)].clone();
+                sampling.push(run.stage(&k::REACTIONS_SAMPLE, Groups::Pairs, first)?);
+                matching = match_stages(run, &buffers, sizes, rounds)?;
             }
         }
-        Ok(Self { sizes, limits, buffers, before, drawing, matching, after, census })
+        Ok(Self { sizes, limits, buffers, before, sampling, matching, after, census })
     }
 
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
         &self.buffers[name]
     }
 
-    /// Returns `true` if they read what a detector leaves there.
+    /// Returns `true` if the stages are bound to these buffers of the detector.
     pub(super) fn are_bound_to(&self, found: &GpuOutput) -> bool {
         let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
         order && found.outcome == *self.buffer("outcome")
     }
 
-    /// Records what comes before the detection, with room for up to `particles` particles.
+    /// Records the stages before the detection, for up to `particles` particles.
     pub(super) fn encode_before(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -269,9 +271,9 @@ impl Steps {
         self.encode(encoder, burst.into_iter().chain(&self.before), particles);
     }
 
-    /// Records what comes behind the detection.
+    /// Records the stages after the detection.
     pub(super) fn encode_after(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
-        let stages = self.drawing.iter().chain(&self.matching).chain(&self.after);
+        let stages = self.sampling.iter().chain(&self.matching).chain(&self.after);
         self.encode(encoder, stages, particles);
     }
 
@@ -281,7 +283,7 @@ impl Steps {
         self.encode(encoder, &self.matching, self.sizes.particles);
     }
 
-    /// Records the count of what is inside transparent receivers.
+    /// Records the count inside transparent receivers.
     pub(super) fn encode_census(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         encoder.clear_buffer(self.buffer("inside"), 0, None);
         self.encode(encoder, &self.census, particles);
@@ -315,8 +317,8 @@ impl Steps {
     }
 }
 
-/// The buffer that a binding of the matching means: its two lists change places from round to round.
-fn listed(name: &'static str, source: u32) -> &'static str {
+/// Returns the buffer of a binding of the matching, whose two lists alternate from round to round.
+fn alternating(name: &'static str, source: u32) -> &'static str {
     match (name, source) {
         ("round", 0) => "round0",
         ("round", _) => "round1",
@@ -326,9 +328,9 @@ fn listed(name: &'static str, source: u32) -> &'static str {
     }
 }
 
-/// Rounds of the whole device, and what one workgroup does about the rest.
+/// Returns the rounds of the whole device and the final kernel of one workgroup.
 fn match_stages(
-    base: &mut Base,
+    run: &mut RunBuffers,
     buffers: &HashMap<&'static str, wgpu::Buffer>,
     sizes: Sizes,
     rounds: u32,
@@ -336,11 +338,13 @@ fn match_stages(
     let mut stages = Vec::new();
     let groups = Groups::Fixed(sizes.round_groups());
     for round in 0..rounds {
-        for kernel in [&k::MATCHING_OPEN, &k::MATCHING_PROPOSE, &k::MATCHING_TIE, &k::MATCHING_SETTLE] {
-            stages.push(base.stage(kernel, groups, |name| buffers[listed(name, round % 2)].clone())?);
+        for kernel in
+            [&k::MATCHING_COMPACT, &k::MATCHING_PROPOSE, &k::MATCHING_BREAK_TIES, &k::MATCHING_APPLY]
+        {
+            stages.push(run.stage(kernel, groups, |name| buffers[alternating(name, round % 2)].clone())?);
         }
     }
-    let rest = |name| buffers[listed(name, rounds % 2)].clone();
-    stages.push(base.stage(&k::MATCHING_FINISH, Groups::Fixed(1), rest)?);
+    let rest = |name| buffers[alternating(name, rounds % 2)].clone();
+    stages.push(run.stage(&k::MATCHING_FINISH, Groups::Fixed(1), rest)?);
     Ok(stages)
 }

@@ -1,4 +1,4 @@
-// Ends a round of the matching: the winners react.
+// Ends a round of the matching: applies the reactions that won.
 #include control
 #include params
 #include philox
@@ -11,29 +11,29 @@
 @group(0) @binding(1) var<uniform> round: Round;
 @group(0) @binding(2) var<storage, read_write> control: Control;
 @group(0) @binding(3) var<storage, read> candidates: array<Candidate>;
-@group(0) @binding(4) var<storage, read> rules: array<Rule>;
+@group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
 @group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(6) var<storage, read> left_next: array<u32>;
 @group(0) @binding(7) var<storage, read> moved: array<vec4<f32>>;
 
-#include settling
+#include apply_reaction
 
 @compute @workgroup_size(256)
-fn matching_settle(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                   @builtin(local_invocation_index) lane: u32) {
+fn matching_apply(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                   @builtin(local_invocation_index) local_index: u32) {
     let count = atomicLoad(&control.left[1u - round.source]);
-    let first = group.x * GROUP + lane;
+    let first = group.x * WORKGROUP_SIZE + local_index;
     if (first == 0u) {
         // The list that the next round fills.
         atomicStore(&control.left[round.source], 0u);
     }
-    let threads = groups.x * GROUP;
-    let turns = count / threads + 1u;
-    for (var turn = 0u; turn < turns; turn++) {
-        let k = first + turn * threads;
+    let threads = groups.x * WORKGROUP_SIZE;
+    let iterations = count / threads + 1u;
+    for (var iteration = 0u; iteration < iterations; iteration++) {
+        let k = first + iteration * threads;
         if (k >= count) {
             break;
         }
-        settle(left_next[k]);
+        apply_if_best(left_next[k]);
     }
 }

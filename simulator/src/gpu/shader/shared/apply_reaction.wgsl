@@ -1,7 +1,7 @@
-// The end of a round for one candidate: the winners react.
-fn settle(index: u32) {
+// Applies a candidate's reaction if it won the round.
+fn apply_if_best(index: u32) {
     let candidate = candidates[index];
-    let rule = rules[candidate.rule];
+    let rule = reaction_rows[candidate.rule];
     for (var side = 0u; side < 2u; side++) {
         let at = candidate.at[side];
         if (claims_it(rule, side) && (atomicLoad(&claims[at].priority) != candidate.priority
@@ -12,11 +12,11 @@ fn settle(index: u32) {
     react(candidate, rule);
 }
 
-// Enters what comes of each reactant that is used up; see reactions.rs. Positions are read from where no reaction
-// writes, so that one that only takes part may do so in several.
-fn react(candidate: Candidate, rule: Rule) {
+// Records the outcome at each consumed reactant; see reactions.rs. Positions are read from a buffer that no reaction
+// writes, so a catalyst can take part in several reactions.
+fn react(candidate: Candidate, rule: ReactionRow) {
     let first = moved[candidate.at.x].xyz;
-    let meeting = first + rule.share * nearest(moved[candidate.at.y].xyz - first);
+    let meeting = first + rule.share * minimum_image(moved[candidate.at.y].xyz - first);
     var apart = vec3(0.0);
     if ((rule.flags & 8u) != 0u) {
         let low = min(candidate.ids.x, candidate.ids.y);
@@ -29,7 +29,7 @@ fn react(candidate: Candidate, rule: Rule) {
             let along = f32(side) - rule.first_share;
             let at = candidate.at[side];
             claims[at].product = rule.products[side];
-            claims[at].sphere = vec4(placed(meeting + along * apart, rule.radii[side]), rule.radii[side]);
+            claims[at].sphere = vec4(confined(meeting + along * apart, rule.radii[side]), rule.radii[side]);
             atomicStore(&claims[at].is_taken, 1u);
         }
     }

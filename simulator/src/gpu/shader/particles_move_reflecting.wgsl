@@ -1,0 +1,162 @@
+// Moves every particle independently if some surfaces reflect or adsorb. Later kernels decide which of the particles that
+// reach receptors bind.
+#include control
+#include params
+#include philox
+#include normal
+#include boundary
+#include candidate
+#include event
+#include receptor
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> trajectory: TrajectoryHeader;
+@group(0) @binding(2) var<storage, read_write> control: Control;
+@group(0) @binding(3) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> tags: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> moved: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> species: array<u32>;
+@group(0) @binding(7) var<storage, read> species_rows: array<SpeciesRow>;
+@group(0) @binding(8) var<storage, read> event_rows: array<EventRow>;
+@group(0) @binding(9) var<storage, read> receiver_rows: array<vec4<u32>>;
+@group(0) @binding(10) var<storage, read_write> claims: array<Claim>;
+@group(0) @binding(11) var<storage, read_write> receptors: array<Receptors>;
+
+#include receiver_cells
+#include path_hit
+#include decay
+#include reflection
+#include adsorption
+
+const REQUESTED: u32 = 2u;
+
+fn free_receptors(receiver: u32) -> u32 {
+    let count = receptors[receiver].count;
+    return count - min(count, atomicLoad(&receptors[receiver].bound));
+}
+
+// Returns true if a particle that reached a surface adsorbs; `word` is its draw.
+fn adsorbs(event: EventRow, distances: f32, word: u32) -> bool {
+    if (event.kind == PER_STEP) {
+        return word <= event.threshold;
+    }
+    var own = event.own;
+    if (event.kind == RECEPTORS) {
+        own *= f32(free_receptors(event.receiver));
+    }
+    return fine_unit(word) < adsorption_probability(surface_of(own, event.length, event.radius), distances);
+}
+
+// Requests a receptor, with the direction from the center to the point of contact.
+fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank: u32) {
+    let out = minimum_image(touching - center);
+    let distance = length(out);
+    let direction = select(vec3(1.0, 0.0, 0.0), out / max(distance, 1e-37), distance > 0.0);
+    claims[at].sphere = vec4(direction, 0.0);
+    claims[at].product = k;
+    atomicStore(&claims[at].priority, rank);
+    atomicStore(&claims[at].other, atomicAdd(&receptors[event_rows[k].receiver].requests, 1u));
+    atomicStore(&claims[at].is_taken, REQUESTED);
+}
+
+// The step of a bound particle: it stays bound, or unbinds to some height above its receptor.
+fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
+    let event = event_rows[event_of_bound(bound)];
+    // Detailed balance: the reverse reaction sees one more free receptor.
+    let own = event.own * (f32(free_receptors(event.receiver)) + 1.0);
+    let surface = surface_of(own, event.length, event.radius);
+    var draws = Draws(vec4(id, 0u, control.step, PURPOSE_UNBINDING), vec4(0u), 4u);
+    if (unit_of(&draws) >= event.unbinding * effective_part(surface)) {
+        return bound;
+    }
+    let center = receiver_at(event.receiver, control.step + 1u).center;
+    let above = event.radius + height_after(surface, &draws);
+    let away = above + 4e-6 * (abs(center.x) + abs(center.y) + abs(center.z) + above);
+    let place = confined(center + away * bound.xyz, kind.radius);
+    if (signed_distance(event.radius, center, place) < 0.0) {
+        // Walls leave no space for it.
+        return bound;
+    }
+    atomicSub(&control.tallies[event.tally], 1u);
+    return vec4(place, kind.radius);
+}
+
+// The step of a free particle.
+fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32) -> Moved {
+    let reflected = reflect_path(kind, path);
+    if (near_count > NEAR) {
+        control.missing_lo = near_count;
+        control.missing_hi = 0u;
+        control.halted = TOO_MANY_SURFACES;
+    } else if (left_region) {
+        control.missing_lo = params.max_requeries + 1u;
+        control.missing_hi = 0u;
+        control.halted = TOO_MANY_REQUERIES;
+    }
+    var here = Moved(vec4(reflected.after, radius), tag.x);
+    let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
+    let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
+    for (var k = near_receivers.begin; k < near_receivers.end; k++) {
+        let place = event_at(near_receivers, k);
+        let event = event_rows[place];
+        let receiver = receiver_at(event.receiver, control.step);
+        // A particle inside may leave.
+        let leaves = event.kind > REFLECTING && signed_distance(event.radius, receiver.center, path.before) < 0.0;
+        if (event.kind == REFLECTING || leaves) {
+            continue;
+        }
+        var displacement = path;
+        if (reflected.first != event.receiver) {
+            // Another surface reflected the path first.
+            displacement.end = reflected.end;
+            displacement.after = reflected.after;
+        }
+        if (!meets(event, receiver, displacement, kind.diffusion, tag.y)) {
+            continue;
+        }
+        if (event.kind > REFLECTING) {
+            let a = abs(signed_distance(event.radius, receiver.center, displacement.before));
+            let b = abs(signed_distance(event.radius, receiver.center + receiver.displacement, displacement.after));
+            let words = philox(vec4(tag.y, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
+            if (!adsorbs(event, a + b, words.y)) {
+                continue;
+            }
+            if (event.kind == RECEPTORS) {
+                var time = 0.0;
+                if (a + b > 0.0) {
+                    time = a / (a + b);
+                }
+                let touching = displacement.before + time * (displacement.end - displacement.before);
+                request_binding(at, place, touching, receiver.center + time * receiver.displacement, words.z);
+                return here;
+            }
+        }
+        atomicAdd(&control.tallies[event.tally], 1u);
+        here.sphere.w = -1.0;
+        return here;
+    }
+    return decay(here.sphere, tag.x, tag.y);
+}
+
+@compute @workgroup_size(256)
+fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                  @builtin(local_invocation_index) local_index: u32) {
+    let at = global_index(group, groups, local_index);
+    if (at >= control.count) {
+        return;
+    }
+    let before = spheres[at];
+    let tag = tags[at];
+    let kind = species_rows[tag.x];
+    var here = Moved(before, tag.x);
+    if (before.w <= BOUND_RADIUS) {
+        here.sphere = unbind(before, tag.y, kind);
+    } else {
+        here = move_free(at, path_of(before.xyz, kind, tag.y), kind, tag, before.w);
+    }
+    if (here.sphere.w < 0.0) {
+        atomicAdd(&control.removed, 1u);
+    }
+    moved[at] = here.sphere;
+    species[at] = here.species;
+}

@@ -1,0 +1,87 @@
+// The step of one species.
+struct SpeciesRow {
+    drift: vec3<f32>,
+    // Standard deviation along each axis.
+    length: f32,
+    // D dt.
+    diffusion: f32,
+    radius: f32,
+    // Its rows in the table of events: receivers, then decays.
+    events_begin: u32,
+    decays_begin: u32,
+    events_end: u32,
+    // Bound of the distance of a diffusive path from its straight line, near a receiver that diffuses as well.
+    bend: f32,
+    // Bound of the displacement in a step for almost all particles, to which three displacements of a receiver are added.
+    // Receivers within that distance are listed.
+    reach: f32,
+    // Index among the species with lists of receivers, or NOTHING.
+    cell_lists: u32,
+}
+
+// A possible event of a particle of one species, in the order of precedence.
+struct EventRow {
+    // Drift of the receiver in a step.
+    drift: vec3<f32>,
+    radius: f32,
+    // D dt of the receiver.
+    diffusion: f32,
+    kind: u32,
+    // Index of the receiver in the model.
+    receiver: u32,
+    // The largest word at which the particle decays or adsorbs.
+    threshold: u32,
+    product: u32,
+    tally: u32,
+    // sqrt(D dt) of particle and receiver together.
+    length: f32,
+    // Reactivity of a surface or of one free receptor, scaled as in adsorption.rs: kappa sqrt(dt / D).
+    own: f32,
+    // Expected unbinding events of a bound particle per step.
+    unbinding: f32,
+}
+
+// The center of a receiver at the beginning of a step, and its displacement in the step.
+struct ReceiverRow {
+    center: vec3<f32>,
+    displacement: vec3<f32>,
+}
+
+// The cells with lists of receivers; zero cells if there are no lists.
+struct ReceiverCellsHeader {
+    low: vec3<f32>,
+    cells_per_length: vec3<f32>,
+    counts: vec3<u32>,
+}
+
+// The steps for which the positions of receivers are known.
+struct TrajectoryHeader {
+    first: u32,
+    // Rows of a step; 0 if all receivers rest.
+    stride: u32,
+    // The largest displacement of a receiver in a step.
+    max_displacement: f32,
+    // The first row of the lists of receivers.
+    cells_at: u32,
+    cells: ReceiverCellsHeader,
+}
+
+// The path of a particle in a step.
+struct Path {
+    before: vec3<f32>,
+    // Its end without walls and periodic images.
+    end: vec3<f32>,
+    after: vec3<f32>,
+}
+
+const ABSORBING: u32 = 0u;
+const ENDPOINT: u32 = 1u;
+const REFLECTING: u32 = 2u;
+// By a reactivity, by a probability per step, and by receptors.
+const PARTIAL: u32 = 3u;
+const PER_STEP: u32 = 4u;
+const RECEPTORS: u32 = 5u;
+const DECAY: u32 = 6u;
+
+// At larger exponents the probability is below the smallest random number.
+const NEVER: f32 = 17.0;

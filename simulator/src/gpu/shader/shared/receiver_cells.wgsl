@@ -1,0 +1,46 @@
+// The receivers that a particle may hit, from the lists of receiver_cells.rs.
+struct NearbyReceivers {
+    // Range in the table of events, or in the lists.
+    begin: u32,
+    end: u32,
+    is_listed: bool,
+}
+
+fn list_word(k: u32) -> u32 {
+    return receiver_rows[trajectory.cells_at + k / 4u][k % 4u];
+}
+
+// Returns the receivers within `reach` of `point`, and possibly more.
+fn receivers_near(kind: SpeciesRow, point: vec3<f32>, reach: f32) -> NearbyReceivers {
+    let every = NearbyReceivers(kind.events_begin, kind.decays_begin, false);
+    let cells = trajectory.cells;
+    if (kind.cell_lists == NOTHING || cells.counts.x == 0u || !(reach <= kind.reach + 3.0 * trajectory.max_displacement)) {
+        return every;
+    }
+    let at = floor((point - cells.low) * cells.cells_per_length);
+    let within = (at >= vec3(0.0)) & (at < vec3<f32>(cells.counts));
+    if (!all(within)) {
+        // Without periodic images, all receivers are within the cells.
+        if (any(!within & (params.axes == vec3(2u)))) {
+            return every;
+        }
+        return NearbyReceivers(0u, 0u, false);
+    }
+    let cell = vec3<u32>(at);
+    let count = cells.counts.x * cells.counts.y * cells.counts.z;
+    let k = kind.cell_lists * (count + 1u) + cell.x + cells.counts.x * (cell.y + cells.counts.y * cell.z);
+    return NearbyReceivers(list_word(k), list_word(k + 1u), true);
+}
+
+// Returns the index of such a receiver in the table of events.
+fn event_at(near_receivers: NearbyReceivers, k: u32) -> u32 {
+    if (near_receivers.is_listed) {
+        return list_word(k);
+    }
+    return k;
+}
+
+// Returns the largest distance of a path from its beginning.
+fn reach_of(path: Path) -> f32 {
+    return max(length(path.end - path.before), length(minimum_image(path.after - path.before)));
+}

@@ -1,0 +1,170 @@
+// Reflection of paths off spheres, as in reflection.rs.
+
+// A sphere near a particle, relative to the beginning of the particle's path.
+struct Obstacle {
+    // From the center to the particle.
+    offset: vec3<f32>,
+    radius: f32,
+    displacement: vec3<f32>,
+    receiver: u32,
+}
+
+// A reflected path: its end, the confined end, the receiver of the first reflection or NOTHING, and its length.
+struct ReflectedPath {
+    end: vec3<f32>,
+    after: vec3<f32>,
+    first: u32,
+    length: f32,
+}
+
+// The most spheres and images of spheres near one particle; the run halts if there are more.
+const NEAR: u32 = 16u;
+// The most reflections in one step; a particle stops at the last one.
+const BOUNCES: u32 = 64u;
+// A bound of the factor by which rounding lengthens a path.
+const ROUNDING_FACTOR: f32 = 1.00001;
+
+var<private> near: array<Obstacle, NEAR>;
+var<private> near_count: u32;
+// True if the path left the region of the listed spheres after all searches; the run halts then as well.
+var<private> left_region: bool;
+
+fn add_obstacle(obstacle: Obstacle, reach: f32) {
+    let distance = length(obstacle.offset);
+    if (distance > obstacle.radius + reach + 4e-6 * (distance + obstacle.radius)) {
+        return;
+    }
+    if (near_count < NEAR) {
+        near[near_count] = obstacle;
+    }
+    near_count++;
+}
+
+// Lists the spheres within `reach` of the path's beginning that the particle is outside of. In periodic space, the image
+// nearest to the end of the path is another obstacle.
+fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach: f32) {
+    near_count = 0u;
+    let near_receivers = receivers_near(kind, path.before, reach);
+    for (var k = near_receivers.begin; k < near_receivers.end; k++) {
+        let event = event_rows[event_at(near_receivers, k)];
+        if (event.kind < REFLECTING) {
+            continue;
+        }
+        let receiver = receiver_at(event.receiver, control.step);
+        if (signed_distance(event.radius, receiver.center, path.before) < 0.0) {
+            continue;
+        }
+        let offset = minimum_image(path.before - receiver.center);
+        add_obstacle(Obstacle(offset, event.radius, receiver.displacement, event.receiver), reach);
+        let relative = displacement - receiver.displacement;
+        let other = minimum_image(path.before - receiver.center + relative) - relative;
+        if (any(abs(other - offset) > vec3(event.radius))) {
+            add_obstacle(Obstacle(other, event.radius, receiver.displacement, event.receiver), reach);
+        }
+    }
+}
+
+// Returns the time until the particle hits the obstacle; more than a step if it does not. The particle is outside.
+fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement: vec3<f32>) -> f32 {
+    let out = obstacle.offset + traveled - time * obstacle.displacement;
+    let relative = displacement - obstacle.displacement;
+    let distance = length(out);
+    let b = dot(out, relative);
+    // Rounding may have left the particle slightly inside.
+    let c = max((distance - obstacle.radius) * (distance + obstacle.radius), 0.0);
+    let root = b * b - dot(relative, relative) * c;
+    if (b >= 0.0 || root < 0.0) {
+        return 2.0;
+    }
+    return c / (sqrt(root) - b);
+}
+
+// Returns the obstacle that contains a point at the end of the step, or NEAR.
+fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
+    for (var j = 0u; j < count; j++) {
+        let receiver = receiver_at(near[j].receiver, control.step);
+        if (signed_distance(near[j].radius, receiver.center + receiver.displacement, point) < 0.0) {
+            return j;
+        }
+    }
+    return NEAR;
+}
+
+// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that moves over
+// both pushes the particle ahead.
+fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3<f32> {
+    if (obstacle_at(after, count) == NEAR) {
+        return after;
+    }
+    let inside = obstacle_at(before, count);
+    if (inside == NEAR) {
+        return before;
+    }
+    let receiver = receiver_at(near[inside].receiver, control.step);
+    let center = receiver.center + receiver.displacement;
+    let out = minimum_image(before - center);
+    let factor = near[inside].radius / max(length(out), 1e-37) * (1.0 + 1e-5);
+    return confined(center + factor * out, radius);
+}
+
+// A path from reflection to reflection.
+struct FollowedPath {
+    // Displacement from its beginning.
+    displacement: vec3<f32>,
+    length: f32,
+    first: u32,
+}
+
+// Follows a path past the listed spheres.
+fn follow(start: vec3<f32>, count: u32) -> FollowedPath {
+    var displacement = start;
+    var found = FollowedPath(vec3(0.0), 0.0, NOTHING);
+    var time = 0.0;
+    for (var bounce = 0u; bounce < BOUNCES; bounce++) {
+        var remaining = 1.0 - time;
+        var next = NEAR;
+        for (var j = 0u; j < count; j++) {
+            let later = time_to_hit(near[j], found.displacement, time, displacement);
+            if (later < remaining) {
+                remaining = later;
+                next = j;
+            }
+        }
+        found.displacement += remaining * displacement;
+        found.length += remaining * length(displacement);
+        if (next == NEAR) {
+            break;
+        }
+        if (found.first == NOTHING) {
+            found.first = near[next].receiver;
+        }
+        time += remaining;
+        let normal = normalize(near[next].offset + found.displacement - time * near[next].displacement);
+        displacement -= 2.0 * dot(displacement - near[next].displacement, normal) * normal;
+    }
+    return found;
+}
+
+fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
+    // A wall reflects before any sphere does.
+    let displacement = select(path.end, path.after, params.axes == vec3(1u)) - path.before;
+    var found = FollowedPath(vec3(0.0), length(displacement), NOTHING);
+    left_region = true;
+    for (var query = 0u; query < params.max_requeries; query++) {
+        // A sphere that moves towards the particle accelerates it by at most twice its own speed.
+        let reach = ROUNDING_FACTOR * found.length + 3.0 * trajectory.max_displacement;
+        search_surfaces(kind, path, displacement, reach);
+        found = follow(displacement, min(near_count, NEAR));
+        // A moving sphere may have pushed the particle beyond the region of the search.
+        if (trajectory.max_displacement == 0.0 || found.length + trajectory.max_displacement <= reach) {
+            left_region = false;
+            break;
+        }
+    }
+    let end = path.before + found.displacement;
+    if (found.first == NOTHING) {
+        return ReflectedPath(path.end, path.after, NOTHING, found.length);
+    }
+    let count = min(near_count, NEAR);
+    return ReflectedPath(end, outside(path.before, confined(end, kind.radius), kind.radius, count), found.first, found.length);
+}
