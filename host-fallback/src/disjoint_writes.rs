@@ -1,4 +1,4 @@
-//! Writing to one slice from several threads.
+//! Writes to one slice from several threads.
 
 use std::marker::PhantomData;
 use std::sync::atomic::AtomicU32;
@@ -33,16 +33,16 @@ impl<'a, T: Copy> DisjointSlice<'a, T> {
     }
 }
 
-/// Numbers that several threads may change.
+/// Views numbers as atomics that several threads may change.
 pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     let len = numbers.len();
     const { assert!(align_of::<AtomicU32>() == align_of::<u32>()) };
     // SAFETY: an `AtomicU32` has the size and the values of a `u32`, and here its alignment; while the result lives
-    // nobody else has access, since the borrow it comes from is exclusive.
+    // no other access exists, since the borrow it comes from is exclusive.
     unsafe { std::slice::from_raw_parts(numbers.as_mut_ptr().cast(), len) }
 }
 
-/// Cuts a slice at ascending positions, the last of which is its length.
+/// Splits a slice at ascending positions, the last of which is its length.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].

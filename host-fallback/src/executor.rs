@@ -1,7 +1,6 @@
-//! The threads of a call: the calling thread alone, or all threads of a rayon pool. No other module uses
-//! rayon.
+//! The threads that execute a call: the calling thread alone, or all threads of a rayon pool. No other module uses rayon.
 //!
-//! Work comes in numbered pieces. Whichever piece fails first ends the work, and its error is the answer.
+//! Work consists of numbered chunks. The first chunk that fails ends the work with its error.
 
 use std::error::Error as _;
 use std::sync::OnceLock;
@@ -12,18 +11,18 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Error;
 
-/// Executor per core of a pool at most. One is useful; a few do no harm, and a process may be given more cores while it
+/// Threads per core of a pool at most. One is useful; a few do no harm, and a process may be given more cores while it
 /// runs.
 const MAX_THREADS_PER_CORE: usize = 4;
-/// Executor of a pool that are started wherever they are asked for.
+/// Threads of a pool that are started wherever they are asked for.
 const MIN_MAX_THREADS: usize = 16;
 
-/// Spheres from which on several threads pass over them: waking the others takes as long as passing over fewer.
+/// The fewest spheres that are worth a pass by several threads. Waking threads takes as long as a pass over fewer spheres.
 pub(crate) const MIN_PARALLEL_SPHERES: usize = 1 << 14;
-/// Work that ends sooner, in nanoseconds, is not worth waking the others.
+/// The shortest work in nanoseconds that is worth waking other threads.
 const MIN_PARALLEL_NS: f32 = 300_000.0;
 
-/// Which threads work.
+/// The threads that execute a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Executor {
     /// The calling thread, which wakes no other thread.
@@ -33,10 +32,10 @@ pub enum Executor {
 }
 
 impl Executor {
-    /// Returns the threads of a call from here; a pool of one thread is not worth the switch.
+    /// Returns the executor of a call from the current thread. A pool of one thread is not worth the switch.
     ///
     /// # Errors
-    /// [`Error::ThreadPool`] where rayon's global pool is needed and cannot be started.
+    /// [`Error::ThreadPool`] if rayon's global pool is needed and cannot be started.
     pub(crate) fn current() -> Result<Self, Error> {
         if rayon::current_thread_index().is_none() {
             start_global()?;
@@ -44,17 +43,17 @@ impl Executor {
         Ok(if rayon::current_num_threads() == 1 { Self::Caller } else { Self::Pool })
     }
 
-    /// The threads for a pass over `count` spheres or pairs with little work for each.
+    /// The executor for a pass over `count` spheres or pairs with little work for each.
     pub(crate) fn for_light_work(self, count: usize) -> Self {
         if count < MIN_PARALLEL_SPHERES { Self::Caller } else { self }
     }
 
-    /// Returns `true` if work that takes one thread `time` nanoseconds is best left to it.
+    /// Returns `true` if work that takes one thread `time` nanoseconds is not worth waking other threads.
     pub(crate) fn is_short(time: f32) -> bool {
         time < MIN_PARALLEL_NS
     }
 
-    /// Does `work` with every item and its number.
+    /// Calls `work` with every item and its index.
     pub(crate) fn for_each<T: Send>(self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
         match self {
             Self::Pool if items.len() > 1 => {
@@ -64,7 +63,7 @@ impl Executor {
         }
     }
 
-    /// Does `work` with every stretch of `size` values and its number; the last stretch may be shorter.
+    /// Calls `work` with every chunk of `size` values and its index; the last chunk may be shorter.
     pub(crate) fn for_each_chunk<T: Send>(
         self,
         values: &mut [T],
@@ -79,8 +78,8 @@ impl Executor {
         }
     }
 
-    /// Takes what `open` makes through neighbouring pieces, one after the other, and merges what comes out in the order
-    /// of the pieces. No thread takes more than `most` pieces without offering the others some.
+    /// Folds consecutive chunks with `step`, starting from the value of `open`, and merges the results in the order of the
+    /// chunks. At most `most` chunks are folded as one task.
     ///
     /// # Errors
     /// The errors of `step` and `merge`.
@@ -101,7 +100,7 @@ impl Executor {
     }
 }
 
-/// The threads of a detector: those of a pool of its own, or of the caller's.
+/// The threads of a detector: a pool of its own, or that of its caller.
 #[derive(Debug)]
 pub struct Team {
     pool: Option<ThreadPool>,
@@ -109,20 +108,20 @@ pub struct Team {
 }
 
 impl Team {
-    /// A team of `asked` threads; `None` for the rayon pool that each call comes from.
+    /// Creates a team of `asked` threads; `None` for the rayon pool that each call comes from.
     ///
     /// # Errors
     /// [`Error::ThreadPool`] if the system refuses the threads.
     pub fn new(asked: Option<usize>) -> Result<Self, Error> {
         let pool = match asked {
-            // One thread is the calling one.
+            // The calling thread needs no pool.
             None | Some(1) => None,
             Some(threads) => Some(pool(threads)?),
         };
         Ok(Self { pool, asked })
     }
 
-    /// Passes over `count` items with the threads that are worth it: few are left to the calling one.
+    /// Runs a pass over `count` items, in the pool if there are enough.
     ///
     /// # Errors
     /// The errors of `task`, and [`Error::ThreadPool`].
@@ -142,15 +141,15 @@ impl Team {
         within(self.pool.as_ref(), task)
     }
 
-    /// Returns the threads of a call from here.
+    /// Returns the executor of a call from the current thread.
     ///
     /// # Errors
-    /// The same as [`Executor::current`].
+    /// The errors of [`Executor::current`].
     pub(crate) fn executor(&self) -> Result<Executor, Error> {
         if self.asked == Some(1) { Ok(Executor::Caller) } else { Executor::current() }
     }
 
-    /// The number of threads in a call from here.
+    /// The number of threads of a call from the current thread.
     pub(crate) fn count(&self) -> usize {
         match (&self.pool, self.asked) {
             (Some(pool), _) => pool.current_num_threads(),
@@ -160,7 +159,7 @@ impl Team {
     }
 }
 
-/// Runs `task` in this pool, or in that of whoever calls if there is none.
+/// Runs `task` in this pool; without one, in the caller's.
 fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -> R {
     match pool {
         Some(pool) => pool.install(task),
@@ -168,15 +167,15 @@ fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -
     }
 }
 
-/// The number of threads that the pool of a caller from here has, or would have.
+/// The number of threads of the current thread's pool, or of the global one once started.
 fn count() -> usize {
     if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
 
-/// A pool of the `asked` number of threads, or as many as are of any use.
+/// Creates a pool of `asked` threads, or of the useful number if that is less.
 ///
 /// # Errors
-/// [`Error::ThreadPool`] where the system refuses the threads.
+/// [`Error::ThreadPool`] if the system refuses the threads.
 fn pool(asked: usize) -> Result<ThreadPool, Error> {
     let cores = cores();
     let threads = useful(asked, cores);
@@ -196,12 +195,12 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts rayon's global pool unless somebody has: rayon itself would do so at the first use, and panic where the system
-/// refuses the threads.
+/// Starts rayon's global pool unless it runs. Rayon itself would do so at the first use, and panic if the system refuses the
+/// threads.
 fn start_global() -> Result<(), Error> {
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
     let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
-        // One without a source says that the pool is there already.
+        // An error without a source means that the pool runs already.
         Err(error) if error.source().is_some() => Err(error.to_string()),
         _ => Ok(()),
     });
@@ -213,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn threads_that_nobody_can_run_are_not_started() {
+    fn pools_are_limited_to_useful_threads() {
         for (asked, cores, started) in [(1, 1, 1), (7, 2, 7), (16, 1, 16), (17, 1, 16), (64, 16, 64)] {
             assert_eq!(useful(asked, cores), started, "{asked} on {cores} cores");
         }
@@ -224,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn folds_keep_the_order_and_the_first_error_ends_them() {
+    fn fold_keeps_the_order_and_ends_at_the_first_error() {
         for threads in [Executor::Caller, Executor::Pool] {
             let fold = |limit: usize| {
                 let step = |mut all: Vec<usize>, k| {

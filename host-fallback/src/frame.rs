@@ -1,5 +1,5 @@
-//! The frame in which spheres are searched whose numbers `f32` does not hold: `f64` spheres, and boxes and distances in
-//! `f64`. What a search in a frame finds are candidates; [`Space::touch`] decides on the numbers as given.
+//! Search frames: `f32` coordinates for `f64` spheres, and for boxes and distances that are not `f32` numbers. A search in a
+//! frame finds candidates; [`Space::touch`] decides on the given numbers.
 //!
 //! # Correctness
 //!
@@ -31,9 +31,9 @@ use lazygrid_kernels::{Orthogonalization, Query, Space, Sphere, Spheres, Triclin
 
 use crate::executor::Executor;
 
-/// Spheres per piece of the pass over them.
+/// Spheres per chunk of a pass.
 const CHUNK_SPHERES: usize = 1 << 13;
-/// Spheres that are read at a time.
+/// Spheres that are read at once.
 pub(crate) const BLOCK_SPHERES: usize = 64;
 /// The relative and the absolute part by which radii grow.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
@@ -43,10 +43,11 @@ const MAX_RADIUS: f64 = 4.0;
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// The absolute part of the slack, and the part of the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
-/// The part of a frame that spheres fill at least: a frame is kept while they do, so that those that move keep their radii.
+/// The smallest fraction of a frame that spheres fill. A frame is kept while they fill it, so that moving spheres keep their
+/// radii.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
-/// Where spheres lie: the smallest and the largest coordinates; and whether all are valid.
+/// The smallest and the largest coordinates of spheres, and whether all spheres are valid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
     min: [f64; 3],
@@ -54,7 +55,7 @@ pub(crate) struct Bounds {
     pub(crate) are_valid: bool,
 }
 
-/// The map from spheres to those that are searched.
+/// The map from given spheres to those that are searched.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchFrame {
     origin: [f64; 3],
@@ -67,14 +68,14 @@ enum Axes {
     /// The length of each axis as given, and its period in the frame.
     Orthogonal([Option<(f64, f32)>; 3]),
     Triclinic(Orthogonalization),
-    /// The same for `f32` spheres, of which no frame is needed to tell the rounding.
+    /// The axes of `f32` spheres in a triclinic space, whose rounding does not depend on their bounds.
     Narrow(Orthogonalization),
 }
 
 impl Bounds {
     const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], are_valid: true };
 
-    /// The bounds of all spheres of a query.
+    /// Computes the bounds of all spheres of a query.
     pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
         let sets = [Some(query.first()), query.second()];
         sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
@@ -90,7 +91,7 @@ impl Bounds {
         })
     }
 
-    /// The bounds of these spheres too, in blocks that stay in the first-level cache.
+    /// Adds the spheres of a range, in blocks that stay in the first-level cache.
     fn with_all(mut self, set: Spheres<'_>, range: Range<usize>) -> Self {
         let mut block = [[0.0; 4]; BLOCK_SPHERES];
         let [mut min, mut max, mut zero] = [[f64::INFINITY; 4], [f64::NEG_INFINITY; 4], [0.0; 4]];
@@ -101,7 +102,7 @@ impl Bounds {
                 for (k, &number) in numbers.iter().enumerate() {
                     min[k] = if number < min[k] { number } else { min[k] };
                     max[k] = if number > max[k] { number } else { max[k] };
-                    // No number any more after one that is not finite.
+                    // NaN after any number that is not finite.
                     zero[k] += number * 0.0;
                 }
             }
@@ -134,7 +135,7 @@ impl Bounds {
 }
 
 impl SearchFrame {
-    /// The frame of spheres within these bounds. The `last` one stays if they suit it.
+    /// Returns the frame of spheres within these bounds: the `last` one if they fill it, else a new one.
     pub(crate) fn of(bounds: &Bounds, space: &Space, last: Option<SearchFrame>) -> Self {
         let periodic =
             space.triclinic_cell().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3]);
@@ -161,13 +162,13 @@ impl SearchFrame {
         Self::at(origin, scale_of(size(&origin)), space)
     }
 
-    /// The frame of `f32` spheres in a triclinic space.
+    /// Creates the frame of `f32` spheres in a triclinic space.
     pub(crate) fn narrow(shear: &TriclinicCell) -> Self {
         let axes = Axes::Narrow(shear.orthogonal_space(Orthogonalization::SCALE));
         Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes }
     }
 
-    /// Returns `true` if it is that of `f32` spheres in a triclinic space, which does not depend on them.
+    /// Returns `true` for the frame of `f32` spheres in a triclinic space, which does not depend on the spheres.
     pub(crate) fn is_narrow(&self) -> bool {
         matches!(self.axes, Axes::Narrow(_))
     }
@@ -199,19 +200,18 @@ impl SearchFrame {
         matches!(self.axes, Axes::Orthogonal(_))
     }
 
-    /// A distance as it is in the frame.
+    /// The factor from distances in space to distances in the frame.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// By how much spheres up to this radius must touch in an orthogonal frame to touch in space without doubt.
+    /// The overlap in an orthogonal frame beyond which spheres up to this radius certainly touch in space.
     pub(crate) fn slack(largest: f32) -> f32 {
         let [absolute, relative] = SLACK;
         absolute + relative * largest
     }
 
-    /// Spheres as they are searched, from their centers and the radii that are to be searched. One that is not valid gives one
-    /// that is not.
+    /// Maps spheres, given with effective radii, to the frame. An invalid sphere stays invalid.
     pub(crate) fn spheres(&self, given: &[[f64; 4]], searched: &mut [Sphere]) {
         let all = given.iter().zip(searched);
         match &self.axes {
@@ -254,29 +254,29 @@ impl SearchFrame {
     }
 }
 
-/// The radius that is searched for one in the unit of a frame.
+/// The radius in the search for a radius in units of the frame.
 #[inline]
 fn searched_radius(radius: f64) -> f32 {
     let [relative, absolute] = GROWTH;
     let radius = if radius < MAX_RADIUS { radius } else { MAX_RADIUS };
-    // The next number upward, as it is positive and not infinite.
+    // The next larger number, since this one is positive and finite.
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 
-/// The power of two that brings a size to between one half and 1.
+/// The power of two that scales a size to between one half and 1.
 fn scale_of(size: f64) -> f64 {
     const FRACTION: u64 = (1 << 52) - 1;
     const EXPONENTS: u64 = 2047;
     if size == 0.0 {
         return 1.0;
     }
-    // The smallest sizes stay below one half, as no number is one over them.
+    // The smallest sizes stay below one half, since their inverse is not a number.
     let exponent = (size.max(4.0 * f64::MIN_POSITIVE).to_bits() & !FRACTION) >> 52;
     // A quarter of twice one over the power of two below; of the largest sizes that is subnormal.
     0.25 * f64::from_bits((EXPONENTS - exponent) << 52)
 }
 
-/// The image of a coordinate within half a length of the origin. Nothing is rounded.
+/// The image of a coordinate within half a length of the origin, without rounding.
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let half = 0.5 * length;

@@ -1,4 +1,4 @@
-/// The whole number at or below; not that of `f64`, which is a call where the target lacks it.
+/// The largest integer not above `at`. Unlike `f64::floor`, it is never a function call.
 #[inline(always)]
 pub(crate) fn floor(at: f64) -> i64 {
     let whole = at as i64;

@@ -1,30 +1,30 @@
-//! Memory of the size of the input or of the result. All of it is asked for here, so that a refusal is an
-//! [`Error::OutOfMemory`] and not the end of the program; `clippy.toml` keeps vectors from growing elsewhere.
+//! Fallible allocation of memory whose size depends on the input or on the result. A refusal is an [`Error::OutOfMemory`] and
+//! does not end the process; `clippy.toml` keeps vectors from growing elsewhere.
 
-#![expect(clippy::disallowed_methods, reason = "here is where room is made first")]
+#![expect(clippy::disallowed_methods, reason = "memory is reserved first")]
 
 use bytemuck::Zeroable;
 use bytemuck::allocation::try_zeroed_vec;
 
 use crate::Error;
 
-/// A growing buffer gets room for one part in this many beyond what is asked for.
+/// A growing buffer reserves `1 / GROWTH_DIVISOR` more than requested.
 const GROWTH_DIVISOR: usize = 8;
 
-/// Values that a buffer which has some grows by at least.
+/// The fewest values by which a non-empty buffer grows.
 const MIN_GROWTH: usize = 64;
-/// Values from which a buffer no longer doubles when it grows one by one.
+/// The length up to which a buffer doubles when it grows value by value.
 const MAX_DOUBLING_LEN: usize = 4096;
 
-/// The most bytes that a buffer holds which needs `bytes`.
+/// The most bytes of a buffer that needs `bytes`.
 pub(crate) fn with_growth(bytes: u64) -> u64 {
     bytes + bytes / GROWTH_DIVISOR as u64
 }
 
-/// Gives a buffer this length; its values are then of no meaning. `what` says what they are.
+/// Sets the length of a buffer, whose values are then arbitrary. `what` names them in an error.
 ///
-/// New memory comes zeroed from the system and is not touched here: the threads that write it first also spread the
-/// cost of its pages.
+/// New memory comes zeroed from the system and is not written here: the threads that write it first share the cost of its
+/// page faults.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`]; the buffer is then empty.
@@ -43,7 +43,7 @@ pub(crate) fn try_resize<T: Zeroable>(
     Ok(())
 }
 
-/// Reserves memory for `count` values after those that a buffer has.
+/// Reserves memory for `count` more values.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`]; the buffer is then as it was.
@@ -61,7 +61,7 @@ pub(crate) fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static s
 /// Appends a value.
 ///
 /// # Errors
-/// The same as [`try_reserve`].
+/// The errors of [`try_reserve`].
 #[inline]
 pub(crate) fn try_push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> Result<(), Error> {
     if buffer.len() == buffer.capacity() {
@@ -71,7 +71,7 @@ pub(crate) fn try_push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> 
     Ok(())
 }
 
-/// Makes room for some values more: twice as many if there are few, else [`GROWTH_DIVISOR`].
+/// Reserves memory for more values: doubles a short buffer, adds a [`GROWTH_DIVISOR`]th to a long one.
 #[cold]
 fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
     let len = buffer.len();
@@ -81,7 +81,7 @@ fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
 /// Appends values.
 ///
 /// # Errors
-/// The same as [`try_reserve`].
+/// The errors of [`try_reserve`].
 #[inline]
 pub(crate) fn try_extend<T>(
     buffer: &mut Vec<T>,
@@ -93,7 +93,7 @@ pub(crate) fn try_extend<T>(
     Ok(())
 }
 
-/// The values as a vector.
+/// Collects values into a vector.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].

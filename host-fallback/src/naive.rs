@@ -1,4 +1,4 @@
-//! All pairs: the reference of every other detector.
+//! All-pairs comparison, the reference of every other algorithm.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use crate::Error;
 use crate::compare::{COMPARE_NS, Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
 use crate::input::{SearchInput, search_pieces};
 
-/// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
+/// Spheres per tile: the columns of two tiles, 40 KiB, stay near the first-level cache.
 const TILE: usize = 1024;
 
 /// Compares every sphere of `columns[a]` with every later one of `columns[b]`; the ranges are equal or disjoint.

@@ -1,8 +1,8 @@
 //! A stable radix sort of (key, sphere) entries on all threads, least significant digit first.
 //!
-//! Every pass reads the entries in pieces: each piece counts its digits, one prefix sum over (digit, piece) gives
-//! every piece its places, and each piece moves its entries. Only bits that keys can have are looked at, and a pass
-//! in which all digits agree moves nothing. The result does not depend on the number of threads.
+//! Every pass reads the entries in chunks: each chunk counts its digits, one prefix sum over (digit, chunk) gives every chunk its
+//! positions, and each chunk moves its entries. Only bits that keys can have are read, and a pass in which all digits agree
+//! moves nothing. The result does not depend on the number of threads.
 
 use bytemuck::Zeroable;
 
@@ -11,9 +11,9 @@ use crate::disjoint_writes::DisjointSlice;
 use crate::executor::Executor;
 use crate::memory::try_resize;
 
-/// Entries per piece at least, 128 KiB of narrow ones: far more than there are digits to count.
+/// The fewest entries per chunk, 128 KiB of narrow ones: far more than digits to count.
 const CHUNK_RECORDS: usize = 1 << 14;
-/// Pieces at most: their counts are summed by one thread.
+/// The most chunks: one thread sums their counts.
 const MAX_CHUNKS: usize = 64;
 /// Bits per digit: few enough that the lines which a pass writes to stay in the first-level cache.
 const DIGIT: u32 = 8;
@@ -22,9 +22,9 @@ const DIGITS: usize = 1 << DIGIT;
 
 /// A number to sort by.
 pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {
-    /// Moves the bits up by less than the width of the type and puts others in the room made.
+    /// Shifts the bits up by less than the width of the type and appends others.
     fn append(self, low: u32, bits: u32) -> Self;
-    /// Moves the bits down by less than the width of the type.
+    /// Shifts the bits down by less than the width of the type.
     fn without(self, bits: u32) -> Self;
     /// The lowest 32 bits.
     fn low(self) -> u32;
@@ -66,7 +66,7 @@ pub(crate) struct KeyedSphere<K> {
 pub(crate) struct Radix<K> {
     pub(crate) entries: Vec<KeyedSphere<K>>,
     spare: Vec<KeyedSphere<K>>,
-    /// Indexed by piece and digit: first how many there are, then where the next one goes.
+    /// By chunk and digit: first the number of entries, then the position of the next one.
     counts: Vec<[usize; DIGITS]>,
 }
 
@@ -88,7 +88,7 @@ impl<K: RadixKey> Radix<K> {
         Ok(())
     }
 
-    /// Moves the entries to `spare` by one digit; `false` where that would move nothing.
+    /// Moves the entries to `spare` by one digit; returns `false` if all digits agree.
     fn pass(&mut self, shift: u32, executor: Executor) -> Result<bool, Error> {
         let Self { entries, spare, counts } = self;
         let Some(first) = entries.first() else { return Ok(false) };
@@ -97,7 +97,7 @@ impl<K: RadixKey> Radix<K> {
         let piece = |k: usize| &entries[k * size..entries.len().min((k + 1) * size)];
         try_resize(counts, entries.len().div_ceil(size), "counting entries of cells")?;
         executor.for_each(counts, |k, counts| {
-            // Counters on the stack: the compiler then knows that entries are none of them.
+            // With counters on the stack, the compiler knows that no entry aliases them.
             let mut own = [0; DIGITS];
             for entry in piece(k) {
                 own[digit(entry.key)] += 1;
@@ -120,7 +120,7 @@ impl<K: RadixKey> Radix<K> {
             let mut own = *places;
             for &entry in piece(k) {
                 let place = &mut own[digit(entry.key)];
-                // SAFETY: the exclusive prefix sums over (digit, piece) give every entry a place of its own below
+                // SAFETY: the exclusive prefix sums over (digit, chunk) give every entry a position of its own below
                 // their number, the length of `spare`.
                 unsafe { target.write(*place, entry) };
                 *place += 1;

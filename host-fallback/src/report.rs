@@ -15,7 +15,7 @@ pub struct Report {
     pub reason: String,
     /// Wall-clock time of each phase, in the order they ran.
     pub phases: Vec<PhaseTime>,
-    /// The candidates that the call was answered from; `None` where it searched without any.
+    /// The candidate list that the call used; `None` for a search without one.
     pub candidates: Option<CandidateListStats>,
 }
 
@@ -37,15 +37,15 @@ pub struct CandidateListStats {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RebuildReason {
-    /// There were none.
+    /// No list existed.
     NoList,
-    /// Some sphere had moved too far.
+    /// A sphere exceeded its displacement limit.
     Displacement,
-    /// There were more spheres or fewer, others, or of other radii or species.
+    /// The number, the radii or the species of the spheres changed.
     InputChanged,
 }
 
-/// In words.
+/// Writes the reason as a clause.
 impl std::fmt::Display for RebuildReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(match self {
@@ -72,7 +72,7 @@ impl PhaseTime {
         Self { name, time }
     }
 
-    /// Adds to the time of the phase of this name, or takes it down behind the others.
+    /// Adds to the time of the phase of this name, or appends the phase.
     pub fn add(phases: &mut Vec<Self>, name: &'static str, time: Duration) {
         #[expect(clippy::disallowed_methods, reason = "a call has a handful of phases")]
         match phases.iter_mut().find(|phase| phase.name == name) {

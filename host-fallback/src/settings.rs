@@ -10,7 +10,7 @@ use crate::compare::Simd;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Order {
-    /// By `i`, then `j`.
+    /// Ascending by `i`, then `j`.
     #[default]
     Canonical,
     /// The order in which the detector finds them; saves the ordering. The same from run to run and for any number of
@@ -18,61 +18,60 @@ pub enum Order {
     Unordered,
 }
 
-/// Whether pairs that may soon overlap are kept from call to call, so that not every call has to search for them.
+/// The skin of the candidate list (Verlet list) that a detector keeps between calls.
 ///
-/// Whatever it is, the pairs of a call are those of the spheres that are given to it.
+/// The skin never changes a result: the pairs of a call are those of its spheres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Skin {
-    /// Every call searches anew.
+    /// Keeps no candidate list: every call searches.
     Off,
-    /// As the motion makes it worth while: every size of sphere has a skin in proportion to how far spheres of that size
-    /// move, on a GPU all the same one, and there is none where searching anew is expected to be cheaper. What is
-    /// expected follows from the spheres given, never from a clock, so that a detector does the same from run to run. A
-    /// detector that is called once keeps nothing.
+    /// Chooses the skin by the observed displacements. On the CPU every size class has a skin in proportion to its displacement,
+    /// on a GPU all have the same. No list is kept if searching is expected to be cheaper. Expectations follow from the
+    /// spheres, never from a clock, so that runs are reproducible. A detector that is called once keeps no list.
     #[default]
     Auto,
-    /// Candidates are the pairs whose spheres are up to this much too far apart to touch. They are kept until some
-    /// sphere has moved by half of it.
+    /// A fixed distance. Candidates are the pairs with gaps up to this distance. The list is valid until a sphere has moved by
+    /// half of it.
     Fixed(f64),
 }
 
-/// Distances that a fixed skin may have: `f32` holds the square of half of it with room to spare.
+/// Distances that a fixed skin may have: `f32` holds the square of half of it without overflow.
 pub const SKIN_RANGE: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
 
 /// The settings of a detector, on the CPU or for the host's part of a device.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Which detector; `Auto` chooses per call.
+    /// The algorithm; `Auto` chooses per call.
     pub algorithm: Algorithm,
     /// The order of results.
     pub order: Order,
-    /// The widest vector code to use, where the processor has it.
+    /// The widest SIMD code to use, if the processor has it.
     pub simd: Simd,
-    /// Executor of a pool of the detector's own; `None` runs in the rayon pool of the caller.
+    /// Threads of a pool of the detector's own; `None` runs in the rayon pool of the caller.
     pub threads: Option<usize>,
     /// A cell of the recursive grid is split when it holds more smaller spheres than this.
     pub tau: u32,
-    /// Cell edge of the paper's grids as a multiple of the largest diameter. Between 0.5 and 16.
+    /// The cell size of the paper's grids as a multiple of the largest diameter, between 0.5 and 16.
     pub cell_ratio: f32,
     /// The most pairs a list may hold (8 bytes each, and 12 to 16 more while they are ordered).
     pub max_pairs: u64,
-    /// Which species pair, and at which distance; `None`: all that touch.
+    /// The interactions between species; `None` if all spheres that touch are pairs.
     pub interactions: Option<Interactions>,
-    /// Along which axes space is periodic.
+    /// The space, which may be periodic.
     pub space: Space,
-    /// `true` if candidates are kept from call to call.
+    /// The skin of the candidate list.
     pub skin: Skin,
-    /// While this is true searches end with [`Error::Cancelled`].
+    /// Searches end with [`Error::Cancelled`] while this flag is `true`.
     pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Settings {
     /// τ by default. A vector compares 16 spheres at once, so that comparing a few hundred with each other costs less
-    /// than a split; less makes crowded scenes slower, more changes little until cells hold thousands.
+    /// than a split; less makes dense scenes slower, more changes little until cells hold thousands.
     pub const TAU: u32 = 512;
     /// Raster ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform
-    /// scenes are fastest between 4 and 8, crowded ones in the array grid between 1 and 1.5.
+    /// scenes are fastest between 4 and 8, dense ones in the array grid between 1 and 1.5.
     pub const CELL_RATIO: f32 = 4.0;
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
@@ -97,7 +96,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Refuses a skin that no arithmetic can follow, and one for an algorithm that keeps nothing.
+    /// Refuses a skin outside [`SKIN_RANGE`], and one for an algorithm without candidate lists.
     fn check_skin(&self, distance: f64) -> Result<(), Error> {
         let value = distance.to_string();
         if !SKIN_RANGE.contains(&(distance as f32)) {
@@ -115,13 +114,13 @@ impl Settings {
         Ok(())
     }
 
-    /// Returns `true` if every call is searched in a frame, whatever its spheres: in a triclinic space, and if a length or a
-    /// distance is no `f32` number.
+    /// Returns `true` if the spheres of every call are searched in a frame: in a triclinic space, and if a length or a distance is
+    /// not an `f32` number.
     pub fn is_framed(&self) -> bool {
         self.space.triclinic_cell().is_some() || !self.is_narrow()
     }
 
-    /// Returns `true` if the space and all distances are such that `f32` spheres need no bounds for their frame, if any.
+    /// Returns `true` if all lengths and distances are `f32` numbers, so that the frame of `f32` spheres needs no bounds.
     pub(crate) fn is_narrow(&self) -> bool {
         self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
     }

@@ -1,6 +1,6 @@
-//! Sizes of spheres, told apart by the power of two.
+//! Size classes of spheres by powers of two.
 
-/// One class per binary exponent of `f32`.
+/// The number of size classes, one per binary exponent of `f32`.
 pub const SIZE_CLASSES: usize = 256;
 
 /// The class of a radius: its binary exponent; 0 for zero and subnormals.

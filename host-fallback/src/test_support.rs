@@ -1,4 +1,4 @@
-//! Test support: inputs that grids find hard, and the judgement of a detector by all pairs on each of them.
+//! Test support: inputs that are hard for grids, and the comparison of a detector with all pairs on each of them.
 
 use glam::Vec3;
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
@@ -99,7 +99,7 @@ pub(crate) fn inputs() -> Vec<(&'static str, Vec<Sphere>)> {
     ]
 }
 
-/// Species by turns, some of which never pair and some of which pair at a distance.
+/// Interactions of three species, some of which never pair and some of which pair at a distance.
 fn reactions() -> Interactions {
     let mut table = Interactions::new(3, Interaction::Touch).expect("three species");
     table.set(0, 1, Interaction::Within(0.7)).expect("a distance");
@@ -107,7 +107,7 @@ fn reactions() -> Interactions {
     table
 }
 
-/// Spaces that some spheres fill, overfill, or lie in a corner of.
+/// Spaces that the spheres fill, overfill, or lie in a corner of.
 fn spaces(spheres: &[Sphere]) -> Vec<Space> {
     let corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (min, max) = spheres.iter().fold(corners, |(a, b), s| (a.min(s.center), b.max(s.center)));
@@ -120,7 +120,7 @@ fn spaces(spheres: &[Sphere]) -> Vec<Space> {
     [[1.0, 1.0, 1.0], [0.37, 0.0, 0.81], [0.0, 0.0, 0.11], [3.0, 1.7, 0.02]].map(space).into()
 }
 
-/// The pairs of `spheres` as `settings` say.
+/// The pairs of `spheres` with these settings.
 pub(crate) fn pairs(spheres: Spheres<'_>, settings: &Settings) -> Vec<Pair> {
     let mut detector = HostDetector::new(settings.clone()).expect("settings within range");
     let first = detector.pairs(spheres).expect("valid spheres").to_vec();
@@ -130,7 +130,7 @@ pub(crate) fn pairs(spheres: Spheres<'_>, settings: &Settings) -> Vec<Pair> {
     first
 }
 
-/// Judges a detector on every input with these settings, alone and on several threads, with and without species.
+/// Compares a detector with naive on every input, on one thread and several, with and without species.
 pub(crate) fn assert_matches_naive(settings: &Settings) {
     for (name, spheres) in inputs() {
         for space in spaces(&spheres) {
@@ -180,7 +180,7 @@ pub(crate) fn assert_matches_naive(settings: &Settings) {
     }
 }
 
-/// Spheres of many sizes in and around one crowd, enough for several threads to share the work.
+/// Spheres of many sizes in and around one dense cluster, enough for several threads.
 pub(crate) fn crowd(n: usize) -> Vec<Sphere> {
     many(n, 26, |r, k| {
         let scale = if k % 3 == 0 { 30.0 } else { 1.0 };
@@ -188,7 +188,7 @@ pub(crate) fn crowd(n: usize) -> Vec<Sphere> {
     })
 }
 
-/// Judges a detector where threads share the work: the same bytes from any number of them.
+/// Compares a detector with naive on an input for several threads: any number of threads gives the same bytes.
 pub(crate) fn assert_threads_match_naive(settings: &Settings) {
     let spheres = crowd(30_000);
     let with =

@@ -1,8 +1,8 @@
-//! Occupancy: the mean number of spheres that share a cube of a given edge with a sphere.
+//! Density: the mean number of spheres in a cube of a given size around a sphere.
 //!
-//! Estimated from a sample, because a cost model needs it before anything is built, and bounds alone say nothing of
-//! clusters. The sample is sorted along the Morton curve, where the members of every octree cell are neighbours, so
-//! one sort answers for all edges.
+//! Estimated from a sample, because a cost model needs it before anything is built, and bounds tell nothing about
+//! clusters. The sample is sorted along the Morton curve, where the members of every octree cell are adjacent, so
+//! one sort serves all cube sizes.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
@@ -13,31 +13,31 @@ use crate::input::{Grouping, MAX_GROUPS, SpeciesGroups};
 use crate::memory::try_collect;
 use crate::{Error, InputStats};
 
-/// Halvings of the bounding cube's edge: 21 bits per axis fill a 63-bit Morton code.
+/// Halvings of the bounding cube: 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
-/// Fewer coincidences than this at one depth say more about chance than about space.
+/// The fewest coincidences at one depth that are evidence of density and not of chance.
 const MIN_COINCIDENCES: u64 = 24;
 
-/// Spheres below which a sample serves several calls: to take one is a sixth of a call of 1000 spheres. What a poor plan
-/// costs so few is little.
+/// Inputs below this number of spheres reuse a sample in several calls. Sampling takes a sixth of a call with 1000 spheres,
+/// and a poor plan costs little at this size.
 const MAX_REUSE_SPHERES: usize = 1 << 12;
-/// The most further calls that a sample serves.
+/// The most further calls in which a sample is reused.
 const MAX_REUSES: u32 = 15;
-/// Part of the extent by which bounds may have moved meanwhile.
+/// The largest shift of the bounds, as a fraction of the extent, with which a sample is reused.
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
-/// Groups of species are kept apart if a search is estimated to take less than this part of the time.
+/// Groups of species are kept apart if this reduces the estimated time to less than this fraction.
 const MAX_SEPARATE_COST: f32 = 0.9;
-/// Estimated time of an exact test, whose spheres lie anywhere in memory, in nanoseconds.
+/// Estimated time in nanoseconds of an exact test, which reads its spheres from anywhere in memory.
 const EXACT_TEST_NS: f32 = 60.0;
 /// The most groups: two sets of [`MAX_GROUPS`] and one that never pairs.
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
-/// Mean number of spheres in the cube of a sphere, by the cube's edge, as points of a line in log-log scale.
+/// The mean number of spheres in a cube around a sphere as a function of the cube's size: a polyline in log-log scale.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DensityProfile {
-    /// log₂ of the edge of the bounding cube.
+    /// log₂ of the size of the bounding cube.
     top: f32,
-    /// log₂ of the mean number at edge `2^(top - depth)`, for the depths that the sample can tell.
+    /// log₂ of the mean number at size `2^(top - depth)`, for the depths that the sample resolves.
     log_mean: Vec<f32>,
     /// The decrease of log₂ of the mean per halving below these depths.
     slope: f32,
@@ -53,7 +53,7 @@ impl DensityProfile {
         Ok(Sample::take(input)?.density(None))
     }
 
-    /// Samples spheres that may lie anywhere in a periodic space, and of which no bounds are known.
+    /// Samples spheres that may lie anywhere in a periodic space and whose bounds are unknown.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -69,8 +69,8 @@ impl DensityProfile {
         Ok(Sample::new(bounds, places, n)?.density(None))
     }
 
-    /// The crowding by sorted codes, each with the index of its sphere. With a grouping, only spheres of groups that
-    /// meet count.
+    /// Computes the profile from sorted codes, each with the index of its sphere. With a grouping, only spheres of groups
+    /// that pair count.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
     fn from_codes(codes: &[(u64, u32)], n: usize, cell_size: f64, grouping: Option<&Grouping<'_>>) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
@@ -84,7 +84,7 @@ impl DensityProfile {
             log_mean.push((n * shared as f32 / pairs).log2());
         }
         if let Some(grouping) = grouping {
-            // Too few meetings at a depth tell no fraction; that of the cubes around is an upper estimate.
+            // With too few pairs at a depth the fraction of the enclosing cubes is an upper estimate.
             let mut fraction = 1.0;
             for (depth, log_mean) in log_mean.iter_mut().enumerate() {
                 let [met, all] = meetings(codes, depth, grouping);
@@ -102,19 +102,19 @@ impl DensityProfile {
         Self { top, log_mean, slope: falls.clamp(0.0, 3.0) }
     }
 
-    /// log₂ of the edge of the bounding cube; −∞ where all centres coincide.
+    /// log₂ of the size of the bounding cube; −∞ if all centers coincide.
     pub(crate) fn log_extent(&self) -> f32 {
         self.top
     }
 
-    /// About how many pairs touch.
+    /// The estimated number of pairs that touch.
     fn contacts(&self, stats: &InputStats) -> f32 {
         // The cube with the volume of the sphere in which the centers of equal spheres in contact lie.
         let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
-    /// Mean number of spheres, itself included, in the cube of this edge around a sphere.
+    /// The mean number of spheres, itself included, in a cube of this size around a sphere.
     pub(crate) fn mean(&self, log_size: f32) -> f32 {
         let (depth, last) = ((self.top - log_size).max(0.0), self.log_mean.len() - 1);
         let log_mean = if depth >= last as f32 {
@@ -158,12 +158,12 @@ impl Sample {
         Ok(Self { codes, spheres: n, cell_size })
     }
 
-    /// The crowding of spheres of groups that meet; of all spheres without a grouping.
+    /// The density profile of spheres of groups that pair; of all spheres without a grouping.
     fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
         DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping)
     }
 
-    /// The number of looks at neighboring cells if groups are kept apart, over the number if they are not.
+    /// The ratio of cell searches with separate groups to those with merged groups.
     fn looks(&self, grouping: &Grouping<'_>) -> f32 {
         let mut members = [0.0_f32; MAX_SEPARATE];
         for (_, index) in &self.codes {
@@ -176,8 +176,8 @@ impl Sample {
     }
 }
 
-/// The crowding that a plan is made for, and whether groups of species are kept apart in it. Small inputs reuse it in
-/// several calls.
+/// A density sample that small inputs reuse for up to 16 calls, and the decision whether groups of species are kept
+/// apart.
 #[derive(Debug)]
 pub(crate) struct DensityCache {
     density: DensityProfile,
@@ -186,12 +186,12 @@ pub(crate) struct DensityCache {
     groups: u32,
     spheres: usize,
     bounds: [Vec3; 2],
-    /// For how many calls more.
+    /// The number of further calls in which it may be reused.
     left: u32,
 }
 
 impl DensityCache {
-    /// Returns the `last` outlook if it still serves, else one of a new sample.
+    /// Returns the `last` sample if it still applies, else a new one.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -243,7 +243,7 @@ impl DensityCache {
         Ok((if is_separate { apart } else { merged }, is_separate))
     }
 
-    /// The same with groups kept apart or not, for any cost.
+    /// Keeps groups apart, or merges them, at any cost.
     #[cfg(test)]
     pub(crate) fn with_groups(self, is_separate: bool) -> Self {
         Self { is_separate, ..self }
@@ -258,7 +258,7 @@ impl DensityCache {
         self.is_separate
     }
 
-    /// Returns `true` if it serves for this number of spheres between these bounds.
+    /// Returns `true` if the sample applies to this number of spheres between these bounds.
     fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
         let [low, high] = self.bounds;
         let margin = (high - low).max_element() * MAX_BOUNDS_SHIFT;
@@ -267,12 +267,12 @@ impl DensityCache {
     }
 }
 
-/// Enough that the mean of one sphere per cell shows as some dozens of coincidences, few enough to be cheap.
+/// The size of a sample: with one sphere per cell on average it has dozens of coincidences, and it stays cheap.
 fn sample_size(n: usize) -> usize {
     n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
 }
 
-/// The `k`-th of `size` indices below `n`: one from each stretch, at a place in it that follows no pattern.
+/// The `k`-th of `size` indices below `n`: one from each of `size` equal ranges, at a pseudorandom position in it.
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
@@ -324,7 +324,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_lattice_has_its_density_at_every_edge() {
+    fn full_lattice_has_its_density_at_every_size() {
         let codes: Vec<_> = (0..1 << 12).map(|k| (k << 51, k as u32)).collect();
         let density = DensityProfile::from_codes(&codes, 1 << 20, 16.0, None);
         for (log_size, expected) in [(4.0, 20.0), (3.0, 17.0), (2.0, 14.0), (1.5, 12.5), (-2.0, 2.0)] {
@@ -334,14 +334,14 @@ mod tests {
     }
 
     #[test]
-    fn coincident_spheres_are_crowded_at_every_edge() {
+    fn coincident_spheres_are_dense_at_every_size() {
         let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 0.0, None);
         assert!(density.mean(-100.0) > 990.0);
         assert!(density.mean(10.0) > 990.0);
     }
 
     #[test]
-    fn a_sample_serves_few_spheres_a_few_times_and_only_about_where_it_was_taken() {
+    fn sample_is_reused_by_small_inputs_within_about_the_same_bounds() {
         let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 1.0, None);
         let density_cache = |left| DensityCache {
             density: density.clone(),

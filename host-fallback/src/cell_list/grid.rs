@@ -1,7 +1,7 @@
-//! One level's cells: from coordinates to rows of cells that lie next to each other in memory.
+//! The cells of one level: maps coordinates to rows of cells that are contiguous in memory.
 //!
 //! Space is unbounded but the table is not. Where the bounds hold too many cells, the grid is folded: cells whose
-//! coordinates agree modulo the grid's size share a table entry. Sharing only adds comparisons, never pairs.
+//! coordinates agree modulo the grid's size share a table entry. Sharing adds comparisons, never pairs.
 
 use glam::{DVec3, Vec3};
 
@@ -21,23 +21,23 @@ const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 #[derive(Clone, Debug)]
 pub(crate) struct CellGrid {
     axes: Axes,
-    /// Edges of a cell.
+    /// The size of a cell along each axis.
     cell_sizes: [f64; 3],
-    /// Which axes are periodic.
+    /// `true` for each periodic axis.
     periodic: [bool; 3],
     /// Cells per axis.
     pub(crate) size: [u32; 3],
     pub(crate) folded: bool,
-    /// `true` if a row of cells may go on at its other end: where the grid is folded or space periodic.
+    /// `true` if a row of cells may wrap: the grid is folded, or space is periodic.
     pub(crate) circular: bool,
-    /// `true` if two spheres of the level in reach of each other always lie in the same or in adjoining cells.
+    /// `true` if two spheres of the level that touch always lie in the same or in adjacent cells.
     pub(crate) adjoining: bool,
-    /// The largest effective radius of the level, and what rounding may add to it.
+    /// The largest effective radius of the level plus its rounding error.
     reach: f64,
     largest: f32,
 }
 
-/// Cells from `first` to `last`, both included; `last` is beyond the grid's size where it counts on round a fold.
+/// The cells from `first` to `last`, both included; `last` exceeds the grid's size if the range wraps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellRange {
     pub(crate) first: [u32; 3],
@@ -52,7 +52,7 @@ impl CellRange {
         [b[0] - a[0] + 1, b[1] - a[1] + 1, b[2] - a[2] + 1]
     }
 
-    /// Returns `true` if some row of cells goes on at its other end, in a grid of this size.
+    /// Returns `true` if the range wraps in a grid of this size.
     #[inline(always)]
     pub(crate) fn wraps(&self, size: [u32; 3]) -> bool {
         self.last[0] >= size[0] || self.last[1] >= size[1] || self.last[2] >= size[2]
@@ -60,9 +60,9 @@ impl CellRange {
 }
 
 impl CellGrid {
-    /// Cells of edge `edge` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
+    /// Creates cells of size `cell_size` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
     ///
-    /// An axis with a length is periodic. It has a whole number of cells, that are no smaller, from `−length / 2` on.
+    /// An axis with a length is periodic. It starts at `−length / 2` and has a whole number of cells that are no smaller.
     pub(crate) fn new(
         cell_size: f64,
         (min, max): (Vec3, Vec3),
@@ -103,7 +103,7 @@ impl CellGrid {
         Self { axes, cell_sizes, periodic, size, folded, circular, adjoining, reach, largest }
     }
 
-    /// The largest effective radius of its spheres, and what rounding may add to it.
+    /// The largest effective radius of its spheres plus its rounding error.
     pub(crate) fn reach(&self) -> f64 {
         self.reach
     }
@@ -113,7 +113,7 @@ impl CellGrid {
         self.largest
     }
 
-    /// About how many rows of cells a sphere of this radius has to look at.
+    /// The estimated number of rows of cells that a sphere of this radius searches.
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
             let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.cell_sizes[axis];
@@ -127,7 +127,7 @@ impl CellGrid {
         self.size.iter().map(|&k| u64::from(k)).product()
     }
 
-    /// The cell of a centre.
+    /// The cell of a center.
     #[inline(always)]
     pub(crate) fn cell_of<V: SimdWidth>(&self, vector: V, [x, y, z]: [f32; 3]) -> [u32; 3] {
         if self.folded {
@@ -144,7 +144,7 @@ impl CellGrid {
         row * self.size[0] as usize + cell[0] as usize
     }
 
-    /// All cells that may hold a sphere of this level within reach of one with this centre and radius.
+    /// All cells that may hold a sphere of this level that touches one with this center and radius.
     ///
     /// Neither folded nor periodic: lower and upper corner come from the same monotone expression as [`cell_of`](Self::cell_of),
     /// from coordinates moved outwards by more than rounding can move them; cut to the grid.
@@ -159,8 +159,8 @@ impl CellGrid {
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// Between which bounds a sphere of `cell` must lie, its radius included, to reach no lower and no higher cell
-    /// along each axis; none if there is no such cell. Not for folded grids.
+    /// The bounds within which a sphere of `cell`, its radius included, touches no sphere of lower and of higher cells along
+    /// each axis; infinite without such cells. Not for folded grids.
     ///
     /// The bounds are moved inwards by far more than rounding in `f32`, that of subnormal
     /// numbers included, can move the coordinates compared with them.
@@ -182,12 +182,11 @@ impl CellGrid {
         (low, high)
     }
 
-    /// Returns `true` if the cell is the first or the last of a periodic axis, so that it adjoins cells at the other
-    /// end.
+    /// Returns `true` if the cell is the first or the last of a periodic axis, so that cells at the other end are adjacent.
     #[inline(always)]
-    pub(crate) fn is_at_seam(&self, cell: [u32; 3]) -> bool {
-        let at_seam = |axis: usize| cell[axis] == 0 || cell[axis] + 1 == self.size[axis];
-        self.circular && (0..3).any(|axis| self.periodic[axis] && at_seam(axis))
+    pub(crate) fn is_at_boundary(&self, cell: [u32; 3]) -> bool {
+        let at_boundary = |axis: usize| cell[axis] == 0 || cell[axis] + 1 == self.size[axis];
+        self.circular && (0..3).any(|axis| self.periodic[axis] && at_boundary(axis))
     }
 
     #[inline(never)]
@@ -200,8 +199,8 @@ impl CellGrid {
             let cells = f64::from(self.size[axis]);
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
-                    // Coordinates on the circle differ from those on the line by rounding of a whole turn. A centre at
-                    // the very end of the axis lies in its last cell: nearer than that to the first.
+                    // Wrapped coordinates differ from unwrapped ones by the rounding of one length. A center at the very
+                    // end of the axis lies in its last cell: its distance to the first cell is smaller than that.
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
@@ -229,7 +228,7 @@ impl CellGrid {
             } else if at.abs() < COUNTABLE {
                 modulo(floor(at), self.size[axis])
             } else {
-                // Only equal coordinates can meet out here, so any function of the value will do.
+                // Only equal coordinates can touch at this distance, so any function of the value is a valid cell.
                 center[axis].to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
             }
         })
@@ -271,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_holds_every_cell_in_reach_at_any_distance_from_the_origin() {
+    fn cell_range_holds_every_touched_cell_at_any_distance_from_the_origin() {
         let mut state = 1_u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -301,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_just_below_a_whole_number_of_cells_stay_inside() {
+    fn coordinates_just_below_a_cell_boundary_stay_inside() {
         let center = Vec3::new(-1e-30, 1.0_f32.next_down(), -1.0_f32.next_down());
         let grid = CellGrid::new(1.0, (center, center), [None; 3], 0.0, 64);
         assert_eq!(grid.cells(), 1);
@@ -309,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folded_grid_keeps_to_its_size() {
+    fn folded_grid_stays_within_its_size() {
         for extent in [[1e9, 2.0, 3.0], [1e9, 1e9, 1e9], [1.0, 1.0, 1e300], [65.0, 1.0, 1.0]] {
             let (size, folded) = fold(extent.into(), 64);
             let cells: u32 = size.iter().product();

@@ -1,4 +1,4 @@
-//! The spheres of each group: how many of which size, how large, and where.
+//! The spheres of each group: counts by size class, largest radius, bounds.
 
 use glam::Vec3;
 
@@ -17,13 +17,13 @@ const CHUNK_SPHERES: usize = 1 << 14;
 /// The spheres of a group.
 #[derive(Clone, Debug)]
 pub(super) struct GroupMembers {
-    /// By size of the effective radius, widened if candidates are searched.
+    /// The counts by size class of the effective radius, which includes the skin if candidates are searched.
     classes: [SizeClass; SIZE_CLASSES],
     min: Vec3,
     max: Vec3,
-    /// The largest radius as given.
+    /// The largest given radius.
     radius: f32,
-    /// The largest amount by which an effective radius is widened.
+    /// The largest skin that is added to an effective radius.
     margin: f32,
 }
 

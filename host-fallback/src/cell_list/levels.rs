@@ -1,8 +1,8 @@
-//! The plan of a cell list: which sizes share a level, and how large its cells are. No data is touched here.
+//! The plan of a cell list: the sizes that share a level, and the cell size of each level. A pure function.
 //!
-//! Every sphere lies in the one cell of its centre, at the level of its size. A search looks around each sphere at
+//! Every sphere lies in the one cell of its center, at the level of its size. A search compares each sphere with its neighbor cells at
 //! its own level and at every coarser one. Few levels mean long runs of spheres too small for their cells; many
-//! mean that each sphere looks up many short runs. What is cheapest depends on how crowded the space is, so levels
+//! mean that each sphere looks up many short runs. The cheapest plan depends on the density, so levels
 //! are chosen by dynamic programming over a cost estimate. The paper's τ decides the same for each cell by itself.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
@@ -19,12 +19,12 @@ const ROW_NS: f32 = 14.0;
 const CELL_NS: f32 = 0.7;
 /// Table entries per sphere at most.
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
-/// Candidate edges per doubling.
+/// Cell sizes tried per doubling.
 const SIZES_PER_DOUBLING: f32 = 2.0;
-/// Candidate edges per level at most.
+/// Cell sizes tried per level at most.
 const MAX_CELL_SIZES: usize = 24;
 
-/// Groups of size classes that are told apart at most.
+/// The most groups of size classes that are planned separately.
 const MAX_CLASS_GROUPS: usize = 20;
 
 /// The levels of one cell list, coarsest first.
@@ -37,17 +37,17 @@ pub(crate) struct LevelPlan {
     pub(crate) cost: f32,
 }
 
-/// One level: spheres of neighbouring size classes.
+/// One level: spheres of neighboring size classes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Level {
     pub(crate) spheres: u32,
-    /// Their largest effective radius.
+    /// The largest effective radius.
     pub(crate) largest: f32,
-    /// Edge of a cell.
+    /// The size of a cell.
     pub(crate) cell_size: f64,
 }
 
-/// A run of neighbouring classes, and what it costs as one level.
+/// Consecutive size classes as one level, and the cost of that level.
 #[derive(Clone, Copy)]
 struct LevelOption {
     cost: f32,
@@ -57,10 +57,10 @@ struct LevelOption {
 }
 
 impl LevelPlan {
-    /// The cheapest levels for the sizes in `survey` at this crowding.
+    /// Chooses the cheapest levels for the sizes in `stats` at this density.
     pub(crate) fn plan(stats: &InputStats, density: &DensityProfile) -> Self {
         let classes: Vec<_> = stats.occupied().collect();
-        // Neighbouring classes count as one if there are very many: planning grows with the square of their number.
+        // Neighboring classes count as one if there are very many: planning grows with the square of their number.
         let groups: Vec<&[(usize, SizeClass)]> =
             classes.chunks(classes.len().div_ceil(MAX_CLASS_GROUPS).max(1)).collect();
         let count = |group: &&[(usize, SizeClass)]| group.iter().map(|(_, class)| class.count as f32).sum();
@@ -68,7 +68,7 @@ impl LevelPlan {
         let radii: Vec<f32> = groups.iter().map(|group| group[0].1.largest).collect();
         let model = LevelCostModel { counts, radii, total: stats.spheres as f32, density };
 
-        // Until a level is tried, there is none.
+        // No plan is known before a level is tried.
         let untried = LevelOption { cost: f32::INFINITY, log_size: density.log_extent(), from: 0 };
         let mut best = vec![untried; groups.len() + 1];
         best[0].cost = 0.0;
@@ -116,21 +116,21 @@ struct LevelCostModel<'c> {
 }
 
 impl LevelCostModel<'_> {
-    /// Gives `offer` every level that begins with the class `from`, of every candidate edge: where its classes end,
-    /// what it costs to search it from its own spheres and from all smaller ones, and its edge as log₂.
+    /// Calls `offer` for every level that begins with the class `from` and every cell size: the end of its classes, the cost of
+    /// searching it for its own spheres and for all smaller ones, and log₂ of the cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
         let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
         if extent == f32::NEG_INFINITY {
-            // All meet all that they may pair with, whatever the levels.
+            // With coincident centers every sphere is compared with all others at any level.
             let part = self.density.mean(extent) / self.total.max(1.0);
             let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
             return ends.for_each(|to| offer(to, members(to) * (ROW_NS + COMPARE_NS * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
-        // From cells of the largest table's full size to one cell for all; those far below the reach are not worth a
-        // look.
+        // From cells of the largest table's full size to one cell for all; sizes far below the largest radius are
+        // not tried.
         let finest = extent - most[most.len() - 1].log2() / 3.0;
         let lowest = finest.max(self.radii[from].log2() - 1.0).min(extent);
         let cell_sizes = (0..MAX_CELL_SIZES).map(|k| lowest + k as f32 / SIZES_PER_DOUBLING);
@@ -155,9 +155,9 @@ impl LevelCostModel<'_> {
         }
     }
 
-    /// What the classes from `from` on pay on cells of this edge, each for the later half of the rows around its
-    /// spheres, and for the comparisons there if the level held all spheres. Members look at later ones only, smaller
-    /// ones at twice that.
+    /// The costs of each class at or after `from` with cells of this size: for the later half of the rows around its spheres,
+    /// and for the comparisons there if the level held all spheres. Members search later spheres only, smaller spheres
+    /// search twice as many.
     fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_spheres_share_one_level_of_cells_about_as_wide_as_their_reach() {
+    fn equal_spheres_share_one_level_of_cells_about_as_wide_as_their_diameter() {
         let plan = plan(100_000, 4.0, &[1.0]);
         assert_eq!(plan.levels.len(), 1);
         assert_eq!((plan.levels[0].spheres, plan.levels[0].largest), (100_000, 1.0));
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sphere_has_a_level_whatever_the_sizes() {
+    fn every_sphere_has_a_level_for_any_sizes() {
         let radii: Vec<f32> = (0..250).map(|k| 2.0_f32.powi(k - 125)).collect();
         for (n, spacing) in [(1, 1.0), (2, 0.0), (3000, 0.0), (3000, 1e-30), (3000, 1e30)] {
             for radii in [&[0.0][..], &[1.0], &radii] {

@@ -1,14 +1,14 @@
-//! Hierarchical cell list: every sphere in the one cell of its centre, at the level of its size.
+//! Hierarchical cell list: every sphere in the one cell of its center, at the level of its size.
 //!
-//! Mapping a sphere to every cell it overlaps, as the paper's grids do, costs several entries per sphere; here it
-//! is one. All levels are sorted together, since a level's cells follow the coarser level's in one numbering. Each
-//! sphere then looks at the cells around it: at its own level only at spheres later in the order, at coarser levels
-//! at all. A pair is thus met once, from its finer sphere or, within a level, from its earlier one.
+//! The grids of the paper map a sphere to every cell it overlaps, which costs several entries per sphere. A cell list has one
+//! entry per sphere. All levels are sorted together, since a level's cells follow the coarser level's in one numbering. Each
+//! sphere then searches the cells around it: at its own level for later spheres only, at coarser levels for all. A pair is
+//! thus found once, from its finer sphere or, within a level, from its earlier one.
 //!
 //! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have levels of
-//! their own. Spheres look only at levels of groups that pair with theirs; each two levels are searched from one side.
+//! their own. Spheres search only levels of groups that pair with theirs; each two levels are searched from one side.
 //!
-//! `crowding` estimates, `levels` plans, `members` counts the spheres of groups, `sort` builds, `search` finds.
+//! `density` estimates, `levels` plans, `group_members` counts the spheres of groups, `sort` builds, `search` finds.
 
 mod density;
 mod grid;
@@ -39,8 +39,8 @@ use sort::Sorter;
 
 /// Table entries per level at most, so that 32 bits number the entries of all levels.
 const MAX_CELLS: u64 = 1 << 26;
-/// How much wider than planned cells may be where that spares a folded table, in which cells are found more slowly: the
-/// plan knows the extent of space, but not how many cells it straddles.
+/// Factors by which cells may exceed the planned size to avoid a folded table, which is slower: the plan knows the extent of
+/// space, but not the number of cells that it overlaps.
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 /// The structure and its buffers, which survive between calls.
@@ -52,11 +52,11 @@ pub(crate) struct CellList {
     columns: Columns,
     /// The start of each cell's spheres in `columns`, and the end of the last one.
     starts: Vec<u32>,
-    /// The levels that each level looks at besides itself.
+    /// The other levels that each level searches.
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
     groups: SpeciesGroups,
-    /// `true` if all spheres that are compared are a pair if and only if their effective radii touch.
+    /// `true` if every two compared spheres are a pair exactly if their effective radii touch.
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<CachedPlan>,
@@ -64,7 +64,7 @@ pub(crate) struct CellList {
     time: f32,
 }
 
-/// A plan, and what it was made of.
+/// A plan and its inputs, by which a later call recognizes that it still applies.
 #[derive(Debug)]
 struct CachedPlan {
     classes: [SizeClass; SIZE_CLASSES],
@@ -73,7 +73,7 @@ struct CachedPlan {
 }
 
 impl CachedPlan {
-    /// The plan for spheres of these sizes that are so crowded: the `last` one, if it is.
+    /// Returns the `last` plan if it was made for the same sizes and density, else a new one.
     fn of(last: Option<Self>, stats: &InputStats, density: &DensityProfile) -> Self {
         match last {
             Some(last) if last.classes == stats.classes && last.density == *density => last,
@@ -85,7 +85,7 @@ impl CachedPlan {
     }
 }
 
-/// One level of the plan for the spheres of one group, placed in the table.
+/// The grid of one level for the spheres of one group, and its part of the table.
 #[derive(Clone, Debug)]
 struct LevelGrid {
     grid: CellGrid,
@@ -95,26 +95,26 @@ struct LevelGrid {
     members: Range<usize>,
     /// `true` if its spheres pair among themselves.
     pairs_within: bool,
-    /// The other levels at which its spheres look, in [`CellList::targets`].
+    /// The other levels that its spheres search, in [`CellList::targets`].
     targets: Range<usize>,
 }
 
 impl LevelGrid {
-    /// The number of rows of cells that its spheres look at on a level, with radii up to `cap`.
+    /// The number of rows of cells that its spheres search on a level, with radii up to `cap`.
     fn effort(&self, other: &Self, cap: f64) -> f64 {
         self.members.len() as f64 * other.grid.rows_around(self.grid.reach().min(cap))
     }
 }
 
-/// A level that another one looks at.
+/// A level that another level searches.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,
-    /// The largest radius with which a sphere must look: with any larger one it pairs with no sphere of the level.
+    /// The radius cap of the searching spheres: none pairs with a sphere of the level at a greater distance.
     cap: f32,
 }
 
-/// Maps spheres to entries of the table.
+/// Maps spheres to table entries.
 #[derive(Clone, Copy)]
 struct CellLocator<'p> {
     levels: &'p [LevelGrid],
@@ -144,7 +144,7 @@ impl CellLocator<'_> {
 }
 
 impl CellList {
-    /// Groups the spheres by species and takes a sample of them, unless the `last` one serves.
+    /// Groups the spheres by species and samples their density, unless the `last` sample still applies.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`], and those of the threads.
@@ -160,7 +160,7 @@ impl CellList {
         DensityCache::of(last, input, table.map(|_| &self.groups))
     }
 
-    /// Plans and builds for these spheres, which are so crowded.
+    /// Plans the levels for this density and sorts the spheres into cells.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -225,7 +225,7 @@ impl CellList {
         grid
     }
 
-    /// Returns `true` if all spheres that are compared are a pair if and only if their effective radii touch.
+    /// Returns `true` if every two compared spheres are a pair exactly if their effective radii touch.
     pub(crate) fn touch_decides(&self) -> bool {
         self.touch_decides
     }
@@ -247,8 +247,7 @@ impl CellList {
         search::search(self, input, output)
     }
 
-    /// The spheres in the order of the list. They are known by their places in it from then on; `order` says
-    /// whose places those are.
+    /// Replaces the ids of the spheres by their positions in the list. `order` receives the id at each position.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -256,12 +255,12 @@ impl CellList {
         self.columns.renumber(order)
     }
 
-    /// What is noted of each sphere, place by place: room that the list has no use for until it is built again.
+    /// One free record per sphere, by position, which the list does not use until the next build.
     pub(crate) fn notes(&self) -> &[SortRecord] {
         self.sorter.entries()
     }
 
-    /// The same, to be written.
+    /// Returns [`notes`](Self::notes) for writing.
     pub(crate) fn notes_mut(&mut self) -> &mut [SortRecord] {
         self.sorter.entries_mut()
     }
@@ -273,8 +272,8 @@ impl CellList {
     }
 }
 
-/// Decides from which of two levels each pair of them is searched: within a group from the finer one, between groups from
-/// the one that looks at fewer cells. `members` is empty if there is one group.
+/// Decides which of each two levels searches the other: within a group the finer one, between groups the one that searches
+/// fewer cells. `members` is empty if there is one group.
 fn link(
     levels: &mut [LevelGrid],
     targets: &mut Vec<Target>,

@@ -1,4 +1,4 @@
-//! Looks around every sphere of a built cell list.
+//! Searches the neighbor cells of every sphere of a built cell list.
 
 use std::ops::Range;
 
@@ -10,12 +10,12 @@ use crate::compare::{
 };
 use crate::input::{SearchInput, search_pieces};
 
-/// Spheres per piece of work: some tens of microseconds where space is not crowded.
+/// Spheres per chunk: some tens of microseconds at moderate density.
 const CHUNK_SPHERES: usize = 1 << 10;
-/// Spheres are crowded if one of this number of runs holds some that touch.
+/// Hits are queued if at least one of this number of runs contains some.
 const RUNS_PER_HIT: usize = 2;
 
-/// Finds all pairs of the list, piece by piece over the threads.
+/// Finds all pairs of the list in chunks on the threads.
 pub(super) fn search<'o, O: Output>(
     list: &CellList,
     input: &SearchInput<'_>,
@@ -70,7 +70,7 @@ impl<S: Sink> SimdTask for Piece<'_, S> {
     }
 }
 
-/// Returns the rows around a cell, and the end of the cell's spheres.
+/// Returns the neighbor rows of a cell, and the end of the cell's spheres.
 #[inline(always)]
 fn around(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, usize) {
     let [size_x, size_y, size_z] = level.grid.size;
@@ -88,13 +88,13 @@ fn around(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, 
     (around, around.rows[0][2] as usize)
 }
 
-/// `at` on a row of `size` cells that begins again behind its end; it is less than two rows.
+/// Wraps `at`, which is less than `2 * size`, to `0..size`.
 #[inline(always)]
 fn wrap(at: u32, size: u32) -> u32 {
     if at < size { at } else { at - size }
 }
 
-/// Finds runs, and compares them when there are enough.
+/// Queues runs, and compares them when the queue is full.
 struct Finder<'p, V, S> {
     vector: V,
     list: &'p CellList,
@@ -102,13 +102,13 @@ struct Finder<'p, V, S> {
     sink: &'p mut S,
     runs: RunQueue,
     hits: HitQueue,
-    /// `true` if many touched in the last comparisons.
+    /// `true` if the last comparisons had many hits.
     is_crowded: bool,
 }
 
 impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
-    /// Looks around the spheres at `members`, one cell after another: spheres of one cell have the same cells around
-    /// them. At its own level a sphere meets the later ones only, so that each pair is met once.
+    /// Searches for the spheres at `members`, cell by cell: spheres of one cell share its neighbor cells. At its own level a
+    /// sphere is compared with later spheres only, so that each pair is found once.
     #[inline(always)]
     fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
@@ -117,7 +117,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
             let cell = level.grid.cell_of(self.vector, [x, y, z]);
             let (around, end) = around(self.list, level, cell);
             let end = end.min(members.end);
-            if level.grid.is_at_seam(cell) {
+            if level.grid.is_at_boundary(cell) {
                 for at in at..end {
                     self.level(level, (at, f32::INFINITY), at + 1);
                     self.others(targets, at);
@@ -138,7 +138,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Finds what is in reach of the sphere at `at` on other levels than its own.
+    /// Queues the runs on other levels that the sphere at `at` may touch.
     #[inline(always)]
     fn others(&mut self, targets: &[Target], at: usize) {
         for &Target { level, cap } in targets {
@@ -146,8 +146,8 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Finds what is in reach of the sphere at `at` on any level, without what lies before place `from`. Its radius is
-    /// taken to be `cap` at most.
+    /// Queues the runs of a level that the sphere at `at` may touch, without spheres before index `from`. Its radius is capped
+    /// at `cap`.
     #[inline(always)]
     fn level(&mut self, level: &LevelGrid, (at, cap): (usize, f32), from: usize) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
@@ -170,8 +170,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Finds the rows of any block. Where the grid wraps around, no axis is followed for longer than it is, so no
-    /// row is met twice.
+    /// Queues the rows of any cell range. A range that wraps is no longer than its axis, so no row is queued twice.
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, (at, from): (usize, usize)) {
         let (size, first, count) = (level.grid.size, block.first, block.count());
@@ -197,7 +196,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Compares what was found.
+    /// Compares the queued runs.
     #[inline(always)]
     fn work(&mut self) {
         let Self { vector, list, test, ref mut sink, ref runs, ref mut hits, is_crowded } = *self;

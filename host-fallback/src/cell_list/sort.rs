@@ -1,8 +1,7 @@
-//! Sorts spheres by cell, in two passes: into buckets of neighbouring cells, then within each bucket.
+//! Sorts spheres by cell in two passes: into buckets of consecutive cells, then within each bucket.
 //!
-//! A single counting sort over all cells would write to as many places as there are cells and miss every cache once
-//! the input outgrows it. Buckets are few enough for the first pass to keep their ends in cache, and small enough
-//! for the second to happen in cache. Both passes are stable, so the order is the same for any number of threads.
+//! A single counting sort over all cells would write to one position per cell and miss every cache for large inputs. Buckets
+//! are few enough that the first pass keeps their ends in cache, and small enough that the second pass runs in cache. Both passes are stable, so the order is the same for any number of threads.
 
 use bytemuck::Zeroable;
 use glam::Vec3;
@@ -14,17 +13,16 @@ use crate::disjoint_writes::{DisjointSlice, split_at};
 use crate::input::SearchInput;
 use crate::memory::{try_collect, try_resize};
 
-/// Spheres per piece of the first pass at least and at most.
+/// The fewest and the most spheres per chunk of the first pass.
 const CHUNK_SPHERES: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
-/// Pieces of the first pass, within these bounds: enough that threads end together, few enough for a counter per piece and
-/// bucket.
+/// The target number of chunks of the first pass: enough to balance threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 32;
-/// Spheres per bucket aimed at: 48 KiB of entries.
+/// The target number of spheres per bucket: 48 KiB of records.
 const BUCKET: usize = 1 << 11;
 /// The most buckets: one cache line each stays in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
 
-/// A sphere on its way to its place.
+/// A sphere during the sort.
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
 #[repr(C)]
 pub(crate) struct SortRecord {
@@ -39,7 +37,7 @@ pub(crate) struct SortRecord {
 pub(super) struct Sorter {
     keys: Vec<u32>,
     entries: Vec<SortRecord>,
-    /// Indexed by piece and bucket: first how many spheres there are, then where the next one goes.
+    /// By chunk and bucket: first the number of spheres, then the position of the next one.
     offsets: Vec<u32>,
     /// The end of each bucket.
     ends: Vec<usize>,
@@ -48,21 +46,21 @@ pub(super) struct Sorter {
 impl Sorter {
     pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<SortRecord>() as u64;
 
-    /// One entry for each sphere, of no meaning after a sort and free for notes until the next.
+    /// One record per sphere, free for other use between sorts.
     pub(super) fn entries(&self) -> &[SortRecord] {
         &self.entries
     }
 
-    /// The same, to be written.
+    /// Returns [`entries`](Self::entries) for writing.
     pub(super) fn entries_mut(&mut self) -> &mut [SortRecord] {
         &mut self.entries
     }
 
-    /// Entries of `starts` behind those of the cells.
-    pub(super) const BEHIND: usize = 3;
+    /// The number of entries of `starts` after those of the cells.
+    pub(super) const PADDING: usize = 3;
 
-    /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the place of the first sphere of cell
-    /// `k` or later, for `k` up to and including the number of cells; the rest of `starts` is their end as well.
+    /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the position of the first sphere of cell `k` or a
+    /// later one, for `k` up to the number of cells; the padding of `starts` repeats the end.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -79,7 +77,7 @@ impl Sorter {
         let buckets = cells.div_ceil(1 << shift).max(1);
         try_resize(&mut self.keys, n, "cells of spheres")?;
         try_resize(&mut self.entries, n, "sorting spheres")?;
-        try_resize(starts, cells + Self::BEHIND, "the table of cells")?;
+        try_resize(starts, cells + Self::PADDING, "the table of cells")?;
         let ColumnsMut { xyzr, id } = columns.resize(n)?;
 
         self.spread(input, places, (shift, buckets))?;
@@ -100,7 +98,7 @@ impl Sorter {
                 (x[at], y[at], z[at]) = (entry.center.x, entry.center.y, entry.center.z);
                 (r[at], id[at]) = (entry.radius, entry.id);
             }
-            // Each has moved to the end of its cell, which is where the next cell starts.
+            // Each start has advanced to the end of its cell, where the next cell starts.
             let before = (ends[bucket] - entries.len()) as u32;
             cells.iter_mut().for_each(|end| *end += before);
         });
@@ -109,7 +107,7 @@ impl Sorter {
         Ok(())
     }
 
-    /// The first pass.
+    /// Distributes the spheres to buckets.
     fn spread(
         &mut self,
         input: &SearchInput<'_>,
@@ -142,7 +140,7 @@ impl Sorter {
         input.executor.for_each(&mut pieces, |piece, (keys, next)| {
             let mut place = |key: u32, id: usize, (center, radius): (Vec3, f32)| {
                 let slot = &mut next[(key >> shift) as usize];
-                // SAFETY: the exclusive prefix sums over (bucket, piece) give every sphere a slot of its own below
+                // SAFETY: the exclusive prefix sums over (bucket, chunk) give every sphere a slot of its own below
                 // their number, the length of `entries`.
                 unsafe { entries.write(*slot as usize, SortRecord { center, radius, id: id as u32, key }) };
                 *slot += 1;
@@ -166,7 +164,7 @@ impl Sorter {
     }
 }
 
-/// Finds the cells of the spheres from `first` on.
+/// Computes the cells of the spheres at or after index `first`.
 struct Keys<'k> {
     test: &'k PairTest<'k>,
     places: CellLocator<'k>,
@@ -194,7 +192,7 @@ impl SimdTask for Keys<'_> {
     }
 }
 
-/// Turns the cells of one bucket into where their spheres start, counted from the bucket's first sphere.
+/// Computes the start of each cell of a bucket, counted from the bucket's first sphere.
 fn count(entries: &[SortRecord], first: usize, cells: &mut [u32]) {
     cells.fill(0);
     for entry in entries {

@@ -29,7 +29,7 @@ fn scattered(n: u32, sizes: u32, spread: f32) -> Vec<Sphere> {
 }
 
 #[test]
-fn every_vector_width_finds_what_all_pairs_find() {
+fn every_simd_width_matches_naive() {
     for (n, sizes, spread) in [(0, 0, 1.0), (1, 0, 1.0), (17, 0, 9.0), (3000, 0, 60.0), (3000, 9, 40.0)] {
         let spheres = scattered(n, sizes, spread);
         let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
@@ -45,9 +45,9 @@ fn agrees_with_all_pairs() {
     assert_matches_naive(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
 }
 
-/// Cells wider than the reach, most of them away from the seam, and pairs across every face, edge and corner.
+/// Cells wider than the cutoff, most of them away from the periodic boundary, and pairs across every face, edge and corner.
 #[test]
-fn a_gas_in_a_periodic_box() {
+fn gas_in_a_periodic_box_matches_naive() {
     let spheres: Vec<_> = scattered(6000, 0, 60.0)
         .into_iter()
         .map(|sphere| Sphere::new((sphere.center * 17.0) % 15.0, 0.5))
@@ -68,9 +68,9 @@ fn a_gas_in_a_periodic_box() {
 }
 
 #[test]
-fn a_folded_table_finds_what_all_pairs_find() {
+fn folded_table_matches_naive() {
     // A chain across space: its bounds hold far more cells than the table may have, and its links cross every
-    // seam of the fold.
+    // boundary of the fold.
     let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
     let mut spheres = scattered(2000, 3, 30.0);
     for sphere in &mut spheres {
@@ -84,7 +84,7 @@ fn a_folded_table_finds_what_all_pairs_find() {
 
 /// Tables of all kinds, with groups kept apart and merged, of one set and of two.
 #[test]
-fn groups_of_species_find_what_all_pairs_find() {
+fn groups_of_species_match_naive() {
     let kinds = [Interaction::Never, Interaction::Touch, Interaction::Within(0.9), Interaction::Within(4.0)];
     for seed in 0..60_u32 {
         let species = 1 + seed % 7;
@@ -145,7 +145,7 @@ fn groups_of_species_find_what_all_pairs_find() {
 
 /// Cells as small as the table allows, wherever space begins.
 #[test]
-fn a_few_cells_too_many_are_no_reason_to_fold() {
+fn slightly_too_many_cells_do_not_fold_the_table() {
     // Sums of four are about normally distributed, so that no cells are as good as the smallest.
     let cloud: Vec<_> = scattered(80_000, 0, 1e5)
         .chunks(4)

@@ -2,11 +2,10 @@ use super::pair_test::PairTest;
 use crate::Error;
 use crate::memory::try_resize;
 
-/// The most lanes of any vector; columns are padded by this many so that a load at their end stays inside.
+/// The most lanes of any SIMD width. Columns are padded by this many values so that a load at their end stays inside.
 pub(crate) const MAX_LANES: usize = 16;
 
-/// Spheres as columns, in the order a detector wants them, padded so that a whole vector can be loaded at any of
-/// them.
+/// Spheres as columns in any order, padded so that a whole vector can be loaded at any sphere.
 ///
 /// Invariant: if there are spheres every column has `len + MAX_LANES` values; only [`Columns::resize`] changes lengths.
 #[derive(Debug, Default)]
@@ -19,8 +18,8 @@ pub(crate) struct Columns {
     len: usize,
 }
 
-/// The columns to be written: `x`, `y`, `z`, the effective radius (the radius itself where no interaction distances
-/// are set) and the index in the input.
+/// The columns for writing: `x`, `y`, `z`, the effective radius (the given radius without interactions) and the index in
+/// the input.
 pub(crate) struct ColumnsMut<'c> {
     pub(crate) xyzr: [&'c mut [f32]; 4],
     pub(crate) id: &'c mut [u32],
@@ -33,10 +32,10 @@ impl Columns {
         self.len
     }
 
-    /// Makes room for `len` spheres, which the caller is to write.
+    /// Sets the number of spheres to `len`. The caller must write them.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`]; there is then no sphere.
+    /// [`Error::OutOfMemory`]; the columns are then empty.
     pub(crate) fn resize(&mut self, len: usize) -> Result<ColumnsMut<'_>, Error> {
         let Self { x, y, z, r, id, .. } = self;
         self.len = 0;
@@ -51,7 +50,7 @@ impl Columns {
         Ok(ColumnsMut { xyzr, id: &mut id[..len] })
     }
 
-    /// Moves the ids to `order`; from then on a sphere's id is its place.
+    /// Moves the ids to `order` and replaces each by the sphere's position.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -86,13 +85,13 @@ impl Columns {
         self.id[at]
     }
 
-    /// Centre and effective radius of the sphere at `at`.
+    /// The center and the effective radius of the sphere at `at`.
     #[inline(always)]
     pub(crate) fn sphere(&self, at: usize) -> [f32; 4] {
         self.lanes::<1>(at).map(|[value]| *value)
     }
 
-    /// `N` values of each of `x`, `y`, `z`, `r` from `base` on, with padding behind the last sphere.
+    /// The `N` values of each of `x`, `y`, `z`, `r` that start at `base`, with padding after the last sphere.
     #[inline(always)]
     pub(crate) fn lanes<const N: usize>(&self, base: usize) -> [&[f32; N]; 4] {
         const { assert!(N <= MAX_LANES) };

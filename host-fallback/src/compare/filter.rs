@@ -1,13 +1,12 @@
-//! The exact filter of what a search has found: groups, exclusions and, where spheres were searched in a frame, contact.
+//! The exact filter after the broad phase: groups, exclusions and, for spheres that are searched in a frame, contact.
 
 use lazygrid_kernels::{Exclusions, Interactions, Query, Space, Spheres};
 
-/// Decides which of the pairs that a search has found are reported. Indices are those of all spheres: of two sets the second
-/// one's follow the first one's.
+/// Decides which of the found pairs are reported. Indices count all spheres: those of a second set follow the first set.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
     query: Query<'a>,
-    /// The space and the table by which contact is decided, if what was searched are not the spheres as given.
+    /// The space and the table that decide contact, if the spheres are searched in a frame.
     contact: Option<(&'a Space, Option<&'a Interactions>)>,
     has_groups: bool,
 }
@@ -26,18 +25,18 @@ impl<'a> PairFilter<'a> {
         is_needed.then_some(Self { query, contact, has_groups })
     }
 
-    /// Returns `true` if it decides on contact too: then what the search has found are candidates.
+    /// Returns `true` if it decides contact too, so that a search finds candidates only.
     pub fn decides_contact(&self) -> bool {
         self.contact.is_some()
     }
 
-    /// Returns `true` if it decides on nothing but whether spheres touch by their radii.
+    /// Returns `true` if it decides only contact, by radii.
     pub(crate) fn is_contact_of_radii(&self) -> bool {
         let is_by_radii = matches!(self.contact, Some((_, None)));
         is_by_radii && !self.has_groups && self.query.exclusions().is_none()
     }
 
-    /// Returns `true` if two spheres that the search has found are a pair.
+    /// Returns `true` if two spheres that the broad phase has found are a pair.
     pub fn accepts(&self, i: u32, j: u32) -> bool {
         // The exclusion lookup is the slowest test, so it comes last.
         !(self.has_groups && self.are_of_one_group(i, j))
@@ -45,7 +44,7 @@ impl<'a> PairFilter<'a> {
             && !self.query.exclusions().is_some_and(|exclusions| self.are_listed(exclusions, i, j))
     }
 
-    /// The set that a sphere is of, and its index there.
+    /// Returns the set of a sphere, and its index there.
     fn of(&self, k: u32) -> (Spheres<'a>, usize) {
         let (k, first) = (k as usize, self.query.first());
         match self.query.second() {

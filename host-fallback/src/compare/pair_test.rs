@@ -1,4 +1,4 @@
-//! The exact contact test, which every filter ends in.
+//! The exact contact test, which decides wherever a filter cannot.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Sphere, Spheres};
@@ -7,27 +7,27 @@ use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Returns `true` if two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
+/// Returns `true` if two centers are at most `cutoff` apart. It computes in `f64`, where differences of `f32` coordinates
 /// cannot overflow, underflow or lose the digits that decide exact contact.
 ///
-/// With the lengths of a periodic space, between nearest images: centres are wrapped, so that no axis has them farther
-/// apart than its length, and taking their difference from it does not round.
+/// With the lengths of a periodic space it uses minimum images. Centers are wrapped, so that along no axis they are farther
+/// apart than its length, and subtracting their distance from the length does not round.
 #[inline]
-fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, reach: f64) -> bool {
+fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     let mut d = a.as_dvec3() - b.as_dvec3();
     if let Some(lengths) = lengths {
         d = d.abs().min(lengths - d.abs());
     }
-    d.x * d.x + d.y * d.y + d.z * d.z <= reach * reach
+    d.x * d.x + d.y * d.y + d.z * d.z <= cutoff * cutoff
 }
 
-/// Which spheres make a pair.
+/// The exact test whether two spheres are a pair, and the radii that a broad phase uses.
 #[derive(Clone, Debug)]
 pub(crate) struct PairTest<'a> {
     spheres: Spheres<'a>,
     species: Option<Species<'a>>,
     space: Space,
-    /// The length of each axis, infinite where it is unbounded; `None` where all are.
+    /// The length of each axis, infinite if the axis is unbounded; `None` if all axes are.
     lengths: Option<DVec3>,
     margin: Option<SkinMargin<'a>>,
     /// The exact filter that is applied after the contact test.
@@ -36,7 +36,7 @@ pub(crate) struct PairTest<'a> {
     split: Option<u32>,
     /// The frame in which the spheres are searched.
     frame: Option<&'a SearchFrame>,
-    /// `true` if spheres that touch without doubt are a pair, so that nothing else is asked.
+    /// `true` if spheres that certainly touch are a pair without any further test.
     is_plain: bool,
 }
 
@@ -44,20 +44,20 @@ pub(crate) struct PairTest<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SphereRadii {
     pub(crate) center: Vec3,
-    /// As given.
+    /// The given radius.
     pub(crate) own: f32,
-    /// By the interactions of the species.
+    /// The radius by the interactions of the species.
     pub(crate) effective: f32,
-    /// The effective radius, widened if candidates are searched.
+    /// The effective radius, plus the skin margin in a search for candidates.
     pub(crate) widened: f32,
 }
 
-/// Widens radii, so that a search finds candidates instead of pairs.
+/// The margin that is added to radii, so that a search finds candidates instead of pairs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
-    /// The amount by which the radii of each [class](class_of) grow.
+    /// The margin of the radii of each [size class](class_of).
     pub(crate) by_class: &'a [f32; SIZE_CLASSES],
-    /// The spheres that the ids of columns stand for, where these are places in another order.
+    /// The sphere at each position, if the ids of columns are positions in another order.
     pub(crate) order: Option<&'a [u32]>,
 }
 
@@ -70,7 +70,7 @@ struct Species<'a> {
 }
 
 impl<'a> PairTest<'a> {
-    /// The rule for spheres whose species ids, where interactions are given, are already checked.
+    /// Creates the test of spheres in unbounded space. With interactions, species ids must be checked already.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
         let species = interactions.zip(spheres.species()).map(|(table, ids)| {
@@ -91,7 +91,7 @@ impl<'a> PairTest<'a> {
         }
     }
 
-    /// The same for spheres that are searched in `frame`, with the exact filter that is applied after the contact test.
+    /// Adds the frame in which the spheres are searched, and the exact filter that is applied after the contact test.
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
         // In orthogonalized coordinates, and between effective radii of species, no contact is certain.
         let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
@@ -99,20 +99,20 @@ impl<'a> PairTest<'a> {
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
     }
 
-    /// The same in a space in which the spheres are already wrapped.
+    /// Sets the space, into which the spheres must be wrapped already.
     pub(crate) fn in_space(self, space: Space) -> Self {
         let lengths = space.lengths().map(|length| length.unwrap_or(f64::INFINITY));
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
     }
 
-    /// The same for pairs of one of the first `split` spheres and one of the others.
+    /// Restricts pairs to one of the first `split` spheres with one of the others.
     pub(crate) fn across(self, split: Option<usize>) -> Self {
         // Below 2³² by the number of spheres.
         let split = split.map(|split| split as u32);
         Self { split, is_plain: self.is_plain && split.is_none(), ..self }
     }
 
-    /// The same for candidates.
+    /// Returns the test for candidates, with a margin.
     pub(crate) fn widened(&self, margin: SkinMargin<'a>) -> Self {
         Self { margin: Some(margin), ..self.clone() }
     }
@@ -122,16 +122,16 @@ impl<'a> PairTest<'a> {
         &self.space
     }
 
-    /// The space as the filter sees it, for spheres up to this radius; `None` if it is unbounded and contact needs no slack.
+    /// The space of the SIMD filter, for spheres up to this radius; `None` if it is unbounded and contact needs no slack.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::is_orthogonal) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
-            // No contact in straight coordinates is without doubt.
+            // No contact in orthogonalized coordinates is certain.
             false => PeriodicBox::of(&self.space),
         }
     }
 
-    /// A distance as it is where pairs are searched.
+    /// Converts a distance to the coordinates of the search.
     pub(crate) fn searched(&self, distance: f64) -> f32 {
         (distance * self.frame.map_or(1.0, SearchFrame::scale)) as f32
     }
@@ -145,20 +145,20 @@ impl<'a> PairTest<'a> {
         self.spheres
     }
 
-    /// The spheres as rows whose radii are the effective ones, where that is what they are.
+    /// The spheres as rows, if their radii are the effective ones.
     #[inline(always)]
     pub(crate) fn plain_rows(&self) -> Option<&'a [Sphere]> {
         let are_effective = self.species.is_none() && self.margin.is_none();
         if are_effective { self.spheres.as_rows() } else { None }
     }
 
-    /// Returns `true` if touching alone decides, so that a certain contact needs no further question.
+    /// Returns `true` if a certain contact needs no further test.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
         self.is_plain
     }
 
-    /// Centre and effective radius of sphere `id`.
+    /// The center of sphere `id`, and its effective radius with the margin.
     #[inline(always)]
     pub(crate) fn effective(&self, id: u32) -> (Vec3, f32) {
         let SphereRadii { center, widened, .. } = self.radii(id);
@@ -175,32 +175,32 @@ impl<'a> PairTest<'a> {
         };
         let widened = match &self.margin {
             None => effective,
-            // Rounded up, as candidates are all that may be needed.
+            // Rounded up, since candidates must include every possible pair.
             Some(margin) => (effective + margin.by_class[class_of(effective)]).next_up(),
         };
         SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
     }
 
-    /// Declares that touching by effective radii decides, if nothing else is asked. The spheres must have been found to be
-    /// of groups for which it does.
+    /// Declares that contact by effective radii decides, if no filter, frame or second set requires more. The caller guarantees
+    /// this for the groups of the spheres.
     pub(crate) fn decided_by_radii(&mut self) {
         self.is_plain = self.filter.is_none() && self.frame.is_none() && self.split.is_none();
     }
 
-    /// Returns `true` if spheres are searched in a frame, where distances are others than those of the table.
+    /// Returns `true` if spheres are searched in a frame, whose distances are not those of the table.
     pub(crate) fn is_framed(&self) -> bool {
         self.frame.is_some()
     }
 
-    /// The same as the row of a table.
+    /// The sphere `id` as `x`, `y`, `z` and its effective radius with the margin.
     #[inline(always)]
     pub(crate) fn row(&self, id: u32) -> Xyzr {
         let (center, radius) = self.effective(id);
         [center.x, center.y, center.z, radius]
     }
 
-    /// Whether lanes that may be pairs count as pairs: the places `i` and `j`, where the rule is for candidates. Of
-    /// species that never interact there are none.
+    /// Returns `true` if the spheres at positions `i` and `j` are a candidate, given that they touch with margins: their species
+    /// interact. `None` if the test is not one for candidates.
     #[inline(always)]
     pub(crate) fn is_candidate(&self, i: u32, j: u32) -> Option<bool> {
         let order = self.margin?.order?;
@@ -223,7 +223,7 @@ impl<'a> PairTest<'a> {
         }
     }
 
-    /// The exact test where space is not sheared.
+    /// The exact contact test of `f32` spheres in orthogonal space.
     fn touch(&self, i: u32, j: u32) -> bool {
         let (a, b) = (self.spheres.get(i as usize), self.spheres.get(j as usize));
         let radii = f64::from(a.radius) + f64::from(b.radius);

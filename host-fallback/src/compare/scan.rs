@@ -1,4 +1,4 @@
-//! Comparing one sphere with a run of others.
+//! Comparisons of one sphere with a run of others.
 
 use std::ops::Range;
 
@@ -16,11 +16,11 @@ struct Lanes {
     possible: u32,
 }
 
-/// The columns to look in, and the rule that decides.
+/// The spheres to compare with, and the exact test.
 type Among<'c> = (&'c Columns, &'c PairTest<'c>);
 
 /// Compares the sphere at `at` with a run of others and hands the pairs to `sink`. The run must not contain `at`. Returns
-/// how many vectors held any that may touch it.
+/// the number of vectors with at least one hit.
 #[inline(always)]
 pub(crate) fn scan<V: SimdWidth, S: Sink>(
     vector: V,
@@ -45,17 +45,17 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
     hit_vectors
 }
 
-/// Vectors in which some may touch a sphere, and which do not wait for their turn.
+/// A queue of vectors with hits.
 ///
-/// Where about every second vector holds some, no branch predictor can tell which. So comparing is kept apart from
-/// taking pairs: it appends without a branch.
+/// If about every second vector has a hit, no branch predictor can tell which. So comparing is separate from writing pairs: it
+/// appends without a branch.
 pub(crate) struct HitQueue {
     at: [u32; Self::ROOM],
     base: [u32; Self::ROOM],
-    /// Those that may touch in the lower half, those that do without doubt in the upper.
+    /// A mask of possible contacts in the lower half, of certain ones in the upper half.
     lanes: [u32; Self::ROOM],
     len: usize,
-    /// The number of vectors that held any.
+    /// The number of vectors with hits since the last flush.
     hit_vectors: usize,
 }
 
@@ -68,7 +68,7 @@ impl HitQueue {
         Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, hit_vectors: 0 }
     }
 
-    /// The same as [`scan`], for crowds: the last pairs are handed over by [`settle`](Self::settle).
+    /// Compares like [`scan`], for spheres with many hits. [`flush`](Self::flush) hands over the last pairs.
     #[inline(always)]
     pub(crate) fn scan<V: SimdWidth, S: Sink>(
         &mut self,
@@ -94,7 +94,7 @@ impl HitQueue {
         }
     }
 
-    /// Hands over what is left. Returns how many vectors held any since the last time.
+    /// Hands over the queued hits. Returns the number of vectors with hits since the last flush.
     #[inline(always)]
     pub(crate) fn flush<V: SimdWidth, S: Sink>(
         &mut self,
@@ -118,7 +118,7 @@ impl HitQueue {
     }
 }
 
-/// Hands over those lanes from `base` on that are pairs with the sphere at `at`.
+/// Hands over the lanes of the vector at `base` that are pairs with the sphere at `at`.
 #[inline(always)]
 fn take<V: SimdWidth, S: Sink>(
     vector: V,
@@ -136,7 +136,7 @@ fn take<V: SimdWidth, S: Sink>(
     }
 }
 
-/// Returns the lanes that are pairs with the sphere at `at`, of those that may be.
+/// Returns the lanes that are pairs with the sphere at `at`, among possible ones.
 #[inline(never)]
 fn decide(test: &PairTest<'_>, columns: &Columns, at: usize, base: usize, lanes: Lanes) -> u32 {
     let mut hits = if test.is_plain() { lanes.certain } else { 0 };

@@ -1,7 +1,7 @@
 //! Outputs of a search: pairs are counted, kept as a list, or handed over in chunks.
 //!
-//! An [`Output`] is shared by all threads; each opens a [`Sink`] of its own, and the sinks of neighbouring pieces of
-//! work are merged in the order of the work, so that a list has the same order for any number of threads.
+//! An [`Output`] is shared by all threads; each opens a [`Sink`] of its own, and the sinks of consecutive chunks of
+//! work are merged in their order, so that a list has the same order for any number of threads.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -14,17 +14,17 @@ use super::simd::SimdWidth;
 use crate::Error;
 use crate::memory::{self, try_resize};
 
-/// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
+/// Pairs per buffer of a thread, 64 KiB: far below a core's cache, large enough to amortize passing it on.
 const CHUNK: usize = 8192;
 
-/// Partly filled chunks that a list has for each thread at most: where a thread's share of the work ended.
+/// The most partly filled chunks of a list per thread, one at each end of a thread's work.
 const PARTLY_FILLED: u64 = 8;
 
 /// The most bytes that a list of up to `pairs` pairs takes while `threads` threads write it.
 pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
     let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
-    // Two neighbouring chunks are merged where one has room for both, so that at least half of all room is used.
+    // Two consecutive chunks are merged if one holds both, so that at least half of all capacity is used.
     let kept =
         bytes.saturating_mul(2).min(bytes.saturating_add(chunks(PARTLY_FILLED.saturating_mul(threads))));
     kept.saturating_add(chunks(threads.saturating_add(1)))
@@ -33,27 +33,27 @@ pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
 /// Receives pairs as they are found.
 pub type PairConsumer<'t> = &'t mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send);
 
-/// One thread's end of an output.
+/// The part of an output that one thread writes.
 pub(crate) trait Sink: Send + Sized {
-    /// Takes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes`.
+    /// Takes the pairs of sphere `id` with the lanes of `ids` whose bits are set in `lanes`.
     fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
     /// Takes one pair.
     fn pair(&mut self, pair: Pair);
 
-    /// Takes pairs of places, each as the spheres that `order` has there.
+    /// Takes pairs of positions, each as the spheres that `order` has there.
     #[inline(always)]
     fn places(&mut self, pairs: &[Pair], order: &[u32]) {
         pairs.iter().for_each(|&pair| self.pair(at_places(pair, order)));
     }
 
-    /// Adds what the sink of the work that follows has taken.
+    /// Appends the pairs of the sink of the following work.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     fn merge(self, later: Self) -> Result<Self, Error>;
 
-    /// The sink itself, unless it has taken pairs that it found no memory for.
+    /// Returns the sink itself, unless memory for some pairs was refused.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -61,13 +61,13 @@ pub(crate) trait Sink: Send + Sized {
         Ok(self)
     }
 
-    /// Returns `true` if nobody wants further pairs.
+    /// Returns `true` if the consumer wants no further pairs.
     fn stopped(&self) -> bool {
         false
     }
 }
 
-/// The spheres that `order` has at two places.
+/// The spheres that `order` has at two positions.
 #[inline(always)]
 pub(crate) fn at_places(pair: Pair, order: &[u32]) -> Pair {
     Pair::new(order[pair.i as usize], order[pair.j as usize])
@@ -115,12 +115,12 @@ impl Sink for Counter {
     }
 }
 
-/// Writes pairs into chunks, which `to` keeps or hands over.
+/// Writes pairs into chunks, which `to` keeps, hands over or counts.
 pub(crate) struct ChunkedOutput<'c> {
     pub(crate) to: ChunkTarget<'c>,
-    /// Only pairs whose smaller index lies in here are taken; all if there is none.
+    /// The range of the smaller index of pairs that are taken; `None` for all.
     pub(crate) window: Option<Range<u32>>,
-    /// Chunks to be used again, whatever stands in them.
+    /// Chunks for reuse, with arbitrary contents.
     pub(crate) free_chunks: Mutex<Vec<Vec<Pair>>>,
     pub(crate) stop: AtomicBool,
 }
@@ -141,7 +141,7 @@ impl<'c> ChunkedOutput<'c> {
         Self { to, window: None, free_chunks, stop }
     }
 
-    /// The chunks that can be used again.
+    /// Returns the chunks for reuse.
     pub(crate) fn into_free_chunks(self) -> Vec<Vec<Pair>> {
         self.free_chunks.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
@@ -151,8 +151,8 @@ impl<'c> ChunkedOutput<'c> {
         matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
-    /// Those of the `lanes` of `ids` whose pairs with sphere `id` are inside the window. Pairs outside it never fill a
-    /// chunk, so that chunks take no more memory than the pairs that are asked for.
+    /// Returns the `lanes` of `ids` whose pairs with sphere `id` are inside the window. Pairs outside it never fill a chunk, so
+    /// that chunks take no more memory than the requested pairs.
     #[inline(always)]
     fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         let Some(Range { start, end }) = self.window else { return lanes };
@@ -164,7 +164,7 @@ impl<'c> ChunkedOutput<'c> {
         lanes & (0..MAX_LANES).fold(0, |mask, k| mask | wanted(k))
     }
 
-    /// Disposes of a chunk; `Some` gives it back to be kept.
+    /// Delivers a full chunk; returns it if the list keeps it.
     fn finish_chunk(&self, chunk: Vec<Pair>) -> Result<Option<Vec<Pair>>, Error> {
         match &self.to {
             ChunkTarget::List { limit, kept } => {
@@ -192,7 +192,7 @@ impl<'c> ChunkedOutput<'c> {
         Ok(None)
     }
 
-    /// Keeps a chunk to be used again. It stays as long as it is, since what it is given room for is cleared.
+    /// Keeps a chunk for reuse at its current length, since growing it would clear the new part.
     fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
             memory::try_push(&mut lock(&self.free_chunks), chunk, "chunks of pairs")?;
@@ -213,14 +213,14 @@ impl<'c> Output for ChunkedOutput<'c> {
     }
 }
 
-/// One thread's chunk in the making, and those it keeps.
+/// The current chunk of one thread, and its finished ones.
 pub(crate) struct Writer<'o, 'c> {
     output: &'o ChunkedOutput<'c>,
     found: u64,
-    /// Empty, or [`CHUNK`] pairs of which `len` are taken.
+    /// Empty, or [`CHUNK`] pairs of which `len` are used.
     chunk: Vec<Pair>,
     len: usize,
-    /// Set once the list is known to be too long, or memory is refused: from then on pairs are only counted.
+    /// `true` once the list is too long or memory is refused: further pairs are only counted.
     counting: bool,
     chunks: Vec<Vec<Pair>>,
     /// The reason for which pairs were not written.
@@ -228,7 +228,7 @@ pub(crate) struct Writer<'o, 'c> {
 }
 
 impl Writer<'_, '_> {
-    /// Hands on the last chunk; returns how many pairs were taken and those that were kept, in order.
+    /// Delivers the last chunk; returns the number of pairs, and the kept ones in order.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -240,7 +240,7 @@ impl Writer<'_, '_> {
         }
     }
 
-    /// Room for the pairs of one comparison; none where memory for it is refused.
+    /// Returns space for the pairs of one comparison; `None` if memory for it is refused.
     #[inline(always)]
     fn room(&mut self) -> Option<&mut [Pair; MAX_LANES]> {
         if self.chunk.len() < self.len + MAX_LANES
@@ -324,7 +324,7 @@ impl Sink for Writer<'_, '_> {
         self.found += found;
         self.refused = self.refused.or(refused);
         if chunks.is_empty() && self.len + len + MAX_LANES <= self.chunk.len() {
-            // Else the work of many threads would leave many chunks that are nearly empty.
+            // Without this, the work of many threads leaves many chunks that are nearly empty.
             self.chunk[self.len..self.len + len].copy_from_slice(&chunk[..len]);
             self.len += len;
             self.output.put_back(chunk)?;
@@ -350,6 +350,6 @@ impl Sink for Writer<'_, '_> {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What the mutexes guard is whole after every statement, so a panic elsewhere leaves nothing half done.
+    // The guarded values are consistent after every statement, so a panic elsewhere leaves none half written.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

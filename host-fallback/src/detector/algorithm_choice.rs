@@ -1,10 +1,10 @@
-//! Which detector runs: a pure function of the input's survey, with its reason.
+//! The choice of the algorithm: a pure function of the input's statistics, with its reason.
 
 use lazygrid_kernels::{Algorithm, Backend};
 
 use crate::{Error, InputStats};
 
-/// The structure that the CPU path builds and searches.
+/// The index that the CPU path builds and searches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum IndexKind {
     Naive,
@@ -15,7 +15,7 @@ pub(crate) enum IndexKind {
 }
 
 impl IndexKind {
-    /// That of an algorithm, for `Auto` the one that takes most.
+    /// The index of an algorithm; for `Auto` the one that takes the most memory.
     ///
     /// # Errors
     /// [`Error::NotOnBackend`] for an algorithm that the CPU path does not have.
@@ -31,13 +31,13 @@ impl IndexKind {
     }
 }
 
-/// Below this many spheres of one size class all pairs are tested: sampling, sorting and looking around cost more.
+/// The number of spheres of one size class below which all pairs are compared: sampling and sorting cost more.
 /// Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs some microseconds.
 pub const NAIVE_BELOW: usize = 400;
 /// The number of further spheres for every size class, since each makes the cell list's plan slower.
 pub const NAIVE_PER_CLASS: usize = 80;
 
-/// The algorithm for spheres of this survey where `asked` leaves it open, and why.
+/// Returns the algorithm, and the reason for it. `Auto` depends on the statistics of the spheres.
 pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return (asked, format!("{asked}: asked for"));
@@ -52,10 +52,10 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     }
 }
 
-/// The number of comparisons of two sets' spheres that cost no more than sorting one sphere and looking around it.
+/// The number of comparisons of two sets' spheres that cost as much as sorting and searching for one sphere.
 const COMPARED_PER_SPHERE: u64 = 200;
 
-/// The same for pairs of one of the first `split` spheres and one of the others.
+/// Returns the algorithm and its reason for pairs of one of the first `split` spheres and one of the others.
 pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return choose(asked, stats);
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn few_spheres_are_compared_all_with_all_and_many_sorted_into_cells() {
+    fn few_spheres_use_naive_and_many_the_cell_list() {
         for (n, radii, expected) in [
             (0, &[1.0][..], Algorithm::Naive),
             (1, &[1.0], Algorithm::Naive),
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_asked_for_is_never_overruled() {
+    fn requested_algorithm_is_kept() {
         let spheres = [Sphere::default()];
         let stats =
             InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool).expect("all are valid");

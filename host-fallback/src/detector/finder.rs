@@ -1,4 +1,4 @@
-//! Pairs as a list, as neighbor lists, as a stream or as a number: what both backends do with what they find.
+//! Lists, neighbor lists, streams and counts of pairs, for both backends.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ const ORDER_TILES: usize = 128;
 
 /// Receives chunks of pairs, which together are one part of the result.
 pub type ChunkConsumer<'t> = &'t mut (dyn FnMut(&mut [Vec<Pair>]) -> ControlFlow<()> + Send);
-/// Searches in what a backend has built for a query.
+/// Searches in the index that a backend has built for a query.
 pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error> + Send);
 
 /// The structure that a backend has built for one query. Spheres of a second set have indices after those of the first.
@@ -52,9 +52,9 @@ pub trait PairSource {
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;
 }
 
-/// A way to search: on the CPU or on a device.
+/// A backend: the CPU or a device.
 pub trait SearchBackend {
-    /// The settings that it was made with.
+    /// The settings of the backend.
     fn settings(&self) -> &Settings;
 
     /// The threads of the host.
@@ -118,7 +118,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) returns them.
     ///
     /// # Errors
-    /// The same as [`pairs`](Self::pairs).
+    /// The errors of [`pairs`](Self::pairs).
     pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
         let Self { backend, sorter, pairs, .. } = self;
         let (limit, team) = (backend.settings().max_pairs, backend.team().clone());
@@ -173,7 +173,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// The pairs as neighbor lists.
     ///
     /// # Errors
-    /// The same as [`pairs`](Self::pairs).
+    /// The errors of [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
         let query = query.into();
         self.list(&query, Order::Canonical)?;
@@ -186,7 +186,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// The number of pairs.
     ///
     /// # Errors
-    /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
+    /// The errors of [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
         let mut found = 0;
         self.backend.search(&query.into(), &mut |source| {
@@ -200,7 +200,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// Hands the pairs over in chunks of at most `chunk` and returns their number.
     ///
     /// # Errors
-    /// The same as [`count`](Self::count).
+    /// The errors of [`count`](Self::count).
     pub fn stream<'a, F>(
         &mut self,
         query: impl Into<Query<'a>>,
@@ -292,7 +292,7 @@ pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     })
 }
 
-/// The names of spheres in a stream: those of the second of two sets have their index there.
+/// The indices of spheres in a stream: spheres of a second set have their index in that set.
 #[derive(Debug, Default)]
 struct Numbering {
     split: Option<u32>,
@@ -328,7 +328,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_hold_at_most_so_many_pairs_or_one_index() {
+    fn ranges_hold_at_most_the_limit_or_one_index() {
         let of = |counts: &[u32], most| ranges(counts, most).collect::<Vec<_>>();
         assert_eq!(of(&[], 3), []);
         assert_eq!(of(&[1, 1, 1, 1], 2), [0..2, 2..4]);

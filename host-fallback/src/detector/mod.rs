@@ -32,7 +32,7 @@ pub type HostDetector = PairFinder<HostBackend>;
 #[derive(Debug)]
 pub struct HostBackend {
     settings: Settings,
-    /// The structure that takes most of those which its calls may build.
+    /// The largest index that its calls may build.
     structure: IndexKind,
     team: Arc<Team>,
     buffers: QueryBuffers,
@@ -59,7 +59,7 @@ impl HostBackend {
     /// Creates a backend with these settings.
     ///
     /// # Errors
-    /// The same as [`HostDetector::new`].
+    /// The errors of [`HostDetector::new`].
     pub fn new(settings: Settings) -> Result<Self, Error> {
         settings.check()?;
         let structure = IndexKind::from_algorithm(settings.algorithm)?;
@@ -75,11 +75,11 @@ impl HostBackend {
         &self.state.report
     }
 
-    /// The most bytes held for `spheres` spheres, besides the result and what threads write it to.
+    /// The most bytes held for `spheres` spheres, without the result and the chunks in which threads write it.
     ///
     /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
     /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
-    /// recursive grid there is room for one crowd of all spheres, and none inside another: each that is adds up to 150
+    /// recursive grid it covers one overfull cell of all spheres, and none inside another: each of those adds up to 150
     /// bytes for each of its spheres. The candidates that a skin keeps are included, as many as it may keep: up to 96 of
     /// 8 bytes for each sphere, although few scenes have more than ten. [`Skin::Off`](crate::Skin::Off) keeps none.
     pub fn memory_for(&self, spheres: u64) -> u64 {
@@ -116,12 +116,12 @@ impl SearchBackend for HostBackend {
         (&mut self.state.report.pairs, &mut self.state.report.phases)
     }
 
-    /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool; of small
-    /// inputs only what takes long.
+    /// Checks and measures the input, chooses an algorithm, builds its index, and calls `work`, all in the detector's pool. For
+    /// small inputs only long work runs there.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, buffers, state } = self;
         let settings = &*settings;
-        // The time that the paper's grids take cannot be told beforehand.
+        // The time of the paper's grids is not predictable.
         let is_large = query.len() >= MIN_PARALLEL_SPHERES
             || !matches!(structure, IndexKind::Naive | IndexKind::CellList);
         let mut task = || {
@@ -139,7 +139,7 @@ impl SearchBackend for HostBackend {
                 (None, Some(stats)) => stats.clone(),
                 _ => {
                     let stats = state.report.time("survey", || InputStats::of(&test, executor));
-                    // An error names the spheres as they were given.
+                    // An error names the given spheres.
                     stats.or_else(|error| check_valid(query, executor).and(Err(error)))?
                 }
             };
@@ -169,7 +169,7 @@ mod tests {
     use super::*;
     use crate::Order;
 
-    /// Returns `true` if a search of so many spheres, one at a place, is done by the thread that asks for it.
+    /// Returns `true` if the calling thread searches `n` spheres at these distances alone.
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
         let settings =
@@ -185,13 +185,13 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_woken_for_what_ends_sooner() {
+    fn short_work_wakes_no_thread() {
         assert!(is_done_here(500, 1.5, Algorithm::Auto) && is_done_here(3000, 1.5, Algorithm::Auto));
         assert!(!is_done_here(100_000, 1.5, Algorithm::Auto), "many spheres");
         assert!(!is_done_here(6000, 0.0, Algorithm::CellList), "few spheres that all touch");
     }
 
-    /// Executor that find more pairs meanwhile must not call it either.
+    /// Threads that find more pairs meanwhile must not call it either.
     #[test]
     fn consumer_that_panicked_is_not_called_again() {
         let spheres = vec![Sphere::new([0.0; 3], 1.0); 4000];
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_of_an_earlier_call_loses_no_pair() {
+    fn reused_plan_loses_no_pair() {
         let settings = |algorithm| Settings { algorithm, ..Settings::default() };
         let mut detector =
             HostDetector::new(settings(Algorithm::CellList)).expect("the settings are in range");

@@ -17,14 +17,14 @@ use crate::memory::{try_collect, try_extend};
 use crate::skin::SkinController;
 use crate::{CandidateListStats, Error, RebuildReason, Report, Settings, naive};
 
-/// All that survives between calls, apart from the pool, in which the rest of the work runs.
+/// The buffers and indexes of a detector, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct DetectorState {
     pub(crate) report: Report,
     columns: Columns,
     cell_list: CellList,
     pub(crate) skin: SkinController,
-    /// `true` if this call is served from candidates.
+    /// `true` if this call tests the candidate list.
     from_candidates: bool,
     hash_grid: HashGrid,
     array_grid: ArrayGrid,
@@ -33,8 +33,7 @@ pub(crate) struct DetectorState {
 }
 
 impl DetectorState {
-    /// Takes up where the spheres are now, where candidates are kept. Says why they cannot serve the call, if they
-    /// cannot; [`RebuildReason::NoList`] if there are none.
+    /// Updates the displacements of a candidate list. Returns the reason for a rebuild, or `None` if the list is valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -49,12 +48,12 @@ impl DetectorState {
         let mut advance = || skin.advance(settings.skin, (test, cell_list), executor);
         match is_kept {
             true => report.time("measure", advance),
-            // There is nothing to measure but a sample.
+            // Only a sample is measured.
             false => advance(),
         }
     }
 
-    /// Chooses and builds, unless candidates serve the call.
+    /// Chooses and builds an index, unless the candidate list is valid.
     pub(crate) fn build(
         &mut self,
         input: &mut SearchInput<'_>,
@@ -74,7 +73,7 @@ impl DetectorState {
             self.structure(input)?;
         }
         if self.report.algorithm == Algorithm::CellList && self.cell_list.touch_decides() {
-            // Candidates are those of the list as it is, and of its groups.
+            // Candidates are of the cell list's groups.
             input.test.decided_by_radii();
         }
         if self.from_candidates {
@@ -90,7 +89,7 @@ impl DetectorState {
         Ok(())
     }
 
-    /// Returns `true` if a search is expected to end before other threads would be awake.
+    /// Returns `true` if a search is expected to end before other threads wake.
     pub(crate) fn is_short(&self, input: &SearchInput<'_>) -> bool {
         match self.report.algorithm {
             _ if self.from_candidates => false,
@@ -100,7 +99,7 @@ impl DetectorState {
         }
     }
 
-    /// Builds what the algorithm searches.
+    /// Builds the index of the algorithm.
     fn structure(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
         let Self {
             report,
@@ -146,8 +145,7 @@ impl DetectorState {
         })
     }
 
-    /// Collects at most `limit` pairs, of those with `i` in `window` if there is one; returns how many there are and
-    /// the chunks.
+    /// Collects at most `limit` pairs, with `i` in `window` if one is given. Returns their number and the chunks.
     fn collect(
         &mut self,
         input: &SearchInput<'_>,
@@ -174,7 +172,7 @@ impl DetectorState {
     }
 }
 
-/// The structure that is built for a query.
+/// The index that is built for a query.
 pub(crate) struct Built<'b> {
     pub(crate) state: &'b mut DetectorState,
     pub(crate) input: &'b SearchInput<'b>,
@@ -195,7 +193,7 @@ impl PairSource for Built<'_> {
         Ok(found)
     }
 
-    /// As one part if there are at most `limit` pairs, else by one search for each range of consecutive `i`.
+    /// Delivers one part if there are at most `limit` pairs, else searches once for each range of consecutive `i`.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
         let Self { state, input } = self;
         let (found, chunks) = state.collect(input, limit, None)?;

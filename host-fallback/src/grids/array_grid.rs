@@ -9,9 +9,9 @@ use crate::input::{SearchInput, search_pieces};
 use crate::radix::{KeyedSphere, RadixKey};
 use crate::report::Report;
 
-/// Entries per piece of work: their spheres' columns take 40 KiB.
+/// Entries per chunk of work: their spheres' columns take 40 KiB.
 const CHUNK_ENTRIES: usize = 1 << 11;
-/// A cell with more entries than this is compared in tiles, by several threads if need be.
+/// The most entries of a cell that one thread compares at once; larger cells are compared in tiles.
 const CROWDED: usize = CHUNK_ENTRIES;
 
 /// The structure and its buffers, which survive between calls.

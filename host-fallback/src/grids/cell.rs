@@ -1,4 +1,4 @@
-//! Comparisons inside a cell: which of its spheres meet, by class, so that every pair is the business of one cell.
+//! Comparisons inside a cell. Corner masks decide which spheres are compared, so that one cell compares every pair.
 
 use std::ops::Range;
 
@@ -10,14 +10,14 @@ use crate::input::{SearchInput, search_pieces};
 use crate::memory::{try_extend, try_push, with_growth};
 use crate::radix::{KeyedSphere, RadixKey};
 
-/// The number of classes.
+/// The number of corner masks.
 const MASKS: usize = 1 << MASK_BITS;
-/// Neighbouring classes: the first, and the one behind the last.
+/// Consecutive corner masks: the first, and one more than the last.
 type MaskRange = (usize, usize);
-/// For each class, the classes from itself on whose pairs with it belong to the cell.
+/// For each corner mask, those not less than it whose pairs with it belong to the cell.
 const LATER_PARTNERS: [&[MaskRange]; MASKS] =
     [&[(7, 8)], &[(6, 8)], &[(5, 6), (7, 8)], &[(4, 8)], &[(7, 8)], &[(6, 8)], &[(7, 8)], &[(7, 8)]];
-/// For each class, all classes whose pairs with it belong to the cell.
+/// For each corner mask, all whose pairs with it belong to the cell.
 const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
     &[(7, 8)],
     &[(6, 8)],
@@ -28,18 +28,18 @@ const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
     &[(1, 2), (3, 4), (5, 6), (7, 8)],
     &[(0, 8)],
 ];
-/// Spheres per tile side, so that what a tile loops over stays in the first-level cache's reach.
+/// Spheres per tile side: the columns of a tile stay near the first-level cache.
 const TILE: usize = 1024;
-/// Spheres that one row of tiles compares with at most: a unit of work for a thread.
+/// The most spheres that one row of tiles compares with: a unit of work for a thread.
 const ROW: usize = 1 << 13;
-/// Comparisons from which a cell's rows are spread over threads, about 0.1 ms.
+/// The fewest comparisons of a cell that are distributed to threads, about 0.1 ms.
 const SPREAD: usize = 1 << 20;
 
 /// A sphere in a cell.
 pub(crate) trait CellMember: Sync {
     /// Its index in the input.
     fn id(&self) -> u32;
-    /// On which axes the cell is its lowest, one bit per axis.
+    /// A bit per axis, set if the cell is the sphere's lowest on that axis.
     fn corner_mask(&self) -> usize;
 }
 
@@ -55,10 +55,10 @@ impl<K: RadixKey> CellMember for KeyedSphere<K> {
     }
 }
 
-/// The start of each class among the spheres of a cell, and the end of the last one.
+/// The start of each corner mask among the spheres of a cell, and the end of the last one.
 type Starts = [u32; MASKS + 1];
 
-/// The start of each class among entries sorted by class, of which the first is at `from`.
+/// Computes the start of each corner mask among entries sorted by it, of which the first is at `from`.
 fn starts(run: &[impl CellMember], from: usize) -> Starts {
     let mut starts = [from as u32; MASKS + 1];
     for entry in run {
@@ -70,7 +70,7 @@ fn starts(run: &[impl CellMember], from: usize) -> Starts {
     starts
 }
 
-/// Returns `true` if classes make any pair of these the cell's own.
+/// Returns `true` if any pair of these spheres belongs to the cell.
 pub(crate) fn owns_pairs(run: &[impl CellMember]) -> bool {
     run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.corner_mask()) == MASKS - 1
 }
@@ -79,7 +79,7 @@ fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
     starts[first] as usize..starts[end] as usize
 }
 
-/// Small cells, gathered so that their spheres are fetched together and compared in one go.
+/// Small cells whose spheres are gathered and compared together.
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     ids: Vec<u32>,
@@ -88,7 +88,7 @@ pub(crate) struct Batch {
 }
 
 impl Batch {
-    /// Adds the entries of one cell, sorted by class.
+    /// Adds the entries of one cell, sorted by corner mask.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -101,13 +101,13 @@ impl Batch {
         Ok(())
     }
 
-    /// The most bytes held where no more than `entries` are gathered: ids, columns, and the classes of cells of two, for
-    /// which room is doubled.
+    /// The most bytes held if at most `entries` are gathered: ids, columns, and the starts of cells of two, whose capacity is
+    /// doubled.
     pub(crate) fn memory_for(entries: u64) -> u64 {
         with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
 
-    /// The number of spheres that wait.
+    /// The number of gathered spheres.
     pub(crate) fn len(&self) -> usize {
         self.ids.len()
     }
@@ -155,8 +155,8 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
     }
 }
 
-/// A crowded cell, whose comparisons are cut into rows of tiles. Each row's spheres are fetched for it alone, so that
-/// no more of them are held than a row has, however many are in the cell.
+/// An overfull cell, whose comparisons are divided into rows of tiles. Spheres are gathered per row, so that memory does not grow
+/// with the number of spheres in the cell.
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCell {
     rows: Vec<TileRow>,
@@ -176,7 +176,7 @@ impl OverfullCell {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
 
-    /// Compares inside one cell, whose entries are sorted by class.
+    /// Compares inside one cell, whose entries are sorted by corner mask.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -196,7 +196,7 @@ impl OverfullCell {
     }
 
     /// Compares the spheres `large` of one cell with each other and with its other spheres `small`; the entries of
-    /// both are sorted by class.
+    /// both are sorted by corner mask.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -214,7 +214,7 @@ impl OverfullCell {
         self.search(input, id, (output, sink))
     }
 
-    /// Adds rows for every class of `of` with its partners among those of `with`.
+    /// Adds rows for every corner mask of `of` with its partners among `with`.
     fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[MaskRange]; MASKS]) -> Result<(), Error> {
         for (corner_mask, partners) in partners.iter().enumerate() {
             for &partners in *partners {
@@ -234,7 +234,7 @@ impl OverfullCell {
         Ok(())
     }
 
-    /// Compares the rows; `id` tells the sphere at a place in the cell.
+    /// Compares the rows; `id` returns the sphere at a position in the cell.
     fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -258,7 +258,7 @@ impl OverfullCell {
 }
 
 impl TileRow {
-    /// Fetches the row's spheres; returns where they are in the columns.
+    /// Gathers the row's spheres; returns their ranges in the columns.
     fn gather(
         &self,
         columns: &mut Columns,
@@ -266,7 +266,7 @@ impl TileRow {
         id: impl Fn(usize) -> u32,
     ) -> Result<Self, Error> {
         let Self { of, with } = self;
-        // From here on those compared with follow in the columns, whether they do in the cell or not.
+        // In the columns, the spheres to compare with follow the row's own.
         let rest = with.start.max(of.end)..with.end.max(of.end);
         let (own, fetched) = (of.len(), of.len() + rest.len());
         let place = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
@@ -276,7 +276,7 @@ impl TileRow {
     }
 }
 
-/// Cuts a range into pieces of at most `size`.
+/// Divides a range into chunks of at most `size`.
 fn pieces(range: Range<usize>, size: usize) -> impl Iterator<Item = Range<usize>> {
     let end = range.end;
     range.step_by(size).map(move |from| from..end.min(from + size))
@@ -297,7 +297,7 @@ impl<S: Sink> SimdTask for TileTask<'_, S> {
         let Self { columns, test, row, sink } = self;
         for tile in pieces(row.with.clone(), TILE) {
             for at in row.of.clone() {
-                // Spheres of one class meet among themselves: each only those later than itself.
+                // Spheres of one corner mask are compared with later ones only.
                 let run = tile.start.max(at + 1)..tile.end;
                 if !run.is_empty() {
                     scan(vector, (columns, test), at, run, sink);

@@ -1,4 +1,4 @@
-//! An array of (cell, sphere) entries, one for every cell that a sphere overlaps, sorted by cell and class.
+//! An array of (cell, sphere) entries, one for every cell that a sphere overlaps, sorted by cell and corner mask.
 
 use glam::UVec3;
 
@@ -11,9 +11,9 @@ use crate::memory::{try_reserve, try_resize};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
 
-/// Spheres per piece of the passes that count and write entries.
+/// Spheres per chunk of the passes that count and write entries.
 const CHUNK_SPHERES: usize = 1 << 14;
-/// Low bits of a key that hold the class; those above number the cell.
+/// The number of low bits of a key for the corner mask; the higher bits are the cell.
 pub(crate) const MASK_BITS: u32 = 3;
 
 impl<K: RadixKey> KeyedSphere<K> {
@@ -23,8 +23,7 @@ impl<K: RadixKey> KeyedSphere<K> {
     }
 }
 
-/// How a cell's coordinates are packed into a key: counted from the lowest cell, in as many bits as the highest
-/// needs.
+/// The bits of a key: a cell's coordinates relative to the lowest cell, each with as many bits as the highest needs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KeyLayout {
     low: UVec3,
@@ -32,13 +31,13 @@ pub(crate) struct KeyLayout {
 }
 
 impl KeyLayout {
-    /// For cells in `low..=high`.
+    /// Creates the layout for cells in `low..=high`.
     pub(crate) fn new(low: UVec3, high: UVec3) -> Self {
         let bits = (high - low).to_array().map(|extent| u32::BITS - extent.leading_zeros());
         Self { low, bits: bits.into() }
     }
 
-    /// Bits of a key, those of the class included.
+    /// The bits of a key, including the corner mask.
     pub(crate) fn bits(&self) -> u32 {
         self.bits.element_sum() + MASK_BITS
     }
@@ -72,13 +71,13 @@ pub(crate) struct Entries {
     pub(crate) grid: UniformGrid,
     layout: KeyLayout,
     offsets: Vec<usize>,
-    /// Where keys fit 32 bits, as they do unless the space is wide and the cells small.
+    /// The entries if keys fit 32 bits: unless space has very many cells.
     narrow: Radix<u32>,
-    /// Where they do not; three coordinates of 32 bits always fit these.
+    /// The entries otherwise; three coordinates of 32 bits always fit.
     wide: Radix<u128>,
 }
 
-/// Work on entries whose keys have either width.
+/// Work on entries with keys of either width.
 pub(crate) trait Visit {
     type Result;
     fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], layout: KeyLayout) -> Self::Result;
@@ -108,7 +107,7 @@ impl Entries {
         let (mut grid, mut most) =
             (UniformGrid::new(stats, ratio, input.test.lengths()), most_entries(n, ratio));
         let Self { layout, offsets, narrow, wide, .. } = self;
-        // At the second try the grid is where it has the fewest entries.
+        // At the second try the grid is shifted to have the fewest entries.
         while !report.time("map", || {
             if n > 0 {
                 let (low, high) = grid.bounds_of(stats.min, stats.max, stats.largest_radius());
@@ -138,7 +137,7 @@ impl Entries {
         Ok(())
     }
 
-    /// The entries, at the width they have.
+    /// Calls `visitor` with the entries at their width.
     pub(crate) fn visit<V: Visit>(&self, visitor: V) -> V::Result {
         match self.layout.is_narrow() {
             true => visitor.visit(&self.narrow.entries, self.layout),
@@ -147,19 +146,18 @@ impl Entries {
     }
 }
 
-/// Bytes per entry whose key is narrow, as it is but for spaces of more than 2²⁹ cells; a wide one takes four times as
-/// much.
+/// Bytes per entry with a narrow key, which suffices for spaces of up to 2²⁹ cells. A wide entry takes four times as much.
 pub(crate) const ENTRY: u64 = Radix::<u32>::BYTES_PER_ENTRY;
 
-/// How many entries `spheres` spheres have at most, where the grid is shifted when it would be more. A twentieth more
-/// than the bound, since chance is no reason to look for another place; most of small numbers is chance.
+/// The number of entries of `spheres` spheres above which the grid is shifted: 5 % and 64 more than the bound on the mean, so that
+/// chance alone shifts no grid.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
-/// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th
-/// covers, the most that its classes can have, and its id; if there are many it is asked twice, to count first.
-/// `place` tells the cell from one that is covered. If there are more than `most`, says `false` and holds none.
+/// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` returns the cells of the `k`-th
+/// sphere, a mask for its corner masks, and its id; for many spheres it is called twice, first to count. `place` wraps a
+/// cell. Returns `false`, without entries, if there are more than `most`.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -209,7 +207,7 @@ pub(crate) fn fill<K: RadixKey>(
     Ok(true)
 }
 
-/// Turns the lengths of pieces into their ends; returns the last.
+/// Replaces lengths by ends; returns the last end.
 pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     lengths.iter_mut().fold(0, |total, length| {
         *length += total;
@@ -217,8 +215,7 @@ pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     })
 }
 
-/// Where the run of entries of one cell that starts at `from` ends: galloping, since most runs are short, then a
-/// binary search.
+/// The end of the run of entries of one cell that starts at `from`: by exponential search, since most runs are short.
 #[inline]
 pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();
@@ -231,7 +228,7 @@ pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> u
     last + window.partition_point(|entry| entry.cell() == cell)
 }
 
-/// The entries of the cells that start in piece `piece` of `size` entries each.
+/// The entries of the cells that start in chunk `piece` of `size` entries.
 pub(crate) fn cells_of_piece<K: RadixKey>(
     entries: &[KeyedSphere<K>],
     piece: usize,

@@ -1,5 +1,5 @@
-//! The paper's HashGrid: a hash table with separate chaining, in which every sphere hangs under every cell it
-//! overlaps. Only occupied cells cost memory; cells of one hash share a chain and are told apart by coordinates.
+//! The paper's HashGrid: a hash table with separate chaining, with an entry for every cell that a
+//! sphere overlaps. Only occupied cells cost memory; cells of equal hash share a chain and are distinguished by coordinates.
 
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
@@ -18,9 +18,9 @@ use crate::input::{SearchInput, search_pieces};
 use crate::memory::{try_push, try_resize, with_growth};
 use crate::report::Report;
 
-/// Spheres per piece of the passes that count and insert.
+/// Spheres per chunk of the passes that count and insert.
 const CHUNK_SPHERES: usize = 1 << 14;
-/// Chains per piece of the search.
+/// Chains per chunk of the search.
 const CHUNK_CHAINS: usize = 1 << 11;
 /// Spheres gathered before they are compared.
 const BATCH_SPHERES: usize = 1 << 11;
@@ -100,7 +100,8 @@ impl HashGrid {
         })
     }
 
-    /// Counts entries, piece by piece, in a grid where they are few, of cells large enough that 32 bits number them.
+    /// Counts the entries of each chunk. Shifts the grid if there are too many, and doubles its cells until 32 bits number the
+    /// entries.
     fn count<const PERIODIC: bool>(&mut self, input: &SearchInput<'_>) -> Result<UniformGrid, Error> {
         let (n, ratio, lengths) = (input.stats.spheres, input.settings.cell_ratio, input.test.lengths());
         let mut grid = UniformGrid::new(&input.stats, ratio, lengths);
@@ -125,7 +126,7 @@ impl HashGrid {
         }
     }
 
-    /// Hangs every entry at the head of its chain; threads swap heads without locks.
+    /// Inserts every entry at the head of its chain; threads swap heads without locks.
     fn insert<const PERIODIC: bool>(
         &mut self,
         input: &SearchInput<'_>,
@@ -194,7 +195,7 @@ impl HashGrid {
         Ok(sink)
     }
 
-    /// Gathers a chain, ordered by cell, class and sphere: the order in which threads inserted must not show.
+    /// Gathers a chain, ordered by cell, corner mask and sphere, so that the order of insertion does not matter.
     fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
@@ -209,7 +210,7 @@ impl HashGrid {
         Ok(())
     }
 
-    /// The most bytes held for `spheres` spheres: the table, one chain of all, and what is gathered.
+    /// The most bytes held for `spheres` spheres: the table, one chain of all entries, and gathered spheres.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let table = entries.next_power_of_two() * size_of::<u32>() as u64;
@@ -230,12 +231,12 @@ fn cover<const PERIODIC: bool>(input: &SearchInput<'_>, grid: &UniformGrid, id: 
     grid.cover::<PERIODIC>(center, radius)
 }
 
-/// How far a 64-bit hash is moved down to number `chains` chains, a power of two and at least 2.
+/// The right shift of a 64-bit hash that numbers `chains` chains, a power of two and at least 2.
 fn shift(chains: usize) -> u32 {
     u64::BITS - chains.trailing_zeros()
 }
 
-/// The chain of a cell: multiplications by odd constants, of which the upper bits are well mixed.
+/// The chain of a cell: multiplications by odd constants, whose upper bits are well mixed.
 #[inline(always)]
 fn chain_of(cell: UVec3, shift: u32) -> usize {
     let [x, y, z] = cell.to_array().map(u64::from);

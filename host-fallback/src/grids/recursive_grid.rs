@@ -1,15 +1,15 @@
-//! The paper's RecursiveGrid: a grid for the largest spheres, whose crowded cells are split for the smaller ones.
+//! The paper's RecursiveGrid: a grid for the largest spheres, whose overfull cells are split for the smaller ones.
 //!
-//! The top grid is an [`ArrayGrid`](crate::array_grid)'s. In each cell, pairs with a large sphere, one that no
+//! The top grid is an [`ArrayGrid`](super::ArrayGrid)'s. In each cell, pairs with a large sphere, one that no
 //! finer grid suits, are found among all its spheres. Where more than τ smaller spheres remain, the cell is split
 //! into a finer grid, else they are compared with each other. Finer cells are a power of two smaller and nest in
-//! the cell they split, so that a pair's own cell lies in its own coarser cell: what is refined are the cell's
-//! entries, and a finer entry's class has a bit only where the coarser one had it.
+//! the cell they split, so that a pair's own cell lies in its own coarser cell. A split refines the cell's entries, and the
+//! corner mask of a finer entry has only bits of the coarser one.
 //!
-//! A split goes straight to the size that the largest remaining sphere asks for, or, where spheres are few, to cells
-//! that hold a handful. It must separate the centres: where it cannot, because spheres as large as the extent of all
-//! remain, those count as large in this very cell. So every step halves the largest remaining size or the extent of
-//! the spheres in a cell, and a recursion ends after some tens of steps on any input.
+//! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells that hold a
+//! handful. It must separate the centers. If it cannot, because spheres as large as the extent of all remain, those count
+//! as large in this cell. So every step halves the largest remaining size or the extent of the spheres in a cell, and a
+//! recursion ends after some tens of steps on any input.
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
@@ -24,16 +24,16 @@ use crate::memory::{try_extend, try_reserve};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
 
-/// Entries per piece of work: their spheres' columns take 40 KiB.
+/// Entries per chunk of work: their spheres' columns take 40 KiB.
 const CHUNK_ENTRIES: usize = 1 << 11;
-/// Spheres per finer cell aimed at where the largest of them would allow smaller cells. Fewer mean more entries,
-/// more mean more comparisons.
+/// The target number of spheres per finer cell if their sizes allow smaller cells. Fewer mean more entries, more mean more
+/// comparisons.
 const PER_CELL: f64 = 16.0;
-/// Halvings of a cell in one split at most, so that 32 bits hold a finer cell's key.
+/// The most halvings of a cell in one split, so that 32 bits hold a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
-/// Finer cells at most from the origin to a coordinate: boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, and by
-/// no more than an eighth of a cell with it. Coordinates that differ are 2²² such cells apart, so that on an axis with so
-/// many all spheres of a cell agree, and it need not be split any further.
+/// The most finer cells from the origin to a coordinate. Boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, which is then
+/// at most an eighth of a cell. Different coordinates are 2²² such cells apart, so that on an axis with this many cells all
+/// spheres of a cell agree, and it need not be split further.
 const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 
 /// The structure and its buffers, which survive between calls.
@@ -43,7 +43,7 @@ pub(crate) struct RecursiveGrid {
     workspaces: Workspaces<Workspace>,
 }
 
-/// Buffers for one cell after the other.
+/// Buffers for one cell at a time.
 #[derive(Debug, Default)]
 struct Workspace {
     batch: Batch,
@@ -51,7 +51,7 @@ struct Workspace {
     split: CellSplit,
 }
 
-/// The spheres of a crowded cell, both kinds sorted by class, and the finer entries of the small ones.
+/// The spheres of an overfull cell, large and small ones each sorted by corner mask, and the finer entries of the small ones.
 #[derive(Debug, Default)]
 struct CellSplit {
     large: Vec<Member>,
@@ -60,7 +60,7 @@ struct CellSplit {
     offsets: Vec<usize>,
 }
 
-/// A sphere of a crowded cell.
+/// A sphere of an overfull cell.
 #[derive(Clone, Copy, Debug)]
 struct Member {
     center: Vec3,
@@ -80,7 +80,7 @@ impl CellMember for Member {
 }
 
 impl CellSplit {
-    /// Starts with the spheres of a run, all of them small.
+    /// Starts with the spheres of a run, all as small ones.
     fn start(&mut self, input: &SearchInput<'_>, run: &[impl CellMember]) -> Result<(), Error> {
         self.small.clear();
         let members = run.iter().map(|entry| {
@@ -90,7 +90,7 @@ impl CellSplit {
         try_extend(&mut self.small, members, "spheres of a crowded cell")
     }
 
-    /// Moves those with a radius above `limit` out of the small ones.
+    /// Moves small spheres with a radius above `limit` to the large ones.
     fn separate_large(&mut self, limit: f64) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         large.clear();
@@ -105,11 +105,11 @@ impl CellSplit {
         Ok(())
     }
 
-    /// Makes them all large.
+    /// Moves all spheres to the large ones.
     fn merge_large(&mut self) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         let joined = !large.is_empty();
-        // The small ones were all once, so that there is room.
+        // All spheres were small ones, so that the capacity suffices.
         try_extend(small, large.drain(..), "spheres of a crowded cell")?;
         std::mem::swap(large, small);
         if joined {
@@ -118,7 +118,7 @@ impl CellSplit {
         Ok(())
     }
 
-    /// Where the small spheres lie, seen from this cell.
+    /// The extent of the small spheres relative to this cell.
     fn extent<const PERIODIC: bool>(&self, grid: &UniformGrid, cell: &NestedCell) -> Extent {
         let radius = self.small.iter().fold(0.0_f32, |radius, member| radius.max(member.radius));
         if PERIODIC {
@@ -142,41 +142,41 @@ impl CellSplit {
     }
 }
 
-/// Where some spheres lie.
+/// The extent of some spheres.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     /// Corners of a box around them, in cells of the top grid.
     low: DVec3,
     high: DVec3,
-    /// How far apart their centres lie along any axis.
+    /// The largest extent of their centers along an axis.
     wide: f64,
     /// The largest of their radii.
     radius: f32,
 }
 
-/// What to do with the small spheres of a crowded cell.
+/// The treatment of the small spheres of an overfull cell.
 enum SplitDecision {
     /// Split the cell into this many parts per axis, a power of two.
     Split(f64),
-    /// Compare those of a radius above this with all, and look again.
+    /// Compare spheres with a radius above this with all, then decide again.
     CompareLarge(f64),
-    /// Compare all with each other: no finer grid tells them apart.
+    /// Compare all with each other: no finer grid separates them.
     BruteForce,
 }
 
-/// A cell of some level: how to get from cells of the top grid to cells of its own size, counted from its corner.
+/// A cell of some level, with the map from cells of the top grid to cells of its own size, relative to its corner.
 #[derive(Clone, Copy, Debug)]
 struct NestedCell {
     /// The top cell.
     top: DVec3,
-    /// How many cells of this size a top cell has per axis, a power of two.
+    /// The number of cells of this size per axis in a top cell, a power of two.
     fineness: f64,
-    /// The same, but zero on an axis on which all spheres of the top cell have one coordinate, or which is a ring of
-    /// one cell.
+    /// `fineness`, but zero on an axis on which all spheres of the top cell have one coordinate, or which is a ring of one
+    /// cell.
     scale: DVec3,
-    /// This cell, counted from the top cell's corner.
+    /// This cell, relative to the top cell's corner.
     corner: DVec3,
-    /// How many top cells a coordinate in here is from the origin at most, or a ring has.
+    /// The most top cells between the origin and a coordinate in this cell, or in a ring.
     away: DVec3,
 }
 
@@ -188,25 +188,25 @@ impl NestedCell {
         Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: grid.away(top) }
     }
 
-    /// One of the cells that this one is split into, `parts` per axis.
+    /// One of the `parts` finer cells per axis.
     fn finer(&self, parts: f64, at: DVec3) -> Self {
         let (fineness, scale) = (self.fineness * parts, self.scale * parts);
         Self { fineness, scale, corner: self.corner * parts + at, ..*self }
     }
 
-    /// How often cells can be halved along each axis.
+    /// The number of possible halvings along each axis.
     fn halvings(&self) -> DVec3 {
         (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
     }
 
-    /// The axes along which it can be split, and how often at most along all of them.
+    /// The axes along which the cell can be split, and the number of halvings possible along all of them.
     fn divisible(&self) -> (BVec3, f64) {
         let halvings = self.halvings();
         let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
         (axes, DVec3::select(axes, halvings, DVec3::INFINITY).min_element())
     }
 
-    /// The same cell, whole along the axes that are not to be split any more.
+    /// Restricts further splits to `axes`.
     fn along(&self, axes: BVec3) -> Self {
         Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
     }
@@ -218,16 +218,16 @@ impl NestedCell {
         if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
     }
 
-    /// In which of the `parts` finer cells per axis a coordinate of the top grid lies; the first or the last where
-    /// it lies outside this cell.
+    /// The finer cell, of `parts` per axis, of a coordinate of the top grid; the first or the last if the coordinate is outside
+    /// this cell.
     ///
-    /// This is monotone, so that the larger of two lower bounds never lies above either upper bound; and a
-    /// coordinate keeps its place when the cell is split again, since all but the first subtraction are exact inside
+    /// The map is monotone, so that the larger of two lower bounds never lies above either upper bound; and a
+    /// coordinate keeps its cell when the cell is split again, since all but the first subtraction are exact inside
     /// the cell.
     #[inline(always)]
     fn part(&self, at: DVec3, parts: f64) -> DVec3 {
         let at = ((at - self.top) * self.scale - self.corner) * parts;
-        // Not `floor`, which is a call where the target lacks it.
+        // `floor` may be a function call.
         at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as i64 as f64)
     }
 }
@@ -256,12 +256,12 @@ impl RecursiveGrid {
         }
     }
 
-    /// The most bytes held for `spheres` spheres whose keys are narrow and of which no crowd lies in another: the top
-    /// grid, one crowd of all that is split, and what is gathered.
+    /// The most bytes held for `spheres` spheres whose keys are narrow and without overfull cells inside others: the
+    /// top grid, one split cell of all spheres, and gathered spheres.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = 2 * threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
-        // Finer cells may be no wider than the spheres in them.
+        // Finer cells may be as small as the spheres in them.
         let split = spheres * (size_of::<Member>() as u64 + 8 * ENTRY);
         entries * ENTRY + split + batches + OverfullCell::memory_for(spheres, threads)
     }
@@ -286,7 +286,7 @@ impl<'o, O: Output, const PERIODIC: bool> Visit for Search<'_, 'o, O, PERIODIC> 
 }
 
 impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
-    /// Finds the pairs of all cells of one grid; `cell` tells a cell from a key.
+    /// Finds the pairs of all cells of one grid; `cell` returns the cell of a key.
     fn level<K: RadixKey>(
         &self,
         entries: &[KeyedSphere<K>],
@@ -300,7 +300,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         };
         match entries.len().div_ceil(CHUNK_ENTRIES) {
             0 | 1 if sink.stopped() => Ok(sink),
-            // Without a task: most cells that are split hold little.
+            // Most split cells hold too little for a task.
             pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece)?.checked(),
             pieces => sink.merge(search_pieces((self.output, self.input), (pieces, usize::MAX), piece)?),
         }
@@ -337,7 +337,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         self.input.settings.tau as usize
     }
 
-    /// Finds the pairs of the cell whose many spheres are the small ones in the workspace.
+    /// Finds the pairs of an overfull cell, whose spheres are the small ones in the workspace.
     fn crowded(
         &self,
         cell: NestedCell,
@@ -380,7 +380,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         let CellSplit { small, finer, offsets, .. } = split;
         let cell = &cell.along(cell.divisible().0);
         let grid = &self.grid.entries.grid;
-        // One cell more on either side, for what rounding may do.
+        // One more cell on either side covers rounding.
         let first = cell.part(extent.low, parts) - 1.0;
         let last = cell.part(extent.high, parts) + 1.0;
         let layout = KeyLayout::new(UVec3::ZERO, (last - first).as_uvec3());
@@ -398,11 +398,11 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
     }
 }
 
-/// Decides by the number, the extent and the sizes of the small spheres in a cell of this edge.
+/// Decides by the number, the extent and the sizes of the small spheres in a cell of this size.
 fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> SplitDecision {
     let wide = extent.wide;
-    // Centres of a cell's small spheres lie within an edge and a half; farther ones are here by rounding, and no split
-    // parts them.
+    // Centers of a cell's small spheres lie within one and a half cell sizes. Others are here by rounding, and no split
+    // separates them.
     if wide == 0.0 || wide > 2.0 * cell_size {
         return SplitDecision::BruteForce;
     }

@@ -1,16 +1,17 @@
-//! Which cells of an unbounded grid a sphere overlaps: the geometry of the paper's grids.
+//! The cells of an unbounded or periodic grid that a sphere overlaps: the geometry of the paper's grids.
+//!
+//! # Correctness
 //!
 //! A pair can share several cells. The one that reports it has, on each axis, the larger of the two spheres' lowest
-//! cells. Every (cell, sphere) entry therefore carries a class: one bit per axis, set where the cell is the sphere's
-//! lowest on that axis. Two spheres of a cell are that cell's own pair exactly if their classes have all three bits
-//! between them, so no pair is compared twice, let alone reported twice.
+//! cells. Every (cell, sphere) entry therefore carries a corner mask: one bit per axis, set if the cell is the
+//! sphere's lowest on that axis. Two spheres of a cell are that cell's own pair exactly if their masks together have all
+//! three bits. So no pair is compared twice.
 //!
-//! A periodic axis is a ring of cells. There "the larger of the lowest" has no meaning, but the rule of the classes
-//! has: a cell owns a pair if on every axis one of the two begins in it and the other lies in it too. Spheres of `a`
-//! and `b` cells have one such cell where they share any, since two would mean that each begins inside the other, so
+//! A periodic axis is a ring of cells. There "the larger of the lowest" has no meaning, but corner masks have: a cell owns a pair if on every axis one of the two begins in it and the other lies in it too. Spheres of `a`
+//! and `b` cells have one such cell if they share any, since two would mean that each begins inside the other, so
 //! that together they go all the way round: with `a + b − 2` cells at least. A ring therefore has 3 cells or more for
 //! spheres of at most 2, and 5 or more for those of 3; else it is one cell, in which all begin. For the same reason
-//! two spheres share one stretch of the ring only, so that inside it they can be treated as on a line.
+//! two spheres share one arc of the ring only, so that inside it they can be treated as on a line.
 
 use std::convert::Infallible;
 
@@ -20,13 +21,13 @@ use crate::executor::Executor;
 use crate::input::InputStats;
 use crate::math::floor;
 
-/// The class of an entry whose cell is the sphere's lowest on every axis.
+/// The corner mask of an entry whose cell is the sphere's lowest on every axis.
 pub(crate) const ALL_AXES: u8 = 0b111;
-/// Cells on either side of the origin that are counted. Farther out, different `f32` coordinates lie at least eight
-/// cells apart and no sphere is larger than two, so only equal coordinates can meet: those cells are named by the
+/// The largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight cells apart
+/// and no sphere is larger than two, so only equal coordinates can touch: the number of such a far cell follows from the
 /// bits of the coordinate.
 const MAX_INTEGER_CELL: u32 = 1 << 27;
-/// Room between the counted cells and the named ones: spheres near the limit reach two cells beyond it.
+/// Unused numbers before the far cells: spheres near the limit overlap two cells beyond it.
 const FAR_GAP: u32 = 16;
 /// The number of the first cell at or above coordinate 0.
 const MIDDLE: u32 = 1 << 31;
@@ -34,25 +35,25 @@ const MIDDLE: u32 = 1 << 31;
 const WIDER: f64 = 1.0 + 1e-9;
 /// The largest error of a coordinate by rounding, relative to it: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
-/// Cells are this much larger than asked for, so that a widened sphere of one cell's diameter never spans three.
+/// The factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans three.
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
-/// Cells on a ring at most, so that rounding, some units in the last place of its length, is less than [`CELL_SLACK`].
+/// The most cells on a ring, so that rounding, some units in the last place of its length, is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
-/// Points per cell aimed at where no sphere has a size.
+/// The target number of points per cell if all radii are zero.
 const POINTS_PER_CELL: f64 = 4.0;
-/// Places per axis at most that a grid is shifted to.
+/// The most shifts per axis that are tried.
 const MAX_SHIFTS: usize = 4;
-/// Spheres per piece of the pass that chooses one.
+/// Spheres per chunk of the pass that chooses a shift.
 const CHUNK_SPHERES: usize = 1 << 14;
 
-/// Cells of one edge all over space, numbered per axis in ascending order.
+/// Cells of one size all over space, numbered per axis in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UniformGrid {
     cell_size: f64,
     per_length: f64,
-    /// Cells by which everything is moved before it is counted, below 1; for rings it is in their origin.
+    /// The shift of all coordinates in cells, below 1. For rings their origin includes it.
     shift: DVec3,
-    /// The bits of the first coordinate whose cell is named, not counted.
+    /// The bits of the first coordinate in a far cell.
     first_far: u32,
     periodic: PeriodicAxes,
 }
@@ -60,18 +61,18 @@ pub(crate) struct UniformGrid {
 /// The periodic axes of a grid. Cells of a ring are numbered from 0, at minus half a length.
 #[derive(Clone, Debug, Default)]
 struct PeriodicAxes {
-    /// Cells per axis; 0 where it is unbounded.
+    /// Cells per axis; 0 for an unbounded axis.
     count: UVec3,
     /// Cells per unit length.
     per_length: DVec3,
     /// The cell coordinate of the origin.
     origin: DVec3,
-    /// The length of each axis, as the magnitude that rounding follows; 0 where it is unbounded.
+    /// The length of each axis, by which its rounding is bounded; 0 for an unbounded axis.
     lengths: DVec3,
 }
 
 impl PeriodicAxes {
-    /// Rings of cells no smaller than `edge`, or else than `diameter`, for spheres up to that diameter.
+    /// Creates rings of cells no smaller than `cell_size`, or else than `diameter`, for spheres up to that diameter.
     fn new(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let (per_length, zero) = (DVec3::splat(cell_size.recip()), DVec3::ZERO);
         let mut periodic = Self { count: UVec3::ZERO, per_length, origin: zero, lengths: zero };
@@ -96,7 +97,7 @@ impl PeriodicAxes {
 }
 
 impl UniformGrid {
-    /// Cells of `ratio` × the largest diameter, or by density where all radii are zero.
+    /// Creates cells of `ratio` × the largest diameter, or by density if all radii are zero.
     pub(crate) fn new(stats: &InputStats, ratio: f32, lengths: [Option<f32>; 3]) -> Self {
         let diameter = 2.0 * f64::from(stats.largest_radius());
         let cell_size = match diameter > 0.0 {
@@ -109,12 +110,12 @@ impl UniformGrid {
         Self::of_size(cell_size * CELL_SLACK, diameter, lengths)
     }
 
-    /// The same with cells of twice the edge.
+    /// Returns the grid with cells of twice the size.
     pub(crate) fn coarser(&self, lengths: [Option<f32>; 3]) -> Self {
         Self::of_size(2.0 * self.cell_size, f64::INFINITY, lengths)
     }
 
-    /// Subnormal edges are raised: so the names of far cells and the numbers of the others fit 32 bits together.
+    /// Creates cells of this size. Subnormal sizes are raised, so that 32 bits number all cells.
     fn of_size(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let cell_size = cell_size.max(f64::from(f32::MIN_POSITIVE));
         let limit = (cell_size * f64::from(MAX_INTEGER_CELL)) as f32;
@@ -123,23 +124,21 @@ impl UniformGrid {
         Self { cell_size, per_length, shift: DVec3::ZERO, first_far, periodic }
     }
 
-    /// How many places per axis the grid can be shifted to so that a sphere lies across a boundary at one of them at
-    /// most.
+    /// The number of shifts per axis, of which at most one places a given sphere across a cell boundary.
     fn places(ratio: f32) -> usize {
         (ratio as usize).clamp(1, MAX_SHIFTS)
     }
 
-    /// How many cells a sphere overlaps at most in the mean, in a grid of this `ratio` that is
-    /// [shifted](Self::shifted) where it would be more.
+    /// The largest mean number of cells per sphere in a grid of this `ratio` that is [shifted](Self::shifted) if it has more.
     ///
-    /// At each of *p* places per axis a sphere overlaps one cell along that axis, but two at one of the places. In the
-    /// mean over all *p*³ places it overlaps (1 + 1/*p*)³, so that at the best of them all spheres do in the mean.
+    /// At each of *p* shifts per axis a sphere overlaps one cell along that axis, except at one of the shifts, where it overlaps
+    /// two. On average over all *p*³ shifts it overlaps (1 + 1/*p*)³ cells, so at the best shift the mean is no larger.
     pub(crate) fn most_cells(ratio: f32) -> f64 {
         let places = Self::places(ratio) as f64;
         if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
     }
 
-    /// The same grid, shifted to where `n` spheres overlap the fewest cells.
+    /// Returns the grid with the shift at which `n` spheres overlap the fewest cells.
     pub(crate) fn shifted<const PERIODIC: bool>(
         mut self,
         ratio: f32,
@@ -147,7 +146,7 @@ impl UniformGrid {
         (n, executor): (usize, Executor),
     ) -> Self {
         let places = Self::places(ratio);
-        // By axis the place at which the sphere lies across a boundary, or the last entry for none.
+        // For an axis, the shift at which the sphere crosses a cell boundary; `MAX_SHIFTS` without one.
         let at = |low: f64, high: f64| {
             let (low, high) = (floor(low * places as f64), floor(high * places as f64));
             if low == high { MAX_SHIFTS } else { (-high).rem_euclid(places as i64) as usize }
@@ -187,7 +186,7 @@ impl UniformGrid {
         self
     }
 
-    /// The edge of a cell; the smallest if there are several, besides those that are a whole ring.
+    /// The size of a cell: the smallest over all axes, except rings of one cell.
     pub(crate) fn cell_size(&self) -> f64 {
         let PeriodicAxes { count, per_length, lengths, .. } = &self.periodic;
         if count.to_array() == [1; 3] {
@@ -212,11 +211,11 @@ impl UniformGrid {
         ((center - reach) * self.per_length + self.shift, (center + reach) * self.per_length + self.shift)
     }
 
-    /// The cells a sphere overlaps. On a ring they may count on behind its end; see [`wrap`](Self::wrap).
+    /// The cells that a sphere overlaps. On a ring their numbers may exceed its end; see [`wrap`](Self::wrap).
     #[inline(always)]
     pub(crate) fn cover<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> CellBox {
         let (low, high) = self.bounds::<PERIODIC>(center, radius);
-        // Rounding down after the addition: the cast alone does it. (A `floor` is a call where the target lacks one.)
+        // After the addition the cast rounds down. `floor` may be a function call.
         let counted = |at: DVec3| (at + f64::from(MIDDLE)).as_uvec3();
         let mut cover = CellBox { low: counted(low), high: counted(high) };
         let far = self.is_far(center);
@@ -246,7 +245,7 @@ impl UniformGrid {
         cover
     }
 
-    /// The cell itself, where its number counts on behind the end of a ring.
+    /// Wraps a cell number that exceeds the end of a ring.
     #[inline(always)]
     pub(crate) fn wrap<const PERIODIC: bool>(&self, mut cell: UVec3) -> UVec3 {
         if PERIODIC {
@@ -258,7 +257,7 @@ impl UniformGrid {
         cell
     }
 
-    /// The lowest and the highest cell of any sphere up to `largest` with its centre between these corners.
+    /// The lowest and the highest cell of any sphere up to `largest` with its center between these corners.
     pub(crate) fn bounds_of(&self, min: Vec3, max: Vec3, largest: f32) -> (UVec3, UVec3) {
         let (mut low, mut high) =
             (self.cover::<false>(min, largest).low, self.cover::<false>(max, largest).high);
@@ -270,23 +269,23 @@ impl UniformGrid {
         (low, high)
     }
 
-    /// How many cells a coordinate in this cell is from the origin at most; on a ring, at most how many cells that has.
+    /// The most cells between the origin and a coordinate in this cell; on a ring, its number of cells.
     pub(crate) fn away(&self, corner: DVec3) -> DVec3 {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }
 
-    /// The longest side of a box, from cells to the unit of length.
+    /// The longest side of a box, whose sides are given in cells, in the unit of length.
     pub(crate) fn widest(&self, sides: DVec3) -> f64 {
         (sides / self.periodic.per_length).max_element()
     }
 
-    /// Bounds of that image of a sphere in a cell which lies there; the corner of the cell is in cells.
+    /// The bounds of the image of a sphere that lies in the cell with this corner, in cells.
     #[inline(always)]
     pub(crate) fn image_at(&self, corner: DVec3, (mut low, mut high): (DVec3, DVec3)) -> (DVec3, DVec3) {
         for axis in 0..3 {
             let turn = f64::from(self.periodic.count[axis]);
             if turn > 1.0 {
-                // A sphere of a cell has its centre within half a ring of the cell's.
+                // A sphere of a cell has its center within half a ring of the cell's.
                 let away = corner[axis] + 0.5 - 0.5 * (low[axis] + high[axis]);
                 let turn = if away.abs() > 0.5 * turn { turn.copysign(away) } else { 0.0 };
                 (low[axis], high[axis]) = (low[axis] + turn, high[axis] + turn);
@@ -305,8 +304,8 @@ impl UniformGrid {
         if coordinate > 0.0 { MIDDLE + step } else { MIDDLE - step }
     }
 
-    /// The lower corner of a cell, in cells; `None` on an axis where it is named, so that all coordinates agree, or
-    /// where it is the whole ring.
+    /// The lower corner of a cell, in cells; `None` on an axis on which it is a far cell, whose coordinates all agree, or a
+    /// whole ring.
     pub(crate) fn corner(&self, cell: UVec3) -> [Option<f64>; 3] {
         [0, 1, 2].map(|axis| match (self.periodic.count[axis], cell[axis]) {
             (0, k) if k.abs_diff(MIDDLE) < MAX_INTEGER_CELL + FAR_GAP => {
@@ -326,14 +325,14 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// How many cells: at most 8 where the grid's edge is the largest diameter or more, 27 where it is half.
+    /// The number of cells: at most 8 if the cell size is at least the largest diameter, 27 if it is at least half of it.
     #[inline(always)]
     pub(crate) fn cells(self) -> usize {
         let size = self.high - self.low + 1;
         (size.x * size.y * size.z) as usize
     }
 
-    /// All cells with their classes.
+    /// Calls `take` for all cells with their corner masks.
     #[inline(always)]
     pub(crate) fn for_each(self, mut take: impl FnMut(UVec3, u8)) {
         let Self { low, high } = self;

@@ -1,16 +1,16 @@
-//! Buffers that are lent to whichever piece of work needs some, and survive between calls.
+//! A pool of buffers for concurrent chunks of work, which survive between calls.
 
 use std::sync::{Mutex, PoisonError};
 
 use crate::Error;
 use crate::memory::try_push;
 
-/// Buffers nobody uses at the moment. There are as many as were ever in use at once.
+/// The unused buffers. There are as many buffers as were ever in use at once.
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces<T>(Mutex<Vec<T>>);
 
 impl<T: Default> Workspaces<T> {
-    /// Lends one to `work`. Where that fails it does not come back, with whatever is half done in it.
+    /// Calls `work` with a buffer. If `work` fails, the buffer is dropped with its partial contents.
     ///
     /// # Errors
     /// The errors of `work`.

@@ -1,5 +1,5 @@
-//! The spheres of a query as a search takes them: checked, the second set after the first, and in a periodic space wrapped
-//! or in a frame. Both backends start here.
+//! Prepares a query for a search: checks it, appends the second set to the first, and wraps spheres into a periodic space or
+//! maps them to a frame. Both backends start here.
 
 use std::time::Instant;
 
@@ -12,29 +12,29 @@ use crate::frame::{BLOCK_SPHERES, Bounds, SearchFrame};
 use crate::memory::{try_collect, try_resize};
 use crate::{Error, InputError, PhaseTime, Settings};
 
-/// Spheres per piece of a copy.
+/// Spheres per chunk of a copy.
 const CHUNK_SPHERES: usize = 1 << 14;
 
-/// Buffers for spheres that cannot be searched where they are, and the last frame, reused from call to call.
+/// Buffers for spheres that cannot be searched in place, and the last frame. They are reused between calls.
 #[derive(Debug, Default)]
 pub struct QueryBuffers {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     frame: Option<SearchFrame>,
-    /// Half the largest distance of each species, and whether it ever pairs by touching.
+    /// Half the largest distance of each species, and whether it pairs with any species by contact.
     reaches: Vec<(f64, bool)>,
 }
 
-/// A query in place.
+/// A query that is ready for a search.
 #[derive(Debug)]
 pub struct PreparedQuery<'a> {
     /// The spheres of the first set, followed by those of the second, with their species if both sets have them.
     pub spheres: Spheres<'a>,
     /// The number of spheres of the first set if there are two.
     pub split: Option<usize>,
-    /// The frame of the spheres, whose radii then are the reaches of their species; `None` if they are as given.
+    /// The frame of the spheres, whose radii are then effective radii; `None` for spheres as given.
     pub frame: Option<&'a SearchFrame>,
-    /// The exact filter of what a search finds; `None` if touching is enough.
+    /// The exact filter after the search; `None` if contact decides.
     pub filter: Option<PairFilter<'a>>,
 }
 
@@ -50,9 +50,8 @@ impl PreparedQuery<'_> {
 }
 
 impl QueryBuffers {
-    /// Checks a query and puts its spheres in place. Whether spheres are valid is only checked if they need a frame.
-    /// `wraps` tells whether the spheres of an orthogonal periodic space are to be wrapped. The time of a copy is added to
-    /// `phases`.
+    /// Checks a query and prepares its spheres. Validity of spheres is checked only if they need a frame. `wraps` requests
+    /// wrapping into an orthogonal periodic space. The time of a copy is added to `phases`.
     ///
     /// # Errors
     /// [`Error::Input`] for too many spheres, species outside the table, exclusions made for other numbers of spheres, and
@@ -92,7 +91,7 @@ impl QueryBuffers {
         Ok(PreparedQuery { spheres, split, frame, filter })
     }
 
-    /// Finds the frame of a call.
+    /// Chooses the frame of a call.
     ///
     /// # Errors
     /// [`Error::Input`] for spheres that are not valid.
@@ -118,7 +117,7 @@ impl QueryBuffers {
         Ok(())
     }
 
-    /// Writes the spheres as they are searched in the frame.
+    /// Maps the spheres to the frame.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -143,7 +142,7 @@ impl QueryBuffers {
         Ok(())
     }
 
-    /// Writes both sets, wrapped into `space` if there is one.
+    /// Copies both sets, wrapped into `space` if one is given.
     fn copy(&mut self, query: &Query<'_>, space: Option<&Space>, executor: Executor) {
         let (first, second) = self.spheres.split_at_mut(query.first().len());
         copy(query.first(), space, first, executor);
@@ -182,17 +181,17 @@ fn check_query(
     query.check_each(|spheres| check_species(spheres, table, executor))
 }
 
-/// Refuses what a search refuses of a query.
+/// Checks a query as a search does.
 ///
 /// # Errors
-/// The errors of a search: [`InputError`].
+/// The [`InputError`] with which a search would refuse the query.
 pub fn check(query: &Query<'_>, table: Option<&Interactions>, executor: Executor) -> Result<(), InputError> {
     check_query(query, table, executor)?;
     query.check_exclusions()?;
     check_valid(query, executor)
 }
 
-/// Writes spheres, as their images nearest to the origin if a space is given.
+/// Copies spheres, wrapped into `space` if one is given.
 fn copy(spheres: Spheres<'_>, space: Option<&Space>, targets: &mut [Sphere], executor: Executor) {
     executor.for_each_chunk(targets, CHUNK_SPHERES, |piece, targets| {
         for (target, k) in targets.iter_mut().zip(piece * CHUNK_SPHERES..) {
@@ -202,7 +201,7 @@ fn copy(spheres: Spheres<'_>, space: Option<&Space>, targets: &mut [Sphere], exe
     });
 }
 
-/// Writes spheres as they are searched in a frame, with the reaches of their species as radii.
+/// Maps spheres to a frame, with effective radii by species.
 fn fill(
     (spheres, targets): (Spheres<'_>, &mut [Sphere]),
     frame: &SearchFrame,
@@ -221,7 +220,7 @@ fn fill(
                 for (numbers, &species) in block.iter_mut().zip(&species[from..]) {
                     let (half, touches) = reaches[species as usize];
                     let radius = numbers[3];
-                    // One that is not valid is left for the check to find.
+                    // The validity check finds other radii.
                     if (0.0..f64::INFINITY).contains(&radius) {
                         numbers[3] = if touches { half.max(radius) } else { half };
                     }

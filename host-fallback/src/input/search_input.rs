@@ -6,7 +6,7 @@ use crate::input::InputStats;
 use crate::input::{Grouping, SpeciesGroups};
 use crate::{Error, Settings, Simd};
 
-/// The input of a search: spheres that were checked and surveyed.
+/// The input of a search: checked spheres, their statistics and the settings.
 pub(crate) struct SearchInput<'a> {
     pub(crate) test: PairTest<'a>,
     pub(crate) stats: InputStats,
@@ -19,7 +19,7 @@ pub(crate) struct SearchInput<'a> {
 
 #[cfg(test)]
 impl<'a> SearchInput<'a> {
-    /// Surveys the spheres of a rule, all of one set.
+    /// Measures the spheres of a test, all of one set.
     pub(crate) fn surveyed(test: PairTest<'a>, settings: &'a Settings) -> Self {
         let stats = InputStats::of(&test, Executor::Pool).expect("all are valid");
         Self { test, stats, settings, simd: Simd::detect(), executor: Executor::Pool, split: None }
@@ -27,18 +27,17 @@ impl<'a> SearchInput<'a> {
 }
 
 impl SearchInput<'_> {
-    /// Runs comparisons in the vector code of the settings, between nearest images in a periodic space.
+    /// Runs comparisons in the SIMD code of the settings, between minimum images in a periodic space.
     pub(crate) fn run<T: SimdTask>(&self, task: T) -> T::Result {
         self.simd.run(task, self.test.periodic_box(self.stats.largest_radius()))
     }
 
-    /// Returns `true` if the caller wants the search to end; asked before each piece of work.
+    /// Returns `true` if the caller cancelled the search; read before each chunk of work.
     pub(crate) fn is_stopped(&self) -> bool {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
 
-    /// The groups of spheres: two sets, each divided by species. `species` says by which groups, and whether those that
-    /// pair are kept apart.
+    /// The groups of spheres: two sets, each divided by species. `species` has the groups, and whether they are kept apart.
     pub(crate) fn grouping<'g>(&'g self, species: Option<(&'g SpeciesGroups, bool)>) -> Grouping<'g> {
         let species = species.zip(self.test.spheres().species());
         let species = species.map(|((groups, is_separate), ids)| (groups.partition(is_separate), ids));
@@ -50,11 +49,11 @@ impl SearchInput<'_> {
     }
 }
 
-/// Searches pieces of work over the threads, each from a sink to that sink with more in it, and merges the sinks in the
-/// order of the pieces. None is begun that nobody wants any more. `most` pieces at a time are done by one thread.
+/// Searches chunks of work on the threads and merges their sinks in the order of the chunks. `search` adds the pairs of a chunk
+/// to a sink. A chunk is skipped once the caller wants no more pairs. At most `most` chunks are one task.
 ///
 /// # Errors
-/// The errors of `search`, [`Error::OutOfMemory`], and [`Error::Cancelled`] where the caller wants no more of any kind.
+/// The errors of `search`, [`Error::OutOfMemory`], and [`Error::Cancelled`] if the caller cancels the search.
 pub(crate) fn search_pieces<'o, O: Output>(
     (output, input): (&'o O, &SearchInput<'_>),
     (pieces, most): (usize, usize),

@@ -1,7 +1,7 @@
 //! Species grouped by the species with which they pair, so that a search compares only spheres that may be a pair.
 //!
 //! Two of the species that are present belong to one group if they pair with the same present species. A group that
-//! pairs with no present species costs nothing but sorting, however crowded its spheres are.
+//! pairs with no present species costs nothing but sorting, however dense its spheres are.
 
 #![expect(
     clippy::disallowed_methods,
@@ -30,7 +30,7 @@ pub(crate) struct Meeting {
     pub(crate) touches: bool,
     /// The largest distance at which species pair by distance, or 0.
     pub(crate) distance: f64,
-    /// `true` if all spheres of one group are pairs with those of the other whose effective radii touch theirs.
+    /// `true` if a sphere of one group and one of the other are a pair exactly if their effective radii touch.
     pub(crate) is_by_radii: bool,
 }
 
@@ -74,7 +74,7 @@ pub struct SpeciesPartition {
 }
 
 impl SpeciesPartition {
-    /// The division of the species `present` into `count` groups.
+    /// Creates the division of the species `present` into `count` groups.
     fn new(of_species: Vec<u8>, count: usize, (present, table): (&[u32], &Interactions)) -> Self {
         let members = |group: usize| {
             let of_species = &of_species;
@@ -86,14 +86,15 @@ impl SpeciesPartition {
         Self { of_species, count, meetings }
     }
 
-    /// The division of all species of a table by the species with which they pair.
+    /// Divides all species of a table by their partners.
     pub fn of_table(table: &Interactions) -> Self {
         let all: Vec<u32> = (0..table.species()).collect();
         let [by_partners, _] = Self::of_present(&all, table);
         by_partners
     }
 
-    /// Two divisions of the species `present`: by their partners among these, and with all that pair in one group.
+    /// Returns two divisions of the species `present`: by their partners among these, and with all species that pair in one
+    /// group.
     fn of_present(present: &[u32], table: &Interactions) -> [Self; 2] {
         if present.len() > MAX_PRESENT {
             return [(); 2].map(|()| Self::undivided(table.species()));

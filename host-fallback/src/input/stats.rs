@@ -1,4 +1,4 @@
-//! One pass over the input: is it valid, where does it lie, which sizes does it have?
+//! Statistics of the input in one pass: validity, bounds and size classes.
 
 use bytemuck::cast;
 use glam::Vec3;
@@ -9,9 +9,9 @@ use crate::compare::PairTest;
 use crate::executor::Executor;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Spheres per piece of the pass: few enough that threads end together, enough that merging the results takes no time.
+/// Spheres per chunk of the pass: few enough to balance threads, enough that merging takes no time.
 const CHUNK_SPHERES: usize = 1 << 13;
-/// Tables that take turns in counting.
+/// Tables that count in turn.
 const TABLES: usize = 4;
 
 /// Statistics of the input that a detector needs before it plans.
@@ -19,9 +19,9 @@ const TABLES: usize = 4;
 pub struct InputStats {
     /// The number of spheres.
     pub spheres: usize,
-    /// Smallest coordinates of any centre.
+    /// The smallest coordinates of any center.
     pub min: Vec3,
-    /// Largest coordinates of any centre.
+    /// The largest coordinates of any center.
     pub max: Vec3,
     /// Spheres by size: class `k` holds the effective radii with binary exponent `k`; class 0 zero and subnormals.
     pub classes: [SizeClass; SIZE_CLASSES],
@@ -63,12 +63,12 @@ impl InputStats {
         self.classes.iter().fold(0.0, |r, class| r.max(class.largest))
     }
 
-    /// Classes that have spheres, the largest first.
+    /// The classes with spheres, the largest first.
     pub fn occupied(&self) -> impl Iterator<Item = (usize, SizeClass)> + '_ {
         self.classes.iter().copied().enumerate().rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// Checks and surveys spheres whose species ids are checked already.
+    /// Checks and measures spheres whose species ids are checked already.
     ///
     /// # Errors
     /// [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius.
@@ -80,7 +80,7 @@ impl InputStats {
         Self::of(&PairTest::new(spheres, interactions), executor)
     }
 
-    /// Checks and surveys the spheres of `rule`, whose species ids are checked already.
+    /// Checks and measures the spheres of `test`, whose species ids are checked already.
     ///
     /// # Errors
     /// [`InputError::Sphere`] for the first that is not valid.
@@ -105,16 +105,16 @@ impl InputStats {
         Ok(Self { spheres: n, ..stats })
     }
 
-    /// Surveys one piece, given as rows `x, y, z, r` with their effective radii; also tells whether it may hold a
-    /// sphere that is not valid.
+    /// Measures one chunk, given as rows `x, y, z, r` with their effective radii. Also returns `true` if a sphere may be
+    /// invalid.
     fn piece(spheres: impl Iterator<Item = ([f32; 4], f32)>) -> (Self, bool) {
         let (mut min, mut max) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
-        // Turned into NaN by anything not finite, without a branch per sphere.
+        // Any number that is not finite makes this NaN, without a branch per sphere.
         let mut poison = [0.0; 4];
-        // Several tables, because equal radii would otherwise wait for each other's counter.
+        // With one table, equal radii would wait for the same counter.
         let mut tables = [[SizeClass::default(); SIZE_CLASSES]; TABLES];
         for (k, (row, radius)) in spheres.enumerate() {
-            // Written so that each line is one vector instruction.
+            // Each line compiles to one vector instruction.
             for lane in 0..4 {
                 min[lane] = if row[lane] < min[lane] { row[lane] } else { min[lane] };
                 max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };

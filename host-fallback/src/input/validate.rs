@@ -1,4 +1,4 @@
-//! Refuses spheres that no search can handle, with the first of them by name.
+//! Checks of spheres and species ids, whose errors name the first invalid one.
 
 use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Query, Spheres};
 
@@ -7,7 +7,7 @@ use crate::executor::Executor;
 /// Spheres per chunk of a pass.
 const CHUNK_SPHERES: usize = 1 << 13;
 
-/// Refuses a query with spheres that are not valid.
+/// Checks that all spheres of a query are valid.
 ///
 /// # Errors
 /// [`InputError::Sphere`] for the first set, [`InputError::SecondSet`] for the second.
@@ -15,7 +15,7 @@ pub fn check_valid(query: &Query<'_>, executor: Executor) -> Result<(), InputErr
     query.check_each(|spheres| check(spheres, executor))
 }
 
-/// Refuses spheres that are not valid.
+/// Checks that all spheres are valid.
 ///
 /// # Errors
 /// [`InputError::Sphere`], which names the first and counts all.
@@ -30,7 +30,7 @@ pub(super) fn check(spheres: Spheres<'_>, executor: Executor) -> Result<(), Inpu
     }
 }
 
-/// Refuses more spheres than indices, and species outside the table.
+/// Checks the number of spheres and their species ids.
 ///
 /// # Errors
 /// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`] or [`InputError::SpeciesId`] for the first.
@@ -52,7 +52,7 @@ pub(crate) fn check_species(
     }
 }
 
-/// The first of `0..n` that is `bad`, and how many are.
+/// Returns the first of `0..n` that is `bad`, and their number.
 fn find(
     n: usize,
     executor: Executor,
@@ -61,7 +61,7 @@ fn find(
     let merge = |(a, m): (Option<u32>, u64), (b, n)| Ok((a.or(b), m + n));
     let piece = |sum, piece: usize| {
         let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
-        // Nearly always there is none, and a sum without a branch is what the compiler vectorises.
+        // The count is nearly always 0, and the compiler vectorizes a sum without a branch.
         let count = range.clone().map(|i| u64::from(bad(i))).sum::<u64>();
         let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
         merge(sum, (first, count))

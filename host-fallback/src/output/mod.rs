@@ -1,4 +1,4 @@
-//! What a search has found, as callers want it: pairs in canonical order, and neighbor lists with or without geometry.
+//! The forms of a result: pairs in canonical order, and neighbor lists with or without geometry.
 
 mod neighbor_list;
 mod neighbors;

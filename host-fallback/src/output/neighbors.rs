@@ -13,7 +13,7 @@ pub struct Neighbors<'a> {
 }
 
 impl<'a> Neighbors<'a> {
-    /// The start of each sphere's list: one more number than there are lists, the last the length of
+    /// The start of each sphere's list. It has one more number than lists; the last is the length of
     /// [`indices`](Self::indices).
     pub fn offsets(&self) -> &'a [u64] {
         self.offsets
@@ -30,7 +30,7 @@ impl<'a> Neighbors<'a> {
         offsets.windows(2).map(move |ends| &indices[ends[0] as usize..ends[1] as usize])
     }
 
-    /// The neighbours of sphere `k`.
+    /// The neighbors of sphere `k`.
     ///
     /// # Panics
     /// Panics if there is no sphere `k`.
@@ -98,12 +98,12 @@ impl NeighborsBuilder {
     /// [`Error::OutOfMemory`].
     ///
     /// # Panics
-    /// Where an index is not below `spheres`.
+    /// Panics if an index is not below `spheres`.
     fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, next, indices } = self;
-        try_resize(offsets, spheres + 1, "neighbour lists")?;
-        try_resize(next, spheres, "neighbour lists")?;
-        try_resize(indices, 2 * pairs.len(), "neighbour lists")?;
+        try_resize(offsets, spheres + 1, "neighbor lists")?;
+        try_resize(next, spheres, "neighbor lists")?;
+        try_resize(indices, 2 * pairs.len(), "neighbor lists")?;
         offsets.fill(0);
         for pair in pairs {
             offsets[pair.i as usize + 1] += 1;
@@ -131,8 +131,8 @@ impl NeighborsBuilder {
     /// [`Error::OutOfMemory`].
     fn fill_between(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, indices, .. } = self;
-        try_resize(offsets, rows + 1, "neighbour lists")?;
-        try_resize(indices, pairs.len(), "neighbour lists")?;
+        try_resize(offsets, rows + 1, "neighbor lists")?;
+        try_resize(indices, pairs.len(), "neighbor lists")?;
         offsets.fill(0);
         for (index, pair) in indices.iter_mut().zip(pairs) {
             offsets[pair.i as usize + 1] += 1;
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_pair_stands_in_both_lists_ascending() {
+    fn every_pair_is_in_both_lists_ascending() {
         let pairs = [(0, 2), (0, 4), (1, 2), (2, 3), (2, 4)].map(|(i, j)| Pair { i, j });
         let mut lists = NeighborsBuilder::default();
         let neighbors = lists.fill(&pairs, 6).expect("there is memory");

@@ -1,7 +1,7 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
-//! One pass spreads the pairs over buckets of neighbouring `i`, small enough for the cache, as keys: the digits of `i`
-//! that a bucket leaves open, and `j`. Up to millions of spheres a key has half the size of a pair. Each bucket is then
+//! One pass distributes the pairs to buckets of consecutive `i`, small enough for the cache, as keys: the low digits of `i` and
+//! `j`. Up to millions of spheres a key has half the size of a pair. Each bucket is then
 //! ordered on its own by a radix sort, whose last pass makes pairs of keys.
 
 use bytemuck::{Pod, cast_slice_mut};
@@ -12,18 +12,18 @@ use crate::disjoint_writes::{DisjointSlice, split_at};
 use crate::executor::Executor;
 use crate::memory::{try_collect, try_resize};
 
-/// Pieces of the first pass at most: enough for any number of threads, few enough for a counter per piece and bucket.
+/// The most chunks of the first pass: enough for any number of threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 128;
 /// The most buckets: their write positions stay in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
-/// Pairs per bucket aimed at, 64 KiB.
+/// The target number of pairs per bucket, 64 KiB.
 const BUCKET: usize = 1 << 13;
 
-/// Indices per bucket at most, where [`MAX_BUCKETS`] allows: their counters stay in the cache.
+/// The most indices per bucket, as far as [`MAX_BUCKETS`] allows: their counters stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
-/// Bits per pass at most: counters of 8 KiB beside a bucket of 64 KiB.
+/// The most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
-/// Fewer pairs of a bucket are sorted by comparisons, which takes no counters.
+/// The fewest pairs of a bucket that are sorted by radix. Comparisons sort fewer, without counters.
 const MIN_RADIX_KEYS: usize = 256;
 
 /// Puts pairs in canonical order, by `i`, then `j`, in buffers that survive between calls.
@@ -32,11 +32,11 @@ pub(crate) struct PairSorter {
     /// Keys of one word or of two.
     scratch: Vec<u32>,
     starts: Vec<usize>,
-    /// Indexed by piece and bucket: first how many pairs there are, then where the next one goes.
+    /// By chunk and bucket: first the number of pairs, then the position of the next one.
     offsets: Vec<usize>,
 }
 
-/// A pair whose bucket is known.
+/// The key of a pair within a bucket.
 trait PairKey: Pod + Send {
     fn new(bits: u64) -> Self;
     fn bits(self) -> u64;
@@ -109,7 +109,7 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Executor share the
+    /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Threads share the
     /// chunks out, so that a hundred are better than one.
     ///
     /// # Errors
@@ -157,7 +157,7 @@ impl PairSorter {
         ordered
     }
 
-    /// Moves the pairs to `keys`, bucket by bucket, and notes where each bucket starts.
+    /// Moves the pairs to `keys`, bucket by bucket, and stores the start of each bucket.
     fn spread<K: PairKey>(
         &mut self,
         executor: Executor,
@@ -192,7 +192,7 @@ impl PairSorter {
         executor.for_each(&mut rows, |k, next| {
             for &pair in piece(k) {
                 let slot = &mut next[layout.bucket(pair)];
-                // SAFETY: the exclusive prefix sums over (bucket, piece) give every pair a slot of its own below
+                // SAFETY: the exclusive prefix sums over (bucket, chunk) give every pair a slot of its own below
                 // the number of all pairs, the length of `keys`.
                 unsafe { keys.write(*slot, layout.key(pair)) };
                 *slot += 1;
@@ -217,7 +217,7 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
         counts[of(key, 0)] += 1;
     }
 
-    // The room for pairs holds keys until the last pass.
+    // The memory for pairs holds keys until the last pass.
     let spare = &mut cast_slice_mut::<_, K>(target)[..source.len()];
     let (mut from, mut to) = (&mut *source, spare);
     for pass in 0..passes - 1 {
@@ -241,7 +241,7 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     }
 }
 
-/// Where those of each digit begin; the counts are then 0 again.
+/// Computes the start of each digit and resets the counts to 0.
 fn starts(counts: &mut [u32], places: &mut [u32]) {
     let mut at = 0;
     for (count, place) in counts.iter_mut().zip(places) {

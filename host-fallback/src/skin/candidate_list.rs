@@ -20,40 +20,40 @@ use crate::size_class::{SIZE_CLASSES, class_of};
 /// The displacement limit of the spheres of each size class.
 pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
 
-/// Spheres that are asked for ahead of their turn: they lie all over memory.
+/// The number of spheres by which a prefetch runs ahead; they lie anywhere in memory.
 const PREFETCH_SPHERES: usize = 128;
-/// Vectors of candidates after which those come whose spheres are asked for.
+/// The number of candidate vectors by which a prefetch of their spheres runs ahead.
 const PREFETCH_VECTORS: usize = 16;
-/// Spheres per piece of the pass that measures how far they have gone.
+/// Spheres per chunk of the pass that measures displacements.
 const CHUNK_SPHERES: usize = 1 << 13;
-/// The part of its allowance that a sphere may use up: less than all of it by more than rounding in `f32` can hide.
+/// The usable fraction of a displacement limit. The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
-/// The largest rounding error of a distance between nearest images, as a part of the longest axis.
+/// The largest rounding error of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
-/// The most candidates per sphere that are kept, 768 bytes. A skin with more is not used, and every call searches. `worth`
-/// plans with 64 at most; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
+/// The most candidates per sphere in a list, 768 bytes. A skin with more is not used, and every call searches. `cost_model`
+/// plans with at most 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
 const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
-/// Radii from which allowances may be lost in them.
+/// The largest effective radius with which a list is built. Displacement limits vanish next to larger radii.
 const MAX_RADIUS: f32 = 1e30;
-/// Allowances whose squares `f32` holds with room to spare.
+/// Displacement limits whose squares `f32` holds.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
-/// The allowances of a fixed skin: half of it for every sphere.
+/// The displacement limits of a fixed skin: half of it for every sphere.
 pub(super) fn fixed(distance: f32) -> DisplacementLimits {
     [distance / 2.0; SIZE_CLASSES]
 }
 
-/// The candidates and where spheres were when they were found.
+/// A candidate list, and the positions of the spheres when it was built.
 #[derive(Debug, Default)]
 pub(crate) struct CandidateList {
-    /// The survey of the spheres when the candidates were found; `None` if there are no candidates.
+    /// The statistics of the spheres when the list was built; `None` without a list.
     input_stats: Option<Box<InputStats>>,
     species: Vec<u32>,
-    /// Which sphere stands at which place; spheres that are near each other have near places.
+    /// The sphere at each position of the list; spheres that are near each other have near positions.
     order: Vec<u32>,
-    /// The spheres of this call, place by place.
+    /// The spheres of this call, by position.
     rows: Vec<Xyzr>,
-    /// Pairs of places.
+    /// The candidates as pairs of positions.
     chunks: Vec<Vec<Pair>>,
     count: u64,
     age: u32,
@@ -61,30 +61,30 @@ pub(crate) struct CandidateList {
 }
 
 impl CandidateList {
-    /// Bytes per sphere besides the candidates themselves.
+    /// Bytes per sphere, without the candidates.
     const BYTES_PER_SPHERE: u64 = size_of::<Xyzr>() as u64 + 4;
 
-    /// The most candidates of `spheres` spheres that are kept.
+    /// The most candidates in a list of `spheres` spheres.
     fn limit(spheres: u64, max_pairs: u64) -> u64 {
         max_pairs.min(spheres.saturating_mul(MAX_CANDIDATES_PER_SPHERE))
     }
 
-    /// The survey of the spheres when the candidates were found, if there are any.
+    /// The statistics of the spheres when the list was built, if one exists.
     pub(crate) fn input_stats(&self) -> Option<&InputStats> {
         self.input_stats.as_deref()
     }
 
-    /// Gives the candidates up.
+    /// Drops the list.
     pub(crate) fn clear(&mut self) {
         self.input_stats = None;
     }
 
-    /// The number of calls that they have served, and the largest fraction of a displacement limit that is used up.
+    /// The number of calls since the build, and the largest used fraction of a displacement limit.
     pub(crate) fn age(&self) -> (u32, f32) {
         (self.age, self.displacement_fraction)
     }
 
-    /// Their statistics for the report.
+    /// The statistics for the report.
     pub(crate) fn stats(&self, rebuilt: Option<RebuildReason>) -> CandidateListStats {
         CandidateListStats {
             count: self.count,
@@ -94,11 +94,11 @@ impl CandidateList {
         }
     }
 
-    /// Measures how far the spheres have moved. Returns why the candidates cannot serve this call, or `None` if they can.
-    /// `list` holds the positions for which the candidates were found.
+    /// Measures the displacements. Returns the reason for a rebuild, or `None` if the list is valid. `list` holds the positions at
+    /// the build.
     ///
-    /// Candidates that cannot serve are given up here, before the call can end in any other way: a later call must never
-    /// be served by candidates that an earlier one found to have expired.
+    /// An invalid list is dropped here, before the call can fail: a later call must never use a list that an earlier one found
+    /// invalid.
     pub(crate) fn update_displacements(
         &mut self,
         test: &PairTest<'_>,
@@ -114,7 +114,7 @@ impl CandidateList {
         let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
         executor.for_each_chunk(&mut self.rows, CHUNK_SPHERES, |piece, rows| {
             let (part, differs) = advance(test, &then[piece * CHUNK_SPHERES..], rows);
-            // Bits of numbers that are not negative are in the order of the numbers.
+            // The bits of non-negative numbers are ordered like the numbers.
             farthest.fetch_max(part.to_bits(), Relaxed);
             changed.fetch_or(differs, Relaxed);
         });
@@ -124,15 +124,15 @@ impl CandidateList {
             (true, _) => Some(RebuildReason::InputChanged),
             (false, false) => Some(RebuildReason::Displacement),
             (false, true) => {
-                // The radii were those of every call since the candidates were found, this one included.
+                // The radii have not changed since the build.
                 self.input_stats = Some(input_stats);
                 None
             }
         }
     }
 
-    /// Finds candidates and builds the list of all spheres for it. Returns `false`, and holds no candidates, if they are
-    /// more than [`MAX_CANDIDATES_PER_SPHERE`] or than a result may hold, or if memory for them is refused.
+    /// Builds the cell list and the candidate list. Returns `false`, without a candidate list, if there are more candidates than
+    /// [`MAX_CANDIDATES_PER_SPHERE`] or than a result may have, or if memory is refused.
     ///
     /// # Errors
     /// [`Error::Cancelled`], [`Error::ThreadPool`].
@@ -147,7 +147,7 @@ impl CandidateList {
         if matches!(found, Ok(true)) {
             return found;
         }
-        // The memory is needed for the search that follows.
+        // The following search needs the memory.
         *self = Self::default();
         match found {
             Err(error @ Error::OutOfMemory { .. }) => {
@@ -193,7 +193,7 @@ impl CandidateList {
         Ok(true)
     }
 
-    /// Takes over the order of the list, and where its spheres are.
+    /// Copies the order of the cell list, and the positions of its spheres.
     fn place(
         &mut self,
         list: &mut CellList,
@@ -225,7 +225,7 @@ impl CandidateList {
         Ok(())
     }
 
-    /// Finds all pairs among the candidates.
+    /// Finds the pairs among the candidates.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -255,15 +255,15 @@ pub(crate) fn memory_of_candidates(spheres: u64, max_pairs: u64, threads: u64) -
     own.saturating_add(memory_of_list(CandidateList::limit(spheres, max_pairs), threads))
 }
 
-/// One over the square of each allowance, less what rounding may hide; none where that leaves nothing to go by.
+/// The inverse squares of the limits minus the rounding error of distances; `None` if too little of a limit is left.
 fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<DisplacementLimits> {
     let longest = test.lengths().into_iter().flatten().fold(0.0, f32::max);
-    let seam = longest * BOUNDARY_ROUNDING;
-    let usable = limits.iter().all(|limit| LIMIT_RANGE.contains(limit) && seam <= limit / 2.0);
-    usable.then(|| limits.map(|limit| (limit - seam).powi(-2)))
+    let rounding = longest * BOUNDARY_ROUNDING;
+    let usable = limits.iter().all(|limit| LIMIT_RANGE.contains(limit) && rounding <= limit / 2.0);
+    usable.then(|| limits.map(|limit| (limit - rounding).powi(-2)))
 }
 
-/// The distance of the nearest images of two positions along each axis.
+/// The minimum-image distance of two positions along each axis.
 #[inline(always)]
 pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     let mut apart = apart.abs();
@@ -275,9 +275,9 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     apart
 }
 
-/// Copies the spheres of this call to their places in `rows`. `then` holds where each was when the candidates were found,
-/// and as its radius one over the square of its allowance. Returns the square of the largest fraction of its allowance
-/// that a sphere has moved, or infinity if a sphere is not valid; and whether an effective radius has changed.
+/// Copies the spheres of this call to their positions in `rows`. `then` holds the center of each at the build, and as its radius
+/// the inverse square of its displacement limit. Returns the square of the largest used fraction of a limit, or infinity if a
+/// sphere is invalid; and `true` if an effective radius has changed.
 fn advance(test: &PairTest<'_>, then: &[SortRecord], rows: &mut [Xyzr]) -> (f32, bool) {
     let lengths = test.lengths();
     let periodic = lengths.iter().any(Option::is_some);
@@ -306,7 +306,7 @@ fn advance(test: &PairTest<'_>, then: &[SortRecord], rows: &mut [Xyzr]) -> (f32,
             let mut is_refused = false;
             for (row, then) in rows.iter_mut().zip(then) {
                 step(row, then, test.row(then.id));
-                // Of a sphere whose pairs depend on its species alone, the effective radius does not tell.
+                // An effective radius that depends on the species alone hides an invalid radius.
                 is_refused |= !test.spheres().get(then.id as usize).is_valid();
             }
             lost |= is_refused;
@@ -315,8 +315,8 @@ fn advance(test: &PairTest<'_>, then: &[SortRecord], rows: &mut [Xyzr]) -> (f32,
     (if lost { f32::INFINITY } else { farthest }, changed)
 }
 
-/// Tests some candidates. Which of them touch no branch predictor can tell. So testing is kept apart from handing over: it
-/// appends without a branch.
+/// Tests some candidates. No branch predictor can tell which of them touch. So testing is separate from handing over: it appends
+/// without a branch.
 struct CandidateTest<'t, S> {
     pairs: &'t [Pair],
     rows: &'t [Xyzr],
@@ -325,17 +325,17 @@ struct CandidateTest<'t, S> {
     sink: &'t mut S,
 }
 
-/// Pairs of places that touch and wait to be handed over.
+/// A buffer of pairs of positions that touch.
 struct HitBuffer {
     pairs: [Pair; Self::FULL + MAX_LANES],
     len: usize,
 }
 
 impl HitBuffer {
-    /// The most before they are handed over: 4 KiB, a small part of the first-level cache.
+    /// The length at which the buffer is handed over: 4 KiB, a small part of the first-level cache.
     const FULL: usize = 512;
 
-    /// Adds those pairs whose bits are set in `lanes`. Whether they must be handed over now.
+    /// Adds the pairs whose bits are set in `lanes`. Returns `true` if the buffer must be handed over.
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(room) = self.pairs[self.len..].first_chunk_mut() {
@@ -350,7 +350,7 @@ impl HitBuffer {
 }
 
 impl<S: Sink> CandidateTest<'_, S> {
-    /// Tests as many as a vector holds; those whose bits in `live` are set count.
+    /// Tests one vector of candidates, of which those with bits in `live` count.
     #[inline(always)]
     fn vector<V: SimdWidth>(
         &mut self,

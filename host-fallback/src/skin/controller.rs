@@ -1,4 +1,4 @@
-//! Decides what a detector with a skin does in a call: test the candidates, rebuild them, or search without any.
+//! Decides in each call whether a detector tests its candidate list, rebuilds it, or searches without one.
 
 use super::candidate_list::{CandidateList, DisplacementLimits, fixed};
 use super::cost_model::{SkinCosts, SkinScaling, choose};
@@ -10,7 +10,7 @@ use crate::input::SearchInput;
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Skin};
 
-/// Candidates, and what decides on the next.
+/// The candidate list, and the state that decides on the next one.
 #[derive(Debug, Default)]
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
@@ -19,7 +19,7 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Takes up where the spheres are now. Says why candidates cannot serve the call, if they cannot.
+    /// Updates displacements. Returns the reason for a rebuild, or `None` if the candidate list is valid.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -37,7 +37,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Finds candidates where they are worth it, else only builds the list. Whether there are candidates now.
+    /// Builds a candidate list if it is worth it, else the cell list only. Returns `true` if a candidate list exists.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -51,7 +51,7 @@ impl SkinController {
         let density_cache = report.time("plan", || list.density_cache(last, input))?;
         let density = density_cache.density();
         let limits = match input.settings.skin {
-            // Only one set has candidates.
+            // Candidate lists are for one set.
             _ if input.split.is_some() => None,
             Skin::Off => None,
             Skin::Fixed(_) if self.tuner.is_paused() => None,
@@ -67,14 +67,14 @@ impl SkinController {
             }
             self.tuner.record_overflow();
         }
-        // Candidates go by where the list has the spheres.
+        // A candidate list refers to positions in the cell list, which is rebuilt now.
         self.candidates.clear();
         list.build(input, &density_cache, report)?;
         self.density_cache = Some(density_cache);
         Ok(false)
     }
 
-    /// The allowances that are worth it.
+    /// Chooses the displacement limits, if a list is worth it.
     fn choose(
         &mut self,
         input: &SearchInput<'_>,

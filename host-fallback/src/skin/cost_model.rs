@@ -1,7 +1,7 @@
-//! Chooses the skin: a pure function of the survey of the spheres, their motion, and the costs.
+//! Chooses the skin: a pure function of the statistics of the spheres, their displacements, and the costs.
 //!
-//! A skin in proportion to the farthest steps of each size is used up by all sizes at about the same time. The wider
-//! it is, the longer candidates last, and the more of them there are.
+//! With a skin in proportion to the displacements of each size class, all classes exceed their limits at about the same time. A
+//! wider skin makes a list valid for longer, with more candidates.
 
 use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
 use super::displacement::DisplacementGrowth;
@@ -9,19 +9,19 @@ use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Skins that are tried, in farthest steps of the sample.
+/// The skins that are tried, in units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
-/// A skin has to be this much better than none, by the estimate: what it knows of the motion is uncertain.
+/// The largest relative cost, against no skin, at which a skin is chosen: the estimate of displacements is uncertain.
 const MAX_RELATIVE_COST: f32 = 0.9;
-/// Groups of size classes that are told apart at most.
+/// The most groups of size classes that are estimated separately.
 const MAX_CLASS_GROUPS: usize = 16;
-/// The smallest allowance, as a part of the largest.
+/// The smallest displacement limit as a fraction of the largest.
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
 /// The costs of calls with and without a candidate list. Only their ratios count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinCosts {
-    /// Nanoseconds per sphere of a search, for any result: to survey and sort on the CPU.
+    /// Nanoseconds per sphere of a search, without its result: to measure and sort.
     pub search_ns: f32,
     /// Nanoseconds per unit of cost in the CPU's level plan, which a search takes besides. 0 on a GPU.
     pub levels_ns: f32,
@@ -38,7 +38,7 @@ pub struct SkinCosts {
 }
 
 impl SkinCosts {
-    /// Nanoseconds of the CPU path, measured beside each other on AMD EPYC.
+    /// Nanoseconds of the CPU path, measured in one run on an AMD EPYC.
     pub const CPU: Self = Self {
         search_ns: 24.0,
         levels_ns: 1.4,
@@ -63,7 +63,7 @@ impl SkinCosts {
         search_ns.is_finite() && search_ns > 0.0 && others.iter().all(|cost| cost.is_finite() && *cost >= 0.0)
     }
 
-    /// The cost of a search for each sphere.
+    /// The cost of a search per sphere.
     fn of_search(&self, stats: &InputStats, density: &DensityProfile, found: f32) -> f32 {
         let levels = match self.levels_ns > 0.0 {
             true => self.levels_ns * LevelPlan::plan(stats, density).cost / stats.spheres as f32,
@@ -73,17 +73,17 @@ impl SkinCosts {
     }
 }
 
-/// The distribution of a skin among sizes.
+/// The dependence of the skin on the size class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SkinScaling {
-    /// In proportion to the farthest steps of each.
+    /// Limits in proportion to the largest displacements of each class.
     BySize,
-    /// All have the same.
+    /// The same limit for all classes.
     Alike,
 }
 
 impl SkinScaling {
-    /// The displacement limit of each class for a skin in farthest steps.
+    /// The displacement limit of each class for a skin in units of the largest displacement.
     pub(super) fn limits(self, steps: &[f32; SIZE_CLASSES], skin: f32) -> DisplacementLimits {
         let farthest = steps.iter().copied().fold(0.0, f32::max);
         let least = if self == Self::Alike { 1.0 } else { MIN_LIMIT_RATIO };
@@ -91,22 +91,22 @@ impl SkinScaling {
     }
 }
 
-/// Candidates per sphere at most, so that memory stays in proportion.
+/// The most candidates per sphere that a plan allows, which bounds memory.
 const MAX_CANDIDATES: f32 = 64.0;
 
-/// A skin that is worth it.
+/// A chosen skin and its expected effect.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkinChoice {
-    /// The skin in farthest steps of the sample.
+    /// The skin in units of the largest displacement per call of the sample.
     pub(super) skin: f32,
-    /// The number of calls that the candidates are expected to last.
+    /// The number of calls for which the list is expected to be valid.
     pub(super) calls: f32,
-    /// The expected number of candidates for each sphere.
+    /// The expected number of candidates per sphere.
     pub(super) candidates: f32,
 }
 
-/// The skin with which a call takes the least time on average, where one is better than none, if there are `excess` times as
-/// many candidates as the sample says.
+/// Chooses the skin with the least average time of a call; `None` if no skin is better. `excess` multiplies the estimated number
+/// of candidates.
 pub(super) fn choose(
     (stats, density): (&InputStats, &DensityProfile),
     (steps, growth): (&[f32; SIZE_CLASSES], DisplacementGrowth),
@@ -141,7 +141,7 @@ pub(super) fn choose(
     (time < MAX_RELATIVE_COST * none).then_some(choice)
 }
 
-/// The survey of the spheres with radii larger by their displacement limits.
+/// The statistics of the spheres with radii larger by their displacement limits.
 fn widened(stats: &InputStats, limits: &DisplacementLimits) -> InputStats {
     let mut wide = InputStats { classes: [SizeClass::default(); SIZE_CLASSES], ..stats.clone() };
     for (class, SizeClass { count, largest }) in stats.occupied() {
@@ -153,9 +153,9 @@ fn widened(stats: &InputStats, limits: &DisplacementLimits) -> InputStats {
     wide
 }
 
-/// About how many candidates there are per sphere.
+/// The estimated number of candidates per sphere.
 fn candidates(stats: &InputStats, density: &DensityProfile, limits: &DisplacementLimits) -> f32 {
-    // The edge of a cube with the volume of a sphere of radius 1, as log₂.
+    // log₂ of the size of a cube with the volume of a sphere of radius 1.
     const CUBE: f32 = 0.689;
     let classes = stats.occupied().count();
     let stride = classes.div_ceil(MAX_CLASS_GROUPS).max(1);
@@ -168,7 +168,7 @@ fn candidates(stats: &InputStats, density: &DensityProfile, limits: &Displacemen
     let groups = || groups.iter().filter(|(share, _)| *share > 0.0);
     let met = |&(share, reach): &(f32, f32)| {
         let around = |&(of, other): &(f32, f32)| {
-            // The sphere itself is no candidate.
+            // The sphere itself is not a candidate.
             of * (density.mean((reach + other).log2() + CUBE) - 1.0).max(0.0)
         };
         share * groups().map(around).sum::<f32>()

@@ -8,31 +8,31 @@ use crate::compare::PairTest;
 use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Spheres of the sample at most.
+/// The most spheres in the sample.
 const MAX_SAMPLE: usize = 1 << 10;
-/// One sphere in so many at least is none of the sample, so that looking at it costs nothing beside the call.
+/// The fewest spheres per sampled one, so that the sample costs next to nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
-/// What is left of the farthest step of a class from call to call, where none is as far.
+/// The decay per call of the largest displacement of a class.
 const STEP_DECAY: f32 = 0.9;
-/// The part of what was learned from candidates that is forgotten at a time.
+/// The decay per call of the learned growth law.
 const GROWTH_DECAY: f32 = 0.2;
 
-/// The observed motion.
+/// Sampled displacements by size class, and the growth law learned from candidate lists.
 #[derive(Debug)]
 pub(crate) struct DisplacementStats {
     /// The number of spheres of the last call.
     spheres: usize,
     /// The last positions of the sample.
     positions: Vec<Vec3>,
-    /// The farthest step of each class that was seen, or about to be forgotten.
+    /// The largest displacement per call of each class, with decay.
     steps: [f32; SIZE_CLASSES],
     /// The number of successive calls with this number of spheres.
     calls: u32,
     growth: DisplacementGrowth,
 }
 
-/// How the distance of the farthest sphere grows with the number of steps: `factor · steps^exponent`, in farthest steps
-/// of the sample. Straight motion has the exponent 1, diffusion ½.
+/// The growth law of the largest displacement with the number of calls: `factor · calls^exponent`, in units of the largest
+/// displacement per call of the sample. Ballistic motion has the exponent 1, diffusion ½.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DisplacementGrowth {
     pub(crate) factor: f32,
@@ -40,15 +40,15 @@ pub(crate) struct DisplacementGrowth {
 }
 
 impl DisplacementGrowth {
-    /// The assumption before candidates were ever kept.
+    /// The assumption before any candidate list was used.
     const ASSUMED: Self = Self { factor: 1.3, exponent: 0.75 };
 
-    /// The number of steps in which the farthest sphere moves by `distance`, in farthest steps of the sample.
+    /// The number of calls after which the largest displacement is `distance`, in units of that per call.
     pub(crate) fn steps(self, distance: f32) -> f32 {
         (distance / self.factor).max(0.0).powf(self.exponent.recip())
     }
 
-    /// The growth with which the farthest had gone `first` after one step and `last` after `steps`.
+    /// Fits the law to the largest displacement `first` after one call and `last` after `steps` calls.
     fn between(first: f32, (steps, last): (u32, f32)) -> Self {
         let exponent = if steps > 1 { (last / first).ln() / (steps as f32).ln() } else { 1.0 };
         Self { factor: first, exponent: if exponent.is_finite() { exponent.clamp(0.3, 1.5) } else { 1.0 } }
@@ -63,7 +63,7 @@ impl Default for DisplacementStats {
 }
 
 impl DisplacementStats {
-    /// Takes a look at where the spheres are now.
+    /// Samples the positions of the spheres.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -92,23 +92,23 @@ impl DisplacementStats {
         Ok(())
     }
 
-    /// Learns from candidates: the farthest sphere had gone `first` after one step and `last` after so many steps, in
-    /// farthest steps of the sample.
+    /// Learns the growth law from the largest displacements `first` after one call, and `last` with its number of calls, in units
+    /// of the largest displacement per call of the sample.
     pub(crate) fn learn(&mut self, first: f32, last: (u32, f32)) {
         if first > 0.0 {
             self.growth = DisplacementGrowth::between(first, last);
         }
     }
 
-    /// Has what was learned from candidates count for less, if there are none from which to learn better.
+    /// Decays the learned growth law towards the assumption, if no list measures it.
     pub(crate) fn forget(&mut self) {
         let DisplacementGrowth { factor, exponent } = &mut self.growth;
         *factor += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.factor - *factor);
         *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
     }
 
-    /// The farthest step of each class and how distances grow from there; none where nothing is known. Classes of
-    /// which none was seen to move may be as fast as any.
+    /// The largest displacement per call of each class and its growth law; `None` before two calls. Classes without an observed
+    /// displacement get the largest one.
     pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
         let farthest = self.steps.iter().copied().fold(0.0, f32::max);
         let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_farthest_step_of_each_class_is_seen_and_forgotten_slowly() {
+    fn largest_displacement_of_each_class_decays_slowly() {
         let mut motion = DisplacementStats::default();
         let at = |x: f32| [Sphere::new([x, 0.0, 0.0], 1.0), Sphere::new([0.0, 2.0 * x, 0.0], 0.25)];
         let mut steps = |x: f32| {
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_across_the_seam_is_short() {
+    fn displacement_across_the_boundary_is_short() {
         let space = Space::periodic([Some(8.0), None, None]).expect("a box");
         let mut motion = DisplacementStats::default();
         for x in [3.75, -3.75] {
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn growth_follows_from_two_distances() {
+    fn growth_law_follows_from_two_distances() {
         let diffusive = DisplacementGrowth::between(1.5, (16, 6.0));
         assert_eq!(diffusive, DisplacementGrowth { factor: 1.5, exponent: 0.5 });
         assert_eq!(diffusive.steps(6.0), 16.0);

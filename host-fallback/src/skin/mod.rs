@@ -1,12 +1,15 @@
-//! Candidates that outlive a call: pairs that may overlap until some sphere has moved too far.
+//! Candidate lists (Verlet lists): pairs that may touch until a sphere has moved too far.
 //!
-//! Every sphere has an *allowance*, how far it may go. Candidates are the pairs that touch when radii are larger by
-//! those; as long as no sphere has gone farther than its own, every pair that touches is among them. So a call
-//! measures how far the spheres have gone and tests the candidates, or else finds new ones. What is found never
-//! depends on the allowances, only the time it takes.
+//! Every sphere has a *displacement limit*. Candidates are the pairs that touch with radii larger by the limits.
 //!
-//! `motion` observes, `worth` chooses allowances, `forecast` remembers what came of it, `course` decides from call to call, this
-//! file keeps and tests. The GPU keeps candidates of its own, and shares the first three.
+//! # Correctness
+//!
+//! 1. If no sphere exceeds its limit, two spheres that touch now were at most their radii and both limits apart when the list was
+//!    built. So every pair is a candidate.
+//! 2. A call measures the displacements, and tests the candidates or builds a new list. So results never depend on the limits.
+//!
+//! `displacement` observes, `cost_model` chooses limits, `tuner` compares expectations with results, `controller` decides in
+//! each call, `candidate_list` stores and tests. The GPU has candidate lists of its own and shares the first three.
 
 mod candidate_list;
 mod controller;

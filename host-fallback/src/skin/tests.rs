@@ -3,7 +3,7 @@ use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Space, Spher
 use crate::test_support::Random;
 use crate::{Error, HostDetector, Order, RebuildReason, Settings, Skin};
 
-/// Spheres of several sizes in a cube of this edge.
+/// Spheres of several sizes in a cube of this size.
 fn gas(n: usize, sizes: i32, edge: f32) -> Vec<Sphere> {
     let mut random = Random(11);
     (0..n).map(|k| Sphere::new(random.point(edge / 2.0), 0.5_f32.powi(k as i32 % sizes))).collect()
@@ -45,7 +45,7 @@ fn pairs(detector: &mut HostDetector, spheres: &[Sphere]) -> Vec<Pair> {
     detector.pairs(spheres).expect("the spheres are valid").to_vec()
 }
 
-/// Every call of a long walk has the pairs of a search, whatever is kept, and something is.
+/// Every call of a long walk has the pairs of a search, and some calls use a list.
 #[test]
 fn candidates_never_change_an_answer() {
     for skin in [Skin::Auto, Skin::Fixed(0.3), Skin::Fixed(2.0)] {
@@ -93,9 +93,8 @@ fn all_results_come_from_candidates() {
     }
 }
 
-/// What else may change between calls.
 #[test]
-fn spheres_that_change_are_searched_anew() {
+fn changed_spheres_rebuild_the_list() {
     let settings = Settings { skin: Skin::Fixed(1.0), order: Order::Unordered, ..Settings::default() };
     let mut kept = HostDetector::new(settings).expect("good settings");
     let mut off =
@@ -137,7 +136,7 @@ fn bad_spheres_are_refused_and_forgotten() {
 }
 
 #[test]
-fn skins_that_no_arithmetic_can_follow_are_refused() {
+fn skins_out_of_range_are_refused() {
     for distance in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-20, 1e20] {
         let settings = Settings { skin: Skin::Fixed(distance), ..Settings::default() };
         assert!(
@@ -150,9 +149,9 @@ fn skins_that_no_arithmetic_can_follow_are_refused() {
     assert!(matches!(HostDetector::new(settings), Err(Error::InvalidSetting { name: "skin", .. })));
 }
 
-/// A skin across all of space has more candidates than are kept, and radii beside which allowances are nothing have none.
+/// A skin across all of space has more candidates than a list may hold.
 #[test]
-fn where_candidates_cannot_be_kept_every_call_searches() {
+fn without_a_list_every_call_searches() {
     let settings =
         |distance| Settings { skin: Skin::Fixed(distance), max_pairs: 100_000, ..Settings::default() };
     let spheres = gas(3000, 2, 60.0);

@@ -1,5 +1,5 @@
-//! Which skin the next candidates get, from what was seen of the spheres and of earlier candidates. It is the same on every
-//! backend; only what things cost differs.
+//! Learns and chooses skins from the observed displacements and from earlier candidate lists. Every backend uses it, with costs of
+//! its own.
 
 use lazygrid_kernels::{Interactions, Space, Spheres};
 
@@ -14,30 +14,30 @@ use crate::input::InputStats;
 use crate::report::RebuildReason;
 use crate::size_class::SIZE_CLASSES;
 
-/// Searches at most for which a choice is not thought over, and after candidates that were too many.
+/// The most searches for which a choice stands, and the number of searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
-/// Lives of candidates, and numbers of them, over those expected with which a choice stands.
+/// Ratios of observed to expected validity and number of candidates with which a choice stands.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
-/// What is known of the motion, and what follows from it for candidates that are kept from call to call. It never looks at a
-/// clock, so that runs are the same.
+/// Learns from displacements and candidate lists, and chooses the next skin. It never reads a clock, so that runs are
+/// reproducible.
 #[derive(Debug, Default)]
 pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
-    /// How far the farthest sphere had gone one call after the candidates were found, as a part of its allowance.
+    /// The largest used fraction of a displacement limit one call after the build.
     first: f32,
-    /// For how many searches the choice stands, and for how many it stood the last time.
+    /// The number of searches for which the choice still stands, and that for which it stood last time.
     wait: u32,
     patience: u32,
-    /// For how many searches no candidates are looked for, as they were too many.
+    /// The number of further searches without a list after an overflow.
     pause: u32,
-    /// log₂ of how many candidates there were for each that was expected.
+    /// log₂ of the ratio of observed to expected candidates.
     excess: f32,
 }
 
 impl SkinTuner {
-    /// Takes a look at where the spheres of a call are.
+    /// Samples the positions of the spheres of a call.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -54,8 +54,7 @@ impl SkinTuner {
         self.displacements.observe(test)
     }
 
-    /// Takes down that candidates were found so many calls ago and that the farthest sphere has gone this part of what it may;
-    /// and why they cannot serve, where they cannot.
+    /// Records the age of the list in calls, the largest used fraction of a displacement limit, and the reason for a rebuild.
     pub fn record_age(&mut self, (age, moved): (u32, f32), lapsed: Option<RebuildReason>) {
         if age == 1 {
             self.first = moved;
@@ -68,7 +67,7 @@ impl SkinTuner {
         }
     }
 
-    /// Takes down how many candidates were found for each sphere.
+    /// Records the number of candidates per sphere of a new list.
     pub fn record_count(&mut self, candidates: f32) {
         if let Some(choice) = &self.choice {
             let excess = candidates / choice.candidates;
@@ -80,21 +79,20 @@ impl SkinTuner {
         }
     }
 
-    /// Takes down that there was no room for candidates: for some searches none are looked for.
+    /// Records that a list did not fit. Some searches then run without a list.
     pub fn record_overflow(&mut self) {
         self.pause = MAX_WAIT;
     }
 
-    /// Returns `true` if a search is one of those.
+    /// Returns `true` if a search runs without a list after an overflow.
     pub(super) fn is_paused(&mut self) -> bool {
         let is_paused = self.pause > 0;
         self.pause = self.pause.saturating_sub(1);
         is_paused
     }
 
-    /// The skin with which candidates are to be found for the next calls, the same for all spheres; `None` where searching anew
-    /// costs less. Spheres are surveyed only where the last choice no longer stands. Asked before a search, or after one that
-    /// found candidates.
+    /// Chooses the skin of the next list, the same for all spheres; `None` if searching costs less. Spheres are measured only if
+    /// the last choice no longer stands. Call it before a search, or after one that built a list.
     ///
     /// # Errors
     /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`], [`Error::ThreadPool`].
@@ -114,8 +112,8 @@ impl SkinTuner {
         Ok(limits.map(|limits| 2.0 * limits[0]))
     }
 
-    /// The allowances that are worth it: by the last choice, or by what `think` makes of the motion and of how many times as
-    /// many candidates there are as expected.
+    /// The displacement limits by the last choice, or by a new one of `think`, which gets the displacements and the excess of
+    /// candidates.
     pub(super) fn limits(
         &mut self,
         scaling: SkinScaling,
@@ -197,9 +195,9 @@ mod tests {
     }
 
     #[test]
-    fn skins_follow_from_the_motion_and_from_what_things_cost() {
+    fn skin_follows_from_displacements_and_costs() {
         let cheap = SkinCosts { search_ns: 4.0, find_ns: 1.0, ..COSTS };
-        // As if each call took as long as searching among a thousand spheres anew.
+        // Each call costs as much as a search of a thousand spheres.
         let by_the_call = SkinCosts { call_ns: 1000.0 * COSTS.search_ns, ..COSTS };
         for (what, n, step, costs, calls_served) in [
             ("little displacements", 3000, 0.002, COSTS, 90..=100),
@@ -216,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_that_changes_changes_the_skin() {
+    fn changed_displacements_change_the_skin() {
         let mut tuner = SkinTuner::default();
         let (_, slow) = follow(&mut tuner, (2000, 100), 0.001, &COSTS);
         let (served, fast) = follow(&mut tuner, (2000, 300), 0.01, &COSTS);
@@ -229,7 +227,7 @@ mod tests {
 
     /// A sphere that no sample sees ends candidates at once, for as long as it flies.
     #[test]
-    fn who_is_seen_only_by_what_it_ends_is_tried_again_rarely() {
+    fn unsampled_fast_sphere_makes_skin_retries_rare() {
         let n = 4000;
         let mut random = Random(5);
         let spheres: Vec<_> = (0..n).map(|_| Sphere::new(random.point(12.0), 0.5)).collect();
@@ -247,11 +245,11 @@ mod tests {
     }
 
     #[test]
-    fn more_candidates_than_expected_are_reckoned_with() {
+    fn unexpectedly_many_candidates_narrow_the_skin() {
         let mut tuner = SkinTuner::default();
         let (_, skin) = follow(&mut tuner, (3000, 50), 0.01, &COSTS);
         assert!(skin.is_some());
-        // Each has as many as if space were sixteen times as crowded.
+        // Each has sixteen times the expected number.
         for _ in 0..3 {
             tuner.record_count(16.0 * tuner.choice.map_or(1.0, |choice| choice.candidates));
         }

@@ -4,19 +4,19 @@ use super::super::columns::Columns;
 use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdWidth, Xyzr, scalar};
 use crate::frame::SearchFrame;
 
-/// A periodic space as the filter sees it.
+/// The lengths of a periodic space in the precision of the filter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PeriodicBox {
-    /// The length of each axis; infinite where it is unbounded, so that no image is ever nearer.
+    /// The length of each axis; infinite for an unbounded axis, which has no nearer image.
     pub(super) lengths: [f32; 3],
-    /// How much farther than they are, or nearer, two centres may seem. Their coordinates, of at most half a length,
-    /// are exact; their difference is rounded to 2⁻²⁴ of a length, and taking it from the length rounds no more.
-    /// This is twice that and more, for three axes together.
+    /// The largest error of a computed distance. Coordinates, of at most half a length, are exact; their difference is rounded
+    /// to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is more than twice that, for three
+    /// axes together.
     pub(super) slack: f32,
 }
 
 impl PeriodicBox {
-    /// Those of a periodic space; `None` where it is unbounded.
+    /// Creates the box of a periodic space; `None` if it is unbounded.
     pub(crate) fn of(space: &Space) -> Option<Self> {
         let lengths = space.lengths_f32();
         let longest = lengths.into_iter().flatten().fold(0.0, f32::max);
@@ -27,15 +27,15 @@ impl PeriodicBox {
         space.is_periodic().then_some(periodic)
     }
 
-    /// Those of the space of a frame, unbounded or periodic, for spheres up to this radius.
+    /// Creates the box of the space of a frame, unbounded or periodic, for spheres up to this radius.
     pub(crate) fn of_frame(space: &Space, largest: f32) -> Self {
         let lengths = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
         Self { lengths, slack: SearchFrame::slack(largest) }
     }
 }
 
-/// A vector width that compares nearest images. Everything else is the width's own, and all of it is compiled once
-/// more for periodic spaces: the unbounded pay nothing for them.
+/// A SIMD width that compares minimum images and leaves all else to the inner width. All code is compiled once more for
+/// periodic spaces, so that unbounded ones pay nothing.
 #[derive(Clone, Copy)]
 pub(super) struct MinimumImage<V> {
     pub(super) vector: V,
@@ -45,7 +45,7 @@ pub(super) struct MinimumImage<V> {
 impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     const LANES: usize = V::LANES;
     type Query = V::Query;
-    /// Against the sum of radii with the slack added, and with the slack taken away.
+    /// The distances with the slack added to the sum of radii, and with the slack subtracted.
     type SquaredDistances = [V::SquaredDistances; 2];
 
     #[inline(always)]

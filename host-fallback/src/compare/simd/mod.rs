@@ -1,7 +1,7 @@
-//! One sphere against several: the vector code of every detector.
+//! SIMD code of every detector: compares one sphere with several.
 //!
-//! The comparison is a filter in `f32` with an error band around tangency. What lies clear of the band is decided
-//! here; what lies inside it is left to the exact test of [`PairTest`](super::rule::PairTest). So vector width, fused
+//! The comparison is a filter in `f32` with an error band around tangency. The filter decides
+//! pairs outside the band; [`PairTest`](super::pair_test::PairTest) decides pairs inside it. So SIMD width, fused
 //! multiply-adds and the order of operations cannot change a result.
 
 use std::env;
@@ -38,7 +38,7 @@ struct Feature {
     is_detected: fn() -> bool,
 }
 
-/// The widest vector code this processor has.
+/// The widest SIMD code of this processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Simd {
@@ -50,7 +50,7 @@ pub enum Simd {
     Portable,
 }
 
-/// In words, with the number of lanes.
+/// Writes the instruction set and the number of lanes.
 impl fmt::Display for Simd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
@@ -80,7 +80,7 @@ impl Simd {
         *WIDEST.get_or_init(|| widest().narrower(Self::allowed(env::var("LAZYGRID_SIMD").ok().as_deref())))
     }
 
-    /// The widest code that somebody who says this allows.
+    /// The widest code that this value of `LAZYGRID_SIMD` allows.
     fn allowed(said: Option<&str>) -> Self {
         match said {
             None | Some("avx512") => Self::Avx512,
@@ -98,8 +98,8 @@ impl Simd {
         if self as u8 > other as u8 { self } else { other }
     }
 
-    /// The widest code of a processor that `has` some instruction sets: all that the code is compiled with must be
-    /// there, for a virtual machine may hide any of them.
+    /// The widest code of a processor that `has` some instruction sets. All that the code is compiled with must be present,
+    /// since a virtual machine may hide any of them.
     #[cfg(target_arch = "x86_64")]
     fn widest(has: impl Fn(&Feature) -> bool) -> Self {
         if x86::Avx512::FEATURES.iter().all(&has) {
@@ -135,7 +135,7 @@ fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<Period
     }
 }
 
-/// Asks for a value that will soon be read, where the processor takes such wishes. One that is not there is no wish.
+/// Prefetches `values[at]` on x86-64. Ignores an index out of range.
 #[inline(always)]
 pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -148,17 +148,17 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     let _ = (values, at);
 }
 
-/// Work that is compiled once per vector width, with that width's instructions throughout.
+/// Work that is compiled once per SIMD width, with that width's instructions throughout.
 ///
-/// Only what is inlined into [`Task::run`] takes on the instructions: its callees are `#[inline(always)]`, and none
-/// of them passes a closure to a function that is not.
+/// Only code that is inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and none
+/// passes a closure to a function that is not.
 pub(crate) trait SimdTask {
     type Result;
     /// Must be `#[inline(always)]`, so that it takes on the features of its caller.
     fn run<V: SimdWidth>(self, vector: V) -> Self::Result;
 }
 
-/// A vector width. A value of the type is proof that the processor has it.
+/// A SIMD width. A value of the type is proof that the processor has it.
 pub(crate) trait SimdWidth: Copy {
     /// Spheres per comparison, at most [`MAX_LANES`].
     const LANES: usize;
@@ -167,21 +167,21 @@ pub(crate) trait SimdWidth: Copy {
     /// Squared distances and squared sums of radii.
     type SquaredDistances: Copy;
 
-    /// A sphere from its centre and radius.
+    /// Broadcasts the center and the radius of a sphere.
     fn query(self, sphere: [f32; 4]) -> Self::Query;
     /// Compares with the spheres at `base..base + LANES`, which may reach into the padding.
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
-    /// Lanes that may be pairs: all that are, and those inside the band.
+    /// Lanes that may be pairs: all that are, and the lanes inside the band.
     fn possible(self, distances: Self::SquaredDistances) -> u32;
-    /// Lanes that touch without doubt.
+    /// Lanes that certainly touch.
     fn certain(self, distances: Self::SquaredDistances) -> u32;
-    /// Which of the pairs of places in `rows` may touch, and which do without doubt: a bit for each.
+    /// A bit mask of the pairs of positions in `rows` that may touch, and one of those that certainly touch.
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
-    /// The cell of the point `center + offset`, cut to the grid. Monotone along each axis, and the same operations
+    /// The cell of the point `center + offset`, clamped to the grid. Monotone along each axis, and the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
-    /// Appends the runs that some spheres of one cell have to be compared with, five for each sphere at most.
-    /// `spheres` says where they start and how many they are, at most [`MAX_LANES`]. Runs begin no earlier than the sphere behind their own.
+    /// Appends the runs to compare with some spheres of one cell, at most five per sphere. `spheres` has their start and their
+    /// number, at most [`MAX_LANES`]. A run starts after its own sphere.
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -189,18 +189,18 @@ pub(crate) trait SimdWidth: Copy {
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     );
-    /// Writes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes` to the front of
-    /// `pairs`; what stands behind them is then of no meaning. Returns how many there are.
+    /// Writes the pairs of sphere `id` with the lanes of `ids` whose bits are set in `lanes` to the front of `pairs`, whose rest
+    /// is then arbitrary. Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Writes those pairs whose bits are set in `lanes` to the front of `kept`; what stands behind them is then of no
-    /// meaning. Returns how many there are.
+    /// Writes the pairs whose bits are set in `lanes` to the front of `kept`, whose rest is then arbitrary. Returns their
+    /// number.
     fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
 }
 
-/// The further operations of a vector width for periodic spaces.
+/// The further operations of a SIMD width for periodic spaces.
 pub(crate) trait PeriodicSimd: SimdWidth {
-    /// The same as [`gaps`](Vector::gaps), between nearest images: with the slack added to the sum of radii, and with it taken
-    /// away, but never below zero.
+    /// Computes [`squared_distances`](SimdWidth::squared_distances) between minimum images: with the slack added to the sum of
+    /// radii, and with the slack subtracted, but never below zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,
@@ -210,7 +210,7 @@ pub(crate) trait PeriodicSimd: SimdWidth {
     ) -> [Self::SquaredDistances; 2];
 }
 
-/// From coordinates to cells, for `x`, `y` and `z`; the fourth lane only fills a vector.
+/// The map from coordinates to cells for `x`, `y` and `z`; the fourth lane only fills a vector.
 #[derive(Clone, Debug)]
 pub(crate) struct Axes {
     /// Cells per unit length.
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn wider_code_can_be_switched_off() {
+    fn environment_variable_limits_the_width() {
         let runs = |has, said| Simd::narrower(has, Simd::allowed(said));
         for has in [Simd::Avx512, Simd::Avx2, Simd::Portable] {
             assert_eq!([None, Some("avx512"), Some("sse9")].map(|said| runs(has, said)), [has; 3]);
@@ -308,10 +308,9 @@ mod tests {
         assert_eq!(runs(Simd::Portable, Some("avx2")), Simd::Portable);
     }
 
-    /// Which code runs where a virtual machine hides one instruction set.
     #[cfg(target_arch = "x86_64")]
     #[test]
-    fn a_width_runs_only_where_all_it_is_compiled_with_is_there() {
+    fn width_runs_only_with_all_its_instruction_sets() {
         let without = |hidden: &str| Simd::widest(|feature| feature.name != hidden);
         assert_eq!(without(""), Simd::Avx512);
         assert_eq!(without("avx512f"), Simd::Avx2);

@@ -98,7 +98,7 @@ impl PeriodicSimd for Portable {
     }
 }
 
-/// Looking around sphere by sphere.
+/// Finds runs sphere by sphere.
 #[inline(always)]
 pub(super) fn find_neighbor_runs(
     columns: &Columns,
@@ -120,7 +120,7 @@ pub(super) fn find_neighbor_runs(
     }
 }
 
-/// Keeping lane by lane, without a branch: which are kept no branch predictor can tell.
+/// Keeps lane by lane, without a branch that no predictor could tell.
 #[inline(always)]
 pub(super) fn keep(pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
     let mut count = 0;
@@ -131,7 +131,7 @@ pub(super) fn keep(pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_
     count
 }
 
-/// Packing lane by lane.
+/// Packs lane by lane.
 #[inline(always)]
 pub(super) fn pack(id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
     let (mut open, mut packed) = (lanes, 0);

@@ -5,21 +5,21 @@ use super::{BAND, FLOOR, MAX_LANES, PeriodicBox};
 /// A sphere as `x`, `y`, `z` and its effective radius.
 pub(crate) type Xyzr = [f32; 4];
 
-/// Squared distances, and the squares of the sums of radii they are held against.
+/// Squared distances, and the squared sums of radii to compare with.
 struct SquaredDistances {
     d2: [f32; MAX_LANES],
     s2: [f32; MAX_LANES],
 }
 
 impl SquaredDistances {
-    /// Which pairs may touch.
+    /// A bit mask of the pairs that may touch.
     #[inline(always)]
     fn possible(&self) -> u32 {
         (0..MAX_LANES)
             .fold(0, |mask, k| mask | u32::from(self.d2[k] <= self.s2[k] * (1.0 + BAND) + FLOOR) << k)
     }
 
-    /// Which do so without doubt.
+    /// A bit mask of the pairs that certainly touch.
     #[inline(always)]
     fn certain(&self) -> u32 {
         (0..MAX_LANES)
@@ -27,7 +27,7 @@ impl SquaredDistances {
     }
 }
 
-/// Pair by pair, in an unbounded space.
+/// Tests pair by pair in an unbounded space.
 #[inline(always)]
 pub(super) fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     let mut distances = SquaredDistances { d2: [0.0; MAX_LANES], s2: [0.0; MAX_LANES] };
@@ -39,7 +39,7 @@ pub(super) fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     [distances.possible(), distances.certain()]
 }
 
-/// Pair by pair, between nearest images.
+/// Tests pair by pair between minimum images.
 #[inline(always)]
 pub(super) fn nearest_touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES], periodic: &PeriodicBox) -> [u32; 2] {
     let none = || SquaredDistances { d2: [0.0; MAX_LANES], s2: [0.0; MAX_LANES] };

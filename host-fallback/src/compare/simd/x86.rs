@@ -67,12 +67,12 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
 /// The processor must have FMA.
 #[inline(always)]
 unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
-    // One question for all of them.
+    // One bounds check for all.
     let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
     assert!((last as usize) < rows.len(), "every place has a row");
     let mut masks = [0; 2];
     for (k, four) in pairs.chunks_exact(4).enumerate() {
-        // SAFETY: FMA, hence SSE, by the caller's promise; no place is above the last, which has a row.
+        // SAFETY: FMA, hence SSE, by the caller's promise; no position is above the last, which has a row.
         unsafe {
             let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
             // The differences of the coordinates and the sum of the radii, squared.
@@ -221,7 +221,7 @@ impl SimdWidth for Avx512 {
     fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
         let [low, high] = [lanes as __mmask8, (lanes >> 8) as __mmask8];
         // SAFETY: `self` proves AVX-512F; both arrays are two vectors of eight pairs long, and the second store begins
-        // behind at most eight pairs.
+        // after at most eight pairs.
         unsafe {
             let (from, to): (*const __m512i, *mut Pair) = (pairs.as_ptr().cast(), kept.as_mut_ptr());
             _mm512_storeu_si512(to.cast(), _mm512_maskz_compress_epi64(low, _mm512_loadu_si512(from)));
@@ -324,7 +324,7 @@ impl PeriodicSimd for Avx512 {
             let nearest = |column: &[f32; 16], own, length| {
                 let a = _mm512_sub_ps(_mm512_loadu_ps(column.as_ptr()), own);
                 let apart = _mm512_abs_ps(a);
-                // Of two operands of which one is NaN, the minimum is the second.
+                // If one operand is NaN, the minimum is the second operand.
                 _mm512_min_ps(_mm512_sub_ps(_mm512_set1_ps(length), apart), apart)
             };
             let [dx, dy] = [nearest(x, q[0], periodic.lengths[0]), nearest(y, q[1], periodic.lengths[1])];
@@ -354,7 +354,7 @@ impl PeriodicSimd for Avx2 {
             let nearest = |column: &[f32; 8], own, length| {
                 let a = _mm256_sub_ps(_mm256_loadu_ps(column.as_ptr()), own);
                 let apart = _mm256_andnot_ps(_mm256_set1_ps(-0.0), a);
-                // Of two operands of which one is NaN, the minimum is the second.
+                // If one operand is NaN, the minimum is the second operand.
                 _mm256_min_ps(_mm256_sub_ps(_mm256_set1_ps(length), apart), apart)
             };
             let [dx, dy] = [nearest(x, q[0], periodic.lengths[0]), nearest(y, q[1], periodic.lengths[1])];

@@ -3,7 +3,7 @@ use lazygrid_kernels::Sphere;
 use super::*;
 use crate::compare::PairTest;
 
-/// How many cells the spheres overlap, before and after a shift.
+/// The number of cells that the spheres overlap, before and after a shift.
 fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<f32>; 3]) -> [usize; 2] {
     let stats = InputStats::of(&PairTest::new(spheres.into(), None), Executor::Pool).expect("all are valid");
     let grid = UniformGrid::new(&stats, ratio, lengths);
@@ -16,7 +16,7 @@ fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<
 }
 
 #[test]
-fn a_shifted_grid_has_no_more_entries_than_are_announced() {
+fn shifted_grid_has_at_most_the_announced_entries() {
     let mut state = 3_u64;
     let mut random = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -9,17 +9,17 @@ use crate::compare::PairFilter;
 use crate::memory::{try_collect, try_push};
 use crate::output::Neighbors;
 
-/// The pairs that rows are filled from.
+/// The pairs and spheres from which rows are filled.
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
-    /// The numbers of the spheres whose rows are filled, and of their neighbors.
+    /// The spheres whose rows are filled, and their neighbors.
     pub first: &'a [[f64; 4]],
     pub second: &'a [[f64; 4]],
     pub images: Option<&'a PeriodicImages>,
     pub options: ListOptions,
     /// Groups and exclusions, if the search has not considered them.
     pub filter: Option<PairFilter<'a>>,
-    /// For each sphere those that the search has found: their indices, or those of images.
+    /// For each sphere the found neighbors: their indices, or those of images.
     pub candidates: Neighbors<'a>,
 }
 
@@ -30,7 +30,7 @@ pub(super) struct Neighbor {
     pub j: u32,
 }
 
-/// One entry. The shift is that of the bond, which would not tell that it is beyond its type.
+/// One entry. A shift at the limits of its type is out of range.
 struct Entry {
     pair: Pair,
     bond: ImageVector,
@@ -46,7 +46,7 @@ pub(super) struct Slots<'s> {
 }
 
 impl<'s> Slots<'s> {
-    /// The first entries, and the rest.
+    /// Splits all arrays at an entry.
     fn split(self, at: usize) -> (Self, Self) {
         fn part<T>(all: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
             all.split_at_mut(at.min(all.len()))
@@ -71,13 +71,13 @@ impl<'s> Slots<'s> {
     }
 }
 
-/// Some rows of a list, and room for all of their candidates.
+/// Some rows of a list, and slots for all of their candidates.
 pub(super) struct Piece<'s> {
     rows: Range<usize>,
     slots: Slots<'s>,
     /// The number of neighbors of each row.
     counts: &'s mut [u64],
-    /// Where its room starts among that of all.
+    /// The index of its first slot.
     pub start: usize,
     /// The number of its entries.
     pub filled: usize,
@@ -86,7 +86,7 @@ pub(super) struct Piece<'s> {
 }
 
 impl<'s> Piece<'s> {
-    /// All pieces of a list.
+    /// Divides a list into chunks.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -146,7 +146,7 @@ impl Fill<'_> {
         }
     }
 
-    /// The entry of a sphere with itself, if it is asked for.
+    /// The entry of a sphere with itself, if requested.
     fn itself(&self, i: u32) -> Option<Entry> {
         let is_asked_for = self.options.has_self && self.contact.query.second().is_none();
         if !is_asked_for || self.reach(i, i)? <= 0.0 {
@@ -155,11 +155,11 @@ impl Fill<'_> {
         Some(Entry { pair: Pair { i, j: i }, bond: ImageVector::default(), distance: 0.0 })
     }
 
-    /// The entry of a pair that the search has decided on.
+    /// The entry of a pair, which the search has decided.
     #[inline(always)]
     fn nearest(&self, i: u32, j: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
-        // Which image is nearest may depend on the direction if two are equally far away: the pair decides, not the entry.
+        // Of two equally distant images, the direction of the pair decides, not that of the entry.
         let is_mirrored = query.second().is_none() && j < i;
         let (from, to) = if is_mirrored { (j, i) } else { (i, j) };
         let mut bond =
@@ -171,7 +171,7 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// The entry of a sphere and an image that the search has found within their largest reach.
+    /// The entry of a sphere and an image, which the search has found within their largest cutoff.
     #[inline(never)]
     fn image(&self, images: &PeriodicImages, i: u32, image: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
@@ -198,7 +198,7 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// The entry of two spheres that touch; none if they do no more than that and this does not count.
+    /// The entry of two spheres that touch; `None` if they are at the cutoff of an open list.
     #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
@@ -229,12 +229,12 @@ impl Fill<'_> {
     }
 }
 
-/// Returns `true` if a vector is shorter than a reach by so much that no rounding matters, which needs no root.
+/// Returns `true` if a vector is shorter than a cutoff by more than rounding, without a square root.
 #[inline]
 fn is_clear([x, y, z]: [f64; 3], reach: f64) -> bool {
     const CLEAR: f64 = 1.0 - 1.0 / (1_u64 << 40) as f64;
     let (squared, most) = (x * x + y * y + z * z, reach * reach * CLEAR);
-    // Not so of squares that underflow.
+    // Squares that underflow prove nothing.
     squared < most && most > 1e-280
 }
 

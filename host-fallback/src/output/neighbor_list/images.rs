@@ -1,21 +1,22 @@
-//! The images of spheres within reach, for spaces that repeat after less than two reaches.
+//! The images of spheres within the cutoff, for spaces that are periodic in less than two cutoffs.
 //!
 //! # Correctness
 //!
-//! The spheres of the first set are folded into the box, and images of the second set are made of all that may touch any of
-//! them: an image by `m` vectors of the basis touches none if, along a vector, its fraction is farther from all fractions of
-//! the first set than its reach over the height of the box. A search in unbounded space then finds all that touch. Radii grow
-//! by what folds, images and the decision may be rounded by ([`Lattice::rounding`]), so that none is lost; the decision is made
-//! on the numbers as given.
+//! 1. The spheres of the first set are folded into the box.
+//! 2. An image of the second set by `m` basis vectors touches none of them if, along a vector, its fraction is farther from all
+//!    fractions of the first set than its cutoff over the height of the box. All other images are created.
+//! 3. A search in unbounded space finds all that touch. Radii include the rounding of folds, images and the decision
+//!    ([`Lattice::rounding`]), so that no pair is lost.
+//! 4. The decision uses the given numbers.
 
 use lazygrid_kernels::{Error, Folded, InputError, Lattice, MAX_SPHERES, Query, Spheres};
 
 use super::ContactTest;
 use crate::memory::{try_extend, try_push, try_resize};
 
-/// The relative part by which reaches grow, for what is rounded in proportion to them.
+/// The relative growth of cutoffs, for rounding in proportion to them.
 const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
-/// How much less than the distance of images two reaches must be if nearest images are to be all.
+/// The fraction of the distance between images below which two cutoffs prove that minimum images suffice.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 
 /// Spheres folded into the box, and the images of spheres near them, in buffers that survive between calls.
@@ -23,18 +24,18 @@ const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 pub struct PeriodicImages {
     first: Vec<[f64; 4]>,
     images: Vec<[f64; 4]>,
-    /// The sphere that each image is of.
+    /// The sphere of each image.
     of: Vec<u32>,
-    /// The numbers of edges that were subtracted from each sphere of the first set, and added to each image.
+    /// The numbers of cell vectors subtracted from each sphere of the first set, and added to each image.
     folds: Vec<[f64; 3]>,
     shifts: Vec<[f64; 3]>,
     folded: Vec<Folded>,
     reaches: Vec<f64>,
-    /// Steps to the images of one sphere, and the numbers of edges they lead along.
+    /// Steps to the images of one sphere, and their numbers of cell vectors.
     steps: Vec<([f64; 3], [f64; 3])>,
 }
 
-/// The largest reach of a sphere of one set with one of the other, by their largest radii.
+/// The largest cutoff of a sphere of one set with one of the other, by their largest radii.
 fn largest_reach(contact: &ContactTest<'_>) -> f64 {
     let ContactTest { query, table, .. } = contact;
     let largest = |set: Spheres<'_>| (0..set.len()).map(|k| set.get_f64(k)[3]).fold(0.0, f64::max);
@@ -47,16 +48,16 @@ fn largest_reach(contact: &ContactTest<'_>) -> f64 {
 }
 
 impl PeriodicImages {
-    /// Returns `true` if more than the nearest image of a sphere may be within reach of another.
+    /// Returns `true` if a sphere may have several images of another within the cutoff.
     pub fn are_needed(contact: &ContactTest<'_>) -> bool {
         let Some(lattice) = Lattice::new(contact.space) else { return false };
         let nearest = lattice.heights().into_iter().take(lattice.rank()).fold(f64::INFINITY, f64::min);
-        // Not so of a reach that is infinite or no number.
+        // `false` for an infinite cutoff or NaN.
         let is_short = 2.0 * largest_reach(contact) * lattice.unit() < SPARE * nearest;
         !is_short
     }
 
-    /// Folds the spheres and makes their images. The spheres are valid.
+    /// Folds the spheres and creates their images. The spheres must be valid.
     ///
     /// # Errors
     /// [`InputError::Images`] for more images than 32-bit indices can name, [`Error::OutOfMemory`].
@@ -68,7 +69,7 @@ impl PeriodicImages {
         let spread = self.fold_all(&lattice, query)?;
         let growth = spread.rounding(&lattice, largest * lattice.unit());
         self.reaches.clear();
-        // Half of the largest reach of each sphere, so that two of them cover each reach of two.
+        // Half of the largest cutoff of each sphere, so that the sum for two spheres covers their cutoff.
         for set in [query.first(), second] {
             let reaches =
                 (0..set.len()).map(|k| half_reach(contact, set, k) * lattice.unit() * GROWTH + growth);
@@ -87,7 +88,7 @@ impl PeriodicImages {
             ranges(offset + k, self).iter().map(|[from, to]| (to - from + 1.0).max(0.0)).product::<f64>()
         };
         let count: f64 = (0..second.len()).map(counted).sum();
-        // Not so of a count that is no number.
+        // `false` for NaN.
         let is_possible = count + query.first().len() as f64 <= MAX_SPHERES as f64;
         if !is_possible {
             return Err(InputError::Images { images: count, reach: largest }.into());
@@ -105,13 +106,13 @@ impl PeriodicImages {
         Query::new((&self.first, &self.images))
     }
 
-    /// The sphere that an image is of, and the numbers of edges that lead from sphere `i` to the image.
+    /// The sphere of an image, and the numbers of cell vectors from sphere `i` to the image.
     pub(super) fn shift(&self, i: u32, image: u32) -> (u32, [f64; 3]) {
         let (fold, shift) = (self.folds[i as usize], self.shifts[image as usize]);
         (self.of[image as usize], [0, 1, 2].map(|edge| shift[edge] + fold[edge]))
     }
 
-    /// Folds both sets, and returns where the first one lies.
+    /// Folds both sets, and returns the extent of the first.
     fn fold_all(&mut self, lattice: &Lattice, query: &Query<'_>) -> Result<Spread, Error> {
         let second = query.second().unwrap_or(query.first());
         let mut spread = Spread::default();
@@ -176,7 +177,7 @@ impl PeriodicImages {
     }
 }
 
-/// Where spheres lie: how far from the origin, in how many boxes, and between which fractions those of the first set.
+/// The extent of the spheres: the largest coordinate, the largest number of folds, and the fractions of the first set.
 #[derive(Debug)]
 struct Spread {
     extent: f64,
@@ -203,7 +204,7 @@ impl Spread {
         }
     }
 
-    /// The largest rounding error of vectors between images within a reach.
+    /// The largest rounding error of vectors between images within a cutoff.
     fn rounding(&self, lattice: &Lattice, reach: f64) -> f64 {
         let heights = lattice.heights();
         // Two folds, and the steps to the image.
@@ -211,7 +212,7 @@ impl Spread {
         lattice.rounding(2.0 * self.extent + reach, counts)
     }
 
-    /// The steps along each vector of the basis that lead to images within `reach` of the first set: from, to.
+    /// The steps along each vector of the basis that lead to images within `reach` of the first set: first and last.
     fn steps(&self, lattice: &Lattice, folded: &Folded, reach: f64) -> [[f64; 2]; 3] {
         let heights = lattice.heights();
         [0, 1, 2].map(|axis| {
@@ -225,7 +226,7 @@ impl Spread {
     }
 }
 
-/// Half of the largest reach of a sphere with any other, as for [`Interactions::largest_half`].
+/// Half of the largest cutoff of a sphere with any other, as for [`Interactions::largest_half`].
 ///
 /// [`Interactions::largest_half`]: lazygrid_kernels::Interactions::largest_half
 fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {

@@ -1,7 +1,7 @@
-//! Neighbor lists with geometry: shifts, vectors and distances, of all images within reach.
+//! Neighbor lists with geometry: shifts, vectors and distances of all images within the cutoff.
 //!
-//! A search finds the pairs. If no two images of a sphere are within reach of another, the nearest images are all there are;
-//! else the search is one between the spheres and [their images](PeriodicImages). The lists are then filled by pieces of rows.
+//! A search finds the pairs. If no sphere has two images of another within the cutoff, minimum images suffice; else the search is
+//! between the spheres and [their images](PeriodicImages). Chunks of rows are then filled in parallel.
 
 mod fill;
 mod images;
@@ -18,15 +18,15 @@ use crate::memory::try_resize;
 use crate::output::NeighborsBuilder;
 use fill::{Fill, Neighbor, Piece, Slots};
 
-/// Spheres per piece of a list.
+/// Rows per chunk of a list.
 const CHUNK_ROWS: usize = 1 << 9;
-/// Spheres per piece of a copy.
+/// Spheres per chunk of a copy.
 const CHUNK_SPHERES: usize = 1 << 13;
 
 /// A neighbor list with geometry, in compressed sparse rows: the neighbors of sphere `k` are the entries
 /// `offsets()[k]..offsets()[k + 1]`, in order of their indices, and those of one index in order of their shifts.
 ///
-/// Arrays of quantities that were not asked for are empty.
+/// Arrays of quantities that were not requested are empty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NeighborList<'a> {
     offsets: &'a [u64],
@@ -37,7 +37,7 @@ pub struct NeighborList<'a> {
 }
 
 impl<'a> NeighborList<'a> {
-    /// Where the neighbors of each sphere start: one more number than there are rows, the last the number of entries.
+    /// The start of each sphere's neighbors. It has one more number than rows; the last is the number of entries.
     pub fn offsets(&self) -> &'a [u64] {
         self.offsets
     }
@@ -48,7 +48,7 @@ impl<'a> NeighborList<'a> {
         self.pairs
     }
 
-    /// For each entry the number of each edge of the space that leads to the image of the neighbor.
+    /// For each entry the numbers of cell vectors to the image of the neighbor.
     pub fn shifts(&self) -> &'a [[i32; 3]] {
         self.shifts
     }
@@ -89,7 +89,7 @@ pub struct ContactTest<'a> {
 #[derive(Debug, Default)]
 pub struct NeighborListBuilder {
     lists: NeighborsBuilder,
-    /// The numbers of all spheres, as rows that entries read.
+    /// All spheres as `f64` rows.
     numbers: Vec<[f64; 4]>,
     offsets: Vec<u64>,
     pairs: Vec<Pair>,
@@ -98,14 +98,14 @@ pub struct NeighborListBuilder {
     distances: Vec<f64>,
 }
 
-/// Copies the numbers of a set.
+/// Copies the spheres of a set.
 fn read(set: Spheres<'_>, into: &mut [[f64; 4]], executor: Executor) {
     executor.for_each_chunk(into, CHUNK_SPHERES, |stretch, into| set.read(stretch * CHUNK_SPHERES, into));
 }
 
 impl NeighborListBuilder {
-    /// Builds the list from the pairs of a query in canonical order, where nearest images are all within reach; or from
-    /// those between the spheres and their `images`.
+    /// Builds the list from the pairs of a query in canonical order, if minimum images suffice, or from the pairs between the
+    /// spheres and their `images`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`], [`Error::ThreadPool`], and [`InputError::Shift`] for a shift beyond 32 bits.
@@ -167,8 +167,7 @@ impl NeighborListBuilder {
         })
     }
 
-    /// Closes the gaps that pieces have left, given where each starts and how many entries it has; and sums up the counts of
-    /// rows.
+    /// Closes the gaps between chunks, given the start and the number of entries of each, and sums the counts of rows.
     fn close(&mut self, filled: &[(usize, usize)]) {
         fn moved<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
             if values.is_empty() {

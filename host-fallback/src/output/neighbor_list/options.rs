@@ -20,19 +20,18 @@ impl ListOptions {
         Self::default()
     }
 
-    /// Every pair once: `i < j`, and of the two images of a sphere that lie opposite each other the one whose shift is positive
-    /// at the first edge where it is not zero. Between two sets this is the same as [`full`](Self::full).
+    /// Every pair once: `i < j`, and of two opposite images of a sphere the one whose first nonzero shift is positive. Between two sets this is the same as [`full`](Self::full).
     pub fn half() -> Self {
         Self { is_half: true, ..Self::default() }
     }
 
-    /// Leaves out neighbors whose distance, rounded, is not less than their reach, as ASE and matscipy do. Without it, touching
+    /// Leaves out neighbors whose distance, rounded, is not less than their cutoff, as ASE and matscipy do. Without it, touching
     /// counts.
     pub fn open(self) -> Self {
         Self { is_open: true, ..self }
     }
 
-    /// Makes every sphere whose reach with itself is not zero its own neighbor, at distance zero. Of two sets it has no effect.
+    /// Makes every sphere whose cutoff with itself is not zero its own neighbor, at distance zero. It has no effect on two sets.
     pub fn with_self(self) -> Self {
         Self { has_self: true, ..self }
     }
