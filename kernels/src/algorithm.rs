@@ -3,28 +3,27 @@ use std::str::FromStr;
 
 use crate::UnknownName;
 
-/// The ways to find overlapping pairs. All give the same set; they differ in time and memory.
-///
-/// As text (`Display`, `FromStr`) the names are those of the command line: `cell-list`, `recursive-grid`, …
+/// The algorithms that find overlapping pairs. All find the same set; they differ in time and memory.
+/// Their text form (`Display`, `FromStr`) is that of the command line: `cell-list`, `recursive-grid`, …
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Algorithm {
     /// Chosen per call from the number of spheres and the spread of their radii.
     #[default]
     Auto,
-    /// All pairs are tested. The judge of all others, and the fastest for a few hundred spheres.
+    /// Tests all pairs. The reference for all others, and the fastest for a few hundred spheres.
     Naive,
     /// Uniform grid in a hash table with separate chaining (Stroobant et al., section 3.1). CPU.
     HashGrid,
     /// Uniform grid as an array of (cell, object) entries sorted by cell (section 3.1). CPU and GPU.
     ArrayGrid,
-    /// Uniform grid of the largest diameter whose crowded cells are split again (section 3.2). CPU.
+    /// Uniform grid of the largest diameter whose overfull cells are split again (section 3.2). CPU.
     RecursiveGrid,
-    /// Every sphere in the one cell of its centre, one entry each, levels for groups of sizes. CPU and GPU.
+    /// Each sphere in the one cell of its center, with a level per size class. CPU and GPU.
     CellList,
-    /// Nested grids; all smaller objects go on to the next level (section 3.2). GPU.
+    /// Nested grids; all smaller objects continue to the next level (section 3.2). GPU.
     EagerGrid,
-    /// Nested grids; only the smaller objects of crowded cells go on to the next level (section 3.2). GPU.
+    /// Nested grids; only the smaller objects of overfull cells continue to the next level (section 3.2). GPU.
     LazyGrid,
 }
 
@@ -41,15 +40,15 @@ impl Algorithm {
         Self::LazyGrid,
     ];
 
-    /// The algorithms of the CPU path, the judge first.
+    /// The algorithms of the CPU path, the naive one first.
     pub const CPU: &'static [Self] =
         &[Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
 
-    /// The algorithms that have GPU kernels, all pairs first.
+    /// The algorithms that have GPU kernels, the naive one first.
     pub const GPU: &'static [Self] =
         &[Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid, Self::CellList];
 
-    /// The name in lower case with hyphens.
+    /// Returns the name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",

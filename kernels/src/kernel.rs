@@ -1,4 +1,4 @@
-//! The GPU kernels: WGSL sources and what a host must know to run them. Nothing here calls a device.
+//! The GPU kernels: WGSL sources and the metadata that a host needs to run them. Nothing here calls a device.
 
 use crate::layout::{SearchParams, SortCounts};
 use crate::wgsl;
@@ -50,23 +50,23 @@ const fn write(name: &'static str) -> Binding {
 /// The differences between the texts of one kernel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// The device's smallest subgroup size where subgroup operations are to be used; `None` works everywhere.
+    /// The device's smallest subgroup size if subgroup operations are used; `None` works everywhere.
     pub subgroups: Option<u32>,
-    /// `true` if an interaction table decides what is a pair.
+    /// `true` if an interaction table decides which spheres pair.
     pub species: bool,
     /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// `true` if a radix pass sorts tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], which takes 20 KiB of
-    /// workgroup memory instead of 12 or more.
+    /// `true` if a radix pass sorts tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`]: 20 KiB of workgroup memory instead
+    /// of at least 12.
     pub wide_tiles: bool,
 }
 
 impl Variant {
-    /// The smallest subgroup for which radix ranking by subgroups has room for its tables.
+    /// The smallest subgroup whose radix ranking tables fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
-    /// What a device is given of each kernel: subgroup operations where it offers them, with its smallest subgroup, and
-    /// wide tiles where its workgroup memory, in bytes, has room for them. What else differs is up to the call.
+    /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given, and wide tiles if its workgroup
+    /// memory, in bytes, holds them. The call decides the rest.
     pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
         let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
         // Ranking tables of small subgroups need more workgroup memory than some devices have.
@@ -78,7 +78,7 @@ impl Variant {
         }
     }
 
-    /// Workgroup memory, in bytes, that no kernel of this variant exceeds.
+    /// Returns an upper bound of the workgroup memory of every kernel of this variant, in bytes.
     pub fn workgroup_memory(self) -> u32 {
         self.radix_scratch() * 4 + 4096
     }
@@ -96,14 +96,14 @@ impl Variant {
         tables.max(self.radix_tile())
     }
 
-    /// Keys that one workgroup sorts in a radix pass.
+    /// Returns the number of keys that one workgroup sorts in a radix pass.
     pub fn radix_tile(self) -> u32 {
         if self.wide_tiles { WIDE_TILE } else { NARROW_TILE }
     }
 }
 
 impl SortCounts {
-    /// The lengths for a sort of `items` keys in tiles of so many: a counter per digit and tile.
+    /// Returns the counts for a sort of `items` keys in tiles of `tile` keys: one counter per digit and tile.
     pub fn for_sort(items: u32, tile: u32) -> Self {
         Self { items, counters: items.div_ceil(tile) << DIGIT_BITS }
     }
@@ -124,13 +124,13 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// The buffers that the kernel binds in group 0, by binding number.
+    /// Returns the buffers that the kernel binds in group 0, by binding number.
     pub fn bindings(&self, variant: Variant) -> impl Iterator<Item = Binding> + use<> {
         let species = if variant.species { self.species_bindings } else { &[] };
         self.bindings.iter().chain(species).copied()
     }
 
-    /// The part of a variant that changes this kernel's text.
+    /// Returns the part of a variant that changes this kernel's text.
     pub fn effective_variant(&self, variant: Variant) -> Variant {
         Variant {
             subgroups: variant.subgroups.filter(|_| self.uses_subgroups),
@@ -140,7 +140,7 @@ impl Kernel {
         }
     }
 
-    /// Every variant in which the kernel's text differs, over all sizes that subgroups have.
+    /// Returns every variant with a text of its own, over all subgroup sizes.
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
@@ -156,14 +156,14 @@ impl Kernel {
         found
     }
 
-    /// The kernel's complete WGSL text, as naga takes it.
+    /// Returns the kernel's complete WGSL text for naga.
     pub fn wgsl(&self, variant: Variant) -> String {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
-    /// The same for compilers that go by the standard, such as those of browsers. They ask for subgroups to be
-    /// enabled, which naga 30 refuses, and for leave to use them where only this library knows that a whole subgroup
-    /// arrives, which makes naga warn.
+    /// Returns the text for compilers that follow the WGSL standard strictly, such as those of browsers. These require
+    /// `enable subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations that only this library
+    /// knows to be uniform, for which naga warns.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
         let text = Preprocessor { variant, strict: true }.expand(self.source);
@@ -189,20 +189,20 @@ macro_rules! kernels {
 }
 
 kernels! {
-    /// Clears what a call accumulates.
+    /// Clears the accumulators of a call.
     CALL_BEGIN = "grid" / "call_begin", 1, subgroups: false, periodic: false,
         [uniform("params"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
-    /// Moves each sphere to its image nearest to the origin.
+    /// Wraps each sphere to its image nearest to the origin.
     SPHERES_WRAP = "grid" / "spheres_wrap", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), read("given"), write("wrapped")], species: [];
-    /// Bounds of the valid spheres, number of the others.
+    /// Bounds of the valid spheres and number of the invalid ones.
     BOUNDS_REDUCE = "grid" / "bounds_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("species_params")];
     /// Chooses the grid.
     GRID_CONFIGURE = "grid" / "grid_configure", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("spheres"), write("bounds"), write("grid")], species: [];
-    /// Clears the density table.
+    /// Clears the occupancy table.
     OCCUPANCY_CLEAR = "grid" / "occupancy_clear", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), write("occupancy")], species: [];
     /// Finds each sphere's depth and cells.
@@ -212,34 +212,34 @@ kernels! {
     /// Counts the smaller spheres in cells of deeper levels.
     LEVELS_COUNT = "grid" / "levels_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), write("bounds"), read("cells"), write("occupancy")], species: [];
-    /// Shares the keys out among the levels.
+    /// Divides the keys among the levels.
     LEVELS_ASSIGN_KEYS = "grid" / "levels_assign_keys", DEPTHS, subgroups: false, periodic: true,
         [uniform("params"), write("bounds"), write("grid")], species: [];
     /// Writes one entry per overlapped cell and level.
     ENTRIES_EMIT = "grid" / "entries_emit", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("cells"), write("occupancy"), write("outcome"), write("keys"),
          write("objects")], species: [];
-    /// Settles how many entries there are.
+    /// Clamps and stores the number of entries.
     ENTRIES_FINISH = "grid" / "entries_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("sort_counts")], species: [];
     /// Sums of the tiles of a scan.
     SCAN_REDUCE = "sort" / "scan_reduce", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), read("values"), write("sums")], species: [];
-    /// Prefixes of those sums, and the total.
+    /// Prefix sums of those, and the total.
     SCAN_SPINE = "sort" / "scan_spine", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), write("sums"), write("total")], species: [];
-    /// Prefixes of all values, in place.
+    /// Prefix sums of all values, in place.
     SCAN_SPREAD = "sort" / "scan_spread", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), read("sums"), write("values")], species: [];
-    /// Prefixes of few values, in place and at once.
+    /// Prefix sums of few values, in place, in one dispatch.
     SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
     /// Digit counts of a radix pass.
     RADIX_COUNT = "sort" / "radix_count", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), write("counts")], species: [];
-    /// Prefixes of the counts of each digit.
+    /// Prefix sums of the counts of each digit.
     RADIX_SCAN = "sort" / "radix_scan", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), write("counts"), write("totals")], species: [];
-    /// Moves keys and payload to their places.
+    /// Moves keys and payload to their sorted positions.
     RADIX_SCATTER = "sort" / "radix_scatter", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), read("payload"), read("counts"), read("totals"),
          write("sorted_keys"), write("sorted_payload")], species: [];
@@ -248,10 +248,10 @@ kernels! {
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("species"), read("table")];
-    /// Sizes the crowded search.
+    /// Dispatch arguments of the search for far pairs.
     RUNS_SEARCH_FAR_DISPATCH_ARGS = "grid" / "runs_search_far_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
-    /// Pairs of entries far apart in a crowded run.
+    /// Pairs of entries far apart in a run.
     RUNS_SEARCH_FAR = "grid" / "runs_search_far", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), read("deferred")],
@@ -260,7 +260,7 @@ kernels! {
     NAIVE_SEARCH = "grid" / "naive_search", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("species_params"), read("table")];
-    /// Bounds and sizes of the spheres of a cell list.
+    /// Bounds and size classes of the spheres of a cell list.
     STATS_REDUCE = "cell_list" / "stats_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("starts"), write("occupancy")],
         species: [read("species"), read("species_params")];
@@ -269,7 +269,7 @@ kernels! {
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts")],
         species: [read("species"), read("species_params")];
-    /// Both of few spheres.
+    /// Both for small inputs, in one workgroup.
     CELL_LIST_SETUP_SMALL = "cell_list" / "cell_list_setup_small", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts"), write("starts"), write("occupancy")],
@@ -278,54 +278,54 @@ kernels! {
     OCCUPANCY_COUNT = "cell_list" / "occupancy_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Finds each sphere's cell and counts those of each cell.
+    /// Assigns each sphere its cell and its rank there.
     CELLS_COUNT = "cell_list" / "cells_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), write("occupancy"), write("outcome"), write("starts"),
          write("cell_ranks")],
         species: [read("species"), read("species_params")];
-    /// Finds each sphere's cell as a key to sort by.
+    /// Assigns each sphere its cell as a sort key.
     CELLS_KEY = "cell_list" / "cells_key", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("digit_pass"), read("cell_list"), read("sort_counts"), read("spheres"), write("occupancy"),
          write("outcome"), write("keys"), write("counts")],
         species: [read("species"), read("species_params")];
-    /// The start of each cell's spheres.
+    /// The first sphere of each cell.
     CELL_STARTS_FIND = "cell_list" / "cell_starts_find", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("cell_list"), read("cells"), write("starts")], species: [];
-    /// Brings the spheres into the order of their cells.
+    /// Gathers the spheres in cell order.
     SPHERES_GATHER = "cell_list" / "spheres_gather", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), read("order"), write("sorted")],
         species: [read("species"), write("sorted_species")];
-    /// Puts the spheres in the order of their cells.
+    /// Scatters the spheres to cell order.
     SPHERES_SCATTER = "cell_list" / "spheres_scatter", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), read("starts"), read("cell_ranks"), write("sorted"),
          write("cells"), write("order")],
         species: [read("species"), write("sorted_species")];
-    /// Pairs of each sphere with the first share of its candidates.
+    /// Pairs of each sphere with its first candidates.
     CELL_LIST_SEARCH = "cell_list" / "cell_list_search", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("sorted_species"), read("table")];
-    /// Sizes the search of further shares.
+    /// Dispatch arguments of the search of later candidates.
     CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS = "cell_list" / "cell_list_search_overflow_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
-    /// Pairs of each sphere of a crowded block with a further share of its candidates.
+    /// Pairs of the spheres of deferred blocks with their later candidates.
     CELL_LIST_SEARCH_OVERFLOW = "cell_list" / "cell_list_search_overflow", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("deferred")],
         species: [read("sorted_species"), read("table")];
-    /// The displacements of spheres since the candidates were found.
+    /// The largest displacement since the candidate list was built.
     SKIN_DISPLACEMENT = "skin" / "skin_displacement", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), uniform("skin"), read("count_source"), read("spheres"), read("reference"), write("state")],
         species: [read("species"), read("reference_species")];
-    /// Decides whether candidates are found anew.
+    /// Decides whether the candidate list is rebuilt.
     SKIN_CHECK = "skin" / "skin_check", 64, subgroups: false, periodic: false,
         [uniform("params"), uniform("skin"), read("count_source"), write("state"), read("full_counts"), write("dispatch_counts"),
          write("dispatch")], species: [];
-    /// Keeps the spheres, widened, where candidates are found anew.
+    /// Stores the reference positions, with inflated radii.
     SKIN_STORE_REFERENCE = "skin" / "skin_store_reference", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("skin"), read("spheres"), write("state"), write("reference")],
         species: [read("species"), write("reference_species")];
-    /// Sizes the test of the candidates.
+    /// Dispatch arguments of the candidate test.
     CANDIDATES_TEST_DISPATCH_ARGS = "skin" / "candidates_test_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), uniform("skin"), read("count_source"), write("found"), write("state"), write("outcome"),
          write("dispatch")], species: [];
@@ -333,13 +333,13 @@ kernels! {
     CANDIDATES_TEST = "skin" / "candidates_test", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("candidates"), write("state"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("table")];
-    /// Overflow flag and indirect-dispatch arguments.
+    /// Overflow flag and dispatch arguments of the consumer.
     OUTCOME_FINISH = "shared" / "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome")], species: [];
 }
 
-/// A text with its pieces in place, and `#{NAME}` as what it stands for. What is behind `#standard` is only in the text
-/// for compilers that go by the standard.
+/// The WGSL preprocessor: resolves includes, conditions and `#{NAME}` constants. Lines after `#standard` are only in the
+/// strict text.
 struct Preprocessor {
     variant: Variant,
     strict: bool,

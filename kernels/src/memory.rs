@@ -1,9 +1,8 @@
 use crate::Error;
 
-/// Reserves memory for `count` values after those that a buffer has. `what` names them in the error.
-///
+/// Reserves memory for `count` more values. `what` names the values in the error.
 /// # Errors
-/// [`Error::OutOfMemory`].
+/// Returns [`Error::OutOfMemory`] if the system refuses the memory.
 pub fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), Error> {
     let bytes = (buffer.len() as u64).saturating_add(count as u64).saturating_mul(size_of::<T>() as u64);
     buffer.try_reserve(count).map_err(|_| Error::OutOfMemory { what, bytes })

@@ -1,11 +1,10 @@
-//! WGSL texts from pieces.
+//! A preprocessor for WGSL.
 
 use std::fmt::Write;
 
-/// Puts pieces in place of `#include piece` and `#include piece argument`, and leaves out what is not defined between
-/// `#ifdef NAME`, `#else` and `#endif` (not nested in one file). In a piece `#{ARGUMENT}` is what was said behind its
-/// name. What is behind `#standard` is there where `STANDARD` is defined. Pieces may include others; one that nobody
-/// knows is nothing.
+/// Resolves `#include NAME` and `#include NAME ARGUMENT` from `includes`, and the conditions `#ifdef NAME`, `#else` and
+/// `#endif` (not nested in one file). `#{ARGUMENT}` in an include is replaced by the argument. Lines after `#standard` are
+/// kept if `STANDARD` is defined. Includes may include others; an unknown name is left out.
 pub fn expand(source: &str, pieces: &[(&str, &str)], is_defined: &dyn Fn(&str) -> bool) -> String {
     let mut text = String::new();
     append(source, pieces, is_defined, &mut text);
@@ -34,8 +33,7 @@ fn append(source: &str, pieces: &[(&str, &str)], is_defined: &dyn Fn(&str) -> bo
     }
 }
 
-/// The text with what is between `#repeat NAME 4` and `#end` written four times, and each time `#{NAME}` as the number of
-/// times before.
+/// Writes each block between `#repeat NAME 4` and `#end` four times, with `#{NAME}` replaced by 0, 1, 2 and 3.
 pub fn repeated(source: &str) -> String {
     let mut text = String::new();
     let mut lines = source.lines();

@@ -1,11 +1,10 @@
-//! Sizes that shaders and plans share. A test holds them against the shaders.
+//! Sizes that shaders and plans share. A test compares them with the shaders.
 
-/// Threads per workgroup of every kernel that is not a single thread.
+/// Threads per workgroup of every kernel that has more than one thread.
 pub const WORKGROUP_SIZE: u32 = 256;
-/// Keys that one workgroup sorts in a radix pass if there is workgroup memory for them: runs of equal digits are
-/// as long as a cache line.
+/// Keys that one workgroup sorts in a radix pass if its memory holds them: runs of equal digits are as long as a cache line.
 pub const WIDE_TILE: u32 = WORKGROUP_SIZE * 16;
-/// Keys that one workgroup sorts elsewhere.
+/// Keys that one workgroup sorts with less memory.
 pub const NARROW_TILE: u32 = WORKGROUP_SIZE * 8;
 /// Values that one workgroup scans.
 pub const SCAN_TILE: u32 = WORKGROUP_SIZE * SCAN_ITEMS;
@@ -13,27 +12,27 @@ pub const SCAN_TILE: u32 = WORKGROUP_SIZE * SCAN_ITEMS;
 pub const BOUNDS_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 /// Counters that one workgroup of `occupancy_clear` clears.
 pub const DENSITY_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
-/// Depths of a grid, cells at each half as wide as at the one before.
+/// The number of depths of a grid. Cells at each depth are half as wide as at the one before.
 pub const DEPTHS: u32 = 32;
 /// Bits of one radix digit.
 pub const DIGIT_BITS: u32 = 8;
-/// Most objects an entry can name: three bits of its word say where the object begins.
+/// The most objects that an entry can name: three bits of its word say on which axes the object begins.
 pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
-/// Most entries per sphere and level: grids are chosen so that no sphere overlaps more than two cells per axis.
+/// The most entries per sphere and level: no sphere overlaps more than two cells per axis.
 pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
 
-/// Turns that the loops of one invocation may take in all. Lavapipe ends them after 65 535, without a word.
+/// The most loop iterations of one invocation in all. Lavapipe silently ends loops after 65,535.
 pub const MAX_LOOP_ITERATIONS: u32 = 16_000;
-/// Turns of the naive search per tile: of its eight parts each 32 tests and up to 32 pairs.
+/// Iterations of the naive search per tile: for each of its eight parts 32 tests and up to 32 pairs.
 pub const NAIVE_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32);
-/// Turns of the crowded search per tile: the same, and whether this cell owns each of 32 pairs.
+/// Iterations of `runs_search_far` per tile: also whether the cell owns each of the 32 pairs.
 pub const RUN_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32 + 32);
-/// Tiles that one workgroup of the naive search may compare with.
+/// The most tiles that one workgroup of the naive search compares with.
 pub const NAIVE_TILES: u32 = MAX_LOOP_ITERATIONS / NAIVE_ITERATIONS_PER_TILE;
-/// Tiles that one workgroup of the crowded search may compare with, after looking for the end of a run.
+/// The most tiles that one workgroup of `runs_search_far` compares with, after it searched for the end of a run.
 pub const RUN_TILES: u32 = (MAX_LOOP_ITERATIONS - u32::BITS) / RUN_ITERATIONS_PER_TILE;
 
-/// Candidates of one sphere of a cell list that are tested by one invocation.
+/// The candidates of one sphere of a cell list that one invocation tests.
 pub const CANDIDATES_PER_INVOCATION: u32 = 2048;
 
 /// The most values that [`SCAN_ONCE`](super::SCAN_ONCE) takes.

@@ -1,6 +1,6 @@
 use super::*;
 
-/// What a kernel is said not to know of does not occur in its text. (Subgroups are shared pieces' to use.)
+/// A kernel's text does not contain conditions that its metadata denies. (Shared includes may use subgroups.)
 #[test]
 fn reduced_variants_have_the_whole_text() {
     for kernel in KERNELS {
@@ -21,7 +21,7 @@ fn devices_are_given_what_they_have_room_for() {
     let given = Variant::for_device;
     assert_eq!(given(Some(32), 48 << 10), Variant { subgroups: Some(32), wide_tiles: true, ..plain });
     assert_eq!(given(None, 48 << 10), Variant { wide_tiles: true, ..plain });
-    // Too small for what kernels do with them.
+    // Too small for the kernels' use of subgroups.
     assert_eq!(given(Some(2), 48 << 10), Variant { wide_tiles: true, ..plain });
     // Wide tiles take 20 KiB, and so do tables of subgroups of 8.
     assert_eq!(given(Some(32), 16 << 10), Variant { subgroups: Some(32), ..plain });

@@ -1,4 +1,4 @@
-// Chooses the cells of a call from what its spheres are like.
+// Chooses the cells of a call from the statistics of its spheres.
 #include layout
 #include cell_list
 #include thread

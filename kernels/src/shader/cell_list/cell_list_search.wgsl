@@ -1,5 +1,5 @@
-// Pairs of each sphere with the first of its candidates, which are mostly all. Blocks in which some sphere has more are
-// listed for `cell_list_search_overflow`.
+// Finds the pairs of each sphere with its first candidates, usually all. Blocks in which some sphere has more candidates
+// are deferred to `cell_list_search_overflow`.
 #include layout
 #include cell_list
 #include thread
@@ -24,7 +24,7 @@
 #include neighbor_cells
 #include candidates
 
-// Candidates of the sphere that has most, and spheres in its cell.
+// The most candidates that any sphere of the block has left.
 var<workgroup> most_candidates: atomic<u32>;
 
 @compute @workgroup_size(256)

@@ -1,5 +1,5 @@
-// Pairs of the spheres of crowded blocks with further shares of their candidates, so that a single crowded cell keeps
-// the whole device busy and no invocation takes more turns than some devices allow.
+// Tests the later chunks of candidates of the spheres in deferred blocks. A single overfull cell keeps the whole device
+// busy, and no invocation exceeds the loop iterations that devices allow.
 #include layout
 #include cell_list
 #include thread
@@ -24,11 +24,11 @@
 #include neighbor_cells
 #include candidates
 
-// Blocks of one layer of the dispatch.
+// Blocks in one layer (z) of the dispatch.
 const MAX_GROUPS: u32 = 65535u;
 
-// The listed blocks that this part takes.
-var<workgroup> part: vec2<u32>;
+// The range of deferred blocks of this submission.
+var<workgroup> deferred_range: vec2<u32>;
 
 @compute @workgroup_size(256)
 fn cell_list_search_overflow(
@@ -38,22 +38,22 @@ fn cell_list_search_overflow(
 ) {
 #include thread_from_builtins
     if (thread.local_index == 0u) {
-        part = vec2(atomicLoad(&outcome.deferred_begin), atomicLoad(&outcome.deferred_end));
+        deferred_range = vec2(atomicLoad(&outcome.deferred_begin), atomicLoad(&outcome.deferred_end));
         if (params.overflow_workgroups != 0u) {
-            part = vec2(0u, atomicLoad(&outcome.deferred_blocks));
+            deferred_range = vec2(0u, atomicLoad(&outcome.deferred_blocks));
         }
     }
-    let listed = workgroupUniformLoad(&part);
-    var block = listed.x + id.y + id.z * MAX_GROUPS;
-    var share = id.x + 1u;
+    let range = workgroupUniformLoad(&deferred_range);
+    var block = range.x + id.y + id.z * MAX_GROUPS;
+    var chunk = id.x + 1u;
     if (params.overflow_workgroups != 0u) {
-        // So many workgroups for each block that there may be.
+        // The host dispatched a fixed number of workgroups for each block.
         let number = workgroup_index(id, groups);
         block = number / params.overflow_workgroups;
-        share = number % params.overflow_workgroups + 1u;
+        chunk = number % params.overflow_workgroups + 1u;
     }
-    if (block >= listed.y) {
+    if (block >= range.y) {
         return;
     }
-    search_candidates(deferred[block], share, thread.local_index);
+    search_candidates(deferred[block], chunk, thread.local_index);
 }

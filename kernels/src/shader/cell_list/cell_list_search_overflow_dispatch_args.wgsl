@@ -1,6 +1,5 @@
-// Opens the next part of the search of further shares: as many of the listed blocks as one part may have, all where no
-// parts are asked for, and how many workgroups they need: in x the shares of the sphere with the most candidates, in y
-// and z the blocks.
+// Writes the dispatch arguments of the next `cell_list_search_overflow`: as many deferred blocks as one submission may
+// have, or all without a limit. x counts the chunks of candidates of the sphere with the most, y and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;
@@ -8,19 +7,19 @@
 @group(0) @binding(2) var<storage, read_write> dispatch: array<u32>;
 
 const UNLIMITED: u32 = #{UNLIMITED}u;
-// Workgroups of one dimension.
+// The most workgroups in one dimension of a dispatch (WebGPU's default limit).
 const MAX_GROUPS: u32 = 65535u;
 
 @compute @workgroup_size(1)
 fn cell_list_search_overflow_dispatch_args() {
     let begin = atomicLoad(&outcome.deferred_end);
-    let shares = atomicLoad(&outcome.deferred_max_tiles);
+    let chunks = atomicLoad(&outcome.deferred_max_tiles);
     let left = atomicLoad(&outcome.deferred_blocks) - begin;
-    let fitting = max(params.tiles_per_submission / (max(shares, 1u) * (params.candidates_per_invocation / 256u)), 1u);
+    let fitting = max(params.tiles_per_submission / (max(chunks, 1u) * (params.candidates_per_invocation / 256u)), 1u);
     let blocks = select(min(left, fitting), left, params.tiles_per_submission == UNLIMITED);
     atomicStore(&outcome.deferred_begin, begin);
     atomicStore(&outcome.deferred_end, begin + blocks);
-    dispatch[0] = shares;
+    dispatch[0] = chunks;
     dispatch[1] = min(blocks, MAX_GROUPS);
     dispatch[2] = (blocks + MAX_GROUPS - 1u) / MAX_GROUPS;
 }

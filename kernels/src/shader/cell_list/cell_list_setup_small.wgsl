@@ -1,4 +1,4 @@
-// Chooses the cells of a call of few spheres, which one workgroup looks at itself.
+// Reduces the statistics and chooses the cells in one workgroup, for small inputs.
 #include layout
 #include cell_list
 #include thread

@@ -1,5 +1,5 @@
-// Where the spheres of each cell begin among those sorted by cell: each workgroup takes a block of cells, however many
-// spheres these have.
+// Finds the first sphere of each cell among the spheres sorted by cell. Each workgroup takes a block of cells, with any
+// number of spheres.
 #include layout
 #include cell_list
 #include thread
@@ -11,27 +11,27 @@
 const WORKGROUP_SIZE: u32 = 256u;
 const ITEMS: u32 = 8u;
 const BLOCK: u32 = WORKGROUP_SIZE * ITEMS;
-// Blocks of more spheres are not read through: the beginning of each of their cells is looked for.
-const MOST_READ: u32 = 32768u;
+// Blocks with more spheres are not scanned: a binary search finds the start of each of their cells.
+const MAX_SCANNED: u32 = 32768u;
 
-// The first sphere of each cell of the block; the end of the block's if there is none. One word in 33 is left out, so
-// that threads which have eight cells each read different banks.
+// The first sphere of each cell of the block, or the end of the block's spheres. One word in 33 is padding, so that
+// threads with eight cells each read different banks.
 var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
-// The earliest first of what is behind each thread's cells.
+// The minimum of `firsts` over the cells after those of each thread.
 var<workgroup> later: array<u32, 512>;
-// Where the block's spheres begin and end.
-var<workgroup> stretch: array<u32, 2>;
+// The range of the block's spheres.
+var<workgroup> block_range: array<u32, 2>;
 
 fn slot_of(number: u32) -> u32 {
     return number + number / 32u;
 }
 
-// The first sphere from `low` up to `high` whose cell is not before this one.
+// Returns the first sphere in `low..high` whose cell is `cell` or later.
 fn first_from(cell: u32, low: u32, high: u32) -> u32 {
     var begin = low;
     var end = high;
-    // A turn leaves half of them, or less.
-    for (var turn = 32u - countLeadingZeros(high - low); turn > 0u; turn--) {
+    // Each iteration at least halves the range.
+    for (var iteration = 32u - countLeadingZeros(high - low); iteration > 0u; iteration--) {
         if (begin >= end) {
             break;
         }
@@ -58,11 +58,11 @@ fn cell_starts_find(
         return;
     }
     if (thread.local_index < 2u) {
-        stretch[thread.local_index] = first_from(first_cell + thread.local_index * BLOCK, 0u, cell_list.spheres);
+        block_range[thread.local_index] = first_from(first_cell + thread.local_index * BLOCK, 0u, cell_list.spheres);
     }
-    let begin = workgroupUniformLoad(&stretch[0]);
-    let end = workgroupUniformLoad(&stretch[1]);
-    if (end - begin > MOST_READ) {
+    let begin = workgroupUniformLoad(&block_range[0]);
+    let end = workgroupUniformLoad(&block_range[1]);
+    if (end - begin > MAX_SCANNED) {
         for (var item = 0u; item < ITEMS; item++) {
             let cell = first_cell + item * WORKGROUP_SIZE + thread.local_index;
             if (cell < counters) {
@@ -103,7 +103,7 @@ fn cell_starts_find(
         later[front + thread.local_index] = value;
         workgroupBarrier();
     }
-    // Backwards: a cell without spheres begins where the next one does.
+    // Backwards: an empty cell starts where the next one does.
     var start = end;
     if (thread.local_index + 1u < WORKGROUP_SIZE) {
         start = later[front + thread.local_index + 1u];
@@ -114,7 +114,7 @@ fn cell_starts_find(
         atomicStore(&firsts[slot], start);
     }
     workgroupBarrier();
-    // Neighbours in memory are written together.
+    // Coalesced writes.
     for (var item = 0u; item < ITEMS; item++) {
         let number = item * WORKGROUP_SIZE + thread.local_index;
         if (first_cell + number < counters) {

@@ -1,4 +1,4 @@
-// Finds each sphere's cell, here and nowhere else, as a key to sort by, and counts the digits of the first pass.
+// Assigns each sphere its cell as a sort key, and counts the digits of the first radix pass.
 #include layout
 #include cell_list
 #include thread

@@ -1,4 +1,4 @@
-// How many spheres lie in each cell of level 0, where smaller ones may have to leave it.
+// Counts the spheres in each cell of level 0, if smaller ones may have to leave it.
 #include layout
 #include cell_list
 #include thread

@@ -1,4 +1,4 @@
-// Brings the spheres into the order of their cells.
+// Gathers the spheres in cell order.
 #include layout
 #include cell_list
 #include thread

@@ -1,4 +1,4 @@
-// Puts the spheres in the order of their cells.
+// Scatters the spheres to cell order.
 #include layout
 #include cell_list
 #include thread

@@ -1,5 +1,5 @@
-// What the spheres are like. Each workgroup takes every so many of them, so that few workgroups meet at the counters in
-// memory.
+// Reduces the spheres to bounds and counts per size class. Workgroups stride over the spheres, so that few of them
+// contend for the counters in memory.
 #include layout
 #include cell_list
 #include thread

@@ -1,4 +1,4 @@
-// Bounds of the valid spheres and the number of the others.
+// Reduces the valid spheres to their bounds and counts the invalid ones.
 #include layout
 #include thread
 #include sphere
@@ -13,6 +13,7 @@
 @group(0) @binding(6) var<storage, read> species_params: array<vec2<u32>>;
 #endif
 #include effective_radius
+#include float_order
 #include subgroup_max
 
 const WORKGROUP_SIZE: u32 = 256u;
@@ -24,12 +25,6 @@ var<workgroup> group_high: array<atomic<u32>, 3>;
 var<workgroup> group_radius_min: atomic<u32>;
 var<workgroup> group_radius_max: atomic<u32>;
 var<workgroup> group_quarantined: atomic<u32>;
-
-// Unsigned integers in the order of the floats.
-fn to_sortable(value: vec3<f32>) -> vec3<u32> {
-    let bits = bitcast<vec3<u32>>(value);
-    return select(~bits, bits | vec3(0x80000000u), bits < vec3(0x80000000u));
-}
 
 @compute @workgroup_size(256)
 fn bounds_reduce(

@@ -1,4 +1,4 @@
-// Clears what the call accumulates and settles how many spheres it has.
+// Clears the accumulators of a call and stores its number of spheres.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

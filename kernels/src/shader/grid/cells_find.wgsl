@@ -1,6 +1,6 @@
-// Each sphere's depth and cells, here and nowhere else, as rounding may differ from kernel to kernel. Tells
-// which depths occur; where only dense cells are refined, counts how many smaller spheres overlap each cell of the
-// first level.
+// Finds each sphere's depth and cells. Only this kernel does, since rounding may differ between kernels. Records the
+// depths that occur. If only overfull cells are split, counts the smaller spheres that overlap each cell of the first
+// level.
 #include layout
 #include thread
 #include sphere
@@ -24,18 +24,18 @@ const WORKGROUP_SIZE: u32 = 256u;
 var<workgroup> group_depths: atomic<u32>;
 var<workgroup> group_descending: array<atomic<u32>, 32>;
 
-// floor(log2(value)) of a value that is not negative.
+// Returns floor(log2(value)) of a non-negative value.
 fn exponent_of(value: f32) -> i32 {
     return i32(bitcast<u32>(value) >> 23u) - 127;
 }
 
-// The finest depth whose cells a sphere's box, widening and rounding included, overlaps no more than two of per axis,
-// with coordinates of at most 17 bits.
+// Returns the finest depth at which a sphere's box, widening and rounding included, overlaps at most two cells per axis
+// and has coordinates of at most 17 bits.
 fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     if (grid.split_policy == 0u) {
         return 0u;
     }
-    // All in edges of depth 0.
+    // Lengths in cells of depth 0.
     let open = abs(clamp(sphere.xyz - grid.origin, vec3(-0x1p126), vec3(0x1p126))) * grid.inverse_edge;
     let offset = max(open, grid.ring_cells);
     let at = abs(sphere.xyz) * grid.inverse_edge;
@@ -46,7 +46,7 @@ fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     return u32(clamp(finest, 0, 31));
 }
 
-// In cells of depth 0. What is next to the origin is put there, so that no device takes it for subnormal.
+// Returns a position in cells of depth 0. Positions next to the origin become 0, so that no device flushes them.
 fn scaled(position: vec3<f32>) -> vec3<f32> {
     let offset = clamp(position - grid.origin, vec3(-0x1p126), vec3(0x1p126));
     let high = vec3<f32>(grid.high) + vec3(0x1.f8p-1);
@@ -58,7 +58,7 @@ fn cells_of(sphere: vec4<f32>, radius: f32) -> Cells {
     let depth = depth_of(sphere, radius);
     let box = box_of(sphere, radius);
     let scale = bitcast<f32>((127u + depth) << 23u);
-    // Where a ring closes, what is computed from either side of the seam differs by rounding.
+    // Values computed from either side of the periodic boundary differ by rounding.
     let spare = grid.ring_cells * 0x1p-21;
     let first = vec3<i32>(floor((scaled(box.low) - spare) * scale));
     let last = vec3<i32>(floor((scaled(box.high) + spare) * scale));

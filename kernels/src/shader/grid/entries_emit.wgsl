@@ -1,6 +1,6 @@
-// One (cell, object) entry for every cell that a sphere overlaps, level by level: from a cell that is refined, its
-// smaller spheres go on to the next level. With the entry goes, per axis, whether the cell is the object's first, and
-// in its key whether it is passive: a smaller sphere in a refined cell, which only meets those that stay behind.
+// Writes one (cell, object) entry for every cell that a sphere overlaps, level by level. A split cell passes its smaller
+// spheres to the next level. The object word holds, per axis, whether the cell is the sphere's first. The key holds
+// whether the entry is passive: a smaller sphere in a split cell, which meets only the spheres that stay there.
 #include layout
 #include thread
 
@@ -16,29 +16,29 @@
 #include reserve entries
 #include workgroup_scan
 
-// Where the workgroup's entries of one level begin, and how many of its spheres go on to the next.
+// The workgroup's first entry at one level, and the number of its spheres that continue to the next level.
 struct Share {
     first: u32,
-    going_on: u32,
+    descending: u32,
 }
 
 var<workgroup> share: Share;
 
-// A sphere's cells at one level, by number: where it has entries, which of these are passive, and which cells hand
-// it down.
+// A sphere's cells at one level, one bit each: cells with an entry, cells with a passive entry, and cells that pass the
+// sphere down.
 struct Visit {
     entries: u32,
     passive: u32,
-    handed: u32,
+    passed_down: u32,
 }
 
 fn key_of(depth: u32, cell: vec3<i32>) -> u32 {
     let level = grid.levels[depth];
-    let folded = vec3<u32>(in_ring(cell, depth)) & ((vec3(1u) << level.bits) - vec3(1u));
-    return level.base + (folded.x | (folded.y << level.bits.x) | (folded.z << (level.bits.x + level.bits.y)));
+    let hashed = vec3<u32>(in_ring(cell, depth)) & ((vec3(1u) << level.bits) - vec3(1u));
+    return level.base + (hashed.x | (hashed.y << level.bits.x) | (hashed.z << (level.bits.x + level.bits.y)));
 }
 
-// `alive` says which of its cells at the level before, `above`, handed the sphere down.
+// `alive` has a bit for each of the sphere's cells in `above` that passed it down.
 fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
     var found = Visit(0u, 0u, 0u);
     for (var number = 0u; number < 8u; number++) {
@@ -47,7 +47,7 @@ fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
         if (!has_cell(here, step) || (alive & (1u << parent_of(cell, here.depth, above))) == 0u) {
             continue;
         }
-        // In EagerGrid every cell is refined; a depth without spheres has none that stay behind.
+        // EagerGrid splits every cell. At a depth without spheres of its own, no sphere stays in a cell.
         var is_refined = grid.split_policy == 1u;
         var has_own = (grid.depth_mask & (1u << here.depth)) != 0u;
         if (grid.split_policy == 2u && !is_own) {
@@ -59,7 +59,7 @@ fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
         if (is_own || !is_refined) {
             found.entries |= bit;
         } else {
-            found.handed |= bit;
+            found.passed_down |= bit;
             found.entries |= select(0u, bit, has_own);
             found.passive |= select(0u, bit, has_own);
         }
@@ -95,8 +95,8 @@ fn entries_emit(
             here = cells_at(own, depth);
             found = visit(here, above, alive, depth == own_depth);
         }
-        // Counted together: in the upper half, how many spheres go on.
-        let before = workgroup_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.handed != 0u), thread);
+        // One scan for both counts: entries in the lower half, spheres that continue in the upper half.
+        let before = workgroup_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.passed_down != 0u), thread);
         if (thread.local_index == 0u) {
             let all = workgroup_sum();
             share = Share(entries_reserve(all & 0xffffu), all >> 16u);
@@ -115,10 +115,10 @@ fn entries_emit(
             objects[at_entry] = index | ((number ^ 7u) << 29u);
             at_entry += 1u;
         }
-        if (own_share.going_on == 0u) {
+        if (own_share.descending == 0u) {
             break;
         }
         above = here;
-        alive = found.handed;
+        alive = found.passed_down;
     }
 }

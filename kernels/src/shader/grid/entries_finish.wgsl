@@ -1,4 +1,4 @@
-// Settles how many entries there are to sort, and whether all of them found room.
+// Clamps the number of entries to the capacity and stores it.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

@@ -1,4 +1,4 @@
-// Chooses the grid of this call: origin, cell edge, limits and key bits.
+// Chooses the grid of a call: origin, cell size, limits and key bits.
 #include layout
 #include thread
 #include sphere
@@ -7,37 +7,34 @@
 @group(0) @binding(1) var<storage, read> spheres: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> bounds: Bounds;
 @group(0) @binding(3) var<storage, read_write> grid: Grid;
+#include float_order
 #include key_hash
 
 const SAMPLES: u32 = 256u;
-// Edges are this much larger where sizes are told apart, so that sizes that are each half of the next stay so when
-// their boxes are widened a little.
+// Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths when their boxes
+// are widened.
 const SLACK: f32 = 0x1.04p0;
-// Cells on either side of the origin. Beyond, coordinates go to the outermost cell; within, a box is widened by
-// at most an eighth of an edge, so that no sphere overlaps more than two cells per axis.
+// Cells on either side of the origin. Coordinates beyond them share the outermost cell. Within them, a box is widened by
+// at most an eighth of a cell, so that no sphere overlaps more than two cells per axis.
 const HALF_GRID: f32 = 0x1p17;
-// Rings have no more edges than this at depth 0, which keeps roundings at the seam below a part of an edge, and no
-// fewer; those so small, and those of lengths out of range, never have more than one cell.
-const MOST_TURNS: f32 = 0x1p15;
-const FEWEST_TURNS: f32 = 0x1p-40;
-const SHORTEST: f32 = 0x1p-80;
-const LONGEST: f32 = 0x1p80;
+// The range of the number of cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below a
+// fraction of a cell. Rings at the lower limit, and axes with a length out of range, always have one cell.
+const MAX_RING_CELLS: f32 = 0x1p15;
+const MIN_RING_CELLS: f32 = 0x1p-40;
+const MIN_LENGTH: f32 = 0x1p-80;
+const MAX_LENGTH: f32 = 0x1p80;
 
 var<workgroup> samples: array<array<f32, 256>, 3>;
 var<workgroup> accepted: atomic<u32>;
-// Lower quartile, median and upper quartile of the samples.
+// Lower quartile, median and upper quartile of the samples, per axis.
 var<workgroup> quartiles: array<array<f32, 3>, 3>;
 
-// Whether an axis with this period is unbounded; by its bits, as devices may take small ones for 0.
+// Returns `true` if an axis with this period is unbounded. Compares bits, because devices may flush small periods to 0.
 fn is_open(period: f32) -> bool {
     return bitcast<u32>(period) == 0u;
 }
 
-fn from_sortable(key: u32) -> f32 {
-    return bitcast<f32>(select(~key, key & 0x7fffffffu, key >= 0x80000000u));
-}
-
-// In cells from the origin. The limits keep every intermediate value finite.
+// Returns a position in cells from the origin. The limits keep every intermediate value finite.
 fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: vec3<f32>) -> vec3<i32> {
     let offset = clamp(position - origin, vec3(-0x1p126), vec3(0x1p126));
     return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_GRID), vec3(HALF_GRID - 1.0))));
@@ -48,35 +45,36 @@ fn periods() -> vec3<f32> {
     return vec3(params.period_x, params.period_y, params.period_z);
 }
 
-// Where a sample lies from the first sphere on, by the shorter way round, so that a occupancy on the seam is one occupancy.
+// Returns the image of a sample nearest to the first sphere, so that a cluster across the periodic boundary stays one
+// cluster.
 fn from_first(sample: vec3<f32>) -> vec3<f32> {
     let lengths = periods();
     let first = spheres[0].xyz;
     let used = (lengths > vec3(0.0)) & vec3(is_finite(first.x), is_finite(first.y), is_finite(first.z));
     let d = sample - first;
-    let turn = select(vec3(0.0), select(lengths, -lengths, d > vec3(0.0)), abs(d) > 0.5 * lengths);
-    return select(sample, d + turn, used);
+    let shift = select(vec3(0.0), select(lengths, -lengths, d > vec3(0.0)), abs(d) > 0.5 * lengths);
+    return select(sample, d + shift, used);
 }
 
-// Edges once around an axis, each at least as wide as this: a multiple of four, so that neither the fold of keys
-// nor the seam makes one cell of neighbors, or else so small a power of two that the grid has but one cell until
-// cells are so small that it has four. 0 where the axis is not periodic.
-fn turns_of(length: f32, edge: f32) -> f32 {
+// Returns the number of cells around an axis, each at least `edge` wide; 0 for an unbounded axis. It is a multiple of
+// four, so that neither the key hash nor the periodic boundary merges neighbors. If four cells do not fit, it is a power
+// of two small enough that the axis has one cell until a depth at which four fit.
+fn ring_cells_of(length: f32, edge: f32) -> f32 {
     if (is_open(length)) {
         return 0.0;
     }
-    if (length < SHORTEST || length > LONGEST || edge >= 0x1p120 || length < edge * FEWEST_TURNS) {
-        return FEWEST_TURNS;
+    if (length < MIN_LENGTH || length > MAX_LENGTH || edge >= 0x1p120 || length < edge * MIN_RING_CELLS) {
+        return MIN_RING_CELLS;
     }
-    if (length * (1.0 / MOST_TURNS) >= edge) {
-        return MOST_TURNS;
+    if (length * (1.0 / MAX_RING_CELLS) >= edge) {
+        return MAX_RING_CELLS;
     }
-    // A little less, so that no rounding makes edges narrower.
-    let turns = (length / edge) * 0x1.ffffep-1;
-    if (turns >= 4.0) {
-        return 4.0 * floor(0.25 * turns);
+    // Rounded down, so that no rounding makes cells narrower than `edge`.
+    let ring_cells = (length / edge) * 0x1.ffffep-1;
+    if (ring_cells >= 4.0) {
+        return 4.0 * floor(0.25 * ring_cells);
     }
-    return max(bitcast<f32>(bitcast<u32>(turns) & 0x7f800000u), FEWEST_TURNS);
+    return max(bitcast<f32>(bitcast<u32>(ring_cells) & 0x7f800000u), MIN_RING_CELLS);
 }
 #else
 fn periods() -> vec3<f32> {
@@ -87,7 +85,7 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return sample;
 }
 
-fn turns_of(length: f32, edge: f32) -> f32 {
+fn ring_cells_of(length: f32, edge: f32) -> f32 {
     return 0.0;
 }
 #endif
@@ -97,20 +95,20 @@ fn grid_configure(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let lane = thread.local_index;
+    let local_index = thread.local_index;
     let count = grid.spheres;
-    if (lane == 0u) {
+    if (local_index == 0u) {
         atomicStore(&accepted, 0u);
     }
-    if (lane < 3u) {
-        quartiles[lane] = array(0.0, 0.0, 0.0);
+    if (local_index < 3u) {
+        quartiles[local_index] = array(0.0, 0.0, 0.0);
     }
     workgroupBarrier();
-    // Lanes that have no valid sphere take the largest value, so that they rank last.
+    // Threads without a valid sphere use the largest value and rank last.
     var sample = vec4(0x1.fffffep127);
     var used = false;
-    if (lane < count) {
-        let index = select(lane, (count / SAMPLES) * lane + ((count % SAMPLES) * lane) / SAMPLES, count > SAMPLES);
+    if (local_index < count) {
+        let index = select(local_index, (count / SAMPLES) * local_index + ((count % SAMPLES) * local_index) / SAMPLES, count > SAMPLES);
         let sphere = spheres[index];
         if (is_valid(sphere)) {
             sample = vec4(from_first(sphere.xyz), sphere.w);
@@ -119,7 +117,7 @@ fn grid_configure(
         }
     }
     for (var axis = 0u; axis < 3u; axis++) {
-        samples[axis][lane] = sample[axis];
+        samples[axis][local_index] = sample[axis];
     }
     workgroupBarrier();
     let total = atomicLoad(&accepted);
@@ -128,7 +126,7 @@ fn grid_configure(
             var rank = 0u;
             for (var other = 0u; other < SAMPLES; other++) {
                 let value = samples[axis][other];
-                rank += select(0u, 1u, value < sample[axis] || (value == sample[axis] && other < lane));
+                rank += select(0u, 1u, value < sample[axis] || (value == sample[axis] && other < local_index));
             }
             for (var quarter = 1u; quarter <= 3u; quarter++) {
                 if (rank == (total * quarter) / 4u) {
@@ -138,12 +136,12 @@ fn grid_configure(
         }
     }
     workgroupBarrier();
-    if (lane != 0u) {
+    if (local_index != 0u) {
         return;
     }
 
     let origin = vec3(quartiles[0][1], quartiles[1][1], quartiles[2][1]);
-    // Never -0.0, as no power of it is defined.
+    // Never -0.0: `pow` is undefined for it.
     let spread = abs(vec3(
         quartiles[0][2] * 0.25 - quartiles[0][0] * 0.25,
         quartiles[1][2] * 0.25 - quartiles[1][0] * 0.25,
@@ -156,8 +154,7 @@ fn grid_configure(
     let aside = select(vec3(0.0), abs(origin), open);
     let far = max(max(aside.x, aside.y), aside.z);
     let spheres_count = f32(max(count, 1u));
-    // Sparse points need no finer grid than their distances ask for, however small they are: about an eighth of
-    // the mean distance, in a volume or on a line.
+    // Sparse points need no cells smaller than about an eighth of their mean distance, in a volume or on a line.
     let volume_spacing = pow(spread.x, 1.0 / 3.0) * pow(spread.y, 1.0 / 3.0) * pow(spread.z, 1.0 / 3.0)
         * pow(spheres_count, -1.0 / 3.0);
     let line_spacing = max(spread.x, max(spread.y, spread.z)) / spheres_count;
@@ -166,9 +163,9 @@ fn grid_configure(
         max(width, far * 0x1p-17),
         max(max(volume_spacing, line_spacing), 0x1p-100),
     );
-    let turns = vec3(turns_of(lengths.x, edge), turns_of(lengths.y, edge), turns_of(lengths.z, edge));
+    let ring_cells = vec3(ring_cells_of(lengths.x, edge), ring_cells_of(lengths.y, edge), ring_cells_of(lengths.z, edge));
     let open_inverse = select(0.0, 1.0 / edge, edge < 0x1p120);
-    let ring_inverse = select(vec3(0.0), turns / max(lengths, vec3(SHORTEST)), turns > vec3(FEWEST_TURNS));
+    let ring_inverse = select(vec3(0.0), ring_cells / max(lengths, vec3(MIN_LENGTH)), ring_cells > vec3(MIN_RING_CELLS));
     let inverse_edge = select(ring_inverse, vec3(open_inverse), open);
     let corner = select(-0.5 * lengths, origin, open);
     let lowest = vec3(
@@ -187,28 +184,28 @@ fn grid_configure(
         low = cell_of(lowest, corner, inverse_edge);
         high = max(low, cell_of(highest, corner, inverse_edge));
     }
-    // Boxes stick out over the seam by less than an edge.
+    // Boxes extend past the periodic boundary by less than a cell.
     low = select(vec3(-1), low, open);
-    high = select(vec3<i32>(turns) + vec3(1), high, open);
+    high = select(vec3<i32>(ring_cells) + vec3(1), high, open);
     let largest = max(
         max(max(abs(lowest.x), abs(lowest.y)), abs(lowest.z)),
         max(max(abs(highest.x), abs(highest.y)), abs(highest.z)),
     );
     grid.origin = corner;
     grid.inverse_edge = inverse_edge;
-    grid.ring_cells = turns;
+    grid.ring_cells = ring_cells;
     grid.low = low;
     grid.high = high;
     grid.ordinary = select(0u, 1u, radius_min > 0x1p-40 && largest < 0x1p58);
-    // Where even the smallest sphere does not fit cells half as wide, all are of depth 0.
+    // If even the smallest sphere does not fit cells of half the size, all spheres have depth 0.
     let finest = max(inverse_edge.x, max(inverse_edge.y, inverse_edge.z));
     let some_fit = 4.0 * params.cell_ratio * (radius_min * finest) < 0x1.01p0;
     grid.split_policy = select(0u, params.split_policy, some_fit && open_inverse > 0.0);
     grid.level_mask = 1u;
     grid.depth_mask = 1u;
     grid.passive = 0u;
-    // All pairs have no keys.
+    // The naive search has no keys.
     if (params.key_bits != 0u) {
-        grid.levels[0] = LevelKeys(hash_bits(axis_bits(low, high, turns, 0u), params.key_bits), 0u);
+        grid.levels[0] = LevelKeys(hash_bits(axis_bits(low, high, ring_cells, 0u), params.key_bits), 0u);
     }
 }

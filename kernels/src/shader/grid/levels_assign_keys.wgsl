@@ -1,5 +1,5 @@
-// Shares the keys out among the levels: to each in proportion to the spheres that may have entries there, and no
-// more than it has cells.
+// Divides the keys among the levels, in proportion to the spheres that may have entries there, and gives no level more
+// keys than it has cells.
 #include layout
 #include thread
 
@@ -10,7 +10,7 @@
 
 const MIN_BITS: u32 = 3u * MIN_AXIS_BITS;
 
-// Spheres that may have entries at the level of each depth, and how many keys it gets.
+// The number of spheres that may have entries at each depth, and the number of keys it gets.
 var<workgroup> weights: array<u32, 32>;
 var<workgroup> sizes: array<u32, 32>;
 
@@ -40,10 +40,10 @@ fn levels_assign_keys(
     for (var other = 0u; other < 32u; other++) {
         total += f32(weights[other]);
     }
-    // One bit less than all, for the mark of passive entries.
+    // One key bit marks passive entries.
     let keys = 1u << (params.key_bits - 1u);
     let spare = keys - (countOneBits(depths) << MIN_BITS);
-    // A little less, so that roundings cannot add up to more than there is.
+    // Rounded down, so that the shares never add up to more than all keys.
     let share = f32(spare) * (f32(weights[depth]) / total) * 0x1.ff8p-1;
     let share_bits = (bitcast<u32>(max(share, 1.0)) >> 23u) - 127u;
     let cells = axis_bits(grid.low, grid.high, grid.ring_cells, depth);
@@ -55,7 +55,7 @@ fn levels_assign_keys(
         base += sizes[coarser];
     }
     workgroupBarrier();
-    // Without a dense cell everything is settled at the first level, as `grid_configure` left it.
+    // Without an overfull cell, all entries stay at the first level, as `grid_configure` left it.
     if (depth == 0u && deeper == 0u) {
         grid.split_policy = 0u;
     }

@@ -1,5 +1,5 @@
-// Counts how many smaller spheres overlap each cell of the deeper levels, as far as it lies in a dense cell of the
-// first one; and how many spheres go on there.
+// Counts the smaller spheres that overlap each cell of the deeper levels inside overfull cells of the first level, and
+// the spheres that continue there.
 #include layout
 #include thread
 
@@ -15,7 +15,7 @@ const WORKGROUP_SIZE: u32 = 256u;
 
 var<workgroup> group_descending: array<atomic<u32>, 32>;
 
-// Which of a sphere's cells of the first level are dense, one bit each.
+// Returns one bit for each overfull cell among a sphere's cells of the first level.
 fn dense_cells(coarse: Cells) -> u32 {
     var dense = 0u;
     for (var number = 0u; number < 8u; number++) {

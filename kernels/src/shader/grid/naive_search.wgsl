@@ -1,6 +1,6 @@
-// All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices, or of two sets 256
-// spheres of the first and a share of the tiles of the second. There are so many workgroups that no invocation takes more
-// turns than some devices allow.
+// Tests all pairs. Each workgroup takes 256 spheres and some of the tiles of spheres with larger indices; with two sets,
+// 256 spheres of the first and some of the tiles of the second. The number of workgroups keeps every invocation within
+// the loop iterations that devices allow.
 #include layout
 #include thread
 #include sphere
@@ -34,11 +34,11 @@ fn naive_search(
     let group = workgroup_index(id, groups);
     let count = grid.spheres;
     let blocks = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
-    // Of two sets the first has the rows and the second the columns.
+    // With two sets, the first has the rows and the second the columns.
     let rows = select(count, min(params.second_set_start, count), params.second_set_start != 0u);
     let row_blocks = (rows + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
-    let shares = clamp(params.search_groups / max(row_blocks, 1u), 1u, max(blocks, 1u));
-    let block = group / shares;
+    let workgroups_per_block = clamp(params.search_groups / max(row_blocks, 1u), 1u, max(blocks, 1u));
+    let block = group / workgroups_per_block;
     let first_row = block * WORKGROUP_SIZE;
     if (block >= row_blocks || first_row >= params.window_end || first_row + (WORKGROUP_SIZE - 1u) < params.window_begin) {
         return;
@@ -54,8 +54,8 @@ fn naive_search(
         query.species = min(species[query.object], params.species - 1u);
 #endif
     }
-    for (var turn = 0u; turn < blocks; turn++) {
-        let column = first_column + group % shares + turn * shares;
+    for (var iteration = 0u; iteration < blocks; iteration++) {
+        let column = first_column + group % workgroups_per_block + iteration * workgroups_per_block;
         if (column >= blocks) {
             break;
         }
@@ -76,7 +76,7 @@ fn naive_search(
             }
         }
         workgroupBarrier();
-        // In the block's own tile only larger indices, in the first tile of the second set only spheres of that set.
+        // Only larger indices in the block's own tile, and only spheres of the second set in the first tile of that set.
         let of_second = max(params.second_set_start, column * WORKGROUP_SIZE) - column * WORKGROUP_SIZE;
         let begin = max(select(0u, thread.local_index + 1u, column == block), of_second);
         for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {

@@ -1,4 +1,4 @@
-// Clears the density table.
+// Clears the occupancy table.
 #include layout
 #include thread
 

@@ -1,6 +1,6 @@
-// Pairs of entries more than NEAR places apart in one run: each workgroup takes a listed block of 256 entries
-// and a share of the tiles that follow, so that a single crowded cell keeps the whole device busy and no invocation
-// takes more turns than some devices allow.
+// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup takes a deferred block of 256 entries
+// and some of the tiles after it. A single overfull cell keeps the whole device busy, and no invocation exceeds the loop
+// iterations that devices allow.
 #include layout
 #include thread
 
@@ -25,18 +25,18 @@
 
 const WORKGROUP_SIZE: u32 = 256u;
 
-// Where the objects of the tile begin, all taken together.
+// Bitwise or of the tile's object words.
 var<workgroup> tile_firsts: atomic<u32>;
-// Which of the listed blocks this part of the search takes, and the most tiles that one of them is compared with.
-struct Part {
+// The deferred blocks of this submission, and the most tiles that any of them has.
+struct DeferredRange {
     begin: u32,
     end: u32,
     tiles: u32,
 }
 
-var<workgroup> group_part: Part;
+var<workgroup> group_range: DeferredRange;
 
-// Bits of the pairs among `hits` that this cell owns and that are asked for.
+// Returns the bits of `hits` whose pairs this cell owns and the call asks for.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
     var owned = 0u;
     for (var k = 0u; k < 32u; k++) {
@@ -54,23 +54,23 @@ fn runs_search_far(
 ) {
 #include thread_from_builtins
     if (thread.local_index == 0u) {
-        group_part = Part(
+        group_range = DeferredRange(
             atomicLoad(&outcome.deferred_begin),
             atomicLoad(&outcome.deferred_end),
             atomicLoad(&outcome.deferred_max_tiles),
         );
     }
-    let part = workgroupUniformLoad(&group_part);
-    let listed = part.begin + id.y + id.z * MAX_GROUPS;
-    if (listed >= part.end) {
+    let range = workgroupUniformLoad(&group_range);
+    let listed = range.begin + id.y + id.z * MAX_GROUPS;
+    if (listed >= range.end) {
         return;
     }
-    let per_workgroup = tiles_per_workgroup(part.end - part.begin, part.tiles);
+    let per_workgroup = tiles_per_workgroup(range.end - range.begin, range.tiles);
     let block = deferred[listed];
     let run = run_of(keys[block + WORKGROUP_SIZE - 1u]);
     let start = block + NEAR + 1u;
     let end = run_end(run, block + WORKGROUP_SIZE);
-    let share = start + id.x * per_workgroup * WORKGROUP_SIZE;
+    let first_column = start + id.x * per_workgroup * WORKGROUP_SIZE;
     let entry = block + thread.local_index;
     let is_query = run_of(keys[entry]) == run && !is_passive(keys[entry]) && entry + NEAR + 1u < end;
     var query: QuerySphere;
@@ -79,10 +79,10 @@ fn runs_search_far(
 #ifdef SPECIES
     query.species = species[index_of(query.object)];
 #endif
-    // A row that begins here on every axis makes this cell the owner of all its pairs.
+    // An object that begins here on every axis makes this cell the owner of all its pairs.
     let owns_all = is_owned(query.object, 0u) && asks_for_all(grid.spheres);
-    for (var turn = 0u; turn < per_workgroup; turn++) {
-        let column = share + turn * WORKGROUP_SIZE;
+    for (var iteration = 0u; iteration < per_workgroup; iteration++) {
+        let column = first_column + iteration * WORKGROUP_SIZE;
         if (column >= end) {
             break;
         }
@@ -101,10 +101,10 @@ fn runs_search_far(
 #endif
         }
         workgroupBarrier();
-        // In the first tile only partners beyond the near ones, which end farther on for later threads.
+        // In the first tile, only partners past the near ones, which end later for later threads.
         let begin = select(0u, thread.local_index, column == start);
         let finish = min(WORKGROUP_SIZE, end - column);
-        // Where many objects share several cells, all but one of these cells are passed over here.
+        // Objects that share several cells skip all of these cells except one here.
         let query_owns = is_query && is_owned(query.object, atomicLoad(&tile_firsts));
         for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {
             let window = tile_window(first, begin, finish);

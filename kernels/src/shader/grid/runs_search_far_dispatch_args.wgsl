@@ -1,5 +1,5 @@
-// Opens the next part of the crowded search: as many of the listed blocks as one part may have, all where no parts are
-// asked for, and how many workgroups they need: in x the shares of the block with the most tiles, in y and z the blocks.
+// Writes the dispatch arguments of the next `runs_search_far`: as many deferred blocks as one submission may have, or all
+// without a limit. x counts the workgroups of the block with the most tiles, y and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

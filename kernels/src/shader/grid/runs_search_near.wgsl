@@ -1,5 +1,5 @@
-// Pairs among entries of one cell, where the later entry is at most NEAR places after the earlier one, and the earlier
-// one is active. Blocks with partners farther along their run are listed for `runs_search_far`.
+// Finds pairs of entries of one cell that are at most NEAR positions apart and of which the earlier one is active. Blocks
+// with partners farther along their run are deferred to `runs_search_far`.
 #include layout
 #include thread
 
@@ -28,13 +28,13 @@ var<workgroup> block_spheres: array<vec4<f32>, 256>;
 var<workgroup> group_hits: atomic<u32>;
 var<workgroup> group_open: atomic<u32>;
 var<workgroup> group_far: atomic<u32>;
-// What becomes of a stretch of 32 partners: where its pairs begin, and whether some thread has partners beyond.
-struct Stretch {
+// The output position of the pairs among 32 partners, and whether some thread has partners after them.
+struct PartnerChunk {
     first: u32,
     open: u32,
 }
 
-var<workgroup> stretch: Stretch;
+var<workgroup> partner_chunk: PartnerChunk;
 
 fn object_at(entry: u32, block: u32) -> u32 {
     if (entry - block < WORKGROUP_SIZE) {
@@ -132,27 +132,27 @@ fn runs_search_near(
             if (total != 0u) {
                 first = found_reserve(total);
             }
-            stretch = Stretch(first, atomicLoad(&group_open));
+            partner_chunk = PartnerChunk(first, atomicLoad(&group_open));
             atomicStore(&group_hits, 0u);
             atomicStore(&group_open, 0u);
         }
-        let settled = workgroupUniformLoad(&stretch);
-        if (hits != 0u && settled.first < params.pair_capacity) {
-            var at_pair = settled.first + before;
+        let chunk = workgroupUniformLoad(&partner_chunk);
+        if (hits != 0u && chunk.first < params.pair_capacity) {
+            var at_pair = chunk.first + before;
             for (; hits != 0u; hits &= hits - 1u) {
                 let k = firstTrailingBit(hits);
                 pair_write(at_pair, index_of(object), index_of(object_at(entry + near + k, block)));
                 at_pair += 1u;
             }
         }
-        if (settled.open == 0u) {
+        if (chunk.open == 0u) {
             break;
         }
     }
     if (thread.local_index == 0u && atomicLoad(&group_far) != 0u) {
         deferred[atomicAdd(&outcome.deferred_blocks, 1u)] = block;
-        // Of the block's runs only the last goes on so far.
-        let past_boundary = run_end(block_runs[WORKGROUP_SIZE - 1u], block + WORKGROUP_SIZE) - (block + NEAR + 1u);
-        atomicMax(&outcome.deferred_max_tiles, (beyond + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
+        // Only the last run of a block extends that far.
+        let far_entries = run_end(block_runs[WORKGROUP_SIZE - 1u], block + WORKGROUP_SIZE) - (block + NEAR + 1u);
+        atomicMax(&outcome.deferred_max_tiles, (far_entries + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE);
     }
 }

@@ -1,4 +1,4 @@
-// Moves each sphere to its image nearest to the origin.
+// Wraps each sphere to its image nearest to the origin.
 #include layout
 #include thread
 

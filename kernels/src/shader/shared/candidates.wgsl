@@ -1,10 +1,9 @@
-// Tests a block of 256 sorted spheres, one per thread, with a share of each one's candidates.
+// Tests a block of 256 sorted spheres, one per thread, with one chunk of each sphere's candidates.
 
 const WORKGROUP_SIZE: u32 = 256u;
-// Rows of cells that a sphere looks through between two looks at the list of hits, in all and at one level; it goes on
-// with more of them in the next round.
+// The most rows of cells that a sphere searches in one round, in all and at one level.
 const ROWS: u32 = 256u;
-// Hits that the workgroup gathers before they are written.
+// Hits that the workgroup collects before it writes them.
 const HITS: u32 = 1024u;
 
 // One of the sorted spheres.
@@ -15,12 +14,12 @@ struct QuerySphere {
     species: u32,
 }
 
-// Places of two spheres in the sorted order.
+// Positions of two spheres in cell order.
 var<workgroup> hits: array<vec2<u32>, HITS>;
 var<workgroup> hit_count: atomic<u32>;
 // 1 if some thread has candidates left.
-var<workgroup> some_open: atomic<u32>;
-// Hits gathered, where they go, and whether a further round follows.
+var<workgroup> has_more: atomic<u32>;
+// The number of hits, their output position, and 1 if a further round follows.
 var<workgroup> gathered: vec3<u32>;
 
 #ifdef SPECIES
@@ -28,7 +27,7 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], sorted_species[position]);
 }
 
-// No smaller than the effective radius: what is at home at its level.
+// At least the effective radius: the largest radius of its level.
 fn radius_of(query: QuerySphere) -> f32 {
     return cell_list.level[level_of_cell(query.cell)].max_radius;
 }
@@ -37,8 +36,8 @@ fn is_ordinary() -> bool {
     return cell_list.ordinary != 0u && params.interaction != BY_SPECIES;
 }
 
-// The distance at which a row pairs in the test without guards: the first component, and as much of the other radius as the
-// second says. Without a branch per candidate, as that took a third more time for a burst on llvmpipe.
+// Returns the cutoff of the test without guards: the first component, plus the second times the other radius. A branch per
+// candidate instead took a third more time for a burst on llvmpipe.
 fn ordinary_reach(query: QuerySphere) -> vec2<f32> {
     return select(vec2(params.interaction, 0.0), vec2(query.sphere.w, 1.0), params.interaction == TOUCH);
 }
@@ -47,8 +46,8 @@ fn is_candidate_pair(query: QuerySphere, other: u32) -> bool {
     return is_pair(query.sphere, sorted[other], query.species, sorted_species[other]);
 }
 
-// Returns `true` if hits may be of sides that do not meet: listed spheres are candidates of both sides, and the unguarded
-// test does not look at species.
+// Returns `true` if hits may be of sides that are not compared: listed spheres are candidates of both sides, and the test
+// without guards ignores species.
 fn mixes_sides() -> bool {
     return params.side_pairs > 1u && is_ordinary() && starts[cell_list.cells] != starts[cell_list.cells + 1u];
 }
@@ -61,7 +60,7 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], 0u);
 }
 
-// No smaller than the effective radius.
+// At least the effective radius.
 fn radius_of(query: QuerySphere) -> f32 {
     return query.sphere.w;
 }
@@ -87,7 +86,8 @@ fn species_pair(query: QuerySphere, other: u32) -> bool {
 }
 #endif
 
-// The candidates of `begin..end` that pair with the row, one bit each; at most 32. One of the two loops has no turns.
+// Returns one bit for each of the candidates `begin..end`, at most 32, that pairs with the query. One of the two loops is
+// empty.
 fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
@@ -106,7 +106,7 @@ fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: 
     return bits;
 }
 
-// The hits that the call asks for: within its window, across its split, and of sides that meet.
+// Returns the hits that the call asks for: in its window, across its two sets, and of sides that are compared.
 fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32) -> u32 {
     var bits = found;
     let all = asks_for_all(cell_list.spheres) && !mixes_sides();
@@ -119,12 +119,12 @@ fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32
     return bits;
 }
 
-// Tests the candidates `begin..end`. Returns the first that it did not take, as the list of hits was full.
+// Tests the candidates `begin..end`. Returns the first candidate that was not tested because the list of hits was full.
 fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var reached = end;
-    let chunks = (end - begin + 31u) / 32u;
-    for (var chunk = 0u; chunk < chunks; chunk++) {
-        let first = begin + chunk * 32u;
+    let batches = (end - begin + 31u) / 32u;
+    for (var batch = 0u; batch < batches; batch++) {
+        let first = begin + batch * 32u;
         let bits = asked_for(query, ranges, first, candidate_hits(query, ranges, first, min(first + 32u, end)));
         if (bits != 0u) {
             var hit = atomicAdd(&hit_count, countOneBits(bits));
@@ -146,22 +146,22 @@ fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, en
     return reached;
 }
 
-// Tests candidates until the walk or its share is at an end or the list of hits is full. The first share goes on to the
-// end of the walk, to count the candidates that are left to others.
-fn gather_hits(neighbors: ptr<function, NeighborCells>, query: QuerySphere, share: u32) {
-    let share_begin = share * params.candidates_per_invocation;
-    let share_end = share_begin + params.candidates_per_invocation;
-    for (var turn = 0u; turn < ROWS; turn++) {
+// Tests candidates until they or the chunk end, or the list of hits is full. The first chunk continues to the last cell,
+// to count the candidates that are left to later chunks.
+fn gather_hits(neighbors: ptr<function, NeighborCells>, query: QuerySphere, chunk: u32) {
+    let chunk_begin = chunk * params.candidates_per_invocation;
+    let chunk_end = chunk_begin + params.candidates_per_invocation;
+    for (var iteration = 0u; iteration < ROWS; iteration++) {
         for (var at_level = 0u; at_level < ROWS; at_level++) {
             let ranges = next_ranges(*neighbors, query.position, query.cell);
-            let begin = min(max((*neighbors).tested, max(share_begin, (*neighbors).skipped) - (*neighbors).skipped), ranges.total);
-            let end = clamp(max(share_end, (*neighbors).skipped) - (*neighbors).skipped, begin, ranges.total);
+            let begin = min(max((*neighbors).tested, max(chunk_begin, (*neighbors).skipped) - (*neighbors).skipped), ranges.total);
+            let end = clamp(max(chunk_end, (*neighbors).skipped) - (*neighbors).skipped, begin, ranges.total);
             (*neighbors).tested = gather_candidates(query, ranges, begin, end);
             if ((*neighbors).tested != end) {
                 return;
             }
             skip_rows(neighbors, ranges);
-            if (share != 0u && (*neighbors).skipped >= share_end) {
+            if (chunk != 0u && (*neighbors).skipped >= chunk_end) {
                 (*neighbors).level = NO_LEVEL;
                 return;
             }
@@ -178,55 +178,55 @@ fn gather_hits(neighbors: ptr<function, NeighborCells>, query: QuerySphere, shar
     }
 }
 
-// The name of the sphere at a place in a pair.
-fn name_of(position: u32) -> u32 {
-    var name = position;
+// Returns the number that stands for a sphere in a pair.
+fn index_in_pair(position: u32) -> u32 {
+    var index = position;
     if (params.pairs_in_cell_order == 0u) {
-        name = order[position];
+        index = order[position];
     }
-    return name;
+    return index;
 }
 
-// Finds the pairs of the block that starts here. Called by all threads of a workgroup. Returns how many candidates
-// of this thread's sphere belong to later shares, where it is asked about the first.
-fn search_candidates(block: u32, share: u32, lane: u32) -> u32 {
+// Finds the pairs of the block at `block`. Called by all threads of a workgroup. For the first chunk, returns the number
+// of candidates of this thread's sphere that are left to later chunks.
+fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     var query: QuerySphere;
     var neighbors: NeighborCells;
     neighbors.level = NO_LEVEL;
-    if (block + lane < starts[cell_list.cells + 1u]) {
-        query = query_sphere(block + lane);
+    if (block + local_index < starts[cell_list.cells + 1u]) {
+        query = query_sphere(block + local_index);
         neighbors = neighbor_cells_of(query.cell);
     }
-    if (lane == 0u) {
+    if (local_index == 0u) {
         atomicStore(&hit_count, 0u);
-        atomicStore(&some_open, 0u);
+        atomicStore(&has_more, 0u);
     }
     workgroupBarrier();
-    // A round ends with a full list of hits, or with many rows of cells behind some sphere.
+    // A round ends with a full list of hits, or after ROWS rows of cells of some sphere.
     for (var round = 0u; round < 2u * params.candidates_per_invocation * WORKGROUP_SIZE / HITS; round++) {
         if (neighbors.level != NO_LEVEL) {
-            gather_hits(&neighbors, query, share);
+            gather_hits(&neighbors, query, chunk);
             if (neighbors.level != NO_LEVEL) {
-                atomicStore(&some_open, 1u);
+                atomicStore(&has_more, 1u);
             }
         }
         workgroupBarrier();
-        if (lane == 0u) {
+        if (local_index == 0u) {
             let count = min(atomicLoad(&hit_count), HITS);
             var first = 0u;
             if (count != 0u) {
                 first = found_reserve(count);
             }
-            gathered = vec3(count, first, atomicLoad(&some_open));
+            gathered = vec3(count, first, atomicLoad(&has_more));
             atomicStore(&hit_count, 0u);
-            atomicStore(&some_open, 0u);
+            atomicStore(&has_more, 0u);
         }
         let written = workgroupUniformLoad(&gathered);
         if (written.y < params.pair_capacity) {
-            for (var turn = 0u; turn < HITS / WORKGROUP_SIZE; turn++) {
-                let hit = turn * WORKGROUP_SIZE + lane;
+            for (var iteration = 0u; iteration < HITS / WORKGROUP_SIZE; iteration++) {
+                let hit = iteration * WORKGROUP_SIZE + local_index;
                 if (hit < written.x) {
-                    pair_write(written.y + hit, name_of(hits[hit].x), name_of(hits[hit].y));
+                    pair_write(written.y + hit, index_in_pair(hits[hit].x), index_in_pair(hits[hit].y));
                 }
             }
         }

@@ -1,10 +1,10 @@
-// Where a sphere is at home: in level 0 where its cell there has few spheres, else at the level of its class.
+// The cell of a sphere: at level 0 if its cell there has few spheres, else at the level of its size class.
 struct CellAssignment {
-    // In the table.
+    // Index in the table.
     cell: u32,
-    // How many spheres there are in the cell of level 0 that it leaves; 0 where it does not.
+    // The occupancy of the cell of level 0 that the sphere leaves; 0 if it does not leave one.
     occupancy: u32,
-    // Whether it is in a cell of level 0 that it could leave.
+    // `true` if the sphere is in a cell of level 0 that it could leave.
     can_descend: bool,
 }
 
@@ -20,11 +20,11 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
     }
     let position = wrapped_sphere(sphere).xyz;
     let first = side_of(index) * LEVELS;
-    // If there is no table all leave. Its own cell is a part of that of level 0, and tells how crowded this is at
-    // least.
+    // Without an occupancy table, every sphere uses its own level. The occupancy of its own cell is a lower bound of that of
+    // the cell of level 0.
     var level = first + select(0u, own, cell_list.has_overfull_cells != 0u && params.occupancy_slots == 0u);
     var assigned = CellAssignment(0u, 0u, own != 0u);
-    for (var turn = 0u; turn < 2u; turn++) {
+    for (var iteration = 0u; iteration < 2u; iteration++) {
         assigned.cell = cell_of(position, level);
         if (level == first + own || cell_list.has_overfull_cells == 0u) {
             break;
@@ -41,9 +41,9 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
 
 var<workgroup> group_occupancy: atomic<u32>;
 
-// Keeps for the next call that cells of level 0 were crowded. Called by all threads of a workgroup.
-fn record_occupancy(occupancy: u32, lane: u32) {
-    if (lane == 0u) {
+// Records the largest occupancy that spheres left, for the next call. Called by all threads of a workgroup.
+fn record_occupancy(occupancy: u32, local_index: u32) {
+    if (local_index == 0u) {
         atomicStore(&group_occupancy, 0u);
     }
     workgroupBarrier();
@@ -51,7 +51,7 @@ fn record_occupancy(occupancy: u32, lane: u32) {
         atomicMax(&group_occupancy, occupancy);
     }
     workgroupBarrier();
-    if (lane == 0u) {
+    if (local_index == 0u) {
         let largest = atomicLoad(&group_occupancy);
         if (largest > atomicLoad(&outcome.max_occupancy)) {
             atomicMax(&outcome.max_occupancy, largest);

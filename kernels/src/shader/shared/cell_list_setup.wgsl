@@ -1,46 +1,46 @@
-// Chooses the cells of a call: which sizes share a level, how wide its cells are and how many go round each axis.
-// Clears the survey for the next call, and what this one counts.
+// Chooses the cells of a call: the sizes that share a level, the cell size, and the number of cells around each axis.
+// Clears the statistics for the next call, and the counters of this one.
 
 #include outcome_begin
 
 const SAMPLES: u32 = 256u;
-// So many are taken where fewer could miss a occupancy and no last call knows of it.
-const MOST_SAMPLES: u32 = 1024u;
-// So few of the largest spheres are compared with all others instead of having cells.
-const MOST_LISTED: u32 = 8u;
-// Edges are wider than diameters by this much, which is more than the distance test rounds.
+// The number of samples if fewer could miss overfull cells and no earlier call reported any.
+const MAX_SAMPLES: u32 = 1024u;
+// The most large spheres that are compared with all others instead of having cells.
+const MAX_LISTED: u32 = 8u;
+// Cell size over diameter: more than the distance test rounds.
 const SLACK: f32 = 0x1.04p0;
-// Edges below this would have quanta that devices may flush.
-const SHORTEST: f32 = 0x1p-90;
-// Above this all spheres share one cell, so that nothing overflows.
-const WIDEST: f32 = 0x1p120;
-// Rings have no more cells than this, so that roundings at the seam stay below the slack.
-const MOST_AROUND: f32 = 32768.0;
+// Below this cell size, devices may flush fixed-point units.
+const MIN_CELL_SIZE: f32 = 0x1p-90;
+// At or above this cell size, all spheres share one cell, so that nothing overflows.
+const MAX_CELL_SIZE: f32 = 0x1p120;
+// The most cells around a periodic axis: rounding at the boundary stays below SLACK.
+const MAX_RING_CELLS: f32 = 32768.0;
 // A box may begin this many cells below the lowest center.
 const MARGIN: u32 = 8u;
 
 var<workgroup> members: array<u32, 512>;
 var<workgroup> largest: array<u32, 256>;
-// The highest class that has cells.
+// The largest size class that has cells.
 var<workgroup> base_class: atomic<u32>;
-// Spheres of each level if all leave level 0, and of each side.
+// The spheres of each level if all leave level 0, and of each side.
 var<workgroup> populations: array<atomic<u32>, 32>;
 var<workgroup> on_side: array<atomic<u32>, 2>;
 var<workgroup> packed_levels: array<atomic<u32>, 64>;
 var<workgroup> low: array<u32, 3>;
 var<workgroup> high: array<u32, 3>;
 var<workgroup> samples: u32;
-// The cells that they are in.
+// The cells of the samples.
 var<workgroup> sampled: array<u32, 1024>;
 var<workgroup> sampled_pairs: atomic<u32>;
-// Exponent of a quantum of level 0.
-var<workgroup> quantum: i32;
-var<workgroup> quanta: u32;
+// The exponent of a fixed-point unit of level 0.
+var<workgroup> unit_exponent: i32;
+var<workgroup> units: u32;
 var<workgroup> level_radius: f32;
 var<workgroup> is_single: u32;
 var<workgroup> level_cells: array<vec3<u32>, 32>;
 var<workgroup> has_overfull_cells: bool;
-// Levels of either side that have cells, a bit each.
+// The levels of either side that have cells, one bit each.
 var<workgroup> used_levels: u32;
 
 fn power_of_two(exponent: i32) -> f32 {
@@ -59,12 +59,12 @@ fn exponent_of(value: f32) -> i32 {
     return i32((bitcast<u32>(value) >> 23u) & 255u) - 127;
 }
 
-// The cube root of a number of any size that is not negative.
+// Returns the cube root of a non-negative number of any size.
 fn cube_root(value: f32) -> f32 {
     return pow(max(value, 0x1p-120), 1.0 / 3.0);
 }
 
-// The finest level whose cells hold a sphere of this radius.
+// Returns the finest level whose cells hold a sphere of this radius.
 fn finest_level(radius: f32) -> u32 {
     if (is_single != 0u) {
         return 0u;
@@ -73,9 +73,9 @@ fn finest_level(radius: f32) -> u32 {
     return u32(clamp(exponent_of(level_radius) - exponent_of(radius) - mantissa, 0, i32(LEVELS) - 1));
 }
 
-// Edge of level 0: a diameter of the largest spheres that have cells, or up to so many times that as the raster ratio
-// allows where cells would otherwise be more than there is room for.
-fn choose_edge() {
+// Chooses the cell size of level 0: the largest diameter of spheres with cells, or up to `cell_ratio` times as much if
+// the table could not hold the cells.
+fn choose_cell_size() {
     let lengths = periods();
     let diameter = 2.0 * (bitcast<f32>(largest[atomicLoad(&base_class)]) * SLACK);
     var extent = vec3(0.0);
@@ -85,39 +85,39 @@ fn choose_edge() {
     }
     let room = f32(max(params.cells, 1u));
     let spacing = cube_root(extent.x / room) * cube_root(extent.y) * cube_root(extent.z);
-    let edge = max(clamp(spacing, diameter, diameter * max(params.cell_ratio, 1.0)), SHORTEST);
-    is_single = select(0u, 1u, !(edge < WIDEST));
-    quantum = exponent_of(edge) - 6;
-    quanta = u32(ceil(edge * power_of_two(-quantum)));
-    if (quanta > 127u) {
-        quanta = 64u;
-        quantum += 1;
+    let cell_size = max(clamp(spacing, diameter, diameter * max(params.cell_ratio, 1.0)), MIN_CELL_SIZE);
+    is_single = select(0u, 1u, !(cell_size < MAX_CELL_SIZE));
+    unit_exponent = exponent_of(cell_size) - 6;
+    units = u32(ceil(cell_size * power_of_two(-unit_exponent)));
+    if (units > 127u) {
+        units = 64u;
+        unit_exponent += 1;
     }
-    level_radius = (f32(quanta) * 0.5 / SLACK) * power_of_two(quantum);
+    level_radius = (f32(units) * 0.5 / SLACK) * power_of_two(unit_exponent);
 }
 
-// Numbers from the lowest cell to the highest along an axis.
+// Returns the number of cells between the bounds along an axis.
 fn open_extent(axis: u32, level: u32) -> u32 {
     return open_number(from_sortable(high[axis]), level) - open_number(from_sortable(low[axis]), level) + 1u;
 }
 
-// Returns `true` if the product of the numbers of cells is at most `room`. Divisions do not overflow, and round nothing
-// that matters: a whole number is at most a quotient if and only if it is at most the quotient rounded down.
+// Returns `true` if the product of the numbers of cells is at most `room`. Divisions cannot overflow, and their rounding
+// does not matter: an integer is at most a quotient if and only if it is at most the quotient rounded down.
 fn fit(cells: vec3<u32>, room: u32) -> bool {
     return room / cells.x / cells.y >= cells.z;
 }
 
-// The number of cells along each axis if there may be `room` cells: as many as the bounds of the spheres or the period
-// hold, except on the longest axes. All whole numbers: a root that is rounded up would cost an axis all its cells.
+// Returns the number of cells along each axis if at most `room` cells fit: as many as the bounds or the period hold,
+// except on the longest axes. Integers only: a root that is rounded up would leave an axis one cell.
 fn cells_around(level: u32, room: u32) -> vec3<u32> {
     let lengths = periods();
-    let edge = f32(quanta) * power_of_two(quantum - i32(level % LEVELS));
+    let cell_size = f32(units) * power_of_two(unit_exponent - i32(level % LEVELS));
     var wanted = vec3(1u);
     for (var axis = 0u; axis < 3u; axis++) {
         if (lengths[axis] > 0.0) {
-            // A little less, so that no rounding makes edges narrower.
-            let around = min((lengths[axis] / edge) * 0x1.ffffep-1, MOST_AROUND);
-            wanted[axis] = select(1u, u32(around), around >= 3.0 && lengths[axis] > SHORTEST);
+            // Rounded down, so that no rounding makes cells narrower.
+            let around = min((lengths[axis] / cell_size) * 0x1.ffffep-1, MAX_RING_CELLS);
+            wanted[axis] = select(1u, u32(around), around >= 3.0 && lengths[axis] > MIN_CELL_SIZE);
         } else {
             let extent = open_extent(axis, level);
             wanted[axis] = select(max(extent, 3u), 1u, extent == 1u);
@@ -130,7 +130,7 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
         limit = select(limit, more, fit(min(wanted, vec3(more)), room));
     }
     var cells = min(wanted, vec3(max(limit, 3u)));
-    // With room for fewer than three cells on the longest axes, axes with a single cell make up for the others.
+    // If fewer than three cells fit on the longest axes, axes get a single cell until all fit.
     for (var axis = 0u; axis < 3u; axis++) {
         if (!fit(cells, room)) {
             cells[axis] = 1u;
@@ -139,12 +139,12 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
     return cells;
 }
 
-// Everything of a level but where its cells begin in the table, and at which levels its spheres look.
+// Sets everything of a level except `base`, `searched_levels` and `searches_itself`.
 fn set_level(level: u32, room: u32) {
     let lengths = periods();
     let depth = i32(level % LEVELS);
-    cell_list.level[level].units_per_length = power_of_two(depth - quantum);
-    cell_list.level[level].far = u32(clamp(127 + 30 + quantum - depth, 1, 255)) << 23u;
+    cell_list.level[level].units_per_length = power_of_two(depth - unit_exponent);
+    cell_list.level[level].far = u32(clamp(127 + 30 + unit_exponent - depth, 1, 255)) << 23u;
     cell_list.level[level].max_radius = level_radius * power_of_two(-depth);
     cell_list.level[level].low = vec3(
         open_number(from_sortable(low[0]), level),
@@ -158,10 +158,10 @@ fn set_level(level: u32, room: u32) {
     level_cells[level] = cells;
     cell_list.level[level].cells = cells;
     let used = (lengths > vec3(0.0)) & (cells > vec3(1u));
-    cell_list.level[level].cells_per_length = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(SHORTEST)), used);
+    cell_list.level[level].cells_per_length = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(MIN_CELL_SIZE)), used);
 }
 
-// Spheres that have this level, or may have it.
+// Returns the number of spheres that have this level, or may have it.
 fn spheres_at(level: u32) -> u32 {
     if (has_overfull_cells) {
         return atomicLoad(&populations[level]);
@@ -169,8 +169,8 @@ fn spheres_at(level: u32) -> u32 {
     return select(0u, atomicLoad(&on_side[level / LEVELS]), level % LEVELS == 0u);
 }
 
-// Decides at which of the levels in use the spheres of one of them look. Of two spheres the one at the finer level looks for
-// the other; at the same level of different sides one of the side that has fewer there.
+// Sets the levels that spheres of one level search. Of two spheres, the one at the finer level finds the other; at the
+// same level of different sides, a sphere of the side that has fewer spheres there.
 fn set_searched_levels(level: u32, used: u32) {
     let side = level / LEVELS;
     let own = 1u << (level % LEVELS);
@@ -188,7 +188,7 @@ fn set_searched_levels(level: u32, used: u32) {
 // Sets the values of the call as a whole.
 fn set_call(count: u32) {
     cell_list.spheres = count;
-    cell_list.units_per_cell = quanta;
+    cell_list.units_per_cell = units;
     sort_counts.items = count;
     let smallest = bitcast<f32>(~atomicLoad(&stats.smallest));
     var farthest = 0.0;
@@ -199,7 +199,7 @@ fn set_call(count: u32) {
     for (var size_class = 0u; size_class < CLASSES; size_class++) {
         widest = max(widest, bitcast<f32>(largest[size_class]));
     }
-    // Without a valid sphere the complement of nothing is no number, and nothing is tested.
+    // Without a valid sphere, the complement of 0 is NaN, and nothing is tested.
     cell_list.ordinary = select(0u, 1u, smallest > 0x1p-40 && farthest < 0x1p58 && widest < 0x1p58);
     outcome_begin(0u, atomicLoad(&stats.quarantined));
     atomicStore(&outcome.pairs_in_cell_order, params.pairs_in_cell_order);
@@ -208,20 +208,20 @@ fn set_call(count: u32) {
     atomicStore(&stats.quarantined, 0u);
 }
 
-// Fewer pairs of samples in one cell may be there by chance.
-const TELLING: f32 = 4.0;
+// Fewer pairs of samples in one cell may be chance.
+const MIN_SIGNIFICANT_PAIRS: f32 = 4.0;
 
-// Returns `true` if this number of samples may miss crowds of more than τ spheres.
+// Returns `true` if this number of samples may miss cells of more than τ spheres.
 fn may_miss(count: u32, samples: u32) -> bool {
-    return count > samples && TELLING * f32(count) > f32(params.tau) * f32(samples) * f32(samples);
+    return count > samples && MIN_SIGNIFICANT_PAIRS * f32(count) > f32(params.tau) * f32(samples) * f32(samples);
 }
 
-// Returns `true` if no call has left an outcome: each ends with this at 1.
+// Returns `true` if no call has left an outcome: each sets this word to 1.
 fn is_first() -> bool {
     return atomicLoad(&outcome.dispatch_z) == 0u;
 }
 
-// The cell of level 0 of one of the spheres, or a number that no other sample has.
+// Returns the cell of level 0 of one sphere, or a number that no other sample has.
 fn sample_cell(number: u32, count: u32) -> u32 {
     let spread = (count / samples) * number + ((count % samples) * number) / samples;
     let index = select(number, spread, count > samples);
@@ -235,17 +235,18 @@ fn sample_cell(number: u32, count: u32) -> u32 {
     return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS);
 }
 
-// Decides whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
-// last call found such cells. Where both may miss some these are looked for.
+// Decides whether smaller spheres leave overfull cells of level 0: if finer levels exist, and if samples or the last call
+// found such cells. If both may miss some, the call looks for them.
 fn decide_descent(count: u32) {
     var finer = false;
     for (var level = 1u; level < SIDED_LEVELS; level++) {
         finer = finer || (level != LEVELS && atomicLoad(&populations[level]) != 0u);
     }
-    // Ordered pairs of samples in one cell, as a share of all, times the spheres: how many share a cell on average.
+    // The ordered pairs of samples in one cell, as a fraction of all, times the spheres: the mean occupancy that a sphere
+    // sees.
     let pairs = f32(atomicLoad(&sampled_pairs));
     let share = f32(count) / f32(min(count, samples) * min(count, samples) + 1u);
-    let is_seen = pairs >= TELLING && pairs * share > f32(params.tau);
+    let is_seen = pairs >= MIN_SIGNIFICANT_PAIRS && pairs * share > f32(params.tau);
     let was_dense = atomicLoad(&outcome.max_occupancy) > params.tau;
     has_overfull_cells = finer && (is_seen || was_dense || (is_first() && may_miss(count, samples)));
     cell_list.has_overfull_cells = select(0u, 1u, has_overfull_cells);
@@ -253,33 +254,33 @@ fn decide_descent(count: u32) {
 }
 
 // Called by all threads of the only workgroup.
-fn configure(lane: u32) {
+fn configure(local_index: u32) {
     let count = min(count_source[0], params.spheres);
-    let own = vec2(atomicLoad(&stats.members[lane]), atomicLoad(&stats.members[CLASSES + lane]));
+    let own = vec2(atomicLoad(&stats.members[local_index]), atomicLoad(&stats.members[CLASSES + local_index]));
     let own_members = own.x + own.y;
-    members[lane] = own_members;
-    largest[lane] = atomicLoad(&stats.largest[lane]);
-    atomicStore(&stats.members[lane], 0u);
-    atomicStore(&stats.members[CLASSES + lane], 0u);
-    atomicStore(&stats.largest[lane], 0u);
-    if (lane < SIDED_LEVELS) {
-        atomicStore(&populations[lane], 0u);
+    members[local_index] = own_members;
+    largest[local_index] = atomicLoad(&stats.largest[local_index]);
+    atomicStore(&stats.members[local_index], 0u);
+    atomicStore(&stats.members[CLASSES + local_index], 0u);
+    atomicStore(&stats.largest[local_index], 0u);
+    if (local_index < SIDED_LEVELS) {
+        atomicStore(&populations[local_index], 0u);
     }
-    if (lane < 2u) {
-        atomicStore(&on_side[lane], 0u);
+    if (local_index < 2u) {
+        atomicStore(&on_side[local_index], 0u);
     }
-    if (lane < 64u) {
-        atomicStore(&packed_levels[lane], 0u);
+    if (local_index < 64u) {
+        atomicStore(&packed_levels[local_index], 0u);
     }
-    if (lane < 3u) {
-        // Without a valid sphere the bounds are those of nothing: an empty box at 0.
-        let seen = atomicLoad(&stats.high[lane]) != 0u;
-        low[lane] = select(0x80000000u, ~atomicLoad(&stats.low[lane]), seen);
-        high[lane] = select(0x80000000u, atomicLoad(&stats.high[lane]), seen);
-        atomicStore(&stats.low[lane], 0u);
-        atomicStore(&stats.high[lane], 0u);
+    if (local_index < 3u) {
+        // Without a valid sphere, the bounds are an empty box at 0.
+        let seen = atomicLoad(&stats.high[local_index]) != 0u;
+        low[local_index] = select(0x80000000u, ~atomicLoad(&stats.low[local_index]), seen);
+        high[local_index] = select(0x80000000u, atomicLoad(&stats.high[local_index]), seen);
+        atomicStore(&stats.low[local_index], 0u);
+        atomicStore(&stats.high[local_index], 0u);
     }
-    if (lane == 0u) {
+    if (local_index == 0u) {
         atomicStore(&base_class, 0u);
         atomicStore(&sampled_pairs, 0u);
     }
@@ -288,62 +289,62 @@ fn configure(lane: u32) {
     // The number of spheres of this class or a larger one.
     var front = 0u;
     for (var step = 1u; step < CLASSES; step *= 2u) {
-        var sum = members[front + lane];
-        if (lane + step < CLASSES) {
-            sum += members[front + lane + step];
+        var sum = members[front + local_index];
+        if (local_index + step < CLASSES) {
+            sum += members[front + local_index + step];
         }
         front = CLASSES - front;
-        members[front + lane] = sum;
+        members[front + local_index] = sum;
         workgroupBarrier();
     }
-    if (own_members != 0u && members[front + lane] > MOST_LISTED) {
-        atomicMax(&base_class, lane);
+    if (own_members != 0u && members[front + local_index] > MAX_LISTED) {
+        atomicMax(&base_class, local_index);
     }
     workgroupBarrier();
-    if (lane == 0u) {
-        choose_edge();
+    if (local_index == 0u) {
+        choose_cell_size();
         set_call(count);
-        samples = select(SAMPLES, MOST_SAMPLES, is_first() && may_miss(count, SAMPLES));
+        samples = select(SAMPLES, MAX_SAMPLES, is_first() && may_miss(count, SAMPLES));
     }
     workgroupBarrier();
 
     var level = LISTED;
-    if (lane <= atomicLoad(&base_class)) {
-        level = finest_level(bitcast<f32>(largest[lane]));
+    if (local_index <= atomicLoad(&base_class)) {
+        level = finest_level(bitcast<f32>(largest[local_index]));
         atomicAdd(&populations[level], own.x);
         atomicAdd(&populations[LEVELS + level], own.y);
         atomicAdd(&on_side[0], own.x);
         atomicAdd(&on_side[1], own.y);
     }
-    atomicOr(&packed_levels[lane / 4u], level << ((lane % 4u) * 8u));
+    atomicOr(&packed_levels[local_index / 4u], level << ((local_index % 4u) * 8u));
     workgroupBarrier();
-    if (lane < 64u) {
-        cell_list.class_levels[lane] = atomicLoad(&packed_levels[lane]);
+    if (local_index < 64u) {
+        cell_list.class_levels[local_index] = atomicLoad(&packed_levels[local_index]);
     }
-    if (lane < SIDED_LEVELS) {
-        level_cells[lane] = vec3(0u);
+    if (local_index < SIDED_LEVELS) {
+        level_cells[local_index] = vec3(0u);
     }
     storageBarrier();
     workgroupBarrier();
-    if (lane == 0u || (lane == LEVELS && has_two_sides())) {
-        // Half of the room goes to two sides in equal shares, half by their numbers of spheres.
-        let share = 0.25 + 0.5 * f32(atomicLoad(&on_side[lane / LEVELS])) / f32(max(count, 1u));
+    if (local_index == 0u || (local_index == LEVELS && has_two_sides())) {
+        // With two sides, half of the cells are shared equally, and half by number of spheres.
+        let share = 0.25 + 0.5 * f32(atomicLoad(&on_side[local_index / LEVELS])) / f32(max(count, 1u));
         let room = select(params.cells, u32(f32(params.cells) * share * 0x1.ffffp-1), has_two_sides());
-        set_level(lane, max(room, 1u));
+        set_level(local_index, max(room, 1u));
     }
     storageBarrier();
 
     let taken = samples;
-    for (var round = 0u; round < MOST_SAMPLES / 256u; round++) {
-        let number = round * 256u + lane;
+    for (var round = 0u; round < MAX_SAMPLES / 256u; round++) {
+        let number = round * 256u + local_index;
         if (number < taken) {
             sampled[number] = sample_cell(number, count);
         }
     }
     workgroupBarrier();
     var shared_with = 0u;
-    for (var round = 0u; round < MOST_SAMPLES / 256u; round++) {
-        let number = round * 256u + lane;
+    for (var round = 0u; round < MAX_SAMPLES / 256u; round++) {
+        let number = round * 256u + local_index;
         if (number < taken) {
             for (var other = 0u; other < taken; other++) {
                 shared_with += select(0u, 1u, other != number && sampled[other] == sampled[number]);
@@ -352,24 +353,24 @@ fn configure(lane: u32) {
     }
     atomicAdd(&sampled_pairs, shared_with);
     workgroupBarrier();
-    if (lane == 0u) {
+    if (local_index == 0u) {
         decide_descent(count);
     }
-    // Where smaller spheres leave the first level its cells are chosen anew: half of the room goes in equal shares to all
-    // levels, half by numbers.
-    if (workgroupUniformLoad(&has_overfull_cells) && lane < SIDED_LEVELS) {
-        let population = atomicLoad(&populations[lane]);
+    // If smaller spheres leave the first level, its cells are chosen again: half of the cells are shared equally by all
+    // levels, half by number of spheres.
+    if (workgroupUniformLoad(&has_overfull_cells) && local_index < SIDED_LEVELS) {
+        let population = atomicLoad(&populations[local_index]);
         var levels = select(1.0, 2.0, has_two_sides());
         for (var other = 1u; other < SIDED_LEVELS; other++) {
             levels += select(0.0, 1.0, other != LEVELS && atomicLoad(&populations[other]) != 0u);
         }
         let share = 0.5 / levels + 0.5 * f32(population) / f32(max(count, 1u));
-        if (lane == 0u || (lane == LEVELS && has_two_sides()) || population != 0u) {
-            set_level(lane, max(u32(f32(params.cells) * share * 0x1.ffffp-1), 1u));
+        if (local_index == 0u || (local_index == LEVELS && has_two_sides()) || population != 0u) {
+            set_level(local_index, max(u32(f32(params.cells) * share * 0x1.ffffp-1), 1u));
         }
     }
     workgroupBarrier();
-    if (lane == 0u) {
+    if (local_index == 0u) {
         var base = 0u;
         var levels = 0u;
         for (var level = 0u; level < SIDED_LEVELS; level++) {
@@ -385,7 +386,7 @@ fn configure(lane: u32) {
         sort_counts.counters = select(tiles * 256u, base + 2u, params.radix_tile == 0u);
     }
     workgroupBarrier();
-    if (lane < SIDED_LEVELS && ((used_levels >> lane) & 1u) != 0u) {
-        set_searched_levels(lane, used_levels);
+    if (local_index < SIDED_LEVELS && ((used_levels >> local_index) & 1u) != 0u) {
+        set_searched_levels(local_index, used_levels);
     }
 }

@@ -1,44 +1,44 @@
-// Which cell a coordinate lies in. Nothing is rounded on an unbounded axis: a coordinate times a power of two gives
-// whole quanta, and these are divided as integers. Hence cells are the same in every kernel, and two spheres that touch
+// The cell of a coordinate. Nothing is rounded on an unbounded axis: a coordinate times a power of two gives whole
+// fixed-point units, which are divided as integers. Hence every kernel computes the same cell, and two spheres that touch
 // lie in neighboring cells.
 
-// The cell of coordinate 0, before `low` is taken off.
+// The cell of coordinate 0, before `low` is subtracted.
 const MIDDLE: u32 = 0x40000000u;
-// No more cells than this lie beyond `far` on either side; the rest share the last.
-const BEYOND: u32 = 0x1fffffffu;
+// The most cells past `far` on either side; further coordinates share the last one.
+const MAX_FAR_CELLS: u32 = 0x1fffffffu;
 
-// Whole edges in so many quanta, of which there are no more than 2^30; rounded down, and as a number modulo 2^32. Found
-// in floats, which is faster than by dividing, and made exact in integers.
-fn quotient(quanta: f32) -> u32 {
+// Returns the number of whole cells in `units` fixed-point units, at most 2^30, rounded down, modulo 2^32. The estimate
+// is in floats, which is faster than an integer division; integers correct it.
+fn quotient(units: f32) -> u32 {
     let inverse = 1.0 / f32(cell_list.units_per_cell);
-    let near = floor(quanta * inverse);
-    let rest = i32(quanta) - i32(near) * i32(cell_list.units_per_cell);
+    let near = floor(units * inverse);
+    let rest = i32(units) - i32(near) * i32(cell_list.units_per_cell);
     let nearer = floor(f32(rest) * inverse);
     let last = rest - i32(nearer) * i32(cell_list.units_per_cell);
     let step = select(select(0, 1, last >= i32(cell_list.units_per_cell)), -1, last < 0);
     return bitcast<u32>(i32(near) + i32(nearer) + step);
 }
 
-// Counted along an unbounded axis. From `far` on neighboring floats are an edge apart or more, so that each has
-// a cell of its own.
+// Returns the cell along an unbounded axis. At or above `far`, neighboring floats are at least a cell apart, so that each
+// has a cell of its own.
 fn open_number(x: f32, level: u32) -> u32 {
     let far = cell_list.level[level].far;
     let size = bitcast<u32>(abs(x));
     let is_far = size >= far;
-    let past_boundary = select(0u, min(size - far, BEYOND), is_far);
+    let far_cells = select(0u, min(size - far, MAX_FAR_CELLS), is_far);
     let farthest = select(0x1p30, -0x1p30, x < 0.0);
     let near = MIDDLE + quotient(select(floor(x * cell_list.level[level].units_per_length), farthest, is_far));
-    return select(near + past_boundary, near - past_boundary, x < 0.0);
+    return select(near + far_cells, near - far_cells, x < 0.0);
 }
 
 #ifdef PERIODIC
-// Counted from one turn before the seam, for coordinates less than half a turn beyond it.
+// Returns the cell along a periodic axis plus the number of cells, for coordinates up to half a period past the boundary.
 fn ring_number(x: f32, cells: u32, around: f32) -> u32 {
     return u32(i32(floor(x * around + 0.5 * f32(cells))) + i32(cells));
 }
 #endif
 
-// How many cells along each axis, not yet brought round the ring.
+// Returns the cell along each axis, before the periodic wrap.
 fn cell_numbers(position: vec3<f32>, level: u32) -> vec3<u32> {
     var numbers = vec3(open_number(position.x, level), open_number(position.y, level), open_number(position.z, level))
         - cell_list.level[level].low;
@@ -55,7 +55,7 @@ fn cell_numbers(position: vec3<f32>, level: u32) -> vec3<u32> {
     return numbers;
 }
 
-// Brings numbers of cells round their rings, where any is beyond.
+// Wraps cells around each axis.
 fn in_ring(numbers: vec3<u32>, around: vec3<u32>) -> vec3<u32> {
     var cells = numbers;
     if (any(numbers >= around)) {
@@ -64,7 +64,7 @@ fn in_ring(numbers: vec3<u32>, around: vec3<u32>) -> vec3<u32> {
     return cells;
 }
 
-// Thread of a cell in the table.
+// Returns the index of a cell in the table.
 fn cell_index(cell: vec3<u32>, level: u32) -> u32 {
     let cells = cell_list.level[level].cells;
     return cell_list.level[level].base + (cell.z * cells.y + cell.y) * cells.x + cell.x;

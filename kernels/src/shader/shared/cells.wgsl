@@ -1,11 +1,11 @@
-// The cells that a sphere overlaps in the grid of its depth: the first, and on each axis 1 if there is a second.
+// The cells that a sphere overlaps at a depth: the first, and on each axis 1 if there is a second.
 struct Cells {
     first: vec3<i32>,
     more: vec3<i32>,
     depth: u32,
 }
 
-// No sphere: quarantined ones have no cells.
+// Marks quarantined spheres, which have no cells.
 const NO_CELLS: vec2<u32> = vec2(0xffffffffu);
 
 // 18 bits for each coordinate.
@@ -29,7 +29,7 @@ fn cells_unpacked(words: vec2<u32>) -> Cells {
     );
 }
 
-// The same sphere's cells in the grid of a coarser depth. Grids nest, so that there too it has two at most.
+// Returns the sphere's cells at a coarser depth. Grids nest, so that it overlaps at most two per axis there too.
 fn cells_at(cells: Cells, depth: u32) -> Cells {
     let shift = vec3(cells.depth - depth);
     let first = cells.first >> shift;
@@ -37,23 +37,23 @@ fn cells_at(cells: Cells, depth: u32) -> Cells {
 }
 
 #ifdef PERIODIC
-// Cells once around each axis at this depth; 0 where it is unbounded, fewer than four where all are one.
+// Returns the cells around each axis at this depth: 0 if it is unbounded, fewer than four if all are one.
 fn cells_around(depth: u32) -> vec3<i32> {
     return vec3<i32>(min(grid.ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
 }
 
-// Which axes have but one cell at this depth: in a smaller ring spheres would share cells that neither begins in.
+// Returns the axes with a single cell at this depth. In a smaller ring, spheres would share cells in which neither begins.
 fn one_cell(depth: u32) -> vec3<bool> {
     return (grid.ring_cells != vec3(0.0)) & (cells_around(depth) < vec3(4));
 }
 
-// With that cell if there is but one.
+// Replaces the cells by the single cell of such an axis.
 fn gathered(cells: Cells) -> Cells {
     let one = one_cell(cells.depth);
     return Cells(select(cells.first, vec3(0), one), select(cells.more, vec3(0), one), cells.depth);
 }
 
-// Spheres have their cells side by side, also across the seam; here a cell beyond it gets its place in the ring.
+// Wraps a cell around each axis. A sphere's cells are consecutive before, also across the periodic boundary.
 fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
     let around = cells_around(depth);
     return cell + select(vec3(0), around, cell < vec3(0)) - select(vec3(0), around, cell >= around);
@@ -68,7 +68,7 @@ fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
 }
 #endif
 
-// Of up to eight cells of a sphere the one with this number: a bit for each axis.
+// Returns the offset of cell `number` among a sphere's up to eight cells, one bit per axis.
 fn step_of(number: u32) -> vec3<i32> {
     return (vec3(i32(number)) >> vec3(0u, 1u, 2u)) & vec3(1);
 }
@@ -81,13 +81,13 @@ fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
     return all(step <= cells.more);
 }
 
-// The number, among a sphere's cells of a coarser depth, of the one in which this cell lies; if there is but one,
-// all lie there.
+// Returns the number of the cell that contains `cell`, among the sphere's cells at a coarser depth. A single cell contains
+// all.
 fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
     return number_of(clamp((cell >> vec3(depth - parents.depth)) - parents.first, vec3(0), parents.more));
 }
 
-// The coarsest depths of `depths`, up to and including `depth`.
+// Returns the depths of the mask `depths` up to and including `depth`.
 fn depths_to(depths: u32, depth: u32) -> u32 {
     return depths & (0xffffffffu >> (31u - depth));
 }

@@ -1,8 +1,8 @@
 struct RadixPass {
-    // The lowest bit of this pass's digit, and what is left of a key shifted by that.
+    // The lowest bit of the digit, and the mask of a key after the shift.
     shift: u32,
     mask: u32,
-    // 1 where the payload is the place of each key, and is not read.
+    // 1 if the payload is the index of each key, and is not read.
     is_first: u32,
 }
 

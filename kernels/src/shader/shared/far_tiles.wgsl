@@ -1,9 +1,9 @@
-// Workgroups of one dimension.
+// The most workgroups in one dimension of a dispatch (WebGPU's default limit).
 const MAX_GROUPS: u32 = 65535u;
 
-// Tiles that one workgroup of the crowded search compares with, where this many blocks have up to this many tiles:
-// few, so that all the device has work, but so many that the shares of a block fit one dimension, and never more than
-// an invocation has turns for; the plan has no more entries than that allows.
+// Returns the tiles per workgroup of `runs_search_far`, if `blocks` blocks have up to `tiles` tiles: few, so that the
+// whole device has work; enough that the workgroups of a block fit one dimension; and at most the loop iterations of an
+// invocation. The plan limits the number of entries accordingly.
 fn tiles_per_workgroup(blocks: u32, tiles: u32) -> u32 {
     let fewest = max((tiles + MAX_GROUPS - 1u) / MAX_GROUPS, 2u);
     return clamp(min(blocks, MAX_GROUPS) * min(tiles, MAX_GROUPS) / 16384u, fewest, #{RUN_TILES}u);

@@ -1,26 +1,26 @@
-// Fewest bits of a folded axis: with eight cells before the fold repeats, two overlapping spheres never meet in
+// The fewest bits of an axis in a key. With eight cells before keys repeat, two overlapping spheres never meet in
 // different cells of one key.
 const MIN_AXIS_BITS: u32 = 3u;
-// More bits than an axis has at any depth: 19 at the first, and one more at each of the 31 others.
-const MOST_BITS: u32 = 50u;
+// More bits than an axis has at any depth: 19 at depth 0, and one more at each of the 31 others.
+const MAX_BITS: u32 = 50u;
 
-// Bits that tell the cells of this depth apart on each axis. A ring of cells has a multiple of four, so that a fold
-// to fewer bits keeps neighbors apart across the seam too.
-fn axis_bits(low: vec3<i32>, high: vec3<i32>, turns: vec3<f32>, depth: u32) -> vec3<u32> {
+// Returns the bits that distinguish the cells of this depth on each axis. A ring has a multiple of four cells, so that
+// fewer bits keep neighbors distinct across the periodic boundary too.
+fn axis_bits(low: vec3<i32>, high: vec3<i32>, ring_cells: vec3<f32>, depth: u32) -> vec3<u32> {
     let open = vec3(32u) - countLeadingZeros(vec3<u32>(high - low)) + vec3(depth);
 #ifdef PERIODIC
-    let around = vec3<i32>(min(turns * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
+    let around = vec3<i32>(min(ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
     let ring = vec3(32u) - countLeadingZeros(vec3<u32>(around - vec3(1)));
-    return select(select(ring, vec3(0u), around < vec3(4)), open, turns == vec3(0.0));
+    return select(select(ring, vec3(0u), around < vec3(4)), open, ring_cells == vec3(0.0));
 #else
     return open;
 #endif
 }
 
-// Bits of each axis, taken from the longest ones until `budget` is met, or the fewest that there may be.
+// Reduces the bits of the longest axes until `budget` is met, or to the fewest possible.
 fn hash_bits(wanted: vec3<u32>, budget: u32) -> vec3<u32> {
-    var bits = min(wanted, vec3(MOST_BITS));
-    for (var turn = 0u; turn < 3u * MOST_BITS; turn++) {
+    var bits = min(wanted, vec3(MAX_BITS));
+    for (var iteration = 0u; iteration < 3u * MAX_BITS; iteration++) {
         if (bits.x + bits.y + bits.z <= max(budget, 3u * MIN_AXIS_BITS)) {
             break;
         }

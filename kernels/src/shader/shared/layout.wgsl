@@ -1,65 +1,62 @@
-// The parameters of one call. Word 0 is the number of spheres, so that the same buffer can be bound as
-// `count_source` when the host knows the number.
+// The parameters of one search. Word 0 is the number of spheres, so that the same buffer can be bound as `count_source`.
 struct SearchParams {
-    // The number of spheres, or the most there may be when the number comes from a buffer.
+    // The number of spheres, or its maximum if a buffer holds the number.
     spheres: u32,
-    // Pairs that the output buffer holds.
+    // The number of pairs that the output buffer holds.
     pair_capacity: u32,
-    // (cell, object) entries that the entry buffers hold.
+    // The number of (cell, object) entries that the entry buffers hold.
     entry_capacity: u32,
-    // Bits of a cell's key: the grid is folded into that many.
+    // The bits of a cell's key.
     key_bits: u32,
-    // Cell edge as a multiple of the largest diameter.
+    // Cell size as a multiple of the largest diameter.
     cell_ratio: f32,
-    // Species of the interaction table; 0 without one.
+    // The number of species of the interaction table; 0 without one.
     species: u32,
-    // Workgroups of the naive search.
+    // The number of workgroups of the naive search.
     search_groups: u32,
     // Threads per workgroup of the consumer of the pairs by indirect dispatch.
     consumer_workgroup_size: u32,
-    // Only pairs whose smaller index is in window_begin..window_end are counted and written, so that a result
-    // larger than the output can be taken in parts.
+    // Only pairs whose smaller index is in `window_begin..window_end` are counted and written, so that a result larger than
+    // the output can be fetched in windows.
     window_begin: u32,
     window_end: u32,
-    // The cells that hand their smaller spheres down to the next level: 0 none, 1 all, 2 those with more than `tau`.
+    // The cells that pass their smaller spheres to the next level: 0 none, 1 all, 2 those with more than `tau`.
     split_policy: u32,
     tau: u32,
-    // Counters in either half of the density table, a power of two.
+    // The number of counters in either half of the occupancy table, a power of two.
     occupancy_slots: u32,
-    // Tiles of entries that the crowded search compares in one part of a call, unless a single block has more;
-    // 0xffffffff where it is to be done in one.
+    // The tiles of deferred blocks that one submission compares, unless a single block has more; 0xffffffff without a limit.
     tiles_per_submission: u32,
-    // Length of each axis that is periodic, else 0.
+    // The length of each periodic axis; 0 for an unbounded one.
     period_x: f32,
     period_y: f32,
     period_z: f32,
-    // Cells that the table of a cell list has room for, and counters in that table: two more.
+    // The number of cells that the table of a cell list holds, and its number of counters: two more.
     cells: u32,
     counters: u32,
-    // Only pairs of one sphere with an index below this and one with an index from it on are found; 0 finds all.
+    // The first index of the second set: only pairs across the two sets are found. 0 for one set.
     second_set_start: u32,
-    // Keys of a tile where a cell list is sorted by radix; 0 where it is sorted by counting.
+    // Keys per tile if a cell list is sorted by radix; 0 if it is sorted by counting.
     radix_tile: u32,
-    // Candidates of one sphere of a cell list that one invocation tests.
+    // The candidates of one sphere of a cell list that one invocation tests.
     candidates_per_invocation: u32,
-    // Workgroups for further shares of each block of a cell list; 0 where the device finds how many it takes.
+    // The workgroups for the later candidates of each block of a cell list; 0 if the device computes the number.
     overflow_workgroups: u32,
-    // 1 where pairs of a cell list are to name places in the order of the cells.
+    // 1 if pairs of a cell list hold positions in cell order.
     pairs_in_cell_order: u32,
-    // The sides of a cell list that are compared: bit 0 for spheres of the first with each other, bit 1 for those of the
-    // first with those of the second, bit 2 for those of the second with each other.
+    // The sides of a cell list that are compared: bit 0 for the first side with itself, bit 1 for the first with the second,
+    // bit 2 for the second with itself.
     side_pairs: u32,
-    // The interaction of all spheres of sides that meet, if it is the same for all: a distance, or TOUCH; else BY_SPECIES.
+    // The interaction of all spheres of compared sides, if it is the same for all: a distance, or TOUCH; else BY_SPECIES.
     interaction: f32,
 }
 
-// Marks of interactions that are no distances.
+// Values of interactions that are not distances.
 const NEVER: f32 = -1.0;
 const TOUCH: f32 = -2.0;
 const BY_SPECIES: f32 = -3.0;
 
-// The statistics of the spheres. Bounds of all valid ones, their widened radii included; floats in an order-preserving
-// encoding.
+// Statistics of the spheres: the bounds of all valid ones, with their widened radii, in an order-preserving encoding.
 struct Bounds {
     low_x: atomic<u32>,
     low_y: atomic<u32>,
@@ -70,21 +67,21 @@ struct Bounds {
     // Bits of the smallest and largest effective radius.
     radius_min: atomic<u32>,
     radius_max: atomic<u32>,
-    // Depths that occur, a bit each.
+    // The depths that occur, one bit each.
     depth_mask: atomic<u32>,
-    // The number of spheres of each depth that go on below the first level.
+    // The number of spheres of each depth that continue below the first level.
     descending: array<atomic<u32>, 32>,
 }
 
-// The share of the keys that belongs to the cells of one depth.
+// The keys of one depth.
 struct LevelKeys {
-    // Key bits of each axis; the coordinate is folded into them.
+    // Key bits of each axis; coordinates are reduced modulo 2^bits.
     bits: vec3<u32>,
     // The first key.
     base: u32,
 }
 
-// The grids: cells of depth k have edges of 2^-k of the first ones,
+// The grids. Cells of depth k are 2^-k of the size of those of depth 0:
 // cell = floor((position - origin) * inverse_edge * 2^k), with cells of depth 0 limited to low..=high.
 struct Grid {
     origin: vec3<f32>,
@@ -92,25 +89,24 @@ struct Grid {
     spheres: u32,
     // 0 puts everything into one cell.
     inverse_edge: vec3<f32>,
-    // 1 when no distance test of this call can overflow or underflow.
+    // 1 if no distance test of this call can overflow or underflow.
     ordinary: u32,
     low: vec3<i32>,
-    // As in the call; 0 where all spheres turned out to be of depth 0, or no cell to be dense.
+    // As in the parameters; 0 if all spheres have depth 0, or no cell is overfull.
     split_policy: u32,
     high: vec3<i32>,
-    // Depths that are levels, a bit each; the first always is.
+    // The depths that are levels, one bit each; depth 0 always is.
     level_mask: u32,
-    // Edges of depth 0 once around a periodic axis: a multiple of 4, or a power of two below it; 0 for an unbounded
-    // axis.
+    // Cells of depth 0 around a periodic axis: a multiple of 4, or a power of two below it; 0 for an unbounded axis.
     ring_cells: vec3<f32>,
-    // Depths that have spheres.
+    // The depths that have spheres, one bit each.
     depth_mask: u32,
-    // The key bit that marks passive entries: 1, or 0 if there is but one level.
+    // The key bit that marks passive entries: 1, or 0 with a single level.
     passive: u32,
     levels: array<LevelKeys, 32>,
 }
 
-// The result besides the pairs. The dispatch arguments lie so that `dispatch_workgroups_indirect` can read them.
+// The result except the pairs. `dispatch_workgroups_indirect` reads the dispatch arguments from here.
 struct Outcome {
     found_lo: atomic<u32>,
     found_hi: atomic<u32>,
@@ -120,23 +116,23 @@ struct Outcome {
     dispatch_x: atomic<u32>,
     dispatch_y: atomic<u32>,
     dispatch_z: atomic<u32>,
-    // Blocks of entries that have partners too far along the run for the near search.
+    // The number of blocks that the first search deferred.
     deferred_blocks: atomic<u32>,
     entries_lo: atomic<u32>,
     entries_hi: atomic<u32>,
     spheres: atomic<u32>,
     // The most tiles that one of those blocks is compared with.
     deferred_max_tiles: atomic<u32>,
-    // The blocks that the present part of the crowded search takes.
+    // The range of blocks of the present submission.
     deferred_begin: atomic<u32>,
     deferred_end: atomic<u32>,
-    // Spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
+    // The spheres in the fullest cell that smaller spheres left, or would have left; 0 without such a cell.
     max_occupancy: atomic<u32>,
-    // 1 where pairs name places in the order of the cells, 0 where they name the spheres as given.
+    // 1 if pairs hold positions in cell order, 0 if they hold input indices.
     pairs_in_cell_order: atomic<u32>,
 }
 
-// The number of keys to sort and of values to scan.
+// The numbers of keys to sort and of values to scan.
 struct SortCounts {
     items: u32,
     counters: u32,

@@ -1,32 +1,31 @@
-// A sphere's way through its candidates: rows of cells, each a stretch or two of the sorted spheres, so that every pair
-// is met from one of its two spheres and only once.
-//
+// Iterates over the candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is met
+// from exactly one of its spheres.
 // A sphere in a cell is compared with
-// - the later spheres of its own cell, and those of one half of the adjacent cells, if its level meets itself;
-// - at each level that its own looks at, the spheres of all cells that its box touches when widened by that level's reach;
+// - the later spheres of its own cell, and those of one half of the adjacent cells, if its level searches itself;
+// - at each of the searched levels, the spheres of all cells that its box overlaps when widened by that level's radius;
 // - the listed spheres, which have a cell of their own without adjacent cells.
 
-// Beyond the levels there is nothing.
+// After the last level.
 const NO_LEVEL: u32 = 256u;
 
 struct NeighborCells {
-    // The level it is at; NO_LEVEL at the end.
+    // The current level, or NO_LEVEL at the end.
     level: u32,
-    // Cells of that level around each axis, and its first cell.
+    // The number of cells of that level around each axis, and its first cell.
     around: vec3<u32>,
     base: u32,
-    // The first cell of the box of cells that it goes through there, and how many cells a row has and rows a plane.
+    // The first cell of the current box of cells, and the lengths of its rows and planes.
     first: vec3<u32>,
     cells_per_row: u32,
     rows_per_plane: u32,
-    // The next row and the end of all, counted plane by plane.
+    // The next row and the end of all rows, counted plane by plane.
     row: u32,
     end: u32,
-    // `true` if the next rows are taken from the seam on.
+    // `true` if the next rows continue past the periodic boundary.
     past_boundary: bool,
-    // Levels that it has still to enter, a bit each.
+    // The levels that are still to be searched, one bit each.
     levels: u32,
-    // Candidates in these rows that are behind it, and those in the rows before.
+    // The candidates of the current rows that are tested, and those of all rows before.
     tested: u32,
     skipped: u32,
 }
@@ -39,19 +38,19 @@ struct CellRow {
     number: u32,
     y: u32,
     z: u32,
-    // Rows in its plane before it.
+    // The number of rows before it in its plane.
     in_plane: u32,
 }
 
-// Candidates of up to five rows of cells, and the listed ones behind the last: of which number on the next stretch begins,
-// and what makes a number a place among the sorted spheres.
+// The candidates of up to five rows of cells, and after the last row the listed spheres. The candidates of each range have
+// consecutive numbers below `until`; a number plus `shift` is a position in cell order.
 struct CandidateRanges {
     until: vec4<u32>,
     shift: vec4<u32>,
     last_until: u32,
     last_shifts: vec2<u32>,
     total: u32,
-    // `true` if the rows go on beyond the seam.
+    // `true` if the rows continue past the periodic boundary.
     wraps: bool,
 }
 
@@ -73,7 +72,7 @@ fn neighbor_cells_of(own: u32) -> NeighborCells {
     let x = own - neighbors.base - row * neighbors.around.x;
     let z = row / neighbors.around.y;
     let y = row - z * neighbors.around.y;
-    // The half of the cells around that comes behind the own row in x, then in y, then in z.
+    // The half of the adjacent cells that follows the own row in x, then in y, then in z.
     neighbors.first = vec3(previous(x, neighbors.around.x), previous(y, neighbors.around.y), z);
     neighbors.cells_per_row = min(neighbors.around.x, 3u);
     neighbors.rows_per_plane = min(neighbors.around.y, 3u);
@@ -88,7 +87,7 @@ fn neighbor_cells_of(own: u32) -> NeighborCells {
     return neighbors;
 }
 
-// The cell before this one, round the ring.
+// Returns the cell before this one, wrapped.
 fn previous(cell: u32, around: u32) -> u32 {
     return select(cell, around, cell == 0u) - 1u;
 }
@@ -129,21 +128,21 @@ fn row_after(neighbors: NeighborCells, row: CellRow) -> CellRow {
     );
 }
 
-// The stretch of sorted spheres in a row of cells, for the sphere at `position` in the cell `own`.
+// Returns the range of sorted spheres in a row of cells, for the sphere at `position` in the cell `own`.
 fn range_of(neighbors: NeighborCells, row: CellRow, position: u32, own: u32) -> vec2<u32> {
     let cell = neighbors.base + (row.z * neighbors.around.y + row.y) * neighbors.around.x;
-    // In the sphere's own row half of the cells are behind it.
+    // In the sphere's own row, the cells before its own are left out.
     let is_own = own - cell < neighbors.around.x;
-    let seam = neighbors.around.x;
+    let ring = neighbors.around.x;
     let x = select(neighbors.first.x, own - cell, is_own);
-    let end = x + select(neighbors.cells_per_row, min(seam, 2u), is_own);
+    let end = x + select(neighbors.cells_per_row, min(ring, 2u), is_own);
     let first = starts[cell + select(x, 0u, neighbors.past_boundary)];
-    let last = starts[cell + select(min(end, seam), max(end, seam) - seam, neighbors.past_boundary)];
+    let last = starts[cell + select(min(end, ring), max(end, ring) - ring, neighbors.past_boundary)];
     let begin = select(first, position + 1u, is_own && !neighbors.past_boundary);
     return select(vec2(0u), vec2(begin, last), row.number < neighbors.end);
 }
 
-// The candidates of the next rows of cells; behind the last of all rows the listed spheres.
+// Returns the candidates of the next rows of cells and, after the last row, the listed spheres.
 fn next_ranges(neighbors: NeighborCells, position: u32, own: u32) -> CandidateRanges {
     let row_a = next_row(neighbors);
     let row_b = row_after(neighbors, row_a);
@@ -168,7 +167,7 @@ fn next_ranges(neighbors: NeighborCells, position: u32, own: u32) -> CandidateRa
     return CandidateRanges(until, shift, last, vec2(e.x - until.w, begin - last), last + listed, wraps);
 }
 
-// Goes on from some rows to those behind them, or to what they have beyond the seam.
+// Advances past some rows, or to their part past the periodic boundary.
 fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).skipped += ranges.total;
     (*neighbors).tested = 0u;
@@ -176,7 +175,7 @@ fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).row = select(min((*neighbors).row + ROWS_PER_STEP, (*neighbors).end), (*neighbors).row, ranges.wraps);
 }
 
-// Goes on from the end of a level to the next of those that are left.
+// Advances from the end of a level to the next level.
 fn next_level(neighbors: ptr<function, NeighborCells>, sphere: vec4<f32>, radius: f32) {
     let levels = (*neighbors).levels;
     (*neighbors).level = NO_LEVEL;
@@ -187,8 +186,8 @@ fn next_level(neighbors: ptr<function, NeighborCells>, sphere: vec4<f32>, radius
     }
 }
 
-// Enters the box of a sphere, of no more than this effective radius, at a level whose edges are no shorter than those of its
-// own.
+// Enters the box of a sphere at a level whose cells are at least as large as those of its own. `radius` is at least the
+// effective radius.
 fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, radius: f32) {
     let around = cell_list.level[level].cells;
     let reach = radius + cell_list.level[level].max_radius;
@@ -198,7 +197,7 @@ fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4
     var first = in_ring(low, around);
     var span = min(high - low, around - vec3(1u)) + vec3(1u);
 #ifdef PERIODIC
-    // A box as wide as the period is all of it; its corners may be too far off to be counted.
+    // A box as wide as the period covers all of it; its corners may be too far away for cell numbers.
     let whole = (periods() > vec3(0.0)) & (2.0 * half >= periods());
     first = select(first, vec3(0u), whole);
     span = select(span, around, whole);

@@ -1,4 +1,4 @@
-// Clears what a call counts and says how many spheres it was given. `overflow` has what is known to be lacking already.
+// Clears the counters of a call and stores the number of its spheres. `overflow` has the bits that are known already.
 fn outcome_begin(overflow: u32, quarantined: u32) {
     let given = count_source[0];
     atomicStore(&outcome.found_lo, 0u);

@@ -1,4 +1,4 @@
-// Settles the overflow flag and the indirect-dispatch arguments for the consumer of the pairs.
+// Stores the overflow flag and the dispatch arguments for the consumer of the pairs.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;
@@ -8,7 +8,7 @@
 @compute @workgroup_size(1)
 fn outcome_finish() {
     if (params.overflow_workgroups != 0u) {
-        // All were dispatched.
+        // All deferred blocks were dispatched.
         atomicStore(&outcome.deferred_end, atomicLoad(&outcome.deferred_blocks));
     }
     let found = atomicLoad(&outcome.found_lo);

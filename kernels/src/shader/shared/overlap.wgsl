@@ -1,4 +1,4 @@
-// Scales by 2^100; subnormal values by way of their bits, as devices may flush them.
+// Scales by 2^100; subnormal values through their bits, because devices may flush them.
 fn scaled_up(value: f32) -> f32 {
     let bits = bitcast<u32>(value);
     if ((bits & 0x7f800000u) == 0u) {
@@ -7,8 +7,8 @@ fn scaled_up(value: f32) -> f32 {
     return value * 0x1p100;
 }
 
-// Scales by 2^-70, smaller values to nothing. By way of the exponent: of a multiplication, compilers make one of the
-// difference or sum instead, which may be infinite.
+// Scales by 2^-70, and smaller values to 0, through the exponent: compilers may move a multiplication behind the
+// difference or sum, which may be infinite.
 fn scaled_down(value: f32) -> f32 {
     let bits = bitcast<u32>(value);
     return select(0.0, bitcast<f32>(bits - (70u << 23u)), (bits & 0x7f800000u) > (70u << 23u));
@@ -16,16 +16,16 @@ fn scaled_down(value: f32) -> f32 {
 
 #include displacement
 
-// How far apart coordinates are, times 2^100, where it is known to be below 2^-40.
+// Returns the difference of two coordinates times 2^100, if it is known to be below 2^-40.
 fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     if (max(abs(a), abs(b)) < 0x1p20) {
-        // No seam that is farther off matters.
+        // A periodic boundary farther away does not matter.
         return axis_displacement(scaled_up(a), scaled_up(b), scaled_up(select(period, 0x1p22, period > 0x1p22)));
     }
     return axis_displacement(a, b, period) * 0x1p100;
 }
 
-// Whether the centers are at most `reach.x + reach.y` apart, where squares would overflow or underflow.
+// Returns `true` if the centers are at most `reach.x + reach.y` apart, when squares would overflow or underflow.
 fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -> bool {
     let lengths = periods();
     if (large) {
@@ -46,7 +46,7 @@ fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -
     return dot(d, d) <= s * s;
 }
 
-// Whether the centers are at most `reach.x + reach.y` apart, for any finite values.
+// Returns `true` if the centers are at most `reach.x + reach.y` apart, for any finite values.
 fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
     let d = displacement(a, b);
     let s = reach.x + reach.y;
@@ -57,7 +57,7 @@ fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
     return is_within_scaled(a, b, reach, largest >= 1.0);
 }
 
-// The test without guards, for calls whose values are all ordinary.
+// The test without guards, for calls without extreme values.
 fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
     let d = displacement(a.xyz, b.xyz);
     let s = a.w + b.w;
@@ -65,7 +65,7 @@ fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
 }
 
 #ifdef SPECIES
-// `table` holds a distance for each two species, or NEVER or TOUCH.
+// `table` holds a distance for each pair of species, or NEVER or TOUCH.
 fn is_pair(a: vec4<f32>, b: vec4<f32>, species_a: u32, species_b: u32) -> bool {
     let distance = table[species_a * params.species + species_b];
     if (distance == NEVER) {

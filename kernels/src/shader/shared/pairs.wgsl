@@ -4,12 +4,12 @@ fn is_in_window(smaller: u32) -> bool {
     return smaller >= params.window_begin && smaller < params.window_end;
 }
 
-// Whether the call asks for all pairs, of either order of indices.
+// Returns `true` if the call asks for all pairs.
 fn asks_for_all(spheres: u32) -> bool {
     return params.window_begin == 0u && params.window_end >= spheres && params.second_set_start == 0u;
 }
 
-// Whether the call asks for this pair: within its window and, of two sets, with one sphere of each.
+// Returns `true` if the call asks for this pair: within its window and, with two sets, with one sphere of each.
 fn is_asked_for(a: u32, b: u32) -> bool {
     let crosses = params.second_set_start == 0u || ((a < params.second_set_start) != (b < params.second_set_start));
     return crosses && is_in_window(min(a, b));

@@ -1,10 +1,9 @@
-// Takes `count` places in the list whose length `outcome.#{ARGUMENT}` holds; the length goes on past the list's
-// capacity, in 64 bits. Returns the first place, which is at or above the capacity when nothing may be written.
-//
-// While the low word has wrapped and the high one has not been raised yet, another thread may be given a place below
-// the capacity that is in use, and write there. The number is exact nevertheless, and above the capacity, so that the
-// list is known to be incomplete; but then an item in it may be made of halves of two. A later look at the high word
-// would not mend that, as atomics of different words are not ordered.
+// Reserves `count` positions in the list whose length is `outcome.#{ARGUMENT}`, a 64-bit number that counts past the
+// list's capacity. Returns the first position, which is at or above the capacity if nothing may be written.
+// Between the wrap of the low word and the increment of the high word, another thread may get a position below the
+// capacity that is in use, and write there. The length stays exact and above the capacity, so that the list is known to
+// be incomplete; but an item in it may consist of halves of two. Reading the high word again would not help, because
+// atomics on different words are not ordered.
 fn #{ARGUMENT}_reserve(count: u32) -> u32 {
     let first = atomicAdd(&outcome.#{ARGUMENT}_lo, count);
     if (first > 0xffffffffu - count) {

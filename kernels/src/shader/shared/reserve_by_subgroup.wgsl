@@ -1,13 +1,14 @@
 #include pairs
 
 #ifdef SUBGROUPS
-// Whether any thread of the subgroup has something to write; keeps the subgroup together in `pairs_reserve_by_subgroup`.
+// Returns `true` if any thread of the subgroup wants to write. Keeps the subgroup together in
+// `pairs_reserve_by_subgroup`.
 fn any_in_subgroup(wanted: bool) -> bool {
     return subgroupAny(wanted);
 }
 
-// Places for this thread's `count` pairs, without a workgroup barrier: one atomic per subgroup. Called behind
-// `any_in_subgroup`, which is the same for all its threads; no compiler knows that yet.
+// Reserves output positions for this thread's `count` pairs, with one atomic per subgroup and no workgroup barrier.
+// Called after `any_in_subgroup`, which is uniform in the subgroup; no compiler can see that.
 #standard @diagnostic(off, subgroup_uniformity)
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(count);
@@ -24,7 +25,7 @@ fn any_in_subgroup(wanted: bool) -> bool {
     return wanted;
 }
 
-// Places for this thread's `count` pairs, without a workgroup barrier.
+// Reserves output positions for this thread's `count` pairs, without a workgroup barrier.
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     return found_reserve(count);
 }

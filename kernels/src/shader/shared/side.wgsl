@@ -1,5 +1,5 @@
-// The side of a sphere: the spheres of a call are on one side or two. Sides that do not meet are never compared, nor is a
-// side with itself unless it meets itself. Two sets are two sides; else the species decide.
+// The side of a sphere. A call has one side or two. `params.side_pairs` says which sides are compared. Two sets are two
+// sides; otherwise the species decide.
 
 fn side_of(index: u32) -> u32 {
     var side = select(0u, 1u, params.second_set_start != 0u && index >= params.second_set_start);

@@ -1,31 +1,31 @@
-// Candidates that outlive a call: the pairs that touch when every radius is larger by half the skin. As long as no sphere has
-// gone farther than that since they were found, every pair that touches is among them.
+// The candidate list: the pairs that touch if every radius is larger by half the skin. While no sphere has moved farther
+// than that since the list was built, it holds every pair that touches.
 
 struct SkinParams {
-    // Half of the skin, by which radii grow.
+    // Half of the skin, which is added to radii.
     half_skin: f32,
-    // The square of how far a sphere may go: a little less than that half.
+    // The square of the displacement limit, a little less than half the skin.
     limit_squared: f32,
-    // Candidates that there is room for.
+    // The number of candidates that the buffer holds.
     candidate_capacity: u32,
 }
 
-// What is known from call to call.
+// The state that is kept between calls.
 struct SkinState {
-    // Bits of the square of how far the farthest sphere has gone since the candidates were found.
+    // Bits of the square of the largest displacement since the list was built.
     displacement: atomic<u32>,
-    // 1 where some sphere is not the one it was.
+    // 1 if some sphere was exchanged.
     input_changed: atomic<u32>,
-    // 1 where the candidates are all that there are.
+    // 1 if the list holds all candidates.
     is_complete: u32,
-    // How many spheres there were.
+    // The number of spheres.
     spheres: u32,
-    // Why this call finds candidates anew; 0 where it keeps them.
+    // The reason for the rebuild of this call; 0 without a rebuild.
     rebuild_reason: u32,
-    // Calls since then.
+    // The number of calls since the rebuild.
     age: u32,
-    // How many candidates there are.
+    // The number of candidates.
     candidates: u32,
-    // `moved` as the last call found it.
+    // `displacement` of the last call.
     last_displacement: u32,
 }

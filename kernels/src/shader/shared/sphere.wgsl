@@ -2,24 +2,23 @@ fn is_finite(value: f32) -> bool {
     return (bitcast<u32>(value) & 0x7f800000u) != 0x7f800000u;
 }
 
-// Tested by bits: comparisons with NaN may be optimised away.
+// Compares bits: compilers may remove comparisons with NaN.
 fn is_valid(sphere: vec4<f32>) -> bool {
     return is_finite(sphere.x) && is_finite(sphere.y) && is_finite(sphere.z) && is_finite(sphere.w)
         && bitcast<u32>(sphere.w) <= 0x80000000u;
 }
 
-// Corners of boxes stay this side of infinity.
+// The largest coordinate of a corner, below infinity.
 const FARTHEST: f32 = 0x1.fffffcp+127;
 
-// A sphere's box with a few ulp to spare, so that two spheres which any rounding of the distance test accepts
-// always share a cell.
+// A sphere's box, widened by a few ulp: two spheres that any rounding of the distance test accepts share a cell.
 struct Box {
     low: vec3<f32>,
     high: vec3<f32>,
 }
 
 fn box_of(sphere: vec4<f32>, radius: f32) -> Box {
-    // Summed after scaling: the largest float and a radius of half its ulp would be infinite together.
+    // Summed after scaling: the largest float plus a radius of half its ulp is infinite.
     let half = vec3(radius) + (abs(sphere.xyz) * 0x1p-21 + vec3(radius * 0x1p-21));
     return Box(
         clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)),

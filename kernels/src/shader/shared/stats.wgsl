@@ -1,5 +1,4 @@
-// Bounds of the valid spheres, how many of which size there are, and the number of the others. Clears what the call
-// counts in.
+// Bounds of the valid spheres, counts per size class, and the number of invalid spheres. Clears the counters of the call.
 
 var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
@@ -8,9 +7,9 @@ var<workgroup> group_quarantined: atomic<u32>;
 var<workgroup> group_members: array<atomic<u32>, 512>;
 var<workgroup> group_largest: array<atomic<u32>, 256>;
 
-// Spheres of one class and side that a thread has met one after another.
+// Consecutive spheres of one size class and side, as one thread meets them.
 struct Streak {
-    // CLASSES more on the second side.
+    // CLASSES is added on the second side.
     size_class: u32,
     members: u32,
     largest: u32,
@@ -23,17 +22,17 @@ fn end_streak(streak: Streak) {
     }
 }
 
-// Called by all threads of a workgroup: each looks at every so many spheres from its first on.
+// Called by all threads of a workgroup. Each strides over the spheres from `first`.
 fn reduce_stats(first: u32, stride: u32, thread: Thread) {
-    let lane = thread.local_index;
-    atomicStore(&group_members[lane], 0u);
-    atomicStore(&group_members[CLASSES + lane], 0u);
-    atomicStore(&group_largest[lane], 0u);
-    if (lane < 3u) {
-        atomicStore(&group_low[lane], 0u);
-        atomicStore(&group_high[lane], 0u);
+    let local_index = thread.local_index;
+    atomicStore(&group_members[local_index], 0u);
+    atomicStore(&group_members[CLASSES + local_index], 0u);
+    atomicStore(&group_largest[local_index], 0u);
+    if (local_index < 3u) {
+        atomicStore(&group_low[local_index], 0u);
+        atomicStore(&group_high[local_index], 0u);
     }
-    if (lane == 0u) {
+    if (local_index == 0u) {
         atomicStore(&group_smallest, 0u);
         atomicStore(&group_quarantined, 0u);
     }
@@ -91,17 +90,17 @@ fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     workgroupBarrier();
 
     for (var side = 0u; side < 2u; side++) {
-        let members = atomicLoad(&group_members[side * CLASSES + lane]);
+        let members = atomicLoad(&group_members[side * CLASSES + local_index]);
         if (members != 0u) {
-            atomicAdd(&stats.members[side * CLASSES + lane], members);
-            atomicMax(&stats.largest[lane], atomicLoad(&group_largest[lane]));
+            atomicAdd(&stats.members[side * CLASSES + local_index], members);
+            atomicMax(&stats.largest[local_index], atomicLoad(&group_largest[local_index]));
         }
     }
-    if (lane < 3u) {
-        atomicMax(&stats.low[lane], atomicLoad(&group_low[lane]));
-        atomicMax(&stats.high[lane], atomicLoad(&group_high[lane]));
+    if (local_index < 3u) {
+        atomicMax(&stats.low[local_index], atomicLoad(&group_low[local_index]));
+        atomicMax(&stats.high[local_index], atomicLoad(&group_high[local_index]));
     }
-    if (lane == 0u) {
+    if (local_index == 0u) {
         atomicMax(&stats.smallest, atomicLoad(&group_smallest));
         let bad = atomicLoad(&group_quarantined);
         if (bad != 0u) {

@@ -1,6 +1,6 @@
 #include wrapped_sphere
 
-// Brings a sphere to its place in the order of the cells.
+// Stores a sphere at its position in cell order.
 fn store_sorted(position: u32, index: u32) {
     sorted[position] = wrapped_sphere(spheres[index]);
 #ifdef SPECIES

@@ -1,6 +1,5 @@
-// The largest of what the threads of a subgroup have, which one of them passes on: atomics of one address in workgroup
-// memory wait for each other. Without subgroups each passes its own on. Called by whole subgroups; behind a loop no compiler
-// knows that.
+// The maximum over a subgroup, which its leader alone writes: atomics on one address in workgroup memory serialize. Without
+// subgroups, every thread leads itself. Called by whole subgroups; after a loop, no compiler can see that.
 #ifdef SUBGROUPS
 #standard @diagnostic(off, subgroup_uniformity)
 fn max_in_subgroup(value: u32) -> u32 {

@@ -1,5 +1,5 @@
-// Per-thread indices. Workgroup-uniform values are passed separately: Tint takes every member of a structure with a
-// varying member to vary, and refuses barriers behind a branch on it.
+// Per-thread indices. Workgroup-uniform values are passed separately: Tint treats all members of a structure with a
+// varying member as varying, and rejects barriers after a branch on one.
 // Entry points take the builtins as parameters: naga 30 writes subgroup builtins in a structure to HLSL without
 // semantics.
 struct Thread {
@@ -12,7 +12,7 @@ struct Thread {
 #endif
 }
 
-// The number of a workgroup. Dispatches have two dimensions, because one dimension holds at most 65,535 workgroups.
+// Returns the index of a workgroup. Dispatches have two dimensions, because one holds at most 65,535 workgroups.
 fn workgroup_index(id: vec3<u32>, groups: vec3<u32>) -> u32 {
     return id.x + id.y * groups.x;
 }

@@ -1,4 +1,4 @@
-    @builtin(local_invocation_index) local_index: u32,
+    @builtin(local_invocation_index) local_invocation: u32,
 #ifdef SUBGROUPS
     @builtin(subgroup_id) subgroup_index: u32,
     @builtin(num_subgroups) subgroup_count: u32,

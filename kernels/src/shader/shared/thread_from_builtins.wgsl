@@ -1,5 +1,5 @@
 #ifdef SUBGROUPS
-    let thread = Thread(local_index, subgroup_index, subgroup_count, subgroup_lane, subgroup_width);
+    let thread = Thread(local_invocation, subgroup_index, subgroup_count, subgroup_lane, subgroup_width);
 #else
-    let thread = Thread(local_index);
+    let thread = Thread(local_invocation);
 #endif

@@ -1,6 +1,6 @@
 const WORKGROUP_SIZE: u32 = 256u;
 
-// Kept apart from the partial sums, which the next scan begins to write while some threads may still ask for this.
+// Separate from the partial sums: the next scan writes those while some threads may still read the total.
 var<workgroup> group_total: u32;
 
 fn workgroup_sum() -> u32 {
@@ -10,7 +10,7 @@ fn workgroup_sum() -> u32 {
 #ifdef SUBGROUPS
 var<workgroup> group_sums: array<u32, #{MAX_SUBGROUPS}>;
 
-// Exclusive prefix sum of `value` over the workgroup; `workgroup_sum` is the sum of all from then on until the next scan.
+// Returns the exclusive prefix sum of `value` over the workgroup. `workgroup_sum` is the total until the next scan.
 // Called by all threads.
 fn workgroup_scan(value: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(value);
@@ -36,7 +36,7 @@ fn workgroup_scan(value: u32, thread: Thread) -> u32 {
 #else
 var<workgroup> group_sums: array<u32, 512>;
 
-// Exclusive prefix sum of `value` over the workgroup; `workgroup_sum` is the sum of all from then on until the next scan.
+// Returns the exclusive prefix sum of `value` over the workgroup. `workgroup_sum` is the total until the next scan.
 // Called by all threads.
 fn workgroup_scan(value: u32, thread: Thread) -> u32 {
     var front = 0u;

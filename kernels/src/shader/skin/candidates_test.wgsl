@@ -1,4 +1,4 @@
-// Pairs among the candidates, one thread for each.
+// Tests the candidate pairs, one thread each.
 #include layout
 #include thread
 #include skin
@@ -18,7 +18,7 @@
 #include pairs
 
 var<workgroup> group_hits: atomic<u32>;
-// Where the pairs of the workgroup go.
+// The output position of the workgroup's pairs.
 var<workgroup> first_place: u32;
 
 fn is_hit(candidate: vec2<u32>) -> bool {

@@ -1,11 +1,11 @@
-// Opens the test of the candidates: a thread for each, and an outcome that has no pairs yet.
+// Writes the dispatch arguments of `candidates_test`, one thread per candidate, and begins the outcome.
 #include layout
 #include skin
 
 @group(0) @binding(0) var<uniform> params: SearchParams;
 @group(0) @binding(1) var<uniform> skin: SkinParams;
 @group(0) @binding(2) var<storage, read> count_source: array<u32>;
-// The outcome of the search for candidates.
+// The outcome of the search that built the candidate list.
 @group(0) @binding(3) var<storage, read_write> found: Outcome;
 @group(0) @binding(4) var<storage, read_write> state: SkinState;
 @group(0) @binding(5) var<storage, read_write> outcome: Outcome;
@@ -21,7 +21,7 @@ const CANDIDATES: u32 = 8u;
 fn candidates_test_dispatch_args() {
     let count = atomicLoad(&found.found_lo);
     let full = atomicLoad(&found.found_hi) != 0u || count > skin.candidate_capacity;
-    // Pairs too many in that search are candidates too many here.
+    // An overflow of that search's pairs is an overflow of candidates here.
     let others = atomicLoad(&found.overflow) & ~(1u | SPHERES);
     let overflow = others | select(0u, CANDIDATES, full);
     let written = select(count, skin.candidate_capacity, full);
@@ -32,7 +32,7 @@ fn candidates_test_dispatch_args() {
     dispatch[1] = groups.y;
     dispatch[2] = 1u;
     outcome_begin(overflow, atomicLoad(&found.quarantined));
-    // Of a full list the number of all that were found, so that there may be room for them.
+    // The number of all candidates, so that the caller can allocate enough.
     atomicStore(&outcome.entries_lo, count);
     atomicStore(&outcome.entries_hi, atomicLoad(&found.found_hi));
     atomicStore(&outcome.max_occupancy, 0u);

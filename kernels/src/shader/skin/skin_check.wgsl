@@ -1,4 +1,4 @@
-// Decides whether candidates are found anew: then the dispatches that do so have their workgroups, else none.
+// Writes the rebuild's dispatch arguments, or zeros if the list is still valid.
 #include layout
 #include thread
 #include skin
@@ -7,13 +7,13 @@
 @group(0) @binding(1) var<uniform> skin: SkinParams;
 @group(0) @binding(2) var<storage, read> count_source: array<u32>;
 @group(0) @binding(3) var<storage, read_write> state: SkinState;
-// Workgroups of each dispatch, three words for each.
+// The arguments of each dispatch of the rebuild, three words each.
 @group(0) @binding(4) var<storage, read> full_counts: array<u32>;
 @group(0) @binding(5) var<storage, read_write> dispatch_counts: array<u32>;
-// Those of a dispatch whose number an earlier one finds.
+// The arguments of a dispatch that an earlier kernel sizes.
 @group(0) @binding(6) var<storage, read_write> dispatch: array<u32>;
 
-// Why candidates are found anew.
+// Reasons for a rebuild.
 const VALID: u32 = 0u;
 const NO_LIST: u32 = 1u;
 const INPUT_CHANGED: u32 = 2u;

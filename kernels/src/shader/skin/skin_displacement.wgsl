@@ -1,4 +1,4 @@
-// How far the farthest sphere has gone since the candidates were found, and whether some sphere is another one.
+// Finds the largest displacement since the list was built, and whether any sphere was exchanged.
 #include layout
 #include thread
 #include sphere

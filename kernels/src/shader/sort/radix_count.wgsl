@@ -1,4 +1,4 @@
-// First stage of a radix sort pass: how often each digit occurs in each tile, digit by digit.
+// First stage of a radix sort pass: counts each digit in each tile.
 #include layout
 #include thread
 

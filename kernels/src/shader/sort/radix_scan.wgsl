@@ -1,5 +1,5 @@
-// Second stage of a radix sort pass: for each digit, a workgroup turns its counts in all tiles into their exclusive
-// prefixes, and leaves their sum.
+// Second stage of a radix sort pass: for each digit, one workgroup turns its counts in all tiles into their exclusive
+// prefix sums and stores the total.
 #include layout
 #include thread
 

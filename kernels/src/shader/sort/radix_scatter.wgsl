@@ -1,6 +1,6 @@
-// Last stage of a radix sort pass: moves each key and its payload to its place, keeping the order of equal digits.
-// A tile is put in order in workgroup memory first, so that neighbors in memory are written together. What a thread
-// has of each of its keys stays in registers: loops over them are written out, as not every compiler does that.
+// Last stage of a radix sort pass: moves each key and its payload to its sorted position, keeping the order of equal
+// digits. A tile is sorted in workgroup memory first, so that writes are coalesced. Per-key values stay in registers:
+// loops over them are unrolled in the text, because not every compiler unrolls them.
 #include layout
 #include thread
 
@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read> sort_counts: SortCounts;
 @group(0) @binding(2) var<storage, read> keys: array<u32>;
 @group(0) @binding(3) var<storage, read> payload: array<u32>;
-// How often a digit occurs in the tiles before, and in all.
+// The number of keys with each digit in the tiles before, and in all tiles.
 @group(0) @binding(4) var<storage, read> counts: array<u32>;
 @group(0) @binding(5) var<storage, read> totals: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sorted_keys: array<u32>;
@@ -20,9 +20,9 @@ const ITEMS: u32 = #{RADIX_ITEMS}u;
 const TILE: u32 = WORKGROUP_SIZE * ITEMS;
 const NO_DIGIT: u32 = 256u;
 
-// Ranking tables first, the ordered tile afterwards.
+// The ranking tables, later the sorted tile.
 var<workgroup> scratch: array<atomic<u32>, #{RADIX_SCRATCH}>;
-// How many keys of a digit the tile has; then what to add to a place in the tile to get the place in the result.
+// The tile's number of keys with each digit; later the offset from a position in the tile to the result.
 var<workgroup> digits: array<u32, 256>;
 
 #ifdef SUBGROUP_RANKING
@@ -32,7 +32,7 @@ fn item_index(thread: Thread, item: u32) -> u32 {
     return thread.subgroup * thread.subgroup_size * ITEMS + item * thread.subgroup_size + thread.lane;
 }
 
-// Threads of the subgroup that have the same digit.
+// Returns the lanes of the subgroup with the same digit.
 fn same_digit(digit: u32) -> vec4<u32> {
     var same = subgroupBallot(digit != NO_DIGIT);
 #repeat BIT 8
@@ -48,7 +48,7 @@ fn lanes_below(lane: u32) -> vec4<u32> {
     return select(partial, vec4(0xffffffffu), at >= vec4(32));
 }
 
-// The lowest thread of a mask that has some; of 128 threads at most.
+// Returns the lowest lane of a non-empty mask, of at most 128 lanes.
 fn lowest_lane(mask: vec4<u32>) -> u32 {
     let low = select(32u + firstTrailingBit(mask.y), firstTrailingBit(mask.x), mask.x != 0u);
     let high = select(96u + firstTrailingBit(mask.w), 64u + firstTrailingBit(mask.z), mask.z != 0u);
@@ -62,8 +62,8 @@ fn ones(mask: vec4<u32>) -> u32 {
 
 fn clear_tables(thread: Thread) {
     let words = thread.subgroups * 128u;
-    for (var turn = 0u; turn < (words + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE; turn++) {
-        let word = turn * WORKGROUP_SIZE + thread.local_index;
+    for (var iteration = 0u; iteration < (words + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE; iteration++) {
+        let word = iteration * WORKGROUP_SIZE + thread.local_index;
         if (word < words) {
             atomicStore(&scratch[word], 0u);
         }
@@ -113,7 +113,7 @@ fn merge_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// A key's place in the tile.
+// Returns the position of a key in the sorted tile.
 fn place_in_tile(thread: Thread, ranked: u32) -> u32 {
     let word = atomicLoad(&scratch[thread.subgroup * 128u + (ranked >> 17u)]);
     return (ranked & 0xffffu) + ((word >> ((ranked >> 12u) & 16u)) & 0xffffu);
@@ -131,8 +131,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// How many keys of the same digit come before this one, in earlier rows of keys and in its own, and the digit above. In a
-// row the threads with one digit set their bits in that digit's 256-bit mask; the bits below a thread's own are its rank.
+// Returns the number of earlier keys of the tile with the same digit, and the digit in the upper half. All threads with
+// one digit set their bits in that digit's 256-bit mask. The bits below a thread's own bit are its rank.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = digit_of(key);
     let own_word = thread.local_index / 32u;
@@ -170,7 +170,7 @@ fn merge_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// A key's place in the tile.
+// Returns the position of a key in the sorted tile.
 fn place_in_tile(thread: Thread, ranked: u32) -> u32 {
     return (ranked & 0xffffu) + digits[ranked >> 16u];
 }

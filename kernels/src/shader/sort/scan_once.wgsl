@@ -1,5 +1,4 @@
-// The whole exclusive prefix scan if there are few values: one workgroup, of which each thread sums a stretch and
-// spreads what comes before it.
+// The whole exclusive prefix scan of few values, in one workgroup.
 #include layout
 #include thread
 

@@ -1,4 +1,4 @@
-// First of three stages of the exclusive prefix scan: the 64-bit sum of each tile.
+// First stage of the exclusive prefix scan: the 64-bit sum of each tile.
 #include layout
 #include thread
 

@@ -1,5 +1,5 @@
-// Second stage of the scan: one workgroup turns the sums of all tiles, however many, into their exclusive
-// prefixes, and leaves the total.
+// Second stage of the scan: one workgroup turns the sums of all tiles into their exclusive prefix sums and stores the
+// total.
 #include layout
 #include thread
 

@@ -1,5 +1,4 @@
-// Third stage of the scan: every value becomes the sum of those before it, in place; its low 32 bits where the
-// sum is wider.
+// Third stage of the scan: replaces every value by the sum of those before it, modulo 2^32.
 #include layout
 #include thread
 
