@@ -19,6 +19,6 @@ for how in --per-rank --spheres; do
     for ((ranks = 1; ranks <= most; ranks *= 2)); do
         # A launcher with its options is several words.
         # shellcheck disable=SC2086
-        $launch "$ranks" "$command" scale "$how" "$([ $how = --spheres ] && echo $((per_rank * 8)) || echo "$per_rank")" "$@"
+        $launch "$ranks" "$command" bench-scaling "$how" "$([ $how = --spheres ] && echo $((per_rank * 8)) || echo "$per_rank")" "$@"
     done
 done

@@ -3,7 +3,7 @@ use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
 use lazygrid_ranks::Settings;
 
-use crate::wire::Wire;
+use crate::communicator::MpiCommunicator;
 use crate::{Config, Error};
 
 /// Compares settings of a program, such as its time step, with those of all other ranks. Collective.
@@ -11,7 +11,7 @@ use crate::{Config, Error};
 /// # Errors
 /// [`Error::Settings`] on all ranks if a setting is not the same on all.
 pub fn agree_on(communicator: &impl Communicator, settings: &Settings) -> Result<(), Error> {
-    settings.agree(&mut Wire::new(communicator.duplicate(), Config::default().message_limit))
+    settings.agree(&mut MpiCommunicator::new(communicator.duplicate(), Config::default().message_limit))
 }
 
 /// The result of this rank where no rank failed, else the error of the first that did. Collective: all ranks of the

@@ -1,12 +1,12 @@
-//! What the command does. `detect` reads, settles, searches, writes, and says what was found; `simulate` runs a scenario;
-//! `scale` takes times.
+//! The subcommands: `detect` reads, rebalances, searches, writes and prints a summary; `simulate` runs a scenario;
+//! `bench-scaling` measures times.
 
 pub(crate) mod args;
+mod bench_scaling;
 mod input;
 mod manifest;
 mod npy;
 mod output;
-mod scale;
 mod simulate;
 mod summary;
 mod text;
@@ -23,7 +23,7 @@ use crate::command::args::Detect;
 use crate::command::output::{Target, write};
 use crate::command::summary::Summary;
 
-pub(crate) use scale::scale;
+pub(crate) use bench_scaling::bench_scaling;
 pub(crate) use simulate::simulate;
 
 /// Collective, as all of the command: every rank returns the same.
@@ -33,7 +33,7 @@ pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Er
     let input = times.take("read", || input::read(world, args))?;
     let mut distributed = Distributed::new(world, config(args, input.space))?;
     let mut particles = input.particles;
-    times.take("settle", || distributed.settle(&mut particles))?;
+    times.take("rebalance", || distributed.rebalance(&mut particles))?;
     let local = particles.local().map_err(|error| refused(world, error.to_string()));
     let local = agree(world, local)?;
     let files = match target {

@@ -10,7 +10,7 @@ pub enum Ownership {
     /// The caller: spheres stay where they are, whatever that is.
     #[default]
     Keep,
-    /// [`settle`](crate::Distributed::settle): spheres move to the rank whose part of space they are in. The parts are
+    /// [`rebalance`](crate::Distributed::rebalance): spheres move to the rank whose part of space they are in. The parts are
     /// kept from step to step, and made again only when some rank has more than `bound` times its share.
     Balance {
         /// Largest over mean number of spheres, 1 or more.

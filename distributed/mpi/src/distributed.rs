@@ -3,29 +3,33 @@ use std::ops::ControlFlow;
 use bytemuck::Pod;
 use lazygrid::{Algorithm, Backend, Detector, Order};
 use lazygrid_ranks::{
-    Bodies, Body, Carrier, Census, Found, Ghosts, Migration, Parting, Published, Search, Tally, gather,
+    Communicator as _, Ghosts, LoadBalance, Migration, PairCounts, PairKind, Partitioner, RankBounds, Search,
+    SphereWrapper, gather,
 };
 use mpi::traits::Communicator;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::identity::Identity;
-use crate::node::{Node, Place};
-use crate::settle::settle;
-use crate::wire::Wire;
-use crate::{Config, Delivery, End, Error, GlobalPair, Local, Ownership, Particles, Report, Settled};
+use crate::communicator::MpiCommunicator;
+use crate::id_check::IdCheck;
+use crate::node_rank::{NodeRank, RankDevice};
+use crate::rebalance::rebalance;
+use crate::{
+    Config, Delivery, Error, GlobalPair, LocalSpheres, OwnedSpheres, Ownership, RebalanceReport, Report,
+    SphereRef,
+};
 
 /// Finds overlapping pairs among the spheres of all ranks of a communicator, call after call.
 ///
 /// Every method but [`report`](Self::report) is collective: all ranks call it, in the same order. The answer is that of
 /// one process with all the spheres, for any distribution of the spheres.
 pub struct Distributed {
-    wire: Wire,
+    comm: MpiCommunicator,
     config: Config,
-    bodies: Bodies,
+    wrapper: SphereWrapper,
     search: Search,
     pool: ThreadPool,
-    identity: Identity,
-    parting: Parting,
+    id_check: IdCheck,
+    partitioner: Partitioner,
     pairs: Vec<GlobalPair>,
     report: Report,
 }
@@ -43,27 +47,27 @@ impl Distributed {
     /// On all ranks alike: [`Error::Setting`] for a setting outside its range; [`Error::Settings`] if a setting is not the
     /// same on all ranks, of those that [`Config`] names; [`Error::Detection`] if the detector of a rank cannot be made.
     pub fn new(communicator: &impl Communicator, config: Config) -> Result<Self, Error> {
-        let mut wire = Wire::new(communicator.duplicate(), config.message_limit);
-        wire.agree(config.check(wire.ranks()))?;
-        config.shared().agree(&mut wire)?;
-        let node = Node::of(wire.comm());
+        let mut comm = MpiCommunicator::new(communicator.duplicate(), config.message_limit);
+        comm.agree(config.check(comm.ranks()))?;
+        config.shared().agree(&mut comm)?;
+        let node = NodeRank::of(comm.comm());
         let made = detectors(&config, node);
         let threads = config.threads.unwrap_or_else(|| node.threads());
         let made = made.and_then(|detectors| Ok((detectors, pool(threads)?)));
-        let rank = wire.rank();
+        let rank = comm.rank();
         let ((detector, across), pool) =
-            wire.agree(made.map_err(|message| Error::Detection { rank, message }))?;
-        let bodies = Bodies::new(config.space, config.interactions.as_ref());
-        let search = Search::new(detector, across, bodies.clone(), (rank, wire.ranks()));
-        let (identity, report) = (Identity::default(), Report::default());
+            comm.agree(made.map_err(|message| Error::Detection { rank, message }))?;
+        let wrapper = SphereWrapper::new(config.space, config.interactions.as_ref());
+        let search = Search::new(detector, across, wrapper.clone(), (rank, comm.ranks()));
+        let (id_check, report) = (IdCheck::default(), Report::default());
         Ok(Self {
-            wire,
+            comm,
             config,
-            bodies,
+            wrapper,
             search,
             pool,
-            identity,
-            parting: Parting::default(),
+            id_check,
+            partitioner: Partitioner::default(),
             pairs: Vec::new(),
             report,
         })
@@ -78,41 +82,42 @@ impl Distributed {
     ///
     /// # Errors
     /// [`Error::Input`] and [`Error::OutOfMemory`]; the spheres are then where they were.
-    pub fn settle(&mut self, particles: &mut Particles) -> Result<Settled, Error> {
+    pub fn rebalance(&mut self, particles: &mut OwnedSpheres) -> Result<RebalanceReport, Error> {
         let bound = match self.config.ownership {
             Ownership::Balance { bound } => bound,
             Ownership::Keep => return self.keep(particles),
         };
-        settle(&mut self.wire, &mut self.parting, (&self.bodies, bound), particles)
+        rebalance(&mut self.comm, &mut self.partitioner, (&self.wrapper, bound), particles)
     }
 
-    fn keep(&mut self, particles: &Particles) -> Result<Settled, Error> {
-        let rank = self.wire.rank();
+    fn keep(&mut self, particles: &OwnedSpheres) -> Result<RebalanceReport, Error> {
+        let rank = self.comm.rank();
         let refuse =
             |error: lazygrid::InputError| Error::Input { rank, index: None, message: error.to_string() };
         let checked = particles.local().map_err(refuse).and_then(|local| local.check(rank, None));
-        self.wire.agree(checked)?;
+        self.comm.agree(checked)?;
         let spheres = particles.ids.len();
-        let (counts, _) = self.wire.share("counts", &[spheres as u64])?;
-        let migration = Migration::none(spheres, (rank, self.wire.ranks()));
-        Ok(Settled { owned: Census::of(&counts), moved: 0, rebuilt: false, migration })
+        let (counts, _) = self.comm.all_gather("counts", &[spheres as u64])?;
+        let migration = Migration::identity(spheres, (rank, self.comm.ranks()));
+        let migration = self.comm.agree(migration.map_err(|error| Error::of_detector(rank, error)))?;
+        Ok(RebalanceReport { owned: LoadBalance::of(&counts), moved: 0, rebuilt: false, migration })
     }
 
     /// Brings something else that belongs to the spheres, one element per sphere as it was before, to where a
-    /// [`settle`](Self::settle) moved them. The result is in the order of the spheres as they are now.
+    /// [`rebalance`](Self::rebalance) moved them. The result is in the order of the spheres as they are now.
     ///
     /// # Errors
     /// [`Error::Input`] where a rank has not one element per sphere; [`Error::OutOfMemory`].
-    pub fn follow<T: Pod>(&mut self, migration: &Migration, column: &[T]) -> Result<Vec<T>, Error> {
-        let (rank, length, expected) = (self.wire.rank(), column.len(), migration.spheres());
+    pub fn migrate_data<T: Pod>(&mut self, migration: &Migration, column: &[T]) -> Result<Vec<T>, Error> {
+        let (rank, length, expected) = (self.comm.rank(), column.len(), migration.spheres());
         let lengths = lazygrid::InputError::Lengths { what: "column", length, expected };
         let checked = if length == expected {
             Ok(())
         } else {
             Err(Error::Input { rank, index: None, message: lengths.to_string() })
         };
-        self.wire.agree(checked)?;
-        migration.carry(&mut self.wire, "what follows the spheres", |k| column[k as usize])
+        self.comm.agree(checked)?;
+        migration.apply(&mut self.comm, "what follows the spheres", |k| column[k as usize])
     }
 
     /// Brings elements of all ranks to rank 0, those of rank 0 first, then those of rank 1 and so on. The others get none.
@@ -120,7 +125,7 @@ impl Distributed {
     /// # Errors
     /// [`Error::OutOfMemory`] where rank 0 has no room for all.
     pub fn gather<T: Pod>(&mut self, elements: &[T]) -> Result<Vec<T>, Error> {
-        gather(&mut self.wire, "what is gathered", elements)
+        gather(&mut self.comm, "what is gathered", elements)
     }
 
     /// The overlapping pairs that this rank reports, in the order that was asked for. Each pair of all ranks is in the list of
@@ -131,7 +136,7 @@ impl Distributed {
     /// [`Error::Input`] for spheres that are not finite, negative radii, unknown species or lengths that differ;
     /// [`Error::DuplicateId`]; [`Error::TooManyPairs`] for more than [`Config::max_pairs`] on a rank;
     /// [`Error::OutOfMemory`]; [`Error::Detection`].
-    pub fn pairs(&mut self, local: Local<'_>) -> Result<&[GlobalPair], Error> {
+    pub fn pairs(&mut self, local: LocalSpheres<'_>) -> Result<&[GlobalPair], Error> {
         let prepared = self.prepare(local)?;
         let mut list =
             List { pairs: std::mem::take(&mut self.pairs), limit: self.config.max_pairs, refused: None };
@@ -140,18 +145,18 @@ impl Distributed {
             list.add(pairs);
             ControlFlow::Continue(())
         });
-        let rank = self.wire.rank();
-        let found = found.and_then(|tally| list.check(rank, tally.reported()).map(|()| tally));
-        let tally = self.wire.agree(found)?;
+        let rank = self.comm.rank();
+        let found = found.and_then(|counts| list.check(rank, counts.reported()).map(|()| counts));
+        let counts = self.comm.agree(found)?;
         if self.config.delivery == Delivery::Owners {
-            let came = deliver(&mut self.wire, &list.pairs)?;
+            let came = send_to_ranks(&mut self.comm, &list.pairs)?;
             list.pairs.extend(came);
         }
         if self.config.order == Order::Canonical {
             self.pool.install(|| rayon::slice::ParallelSliceMut::par_sort_unstable(&mut list.pairs[..]));
         }
         self.pairs = list.pairs;
-        self.tell(prepared, tally)?;
+        self.tell(prepared, counts)?;
         Ok(&self.pairs)
     }
 
@@ -159,13 +164,13 @@ impl Distributed {
     ///
     /// # Errors
     /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
-    pub fn count(&mut self, local: Local<'_>) -> Result<u64, Error> {
+    pub fn count(&mut self, local: LocalSpheres<'_>) -> Result<u64, Error> {
         let prepared = self.prepare(local)?;
         let search = &mut self.search;
         let found = self.pool.install(|| search.count(local.spheres, &prepared.ghosts));
-        let rank = self.wire.rank();
-        let tally = self.wire.agree(found.map_err(|error| failed(rank, error)))?;
-        self.tell(prepared, tally)?;
+        let rank = self.comm.rank();
+        let counts = self.comm.agree(found.map_err(|error| Error::of_detector(rank, error)))?;
+        self.tell(prepared, counts)?;
         Ok(self.report.pairs.total)
     }
 
@@ -175,15 +180,15 @@ impl Distributed {
     ///
     /// # Errors
     /// The same as [`count`](Self::count).
-    pub fn stream<F>(&mut self, local: Local<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
+    pub fn stream<F>(&mut self, local: LocalSpheres<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
     where
         F: FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
     {
         let prepared = self.prepare(local)?;
         let found = self
             .search(local, &prepared.ghosts, |pairs| pairs.chunks(chunk.max(1)).try_for_each(&mut consume));
-        let tally = self.wire.agree(found)?;
-        self.tell(prepared, tally)?;
+        let counts = self.comm.agree(found)?;
+        self.tell(prepared, counts)?;
         Ok(self.report.pairs.total)
     }
 
@@ -193,64 +198,63 @@ impl Distributed {
     }
 
     /// Sends ghosts to where they are needed.
-    fn prepare(&mut self, local: Local<'_>) -> Result<Prepared, Error> {
-        self.wire.take_sent();
-        let (rank, ranks) = (self.wire.rank(), self.wire.ranks());
+    fn prepare(&mut self, local: LocalSpheres<'_>) -> Result<Prepared, Error> {
+        self.comm.take_sent();
+        let (rank, ranks) = (self.comm.rank(), self.comm.ranks());
         let species = self.config.interactions.as_ref().map(|table| table.species());
-        self.wire.agree(local.check(rank, species))?;
-        let owned = self.identity.check(&mut self.wire, local)?;
-        let of = |k: u32| {
-            let particle = local.particle(k);
-            self.bodies.body(particle.sphere, particle.species)
-        };
-        let bodies: Vec<Body> = (0..local.ids.len() as u32).map(of).collect();
-        let published = Published::by(&mut self.wire, &bodies)?;
-        let leaving = self.pool.install(|| published.ghosts(rank, &bodies, &self.bodies.space()));
-        drop(bodies);
+        self.comm.agree(local.check(rank, species))?;
+        let owned = self.id_check.check(&mut self.comm, local)?;
+        let particles = (0..local.ids.len()).map(|k| local.particle(k as u32));
+        let wrapped = self.wrapper.wrap_all(particles);
+        let wrapped = self.comm.agree(wrapped.map_err(|error| Error::of_detector(rank, error)))?;
+        let bounds = RankBounds::gather(&mut self.comm, &wrapped)?;
+        let leaving = self.pool.install(|| bounds.ghosts(rank, &wrapped, &self.wrapper));
+        drop(wrapped);
+        let leaving = self.comm.agree(leaving.map_err(|error| Error::of_detector(rank, error)))?;
         debug_assert_eq!(leaving.len(), ranks as usize);
-        let ghosts = Ghosts::trade(&mut self.wire, &leaving, |k| local.particle(k))?;
+        let ghosts = Ghosts::exchange(&mut self.comm, &leaving, |k| local.particle(k))?;
         Ok(Prepared { owned, ghosts })
     }
 
     /// Searches on this rank; not collective.
     fn search(
         &mut self,
-        local: Local<'_>,
+        local: LocalSpheres<'_>,
         ghosts: &Ghosts,
         mut consume: impl FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
-    ) -> Result<Tally, Error> {
-        let rank = self.wire.rank();
-        let own = |k: u32| End { id: local.ids[k as usize], rank, index: k };
-        let other = |found: Found, k: u32| match found {
-            Found::Within => own(k),
-            Found::Across => {
+    ) -> Result<PairCounts, Error> {
+        let rank = self.comm.rank();
+        let own = |k: u32| SphereRef { id: local.ids[k as usize], rank, index: k };
+        let other = |kind: PairKind, k: u32| match kind {
+            PairKind::Local => own(k),
+            PairKind::WithGhost => {
                 let ghost = &ghosts.particles()[k as usize];
-                End { id: ghost.id, rank: ghosts.rank_of(k), index: ghost.index }
+                SphereRef { id: ghost.id, rank: ghosts.rank_of(k), index: ghost.index }
             }
         };
         let search = &mut self.search;
         let mut pairs = Vec::new();
         let found = self.pool.install(|| {
-            search.run(local.spheres, ghosts, |found, places| {
+            search.run(local.spheres, ghosts, |kind, found| {
                 pairs.clear();
-                pairs.extend(places.iter().map(|&[i, j]| GlobalPair::new(own(i), other(found, j))));
+                pairs.extend(found.iter().map(|&[i, j]| GlobalPair::new(own(i), other(kind, j))));
                 consume(&pairs)
             })
         });
-        found.map_err(|error| failed(rank, error))
+        found.map_err(|error| Error::of_detector(rank, error))
     }
 
     /// Makes the report of a call.
-    fn tell(&mut self, prepared: Prepared, tally: Tally) -> Result<(), Error> {
+    fn tell(&mut self, prepared: Prepared, counts: PairCounts) -> Result<(), Error> {
         let ghosts = prepared.ghosts.particles().len() as u64;
-        let (told, _) = self.wire.share("counts", &[[ghosts, tally.reported(), tally.elsewhere]])?;
+        let (told, _) = self.comm.all_gather("counts", &[[ghosts, counts.reported(), counts.elsewhere]])?;
         let each = |k: usize| told.iter().map(|of| of[k]).collect::<Vec<_>>();
         self.report = Report {
-            owned: Census::of(&prepared.owned),
-            ghosts: Census::of(&each(0)),
-            pairs: Census::of(&each(1)),
+            owned: LoadBalance::of(&prepared.owned),
+            ghosts: LoadBalance::of(&each(0)),
+            pairs: LoadBalance::of(&each(1)),
             elsewhere: each(2).iter().sum(),
-            sent: self.wire.take_sent(),
+            sent: self.comm.take_sent(),
             detector: self.search.detector().report().reason,
         };
         Ok(())
@@ -287,36 +291,26 @@ impl List {
 }
 
 /// Pairs that other ranks report and whose other sphere is of this rank.
-fn deliver(wire: &mut Wire, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Error> {
-    let rank = wire.rank();
+fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Error> {
+    let rank = comm.rank();
     let other = |pair: &GlobalPair| if pair.a.rank == rank { pair.b.rank } else { pair.a.rank };
     let send = pairs.iter().map(|pair| (other(pair), *pair)).filter(|&(to, _)| to != rank).collect();
-    lazygrid_ranks::deliver(wire, "pairs for their other owner", send).map(|(came, _)| came)
-}
-
-/// The report of a rank's detector.
-fn failed(rank: u32, error: lazygrid::Error) -> Error {
-    match error {
-        lazygrid::Error::OutOfMemory { what, bytes } => {
-            Error::OutOfMemory { rank, what: what.to_owned(), bytes }
-        }
-        error => Error::Detection { rank, message: error.to_string() },
-    }
+    lazygrid_ranks::send_to_ranks(comm, "pairs for their other owner", send).map(|(came, _)| came)
 }
 
 /// The detector of this rank, and one for pairs of owned spheres and ghosts where it has none of these.
-fn detectors(config: &Config, node: Node) -> Result<(Detector, Option<Detector>), String> {
+fn detectors(config: &Config, node: NodeRank) -> Result<(Detector, Option<Detector>), String> {
     let ours = |detector: lazygrid::Config| {
         detector.space(config.space).interactions(config.interactions.clone()).order(Order::Unordered)
     };
     let detector = ours(config.detector.clone()).backend(config.backend);
-    let detector = match node.place(config.backend) {
-        Place::Asked => detector,
-        Place::Cpu => detector.backend(Backend::Cpu),
+    let detector = match node.device(config.backend) {
+        RankDevice::Asked => detector,
+        RankDevice::Cpu => detector.backend(Backend::Cpu),
         #[cfg(feature = "gpu")]
-        Place::Gpu(index) => detector.adapter(index),
+        RankDevice::Gpu(index) => detector.adapter(index),
         #[cfg(not(feature = "gpu"))]
-        Place::Gpu(_) => detector,
+        RankDevice::Gpu(_) => detector,
     };
     let made = Detector::new(detector).map_err(|error| error.to_string())?;
     let report = made.report();

@@ -17,8 +17,7 @@ pub enum Error {
     },
     /// Two spheres have the same id.
     #[error(
-        "id {id} is that of sphere {} of rank {} and of sphere {} of rank {}; give every sphere of all ranks an id of \
-         its own",
+        "duplicate id {id}: sphere {} on rank {} and sphere {} on rank {}; give each sphere of all ranks its own id",
         first[1], first[0], second[1], second[0]
     )]
     DuplicateId {
@@ -93,4 +92,16 @@ pub enum Error {
         /// The limit in bytes.
         limit: u64,
     },
+}
+
+impl Error {
+    /// Returns the failure of the detector of a rank.
+    pub(crate) fn of_detector(rank: u32, error: lazygrid::Error) -> Self {
+        match error {
+            lazygrid::Error::OutOfMemory { what, bytes } => {
+                Self::OutOfMemory { rank, what: what.to_owned(), bytes }
+            }
+            error => Self::Detection { rank, message: error.to_string() },
+        }
+    }
 }

@@ -4,7 +4,7 @@
 //!
 //! ```no_run
 //! use lazygrid::Sphere;
-//! use lazygrid_mpi::{Config, Distributed, Local};
+//! use lazygrid_mpi::{Config, Distributed, LocalSpheres};
 //! use mpi::traits::Communicator;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -16,7 +16,7 @@
 //! let spheres = [Sphere::new([rank, 0.0, 0.0], 0.6)];           // those of this rank
 //! let ids = [world.rank() as u64];                              // unique among all ranks
 //! let mut distributed = Distributed::new(&world, Config::default())?;
-//! for pair in distributed.pairs(Local::new(&spheres, &ids))? {  // on all ranks together
+//! for pair in distributed.pairs(LocalSpheres::new(&spheres, &ids))? {  // on all ranks together
 //!     log::info!("{} of rank {} overlaps {} of rank {}", pair.a.id, pair.a.rank, pair.b.id, pair.b.rank);
 //! }
 //! # Ok(())
@@ -26,23 +26,23 @@
 //! Every method of [`Distributed`] is collective: all ranks of the communicator call it, in the same order. An error on
 //! one rank is the same error on all of them, and names the rank.
 //!
-//! How it works is said in `lazygrid-ranks`, whose functions decide; this crate carries the data.
+//! The algorithm is in `lazygrid-ranks`; this crate sends the data.
 
 mod abort;
 mod agree;
+mod communicator;
 mod config;
 mod distributed;
 mod error;
-mod identity;
+mod id_check;
 mod local;
-mod node;
+mod node_rank;
 mod pair;
-mod parts;
+mod rank_segments;
+mod rebalance;
 mod report;
-mod settle;
 #[cfg(feature = "simulator")]
 mod simulate;
-mod wire;
 
 pub use abort::abort_on_panic;
 pub use agree::{agree, agree_on};
@@ -50,11 +50,11 @@ pub use config::{Config, Delivery, Ownership};
 pub use distributed::Distributed;
 pub use error::Error;
 pub use lazygrid_ranks::{Migration, Settings};
-pub use local::{Local, Particles};
+pub use local::{LocalSpheres, OwnedSpheres};
 pub use mpi;
-pub use node::threads;
-pub use pair::{End, GlobalPair};
+pub use node_rank::threads;
+pub use pair::{GlobalPair, SphereRef};
+pub use rebalance::RebalanceReport;
 pub use report::Report;
-pub use settle::Settled;
 #[cfg(feature = "simulator")]
 pub use simulate::{Simulated, simulate};

@@ -5,12 +5,12 @@ use crate::Error;
 
 /// The spheres of one rank with their ids, borrowed.
 #[derive(Clone, Copy, Debug)]
-pub struct Local<'a> {
+pub struct LocalSpheres<'a> {
     pub(crate) spheres: Spheres<'a>,
     pub(crate) ids: &'a [u64],
 }
 
-impl<'a> Local<'a> {
+impl<'a> LocalSpheres<'a> {
     /// Spheres, as rows or columns, with species if there are interactions; and one id for each, unique among all
     /// ranks. Centres and radii are in one length unit on all ranks.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
@@ -58,7 +58,7 @@ impl<'a> Local<'a> {
         }
     }
 
-    /// Sphere `k` as it travels.
+    /// Sphere `k` as it becomes_ghost.
     #[inline]
     pub(crate) fn particle(&self, k: u32) -> Particle {
         let species = self.spheres.species().map_or(0, |species| species[k as usize]);
@@ -66,9 +66,9 @@ impl<'a> Local<'a> {
     }
 }
 
-/// The spheres of one rank with their ids, owned, so that they can [move](crate::Distributed::settle).
+/// The spheres of one rank with their ids, owned, so that they can [move](crate::Distributed::rebalance).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Particles {
+pub struct OwnedSpheres {
     /// Centres and radii.
     pub spheres: Vec<Sphere>,
     /// An id per sphere, unique among all ranks.
@@ -77,17 +77,17 @@ pub struct Particles {
     pub species: Option<Vec<u32>>,
 }
 
-impl Particles {
+impl OwnedSpheres {
     /// The spheres as a search takes them.
     ///
     /// # Errors
     /// [`InputError::Lengths`] if there is not one species per sphere.
-    pub fn local(&self) -> Result<Local<'_>, InputError> {
+    pub fn local(&self) -> Result<LocalSpheres<'_>, InputError> {
         let spheres = Spheres::from(&self.spheres);
         let spheres = match &self.species {
             Some(species) => spheres.with_species(species)?,
             None => spheres,
         };
-        Ok(Local { spheres, ids: &self.ids })
+        Ok(LocalSpheres { spheres, ids: &self.ids })
     }
 }

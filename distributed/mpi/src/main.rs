@@ -29,7 +29,7 @@ fn main() -> ExitCode {
     };
     let done = agree_on(&world, &args.command.shared()).and_then(|()| match args.command {
         Command::Detect(args) => command::detect(&world, &args),
-        Command::Scale(args) => command::scale(&world, &args),
+        Command::BenchScaling(args) => command::bench_scaling(&world, &args),
         Command::Simulate(args) => command::simulate(&world, &args),
     });
     match done {
@@ -70,7 +70,7 @@ fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> 
     Err(ExitCode::from(2))
 }
 
-/// Says something on standard error; where that is closed nobody can be told.
+/// Writes a message to standard error. A failure is ignored, as no other stream is left to report it.
 fn say(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }

@@ -3,7 +3,7 @@ use bytemuck::{Pod, Zeroable};
 /// A sphere of a pair, 16 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
-pub struct End {
+pub struct SphereRef {
     /// Its id.
     pub id: u64,
     /// The rank that owns it.
@@ -17,15 +17,15 @@ pub struct End {
 #[repr(C)]
 pub struct GlobalPair {
     /// The sphere with the smaller id.
-    pub a: End,
+    pub a: SphereRef,
     /// The other one.
-    pub b: End,
+    pub b: SphereRef,
 }
 
 impl GlobalPair {
     /// The pair of two spheres, in either order.
     #[inline]
-    pub fn new(one: End, other: End) -> Self {
+    pub fn new(one: SphereRef, other: SphereRef) -> Self {
         if one.id <= other.id { Self { a: one, b: other } } else { Self { a: other, b: one } }
     }
 

@@ -1,15 +1,15 @@
-use lazygrid_ranks::Census;
+use lazygrid_ranks::LoadBalance;
 
 /// The report of the last call, on all ranks together unless a field says otherwise.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Report {
     /// The distribution of the spheres among ranks.
-    pub owned: Census,
+    pub owned: LoadBalance,
     /// The distribution of the ghosts: spheres that were sent to a rank for the search.
-    pub ghosts: Census,
+    pub ghosts: LoadBalance,
     /// The distribution of the pairs among the ranks that report them.
-    pub pairs: Census,
+    pub pairs: LoadBalance,
     /// Pairs that were met and are reported by another rank.
     pub elsewhere: u64,
     /// Bytes that this rank sent during the call, those of messages that all ranks send to all ranks included.

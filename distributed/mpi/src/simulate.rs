@@ -4,7 +4,7 @@ use lazygrid_sim::ranks::Wanted;
 use lazygrid_sim::run::{RunEnd, Run};
 use mpi::traits::Communicator;
 
-use crate::wire::Wire;
+use crate::communicator::MpiCommunicator;
 use crate::{Config, Error};
 
 /// The result of a run over ranks, the same on all of them.
@@ -32,8 +32,8 @@ pub fn simulate(
     run: &Run,
     watch: impl FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Simulated, Error> {
-    let wire = Wire::new(communicator.duplicate(), Config::default().message_limit);
-    let (end, mut simulation) = run.run_over(wire, watch)?;
+    let comm = MpiCommunicator::new(communicator.duplicate(), Config::default().message_limit);
+    let (end, mut simulation) = run.run_over(comm, watch)?;
     let standing = simulation.look(Wanted { received: true, particles: false })?;
     let summary = run.summary(&standing);
     Ok(Simulated { end, steps: simulation.step_count(), summary })

@@ -85,8 +85,8 @@ fn every_way_to_read_gives_the_pairs_of_one_process() {
     for (ranks, file) in
         [(1, "all.npy"), (3, "all.npy"), (3, "all.csv"), (2, "all.xyz"), (3, "part-{rank}.npy")]
     {
-        for keep in [&["--keep"][..], &[]] {
-            let arguments = [&[file, "-o", "pairs.csv", "--gather"], keep].concat();
+        for no_rebalance in [&["--no-rebalance"][..], &[]] {
+            let arguments = [&[file, "-o", "pairs.csv", "--gather"], no_rebalance].concat();
             let said = stdout(ranks, directory.path(), &arguments);
             assert!(said.contains("spheres    1500 "), "{said}");
             let found = std::fs::read_to_string(at("pairs.csv")).unwrap();
@@ -191,15 +191,15 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     refused("--radius", &with(&["--radius", "A=2"]));
     refused("--periodic", &with(&["--periodic", "12,12,12"]));
     refused("--periodic", &with(&["--periodic", "none"]));
-    refused("--keep", &with(&["--keep"]));
+    refused("--no-rebalance", &with(&["--no-rebalance"]));
     refused("--output", &with(&["-o", "pairs.npy"]));
-    refused("command", &["scale", "--per-rank", "100"]);
+    refused("command", &["bench-scaling", "--per-rank", "100"]);
     let output = with(&["-o", "pairs.npy"]);
     let gather = with(&["-o", "pairs.npy", "--gather"]);
     let said = of_two(directory.path(), [&output, &gather], 1);
     assert!(said.contains("error: the setting `--gather` is false on rank 0 and true on rank 1; "), "{said}");
-    let scale = ["scale", "--per-rank", "100"];
-    let said = of_two(directory.path(), [&scale, &[&scale[..], &["--steps", "3"]].concat()], 1);
+    let bench_scaling = ["bench-scaling", "--per-rank", "100"];
+    let said = of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 1);
     assert!(said.contains("error: the setting `--steps` is 5 on rank 0 and 3 on rank 1; "), "{said}");
     // What each rank has for itself.
     let own = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);

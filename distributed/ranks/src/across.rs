@@ -1,15 +1,16 @@
-//! The search between owned spheres and ghosts.
+//! The search between the spheres of a rank and its ghosts.
 
 use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Error, Sphere, Spheres};
 
 use crate::Particle;
+use crate::memory::try_collect;
 
-/// Pairs handed over at a time, at most.
-const CHUNK: usize = 1 << 14;
+/// The most pairs that are delivered at once.
+const CHUNK_PAIRS: usize = 1 << 14;
 
-/// Hands over the pairs of one owned sphere and one ghost, by their places, in chunks and in any order.
+/// Delivers the pairs of an owned sphere and a ghost, by their indices, in chunks and in any order.
 pub(crate) fn pairs_across<F>(
     detector: &mut Detector,
     owned: Spheres<'_>,
@@ -19,31 +20,34 @@ pub(crate) fn pairs_across<F>(
 where
     F: FnMut(&[[u32; 2]]) -> ControlFlow<()> + Send,
 {
-    let ghosts = Columns::of(owned, ghosts);
-    detector.stream((owned, ghosts.spheres()?), CHUNK, |pairs| consume(bytemuck::cast_slice(pairs)))?;
+    let ghosts = GhostRows::new(owned, ghosts)?;
+    detector.stream((owned, ghosts.spheres()?), CHUNK_PAIRS, |pairs| consume(bytemuck::cast_slice(pairs)))?;
     Ok(())
 }
 
-/// The number of such pairs.
+/// Counts the pairs of an owned sphere and a ghost.
 pub(crate) fn count_across(
     detector: &mut Detector,
     owned: Spheres<'_>,
     ghosts: &[Particle],
 ) -> Result<u64, Error> {
-    detector.count((owned, Columns::of(owned, ghosts).spheres()?))
+    detector.count((owned, GhostRows::new(owned, ghosts)?.spheres()?))
 }
 
-/// Ghosts as a detector takes them.
-struct Columns {
+/// Ghosts as the input of a detector.
+struct GhostRows {
     rows: Vec<Sphere>,
     species: Option<Vec<u32>>,
 }
 
-impl Columns {
-    /// With species where the owned spheres have them.
-    fn of(owned: Spheres<'_>, ghosts: &[Particle]) -> Self {
-        let species = owned.species().map(|_| ghosts.iter().map(|ghost| ghost.species).collect());
-        Self { rows: ghosts.iter().map(|ghost| ghost.sphere).collect(), species }
+impl GhostRows {
+    /// Copies the ghosts, with species if the owned spheres have species.
+    fn new(owned: Spheres<'_>, ghosts: &[Particle]) -> Result<Self, Error> {
+        let species = owned.species().map(|_| {
+            try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.species), "the species of ghosts")
+        });
+        let rows = try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.sphere), "ghosts")?;
+        Ok(Self { rows, species: species.transpose()? })
     }
 
     fn spheres(&self) -> Result<Spheres<'_>, Error> {

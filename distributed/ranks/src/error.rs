@@ -4,21 +4,20 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Error {
-    /// Splits that belong to another number of parts.
-    #[error("{splits} splits make {} parts and not {parts}; take those of the same partition", *splits + 1)]
-    Splits {
-        /// The number of splits.
-        splits: usize,
-        /// The parts that were asked for.
+    /// Planes of a partition into another number of parts, or along no axis.
+    #[error("{planes} planes cut space into {} parts, not {parts}; use the planes of one partition", *planes + 1)]
+    Planes {
+        /// The number of planes.
+        planes: usize,
+        /// The requested number of parts.
         parts: u32,
     },
-    /// A limit of messages that does not let one element through.
+    /// A message limit below one element per rank.
     #[error(
-        "a limit of {limit} elements per message is below the {ranks} ranks that each message is shared among; \
-         raise it"
+        "a limit of {limit} elements per message is below the {ranks} ranks that share each message; raise the limit"
     )]
     MessageLimit {
-        /// The limit that was given, in elements.
+        /// The limit, in elements.
         limit: u64,
         /// The number of ranks.
         ranks: u32,

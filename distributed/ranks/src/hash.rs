@@ -1,28 +1,29 @@
 use bytemuck::{Pod, Zeroable};
 
-/// A bijection of 64-bit words whose every output bit depends on every input bit (the finaliser of SplitMix64).
+/// A bijection of 64-bit words whose every output bit depends on every input bit (the finalizer of SplitMix64).
 pub(crate) fn mix(word: u64) -> u64 {
     let word = (word ^ (word >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let word = (word ^ (word >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     word ^ (word >> 31)
 }
 
-/// The tie break between spheres of equal coordinates: a hash of the id, so that even one point is halved evenly.
-/// Different ids have different ties.
+/// Returns the tie breaker of a sphere among spheres of equal coordinates: a hash of the id, so that a plane halves even
+/// spheres at one point. Different ids have different tie breakers.
 #[inline]
-pub fn tie(id: u64) -> u64 {
+pub fn tie_breaker(id: u64) -> u64 {
     mix(id.wrapping_add(0x9E37_79B9_7F4A_7C15))
 }
 
-/// A hash of words in their order. Sequences of which one begins with the other differ, too.
+/// Returns a hash of words in their order. A sequence and its prefix have different hashes.
 pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
-    let (hash, length) =
-        words.into_iter().fold((0, 0_u64), |(hash, length), word| (mix(mix(hash) ^ tie(word)), length + 1));
-    mix(hash ^ tie(length))
+    let (hash, length) = words
+        .into_iter()
+        .fold((0, 0_u64), |(hash, length), word| (mix(mix(hash) ^ tie_breaker(word)), length + 1));
+    mix(hash ^ tie_breaker(length))
 }
 
-/// Tells whether two sets of ids are the same, in any order and on whichever ranks they are. Digests of parts
-/// [join](Self::join) to that of the whole. Different sets have equal digests with a chance of about 2⁻¹²⁸.
+/// A digest of a set of ids, whatever their order and their ranks. Digests of parts [join](Self::join) to the digest of the
+/// whole. Different sets have equal digests with a probability of about 2⁻¹²⁸.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Digest {
@@ -30,7 +31,7 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// The digest of some ids.
+    /// Returns the digest of ids.
     pub fn of(ids: impl IntoIterator<Item = u64>) -> Self {
         ids.into_iter().fold(Self::default(), |digest, id| {
             let one = mix(id ^ 0xA076_1D64_78BD_642F);
@@ -39,14 +40,14 @@ impl Digest {
         })
     }
 
-    /// The digest of both sets together.
+    /// Returns the digest of the union of two disjoint sets.
     pub fn join(self, other: Self) -> Self {
         let sum = |k: usize| self.sums[k].wrapping_add(other.sums[k]);
         Self { sums: [sum(0), sum(1)] }
     }
 
-    /// The rank that looks whether somebody else has this id too.
-    pub fn judge(id: u64, ranks: u32) -> u32 {
+    /// Returns the rank that checks this id for duplicates.
+    pub fn home_rank(id: u64, ranks: u32) -> u32 {
         ((u128::from(mix(id ^ 0x8EBC_6AF0_9C88_C6E3)) * u128::from(ranks.max(1))) >> 64) as u32
     }
 }
@@ -56,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_digest_is_that_of_the_set() {
+    fn digest_depends_on_the_set_only() {
         let whole = Digest::of(0..1000);
         assert_eq!(whole, Digest::of((0..1000).rev()));
         assert_eq!(whole, Digest::of(0..300).join(Digest::of(300..1000)));
@@ -68,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hash_of_a_sequence_depends_on_order_and_length() {
+    fn sequence_hash_depends_on_order_and_length() {
         let all = [&[][..], &[0], &[0, 0], &[1], &[1, 2], &[2, 1], &[1, 2, 0]];
         for (k, &one) in all.iter().enumerate() {
             assert!(all[..k].iter().all(|&other| sequence_of(other) != sequence_of(one)), "{one:?}");
@@ -80,9 +81,9 @@ mod tests {
     }
 
     #[test]
-    fn judges_share_the_ids() {
+    fn home_ranks_have_equally_many_ids() {
         let mut of_rank = [0; 7];
-        (0..70_000).for_each(|id| of_rank[Digest::judge(id, 7) as usize] += 1);
+        (0..70_000).for_each(|id| of_rank[Digest::home_rank(id, 7) as usize] += 1);
         assert!(of_rank.iter().all(|ids| (9_500..10_500).contains(ids)), "{of_rank:?}");
     }
 }

@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
 
-/// A sphere as it travels between ranks, 32 bytes.
+/// A sphere as it becomes_ghost between ranks, 32 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Particle {

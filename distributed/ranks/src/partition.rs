@@ -4,55 +4,56 @@ use glam::Vec3;
 use crate::Error;
 use crate::sample::Sample;
 
-/// Where a region is cut in two: spheres with `(coordinate, tie)` below that of the cut are on the left. 16 bytes.
+/// A plane that cuts a region in two: spheres with a lower `(coordinate, tie breaker)` are on the left. 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Split {
+pub struct BisectionPlane {
     axis: u32,
     at: f32,
-    tie: u64,
+    /// The tie breaker of the sphere at the plane.
+    tie_breaker: u64,
 }
 
-impl Split {
+impl BisectionPlane {
     #[inline]
-    fn is_left(&self, coordinate: f32, tie: u64) -> bool {
-        coordinate < self.at || (coordinate == self.at && tie < self.tie)
+    fn is_left(&self, coordinate: f32, tie_breaker: u64) -> bool {
+        coordinate < self.at || (coordinate == self.at && tie_breaker < self.tie_breaker)
     }
 }
 
-/// Space cut into one part per rank, by recursive bisection. It is kept from step to step: nothing but balance depends
-/// on how well it fits.
+/// Space cut into one part per rank, by recursive bisection. Only the balance of ranks depends on it, so it serves for many
+/// steps.
 ///
-/// Each cut is by `(coordinate, tie)`, where [ties](crate::tie) differ between spheres, so that spheres of equal
-/// coordinates, even all at one point, are shared out evenly.
+/// Each plane compares `(coordinate, tie breaker)`. [Tie breakers](crate::tie_breaker) differ between spheres, so planes
+/// divide spheres of equal coordinates evenly, even if all are at one point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
     parts: u32,
-    /// Each region's split, then those of its left side, then those of its right.
-    splits: Vec<Split>,
+    /// The plane of each region, then the planes of its left side, then those of its right side.
+    planes: Vec<BisectionPlane>,
 }
 
 impl Partition {
-    /// Cuts so that every part has its share of the sample, which is put in another order.
+    /// Cuts space so that all parts have about equally many spheres of the sample. Reorders the sample.
     pub fn new(sample: &mut [Sample], parts: u32) -> Self {
         let parts = parts.max(1);
-        let mut splits = Vec::with_capacity(parts as usize - 1);
-        cut(sample, parts, &mut splits);
-        Self { parts, splits }
+        let mut planes = Vec::with_capacity(parts as usize - 1);
+        cut(sample, parts, &mut planes);
+        Self { parts, planes }
     }
 
-    /// The partition of another rank, by its [splits](Self::splits).
+    /// Creates the partition of another rank from its [planes](Self::planes).
     ///
     /// # Errors
-    /// [`Error::Splits`] where that many parts have another number of splits, or one is along no axis.
-    pub fn from_splits(parts: u32, splits: Vec<Split>) -> Result<Self, Error> {
-        let sound = splits.iter().all(|split| split.axis < 3) && splits.len() as u64 + 1 == u64::from(parts);
-        if sound { Ok(Self { parts, splits }) } else { Err(Error::Splits { splits: splits.len(), parts }) }
+    /// [`Error::Planes`] if `parts` parts have another number of planes, or a plane has no valid axis.
+    pub fn from_planes(parts: u32, planes: Vec<BisectionPlane>) -> Result<Self, Error> {
+        let sound = planes.iter().all(|plane| plane.axis < 3) && planes.len() as u64 + 1 == u64::from(parts);
+        if sound { Ok(Self { parts, planes }) } else { Err(Error::Planes { planes: planes.len(), parts }) }
     }
 
-    /// What another rank needs to have the same partition; one less than parts.
-    pub fn splits(&self) -> &[Split] {
-        &self.splits
+    /// The planes, from which another rank makes the same partition; one less than parts.
+    pub fn planes(&self) -> &[BisectionPlane] {
+        &self.planes
     }
 
     /// The number of parts.
@@ -60,20 +61,21 @@ impl Partition {
         self.parts
     }
 
-    /// The part of a sphere, below [`parts`](Self::parts); its centre as a [`Body`](crate::Body) has it.
+    /// Returns the part of a sphere, below [`parts`](Self::parts), by the center of its
+    /// [`WrappedSphere`](crate::WrappedSphere).
     #[inline]
-    pub fn part_of(&self, center: Vec3, tie: u64) -> u32 {
+    pub fn part_of(&self, center: Vec3, tie_breaker: u64) -> u32 {
         let (mut first, mut parts, mut node) = (0, self.parts, 0);
         while parts > 1 {
-            let split = &self.splits[node];
+            let plane = &self.planes[node];
             let left = parts / 2;
-            if split.is_left(center[split.axis as usize], tie) {
+            if plane.is_left(center[plane.axis as usize], tie_breaker) {
                 parts = left;
                 node += 1;
             } else {
                 first += left;
                 parts -= left;
-                // Past this split and those of the left side.
+                // Skip this plane and those of the left side.
                 node += left as usize;
             }
         }
@@ -81,31 +83,31 @@ impl Partition {
     }
 }
 
-fn cut(sample: &mut [Sample], parts: u32, splits: &mut Vec<Split>) {
+fn cut(sample: &mut [Sample], parts: u32, planes: &mut Vec<BisectionPlane>) {
     if parts < 2 {
         return;
     }
     let left = parts / 2;
     let middle = (sample.len() as u64 * u64::from(left) / u64::from(parts)) as usize;
     let axis = widest(sample);
-    let split = match sample.is_empty() {
-        true => Split { axis: 0, at: 0.0, tie: 0 },
+    let plane = match sample.is_empty() {
+        true => BisectionPlane { axis: 0, at: 0.0, tie_breaker: 0 },
         false => {
             let order = |a: &Sample, b: &Sample| {
                 // Coordinates are finite, and −0 is 0.
-                (a.at(axis) + 0.0).total_cmp(&(b.at(axis) + 0.0)).then(a.tie().cmp(&b.tie()))
+                (a.at(axis) + 0.0).total_cmp(&(b.at(axis) + 0.0)).then(a.tie_breaker().cmp(&b.tie_breaker()))
             };
             let (_, at, _) = sample.select_nth_unstable_by(middle, order);
-            Split { axis: axis as u32, at: at.at(axis), tie: at.tie() }
+            BisectionPlane { axis: axis as u32, at: at.at(axis), tie_breaker: at.tie_breaker() }
         }
     };
-    splits.push(split);
+    planes.push(plane);
     let (low, high) = sample.split_at_mut(middle);
-    cut(low, left, splits);
-    cut(high, parts - left, splits);
+    cut(low, left, planes);
+    cut(high, parts - left, planes);
 }
 
-/// The axis along which the sample extends farthest.
+/// Returns the axis along which the sample extends farthest.
 fn widest(sample: &[Sample]) -> usize {
     let extent = |axis: usize| {
         let ends = sample.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], s| {
@@ -121,20 +123,22 @@ fn widest(sample: &[Sample]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tie;
+    use crate::tie_breaker;
 
     fn sizes(centers: &[Vec3], parts: u32) -> Vec<u64> {
         let mut sample: Vec<_> = (0..).zip(centers).map(|(id, &center)| Sample::new(center, id)).collect();
         let partition = Partition::new(&mut sample, parts);
-        let copy = Partition::from_splits(parts, partition.splits().to_vec()).unwrap();
+        let copy = Partition::from_planes(parts, partition.planes().to_vec()).unwrap();
         assert_eq!(copy, partition);
         let mut sizes = vec![0; parts as usize];
-        (0..).zip(centers).for_each(|(id, &center)| sizes[copy.part_of(center, tie(id)) as usize] += 1);
+        (0..)
+            .zip(centers)
+            .for_each(|(id, &center)| sizes[copy.part_of(center, tie_breaker(id)) as usize] += 1);
         sizes
     }
 
     #[test]
-    fn parts_of_the_sample_itself_are_even() {
+    fn parts_of_the_sample_are_even() {
         let lattice: Vec<_> =
             (0..1000).map(|k| Vec3::new((k % 10) as f32, (k / 10 % 10) as f32, 0.0)).collect();
         let point = vec![Vec3::splat(7.0); 1000];
@@ -143,7 +147,7 @@ mod tests {
             for parts in [1, 2, 3, 5, 8, 100, 512] {
                 let sizes = sizes(centers, parts);
                 let (low, high) = (sizes.iter().min().unwrap(), sizes.iter().max().unwrap());
-                // Each of the cuts above a part rounds to one sphere.
+                // Each plane above a part rounds to one sphere.
                 assert!(high - low <= 2, "{parts} parts of {low} to {high}");
             }
         }
@@ -158,8 +162,14 @@ mod tests {
 
     #[test]
     fn splits_of_another_partition_are_refused() {
-        let error = Partition::from_splits(3, vec![Split { axis: 0, at: 0.0, tie: 0 }]).unwrap_err();
-        assert_eq!(error.to_string(), "1 splits make 2 parts and not 3; take those of the same partition");
-        assert!(Partition::from_splits(2, vec![Split { axis: 3, at: 0.0, tie: 0 }]).is_err());
+        let error =
+            Partition::from_planes(3, vec![BisectionPlane { axis: 0, at: 0.0, tie_breaker: 0 }]).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "1 planes cut space into 2 parts, not 3; use the planes of one partition"
+        );
+        assert!(
+            Partition::from_planes(2, vec![BisectionPlane { axis: 3, at: 0.0, tie_breaker: 0 }]).is_err()
+        );
     }
 }

@@ -3,190 +3,166 @@ use std::ops::ControlFlow;
 use lazygrid::{Detector, Error, Spheres};
 
 use crate::across::{count_across, pairs_across};
-use crate::rule::{Side, travels};
-use crate::{Bodies, Class, Particle};
+use crate::ghosts::ghost_rule::{RankAndClass, becomes_ghost};
+use crate::memory::try_collect;
+use crate::{Ghosts, Particle, SizeClass, SphereWrapper};
 
-/// Pairs handed over at a time, at most.
-const CHUNK: usize = 1 << 14;
+/// The most pairs that are delivered at once.
+const CHUNK_PAIRS: usize = 1 << 14;
 
-/// Spheres of other ranks that came to this one, by the rank they came from.
-#[derive(Clone, Debug, Default)]
-pub struct Ghosts {
-    particles: Vec<Particle>,
-    /// Where those of each rank begin, and where the last end.
-    starts: Vec<usize>,
-}
-
-impl Ghosts {
-    /// Particles that came from rank 0, then those from rank 1, and so on, and how many came from each. What is more than
-    /// all of these together is left out.
-    pub fn new(mut particles: Vec<Particle>, counts: &[usize]) -> Self {
-        let mut starts = vec![0];
-        for count in counts {
-            starts.push((starts[starts.len() - 1] + count).min(particles.len()));
-        }
-        particles.truncate(starts[starts.len() - 1]);
-        Self { particles, starts }
-    }
-
-    /// All of them.
-    pub fn particles(&self) -> &[Particle] {
-        &self.particles
-    }
-
-    /// The rank that ghost `k` came from.
-    #[inline]
-    pub fn rank_of(&self, k: u32) -> u32 {
-        (self.starts.partition_point(|&start| start <= k as usize) - 1) as u32
-    }
-}
-
-/// What two spheres of a pair are, as [`Search::run`] tells it.
+/// The kind of a pair that [`Search::run`] delivers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
-    /// Both are owned; the smaller place first.
-    Within,
-    /// The first is owned, the second a ghost.
-    Across,
+pub enum PairKind {
+    /// Two owned spheres, the smaller index first.
+    Local,
+    /// An owned sphere and a ghost, in this order.
+    WithGhost,
 }
 
-/// How many pairs a search met.
+/// The numbers of pairs that a search found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
-    /// Of owned spheres.
-    pub within: u64,
-    /// Of an owned sphere and a ghost, reported here.
-    pub across: u64,
-    /// Of an owned sphere and a ghost, reported by the ghost's owner.
+pub struct PairCounts {
+    /// Pairs of owned spheres.
+    pub local: u64,
+    /// Pairs of an owned sphere and a ghost that this rank reports.
+    pub with_ghosts: u64,
+    /// Pairs of an owned sphere and a ghost that the owner of the ghost reports.
     pub elsewhere: u64,
 }
 
-impl Tally {
-    /// How many pairs this rank reports.
+impl PairCounts {
+    /// The number of pairs that this rank reports.
     pub fn reported(&self) -> u64 {
-        self.within + self.across
+        self.local + self.with_ghosts
     }
 }
 
-/// Finds the pairs that one rank reports.
+/// Finds the pairs that a rank reports.
 #[derive(Debug)]
 pub struct Search {
     detector: Detector,
-    /// Where another detector is to search between two sets.
+    /// The detector between two sets, if it is another one.
     across: Option<Detector>,
-    bodies: Bodies,
+    wrapper: SphereWrapper,
     rank: u32,
     ranks: u32,
 }
 
 impl Search {
-    /// For `rank` of `ranks`. The detector has to have the space and the interactions of the bodies, and every rank
-    /// the same ones; its order does not matter. Between owned spheres and ghosts `across` searches, alike but on the
-    /// CPU, if there is one.
+    /// Creates the search of `rank` among `ranks`.
+    ///
+    /// The detector must have the space and the interactions of the wrapper, and all ranks the same ones; its order does
+    /// not matter. `across`, if given, searches between owned spheres and ghosts. It has the same settings on the CPU.
     pub fn new(
         detector: Detector,
         across: Option<Detector>,
-        bodies: Bodies,
+        wrapper: SphereWrapper,
         (rank, ranks): (u32, u32),
     ) -> Self {
-        Self { detector, across, bodies, rank, ranks }
+        Self { detector, across, wrapper, rank, ranks }
     }
 
-    /// What the detector did last.
+    /// The detector among owned spheres, with the report of its last call.
     pub fn detector(&self) -> &Detector {
         &self.detector
     }
 
-    /// Hands over the pairs that this rank reports, as places among the owned spheres and among the ghosts, in chunks and
-    /// in any order, until it has handed over all or is told to stop.
+    /// Delivers the pairs that this rank reports, as indices of owned spheres and of ghosts, in chunks and in any order,
+    /// until `consume` breaks.
     ///
     /// # Errors
     /// The same as [`Detector::count`].
-    pub fn run<F>(&mut self, owned: Spheres<'_>, ghosts: &Ghosts, mut consume: F) -> Result<Tally, Error>
+    pub fn run<F>(&mut self, owned: Spheres<'_>, ghosts: &Ghosts, mut consume: F) -> Result<PairCounts, Error>
     where
-        F: FnMut(Found, &[[u32; 2]]) -> ControlFlow<()> + Send,
+        F: FnMut(PairKind, &[[u32; 2]]) -> ControlFlow<()> + Send,
     {
         let mut stopped = false;
-        let within = self.detector.stream(owned, CHUNK, |pairs| {
-            let flow = consume(Found::Within, bytemuck::cast_slice(pairs));
+        let local = self.detector.stream(owned, CHUNK_PAIRS, |pairs| {
+            let flow = consume(PairKind::Local, bytemuck::cast_slice(pairs));
             stopped = flow.is_break();
             flow
         })?;
-        let mut tally = Tally { within, ..Tally::default() };
-        if stopped || ghosts.particles.is_empty() || owned.is_empty() {
-            return Ok(tally);
+        let mut counts = PairCounts { local, ..PairCounts::default() };
+        if stopped || ghosts.particles().is_empty() || owned.is_empty() {
+            return Ok(counts);
         }
-        let sides = Sides::new(self, owned, ghosts);
-        let mut kept = Vec::new();
+        let classes = Classes::new(self, owned, ghosts)?;
+        let mut reported = Vec::new();
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
         pairs_across(across, owned, ghosts.particles(), |pairs| {
-            kept.clear();
-            kept.extend(pairs.iter().filter(|&&pair| sides.reports(pair)));
-            tally.across += kept.len() as u64;
-            tally.elsewhere += (pairs.len() - kept.len()) as u64;
-            if kept.is_empty() { ControlFlow::Continue(()) } else { consume(Found::Across, &kept) }
+            reported.clear();
+            reported.extend(pairs.iter().filter(|&&pair| classes.reports(pair)));
+            counts.with_ghosts += reported.len() as u64;
+            counts.elsewhere += (pairs.len() - reported.len()) as u64;
+            if reported.is_empty() {
+                ControlFlow::Continue(())
+            } else {
+                consume(PairKind::WithGhost, &reported)
+            }
         })?;
-        Ok(tally)
+        Ok(counts)
     }
 
-    /// How many pairs this rank reports; where no ghost was sent for one sphere and meets another one too, without looking
-    /// at each.
+    /// Counts the pairs that this rank reports. Looks at single pairs only if a ghost may meet a sphere whose pair with it
+    /// the other rank reports.
     ///
     /// # Errors
     /// The same as [`Detector::count`].
-    pub fn count(&mut self, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<Tally, Error> {
-        if ghosts.particles.is_empty() || owned.is_empty() {
-            return Ok(Tally { within: self.detector.count(owned)?, ..Tally::default() });
+    pub fn count(&mut self, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<PairCounts, Error> {
+        if ghosts.particles().is_empty() || owned.is_empty() {
+            return Ok(PairCounts { local: self.detector.count(owned)?, ..PairCounts::default() });
         }
-        if !Sides::new(self, owned, ghosts).all_report() {
+        if !Classes::new(self, owned, ghosts)?.all_report() {
             return self.run(owned, ghosts, |_, _| ControlFlow::Continue(()));
         }
-        let within = self.detector.count(owned)?;
+        let local = self.detector.count(owned)?;
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
-        Ok(Tally { within, across: count_across(across, owned, ghosts.particles())?, elsewhere: 0 })
+        let with_ghosts = count_across(across, owned, ghosts.particles())?;
+        Ok(PairCounts { local, with_ghosts, elsewhere: 0 })
     }
 }
 
-/// Who has which class, for the rule.
-struct Sides {
-    owned: Vec<Class>,
-    ghosts: Vec<Side>,
+/// The size classes of owned spheres and of ghosts, for the ghost rule.
+struct Classes {
+    owned: Vec<SizeClass>,
+    ghosts: Vec<RankAndClass>,
     rank: u32,
     ranks: u32,
 }
 
-impl Sides {
-    fn new(search: &Search, owned: Spheres<'_>, ghosts: &Ghosts) -> Self {
-        let class = |sphere, species| search.bodies.body(sphere, species).class();
+impl Classes {
+    fn new(search: &Search, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<Self, Error> {
+        let class = |sphere, species| search.wrapper.wrap(sphere, species).class();
         let species = owned.species();
         let own = |(k, sphere): (usize, _)| class(sphere, species.map_or(0, |species| species[k]));
-        let ghost = |(k, ghost): (u32, &Particle)| Side {
+        let ghost = |(k, ghost): (u32, &Particle)| RankAndClass {
             rank: ghosts.rank_of(k),
             class: class(ghost.sphere, ghost.species),
         };
-        Self {
-            owned: owned.iter().enumerate().map(own).collect(),
-            ghosts: (0..).zip(ghosts.particles()).map(ghost).collect(),
+        let what = "the size classes of spheres";
+        let particles = ghosts.particles();
+        Ok(Self {
+            owned: try_collect(owned.len(), owned.iter().enumerate().map(own), what)?,
+            ghosts: try_collect(particles.len(), (0..).zip(particles).map(ghost), what)?,
             rank: search.rank,
             ranks: search.ranks,
-        }
+        })
     }
 
-    /// Returns `true` if the pair of an owned sphere and a ghost is reported here: the ghost is here on account of this
-    /// sphere.
+    /// Returns `true` if this rank reports the pair of an owned sphere and a ghost: the ghost was sent for this sphere.
     #[inline]
     fn reports(&self, [own, ghost]: [u32; 2]) -> bool {
-        let own = Side { rank: self.rank, class: self.owned[own as usize] };
-        travels(self.ghosts[ghost as usize], own, self.ranks)
+        let own = RankAndClass { rank: self.rank, class: self.owned[own as usize] };
+        becomes_ghost(self.ghosts[ghost as usize], own, self.ranks)
     }
 
-    /// Returns `true` if every pair of an owned sphere and a ghost is reported here.
+    /// Returns `true` if this rank reports every pair of an owned sphere and a ghost.
     fn all_report(&self) -> bool {
-        // What travels to the largest class travels to all others.
+        // A sphere that becomes a ghost for the largest class becomes one for all others.
         let largest = self.owned.iter().max();
         largest.is_none_or(|&class| {
-            let own = Side { rank: self.rank, class };
-            self.ghosts.iter().all(|&ghost| travels(ghost, own, self.ranks))
+            let own = RankAndClass { rank: self.rank, class };
+            self.ghosts.iter().all(|&ghost| becomes_ghost(ghost, own, self.ranks))
         })
     }
 }

@@ -15,14 +15,14 @@ use std::fmt::{self, Write};
 
 use lazygrid::{Interaction, Interactions, Space};
 
-use crate::Carrier;
+use crate::Communicator;
 use crate::hash::sequence;
 
 /// The settings that all ranks of a communicator must share, in the order in which they are compared. An empty text is no
 /// value.
 ///
 /// ```
-/// # use lazygrid_ranks::{Carrier, Settings, threads};
+/// # use lazygrid_ranks::{Communicator, Settings, threads};
 /// let errors = threads::on(3, |mut rank| {
 ///     let steps = if rank.rank() == 2 { 50 } else { 100 };
 ///     Settings::new("1.0").with("steps", steps).agree(&mut rank).unwrap_err()
@@ -124,20 +124,20 @@ impl Settings {
     /// rank, and further ones only to say what differs.
     ///
     /// # Errors
-    /// [`Carrier::difference`] on all ranks if a setting is not the same on all; those of the carrier.
-    pub fn agree<C: Carrier>(&self, carrier: &mut C) -> Result<(), C::Error> {
+    /// [`Communicator::difference`] on all ranks if a setting is not the same on all; those of the communicator.
+    pub fn agree<C: Communicator>(&self, communicator: &mut C) -> Result<(), C::Error> {
         let own: Vec<u64> = self.each.iter().map(|setting| setting.digest).collect();
-        let (all, counts) = carrier.share("digests of settings", &own)?;
+        let (all, counts) = communicator.all_gather("digests of settings", &own)?;
         let of_ranks: Vec<&[u64]> = split(&all, &counts).collect();
         let Some((place, other)) = first_difference(&of_ranks) else { return Ok(()) };
         let at = |rank: usize| of_ranks[rank].get(place);
         let differing = (0..of_ranks.len()).filter(|&rank| at(rank) != at(0)).count() as u32;
         let ranks = [0, other as u32];
         // Ranks of different programs may not have the setting.
-        let own = self.each.get(place).filter(|_| ranks.contains(&carrier.rank()));
+        let own = self.each.get(place).filter(|_| ranks.contains(&communicator.rank()));
         let (name, text) = own.map_or(("", ""), |setting| (setting.name, &setting.text));
-        let names = carrier.share("names of settings", name.as_bytes())?;
-        let texts = carrier.share("settings that differ", text.as_bytes())?;
+        let names = communicator.all_gather("names of settings", name.as_bytes())?;
+        let texts = communicator.all_gather("settings that differ", text.as_bytes())?;
         let [names, values] = [names, texts].map(|(bytes, counts)| {
             let texts: Vec<_> =
                 split(&bytes, &counts).map(String::from_utf8_lossy).map(String::from).collect();
@@ -145,9 +145,9 @@ impl Settings {
         });
         let setting = names.into_iter().find(|name| !name.is_empty()).unwrap_or_default();
         let values = values.map(|value| if value.is_empty() { "not known".to_owned() } else { value });
-        let all = carrier.ranks();
-        let error = carrier.difference(Difference { setting, ranks, values, differing, all });
-        carrier.agree(Err(error))
+        let all = communicator.ranks();
+        let error = communicator.difference(Difference { setting, ranks, values, differing, all });
+        communicator.agree(Err(error))
     }
 }
 

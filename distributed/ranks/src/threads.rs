@@ -1,10 +1,10 @@
-//! Ranks as threads of one process, which send each other bytes: a [`Carrier`] for tests, without MPI.
+//! Ranks as threads of one process, which send each other bytes: a [`Communicator`] for tests, without MPI.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use bytemuck::Pod;
 
-use crate::{Carrier, Received};
+use crate::{Communicator, RankData};
 
 /// One rank. Its methods panic if another rank has ended or is in another call, so that none waits for ever.
 pub struct Thread {
@@ -53,12 +53,12 @@ impl Thread {
     }
 }
 
-fn received<T: Pod>(came: &[Vec<u8>]) -> Received<T> {
+fn received<T: Pod>(came: &[Vec<u8>]) -> RankData<T> {
     let each: Vec<Vec<T>> = came.iter().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).collect();
     (each.concat(), each.iter().map(Vec::len).collect())
 }
 
-impl Carrier for Thread {
+impl Communicator for Thread {
     type Error = String;
 
     fn rank(&self) -> u32 {
@@ -69,17 +69,17 @@ impl Carrier for Thread {
         self.to.len() as u32
     }
 
-    fn sum(&mut self, values: &[u64]) -> Vec<u64> {
+    fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64> {
         let (all, counts) = received::<u64>(&self.to_all(bytemuck::cast_slice(values)));
         assert!(counts.iter().all(|&count| count == values.len()), "ranks are out of step");
         (0..values.len()).map(|k| all.iter().skip(k).step_by(values.len()).sum()).collect()
     }
 
-    fn share<T: Pod>(&mut self, _: &str, own: &[T]) -> Result<Received<T>, String> {
+    fn all_gather<T: Pod>(&mut self, _: &str, own: &[T]) -> Result<RankData<T>, String> {
         Ok(received(&self.to_all(bytemuck::cast_slice(own))))
     }
 
-    fn exchange<T: Pod>(&mut self, _: &str, send: &[T], counts: &[usize]) -> Result<Received<T>, String> {
+    fn all_to_all_v<T: Pod>(&mut self, _: &str, send: &[T], counts: &[usize]) -> Result<RankData<T>, String> {
         assert_eq!(counts.iter().sum::<usize>(), send.len());
         let mut rest = send;
         let mut parts = Vec::new();

@@ -1,4 +1,4 @@
-//! The pairs of all ranks together are those of the definition, each once, wherever spheres are and whoever owns them.
+//! The pairs of all ranks together are those of the naive search, each once, for any placement of spheres on ranks.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -6,17 +6,17 @@ mod common;
 
 use common::{naive, numbered};
 use lazygrid::{Config, Interaction, Interactions, Space, Sphere};
-use lazygrid_ranks::model::Model;
-use lazygrid_ranks::{Bodies, Particle};
+use lazygrid_ranks::in_process::InProcessRanks;
+use lazygrid_ranks::{Particle, SphereWrapper};
 use proptest::prelude::*;
 use proptest::sample::select;
 
-/// Who owns what.
+/// The owner of each sphere.
 #[derive(Clone, Debug)]
 enum Placement {
     Balanced,
-    /// By these words, one per sphere in turn.
-    Kept(Vec<u32>),
+    /// Given by these words, one per sphere in turn.
+    Given(Vec<u32>),
     /// All on one rank.
     Single(u32),
 }
@@ -25,7 +25,7 @@ enum Placement {
 struct Scene {
     spheres: Vec<Sphere>,
     lengths: [Option<f32>; 3],
-    /// How far the edges lean: xy, xz and yz.
+    /// Tilts of the cell: xy, xz and yz.
     tilts: [f32; 3],
     ranks: u32,
     placement: Placement,
@@ -44,20 +44,20 @@ impl Scene {
         })
     }
 
-    fn model(&self, particles: &[Particle], bodies: Bodies) -> Model {
+    fn ranks(&self, particles: &[Particle], wrapper: SphereWrapper) -> InProcessRanks {
         let owner = |k: usize| match &self.placement {
-            Placement::Kept(words) => words[k % words.len()] % self.ranks,
+            Placement::Given(words) => words[k % words.len()] % self.ranks,
             Placement::Single(word) => word % self.ranks,
             Placement::Balanced => 0,
         };
         if let Placement::Balanced = self.placement {
-            return Model::balanced(particles, self.ranks, bodies);
+            return InProcessRanks::balanced(particles, self.ranks, wrapper).unwrap();
         }
         let mut owned = vec![Vec::new(); self.ranks as usize];
         for (k, particle) in particles.iter().enumerate() {
             owned[owner(k) as usize].push(*particle);
         }
-        Model::kept(owned, bodies)
+        InProcessRanks::with_owners(owned, wrapper).unwrap()
     }
 
     fn check(&self) {
@@ -70,15 +70,15 @@ impl Scene {
         if let Some(table) = &table {
             config = config.interactions(table.clone());
         }
-        let model = self.model(&particles, Bodies::new(space, table.as_ref()));
-        let found = model.pairs(&config).unwrap();
+        let ranks = self.ranks(&particles, SphereWrapper::new(space, table.as_ref()));
+        let found = ranks.pairs(&config).unwrap();
         let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
         pairs.sort_unstable();
         assert_eq!(pairs, naive(&particles, &space, table.as_ref()), "on {} ranks", self.ranks);
     }
 }
 
-/// Coordinates that are often equal, often exactly one contact apart, on either side of a seam, or far away.
+/// Coordinates that are often equal, often exactly one contact apart, on either side of a periodic boundary, or far away.
 fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![
         4 => (-3_i8..4).prop_map(f32::from),
@@ -115,7 +115,7 @@ fn scene() -> impl Strategy<Value = Scene> {
     let length = || prop_oneof![Just(None), select(vec![Some(6.0), Some(4.0), Some(2.5), Some(1e7)])];
     let placement = prop_oneof![
         2 => Just(Placement::Balanced),
-        2 => prop::collection::vec(any::<u32>(), 1..40).prop_map(Placement::Kept),
+        2 => prop::collection::vec(any::<u32>(), 1..40).prop_map(Placement::Given),
         1 => any::<u32>().prop_map(Placement::Single),
     ];
     let ranks = select(vec![1, 2, 3, 4, 5, 8, 13]);

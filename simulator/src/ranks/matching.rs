@@ -7,7 +7,7 @@
 //! candidates is taken in every round, and the choice is that of one process.
 
 use bytemuck::{Pod, Zeroable};
-use lazygrid_ranks::{Carrier, Ghosts, deliver};
+use lazygrid_ranks::{Communicator, Ghosts, send_to_ranks};
 use rayon::prelude::*;
 
 use crate::reaction::matching::{Key, ReactionCandidate};
@@ -64,9 +64,9 @@ impl Contest {
     ///
     /// # Errors
     /// Fails if the communicator fails.
-    pub(super) fn greedy<C: Carrier>(
+    pub(super) fn greedy<C: Communicator>(
         &mut self,
-        carrier: &mut C,
+        communicator: &mut C,
         candidates: &mut [ReactionCandidate],
         (own, ghosts): (usize, &Ghosts),
     ) -> Result<Vec<u32>, C::Error> {
@@ -77,11 +77,11 @@ impl Contest {
         let candidates = &*candidates;
         let mut active: Vec<u32> = (0..candidates.len() as u32).collect();
         let (mut chosen, mut won) = (Vec::new(), Vec::new());
-        while carrier.sum(&[active.len() as u64])[0] > 0 {
+        while communicator.all_reduce_sum(&[active.len() as u64])[0] > 0 {
             for &c in &active {
                 candidates[c as usize].claimed().for_each(|at| self.bid(at, candidates[c as usize].key()));
             }
-            self.ask(carrier, (own, ghosts), &claimed_ghosts(candidates, &active, own), &won)?;
+            self.ask(communicator, (own, ghosts), &claimed_ghosts(candidates, &active, own), &won)?;
             let claimed = |c: u32| candidates[c as usize].claimed();
             let wins = |c: &u32| {
                 let key = Some(candidates[*c as usize].key());
@@ -114,9 +114,9 @@ impl Contest {
 
     /// Tells the owners of ghosts what this rank wants of them and what it took in the last round, `won`, and takes up
     /// what they answer.
-    fn ask<C: Carrier>(
+    fn ask<C: Communicator>(
         &mut self,
-        carrier: &mut C,
+        communicator: &mut C,
         (own, ghosts): (usize, &Ghosts),
         wanted: &[u32],
         won: &[u32],
@@ -127,7 +127,7 @@ impl Contest {
         let key = |ghost: u32| Word::of(self.best[own + ghost as usize].unwrap_or_default());
         let mut claims: Vec<_> = won.iter().map(|&ghost| claim(ghost, 1, Word::default())).collect();
         claims.extend(wanted.iter().map(|&ghost| claim(ghost, 0, key(ghost))));
-        let (claims, counts) = deliver(carrier, "claims of ghosts", claims)?;
+        let (claims, counts) = send_to_ranks(communicator, "claims of ghosts", claims)?;
         for claim in claims.iter().filter(|claim| claim.takes > 0) {
             self.taken[claim.at as usize] = true;
             self.touched.push(claim.at);
@@ -143,7 +143,7 @@ impl Contest {
         };
         let answers = claims.iter().zip(from).filter_map(answer).collect();
         // Ghosts lie by their owners, so answers come in the order of what is wanted.
-        let (answers, _) = deliver(carrier, "answers to claims", answers)?;
+        let (answers, _) = send_to_ranks(communicator, "answers to claims", answers)?;
         for (&ghost, answer) in wanted.iter().zip(&answers) {
             let at = own + ghost as usize;
             self.best[at] = Some(answer.key.key());
@@ -212,7 +212,7 @@ mod tests {
                 let (mut here, own, ghosts) = of_rank(&all, &owners, thread.rank());
                 // The state that a call leaves must not disturb the next one.
                 let [first, second] = [0, 1].map(|_| {
-                    let chosen = contest.greedy(&mut thread, &mut here, (own, &ghosts)).expect("no carrier fails");
+                    let chosen = contest.greedy(&mut thread, &mut here, (own, &ghosts)).expect("no rank fails");
                     chosen.iter().map(|&c| (here[c as usize].key(), here[c as usize].ids)).collect::<Vec<_>>()
                 });
                 assert_eq!(first, second);

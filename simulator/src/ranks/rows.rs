@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
-use lazygrid_ranks::{Bodies, Body};
+use lazygrid_ranks::{SphereWrapper, WrappedSphere};
 use rayon::prelude::*;
 
 use crate::model::particles::{Particle, Particles};
@@ -54,11 +54,11 @@ pub(super) fn of_ghost(ghost: &lazygrid_ranks::Particle) -> Particle {
     }
 }
 
-/// All particles as bodies.
-pub(super) fn bodies(bodies: &Bodies, particles: &Particles) -> Vec<Body> {
-    let body = |at: usize| {
+/// All particles wrapped into the box.
+pub(super) fn wrapped(wrapper: &SphereWrapper, particles: &Particles) -> Vec<WrappedSphere> {
+    let wrapped = |at: usize| {
         let sphere = Sphere::new(particles.position_of(at), particles.radius[at]);
-        bodies.body(sphere, particles.species[at])
+        wrapper.wrap(sphere, particles.species[at])
     };
-    (0..particles.len()).into_par_iter().with_min_len(TASK).map(body).collect()
+    (0..particles.len()).into_par_iter().with_min_len(TASK).map(wrapped).collect()
 }

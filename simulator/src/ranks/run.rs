@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::Backend;
-use lazygrid_ranks::{Carrier, Settings, gather};
+use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::{RankSimulation, Share, Wanted};
 use crate::Error;
@@ -14,32 +14,32 @@ use crate::run::{ReplicaSlot, Run, RunEnd};
 use crate::scenario::Scenario;
 
 impl Run {
-    /// Does all steps, as [`run`](Self::run), together with the other ranks of a carrier, each of which calls this with the
+    /// Does all steps, as [`run`](Self::run), together with the other ranks of a communicator, each of which calls this with the
     /// same run. The first rank writes what is not of single ranks, and every rank writes its particles to checkpoints, so
     /// that all need to see the directory. `watch` is called on every rank, with the steps that are done, and stops all when
     /// it breaks on one. Where it runs is the CPU, whatever [`backend`](Self::backend) says but `Gpu`; threads are those of the
     /// caller's rayon pool.
     ///
     /// # Errors
-    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the carrier. [`Carrier::difference`] if
+    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the communicator. [`Communicator::difference`] if
     /// ranks have different runs. The algorithm and [`threads`](Self::threads) may differ.
-    pub fn run_over<C: Carrier>(
+    pub fn run_over<C: Communicator>(
         &self,
-        mut carrier: C,
+        mut communicator: C,
         mut watch: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<(RunEnd, RankSimulation<C>), C::Error> {
-        self.shared().agree(&mut carrier)?;
-        let is_first = carrier.rank() == 0;
+        self.shared().agree(&mut communicator)?;
+        let is_first = communicator.rank() == 0;
         if is_first {
             self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         }
         let (mut simulation, mut files) =
-            if self.resume { self.go_on_over(carrier)? } else { self.begin_over(carrier)? };
+            if self.resume { self.go_on_over(communicator)? } else { self.begin_over(communicator)? };
         let first = simulation.step_count();
         let mut pace = TimeStepMonitor::default();
         let mut asks = |simulation: &mut RankSimulation<C>| {
             let asked = watch(simulation.step_count()).is_break();
-            simulation.carrier().sum(&[asked.into()])[0] > 0
+            simulation.communicator().all_reduce_sum(&[asked.into()])[0] > 0
         };
         let mut stops = asks(&mut simulation);
         while !stops && simulation.step_count() < self.scenario.steps {
@@ -77,11 +77,14 @@ impl Run {
     }
 
     /// The files are the first rank's.
-    fn begin_over<C: Carrier>(&self, carrier: C) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
+    fn begin_over<C: Communicator>(
+        &self,
+        communicator: C,
+    ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
-        let is_first = carrier.rank() == 0;
-        self.check_backend(&carrier)?;
-        let mut simulation = RankSimulation::new(carrier, model.clone(), *seed, self.algorithm)?;
+        let is_first = communicator.rank() == 0;
+        self.check_backend(&communicator)?;
+        let mut simulation = RankSimulation::new(communicator, model.clone(), *seed, self.algorithm)?;
         let standing = simulation.look(Wanted::default())?;
         let create = || {
             let lock = output::prepare(&self.directory, self.overwrite)?;
@@ -97,15 +100,18 @@ impl Run {
         Ok((simulation, files))
     }
 
-    fn go_on_over<C: Carrier>(&self, carrier: C) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
+    fn go_on_over<C: Communicator>(
+        &self,
+        communicator: C,
+    ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
         let own = &self.scenario;
         let path = self.checkpoint_path();
-        self.check_backend(&carrier)?;
-        let share = Share::new(carrier.rank(), carrier.ranks());
-        let is_first = carrier.rank() == 0;
+        self.check_backend(&communicator)?;
+        let share = Share::new(communicator.rank(), communicator.ranks());
+        let is_first = communicator.rank() == 0;
         // Nobody reads before the first rank has seen to it that nobody writes.
         let lock = is_first.then(|| self.lock()).transpose();
-        let lock = carrier.agree(lock.map_err(|error| carrier.failure(error.to_string())))?;
+        let lock = communicator.agree(lock.map_err(|error| communicator.failure(error.to_string())))?;
         let read = || {
             let checkpoint = Checkpoint::read(&path)?;
             self.check_continues(&path, &checkpoint)?;
@@ -116,10 +122,10 @@ impl Run {
             let records = checkpoint.files.clone();
             Ok((records, checkpoint.into_share(&path, share)?))
         };
-        let read = read().map_err(|error: Error| carrier.failure(error.to_string()));
-        let (records, state) = carrier.agree(read)?;
+        let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
+        let (records, state) = communicator.agree(read)?;
         let mut simulation =
-            RankSimulation::resume(carrier, own.model.clone(), (own.seed, self.algorithm), state)?;
+            RankSimulation::resume(communicator, own.model.clone(), (own.seed, self.algorithm), state)?;
         let standing = simulation.look(Wanted::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
@@ -131,19 +137,19 @@ impl Run {
     }
 
     /// Refuses a GPU.
-    fn check_backend<C: Carrier>(&self, carrier: &C) -> Result<(), C::Error> {
+    fn check_backend<C: Communicator>(&self, communicator: &C) -> Result<(), C::Error> {
         let checked = match self.backend {
             Backend::Gpu => {
                 let error = Error::NotOverRanks { what: "steps on a GPU".to_owned() };
-                Err(carrier.failure(error.to_string()))
+                Err(communicator.failure(error.to_string()))
             }
             _ => Ok(()),
         };
-        carrier.agree(checked)
+        communicator.agree(checked)
     }
 
     /// Writes what is due after the steps done so far.
-    fn record_over<C: Carrier>(
+    fn record_over<C: Communicator>(
         &self,
         simulation: &mut RankSimulation<C>,
         files: &mut Option<Files>,
@@ -165,7 +171,7 @@ impl Run {
         };
         let written = files.as_mut().map(record).transpose();
         let is_full = simulation.agree(written)? == Some(false);
-        if simulation.carrier().sum(&[is_full.into()])[0] == 0 {
+        if simulation.communicator().all_reduce_sum(&[is_full.into()])[0] == 0 {
             return Ok(());
         }
         self.save_over(simulation, files)?;
@@ -173,16 +179,16 @@ impl Run {
     }
 
     /// Every rank writes its particles, then the first rank what belongs to all.
-    fn save_over<C: Carrier>(
+    fn save_over<C: Communicator>(
         &self,
         simulation: &mut RankSimulation<C>,
         files: &mut Option<Files>,
     ) -> Result<(), C::Error> {
         let path = self.checkpoint_path();
-        let place = (simulation.carrier().rank(), simulation.carrier().ranks());
+        let place = (simulation.communicator().rank(), simulation.communicator().ranks());
         let part = Checkpoint::write_part(&path, self.scenario.seed, place, simulation.part());
         let part = simulation.agree(part)?;
-        let parts = gather(simulation.carrier(), "the records of checkpoints", &[part])?;
+        let parts = gather(simulation.communicator(), "the records of checkpoints", &[part])?;
         let state = simulation.part().without_particles(simulation.totals().clone());
         let write = |files: &mut Files| {
             let mut checkpoint = self.checkpoint(Backend::Cpu, files.sync()?, state);

@@ -4,7 +4,10 @@ use std::ops::ControlFlow;
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::{Algorithm, Pair};
-use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Parting, Published, Search, Settings, deliver, gather};
+use lazygrid_ranks::{
+    Communicator, Ghosts, PairKind, Partitioner, RankBounds, Search, Settings, SphereWrapper, gather,
+    send_to_ranks,
+};
 
 use super::matching::Contest;
 use super::{Gathered, Share, check, rows};
@@ -22,7 +25,7 @@ use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
 /// of whoever calls.
 #[derive(Debug)]
 pub struct RankSimulation<C> {
-    carrier: C,
+    communicator: C,
     /// The particles of this rank; counts are its part, which those of the other ranks add to.
     run: Simulation,
     /// Of all ranks.
@@ -33,9 +36,9 @@ pub struct RankSimulation<C> {
 /// The detector of pairs among the particles of all ranks.
 #[derive(Debug)]
 struct Meeting {
-    bodies: Bodies,
+    wrapper: SphereWrapper,
     search: Search,
-    parting: Parting,
+    partitioner: Partitioner,
     contest: Contest,
 }
 
@@ -71,15 +74,15 @@ struct Arrived {
 /// The most that a rank may have, as a multiple of its share, before space is parted anew.
 const BOUND: f64 = 1.2;
 
-impl<C: Carrier> RankSimulation<C> {
+impl<C: Communicator> RankSimulation<C> {
     /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
     ///
     /// # Errors
-    /// Of a rank, on all: as [`Simulation::new`], and [`Error::NotOverRanks`]. [`Carrier::difference`] if ranks have
+    /// Of a rank, on all: as [`Simulation::new`], and [`Error::NotOverRanks`]. [`Communicator::difference`] if ranks have
     /// different models or seeds, or are at different steps.
-    pub fn new(carrier: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
-        let state = State::new_share(&model, seed, Share::new(carrier.rank(), carrier.ranks()));
-        Self::begin(carrier, model, (seed, algorithm), state)
+    pub fn new(communicator: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
+        let state = State::new_share(&model, seed, Share::new(communicator.rank(), communicator.ranks()));
+        Self::begin(communicator, model, (seed, algorithm), state)
     }
 
     /// A run that goes on from a state of the same model and seed, of which `state` has what is counted, and the
@@ -88,36 +91,36 @@ impl<C: Carrier> RankSimulation<C> {
     /// # Errors
     /// The same as [`new`](Self::new).
     pub fn resume(
-        carrier: C,
+        communicator: C,
         model: Model,
         (seed, algorithm): (u64, Algorithm),
         state: State,
     ) -> Result<Self, C::Error> {
         let state = match state.belongs_to(&model) {
-            true => Ok(state.part(&model, carrier.rank() == 0)),
+            true => Ok(state.part(&model, communicator.rank() == 0)),
             false => Err(Error::Model("the state is one of another model".to_owned())),
         };
-        Self::begin(carrier, model, (seed, algorithm), state)
+        Self::begin(communicator, model, (seed, algorithm), state)
     }
 
     fn begin(
-        mut carrier: C,
+        mut communicator: C,
         model: Model,
         (seed, algorithm): (u64, Algorithm),
         state: Result<State, Error>,
     ) -> Result<Self, C::Error> {
-        let place = (carrier.rank(), carrier.ranks());
-        let state = carrier.agree(state.map_err(|error| carrier.failure(error.to_string())))?;
-        shared(&model, seed, state.step).agree(&mut carrier)?;
+        let place = (communicator.rank(), communicator.ranks());
+        let state = communicator.agree(state.map_err(|error| communicator.failure(error.to_string())))?;
+        shared(&model, seed, state.step).agree(&mut communicator)?;
         let made = check(&model).and_then(|()| {
             let mut run = Simulation::resume(model, seed, algorithm, state)?;
             let meeting = Meeting::of(&mut run, algorithm, place)?;
             Ok((run, meeting))
         });
-        let made = made.map_err(|error| carrier.failure(error.to_string()));
-        let (run, meeting) = carrier.agree(made)?;
+        let made = made.map_err(|error| communicator.failure(error.to_string()));
+        let (run, meeting) = communicator.agree(made)?;
         let totals = run.state.totals.clone();
-        let mut all = Self { carrier, run, totals, meeting };
+        let mut all = Self { communicator, run, totals, meeting };
         all.add_up();
         Ok(all)
     }
@@ -143,19 +146,19 @@ impl<C: Carrier> RankSimulation<C> {
     }
 
     /// The communicator.
-    pub fn carrier(&mut self) -> &mut C {
-        &mut self.carrier
+    pub fn communicator(&mut self) -> &mut C {
+        &mut self.communicator
     }
 
     /// The result of this rank where none failed, else the error of the first that did.
     pub(super) fn agree<T>(&self, result: Result<T, Error>) -> Result<T, C::Error> {
-        self.carrier.agree(result.map_err(|error| self.carrier.failure(error.to_string())))
+        self.communicator.agree(result.map_err(|error| self.communicator.failure(error.to_string())))
     }
 
     /// Does one step, as [`Simulation::step`].
     ///
     /// # Errors
-    /// Of a rank, on all: as [`Simulation::step`], and those of the carrier.
+    /// Of a rank, on all: as [`Simulation::step`], and those of the communicator.
     pub fn step(&mut self) -> Result<(), C::Error> {
         let free = binding::free(&self.run.model, &self.totals.arrived);
         let moved = self.run.advance(&free);
@@ -165,7 +168,7 @@ impl<C: Carrier> RankSimulation<C> {
         let outcomes = self.interact()?;
         let splits = self.run.splits(&outcomes);
         let parents = self.all_parents(&splits)?;
-        let share = Share::new(self.carrier.rank(), self.carrier.ranks());
+        let share = Share::new(self.communicator.rank(), self.communicator.ranks());
         let done = self.run.conclude(&outcomes, &splits, &parents).and_then(|()| self.run.finish(share));
         self.agree(done)?;
         self.add_up();
@@ -175,7 +178,7 @@ impl<C: Carrier> RankSimulation<C> {
     /// Brings the counts of all ranks together.
     fn add_up(&mut self) {
         let own: Vec<u64> = self.run.state.totals.counts().copied().collect();
-        let all = self.carrier.sum(&own);
+        let all = self.communicator.all_reduce_sum(&own);
         self.totals.counts_mut().zip(all).for_each(|(count, all)| *count = all);
     }
 
@@ -185,7 +188,7 @@ impl<C: Carrier> RankSimulation<C> {
         if !self.run.model.receivers.iter().any(has_receptors) {
             return Ok(Vec::new());
         }
-        Ok(self.carrier.share("bids for receptors", &self.run.bids(moved))?.0)
+        Ok(self.communicator.all_gather("bids for receptors", &self.run.bids(moved))?.0)
     }
 
     /// The ids of what comes apart into two on all ranks, ascending.
@@ -194,30 +197,32 @@ impl<C: Carrier> RankSimulation<C> {
             return Ok(Vec::new());
         }
         let own = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
-        let (mut parents, _) = self.carrier.share("ids of what comes apart", &own.collect::<Vec<_>>())?;
+        let (mut parents, _) =
+            self.communicator.all_gather("ids of what comes apart", &own.collect::<Vec<_>>())?;
         parents.sort_unstable();
         Ok(parents)
     }
 
     /// Finds pairs and lets them react. Returns what comes of the particles that this rank has then.
     fn interact(&mut self) -> Result<Vec<ReactantChange>, C::Error> {
-        let Self { carrier, run, meeting, .. } = self;
+        let Self { communicator, run, meeting, .. } = self;
         let Some(meeting) = meeting else { return Ok(Vec::new()) };
-        meeting.settle(carrier, run)?;
-        let ghosts = meeting.ghosts(carrier, run)?;
+        meeting.settle(communicator, run)?;
+        let ghosts = meeting.ghosts(communicator, run)?;
         let own = run.state.particles.len();
         let found = meeting.candidates(run, &ghosts);
-        let mut candidates = carrier.agree(found.map_err(|error| carrier.failure(error.to_string())))?;
+        let mut candidates =
+            communicator.agree(found.map_err(|error| communicator.failure(error.to_string())))?;
         if run.reactions.is_empty() {
             return Ok(Vec::new());
         }
-        let chosen = meeting.contest.greedy(carrier, &mut candidates, (own, &ghosts))?;
+        let chosen = meeting.contest.greedy(communicator, &mut candidates, (own, &ghosts))?;
         let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
         let particles = &run.state.particles;
         let outcomes = run.reactions.all_outcomes(particles, reacts(), run.key, run.state.step);
         reacts().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
         run.state.particles.truncate(own);
-        deliver_outcomes(carrier, outcomes, (own, &ghosts))
+        deliver_outcomes(communicator, outcomes, (own, &ghosts))
     }
 
     /// Brings together on rank 0 how the run stands.
@@ -225,13 +230,13 @@ impl<C: Carrier> RankSimulation<C> {
     /// # Errors
     /// Fails if the communicator fails.
     pub fn look(&mut self, wanted: Wanted) -> Result<Gathered<'_>, C::Error> {
-        let Self { carrier, run, totals, .. } = self;
+        let Self { communicator, run, totals, .. } = self;
         let mut arrivals = Vec::new();
         if run.model.logs_arrivals {
             let own = run.arrivals().iter();
             let own: Vec<_> =
                 own.map(|&Arrival { receiver, species, id, .. }| Arrived { receiver, species, id }).collect();
-            let all = gather(carrier, "arrivals", &own)?.into_iter();
+            let all = gather(communicator, "arrivals", &own)?.into_iter();
             let origins = &run.state.origins;
             arrivals.extend(all.map(|Arrived { receiver, species, id }| Arrival {
                 receiver,
@@ -244,7 +249,7 @@ impl<C: Carrier> RankSimulation<C> {
         let mut received = Vec::new();
         if wanted.received {
             let species = run.model.species.len();
-            let all = carrier.sum(&run.received().concat());
+            let all = communicator.all_reduce_sum(&run.received().concat());
             received = all.chunks(species.max(1)).map(<[u64]>::to_vec).collect();
             received.resize(run.model.receivers.len(), Vec::new());
         }
@@ -252,9 +257,9 @@ impl<C: Carrier> RankSimulation<C> {
         if wanted.particles {
             let own: Vec<_> =
                 (0..run.state.particles.len() as u32).map(|at| rows::row(&run.state.particles, at)).collect();
-            let all = gather(carrier, "particles", &own)?;
+            let all = gather(communicator, "particles", &own)?;
             state.particles = rows::particles(&all, run.model.has_velocity());
-            state.bound = gather(carrier, "what is bound", &run.state.bound)?;
+            state.bound = gather(communicator, "what is bound", &run.state.bound)?;
         }
         Ok(Gathered { model: &run.model, totals, received, arrivals, state })
     }
@@ -276,22 +281,26 @@ impl Meeting {
         // The paper's grids have one set, and ghosts are another.
         let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
         let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
-        let bodies = Bodies::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
-        let search = Search::new(within, across, bodies.clone(), place);
-        Ok(Some(Self { bodies, search, parting: Parting::default(), contest: Contest::default() }))
+        let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
+        let search = Search::new(within, across, wrapper.clone(), place);
+        Ok(Some(Self { wrapper, search, partitioner: Partitioner::default(), contest: Contest::default() }))
     }
 
     /// Moves particles to the ranks in whose parts of space they are.
-    fn settle<C: Carrier>(&mut self, carrier: &mut C, run: &mut Simulation) -> Result<(), C::Error> {
+    fn settle<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        run: &mut Simulation,
+    ) -> Result<(), C::Error> {
         let State { particles, totals, .. } = &mut run.state;
-        let bodies = rows::bodies(&self.bodies, particles);
+        let wrapped = rows::wrapped(&self.wrapper, particles);
         let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
-        let ranks = self.parting.assign(carrier, (&bodies, &ids), BOUND)?.ranks;
-        let own = carrier.rank();
+        let ranks = self.partitioner.assign(communicator, (&wrapped, &ids), BOUND)?.ranks;
+        let own = communicator.rank();
         let mut leaving: Vec<u32> =
             (0..).zip(&ranks).filter(|&(_, &rank)| rank != own).map(|(at, _)| at).collect();
         let send = leaving.iter().map(|&at| (ranks[at as usize], rows::row(particles, at))).collect();
-        let (came, _) = deliver(carrier, "particles that change rank", send)?;
+        let (came, _) = send_to_ranks(communicator, "particles that change rank", send)?;
         leaving.iter().for_each(|&at| totals.present[particles.species[at as usize] as usize] -= 1);
         particles.remove(&mut leaving);
         let came = rows::particles(&came, run.model.has_velocity());
@@ -301,12 +310,13 @@ impl Meeting {
     }
 
     /// The particles of other ranks that may meet some of this one.
-    fn ghosts<C: Carrier>(&self, carrier: &mut C, run: &Simulation) -> Result<Ghosts, C::Error> {
+    fn ghosts<C: Communicator>(&self, communicator: &mut C, run: &Simulation) -> Result<Ghosts, C::Error> {
         let particles = &run.state.particles;
-        let bodies = rows::bodies(&self.bodies, particles);
-        let published = Published::by(carrier, &bodies)?;
-        let leaving = published.ghosts(carrier.rank(), &bodies, &self.bodies.space());
-        Ghosts::trade(carrier, &leaving, |at| rows::ghost(particles, at))
+        let wrapped = rows::wrapped(&self.wrapper, particles);
+        let bounds = RankBounds::gather(communicator, &wrapped)?;
+        let leaving = bounds.ghosts(communicator.rank(), &wrapped, &self.wrapper);
+        let leaving = communicator.agree(leaving.map_err(|error| communicator.detector_failure(error)))?;
+        Ghosts::exchange(communicator, &leaving, |at| rows::ghost(particles, at))
     }
 
     /// Counts the pairs that this rank reports, and returns those that chance lets react; ghosts then lie behind the
@@ -326,10 +336,10 @@ impl Meeting {
         }
         let particles = &*particles;
         let (mut candidates, mut across) = (Vec::new(), Vec::new());
-        let tally = self.search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
+        let counts = self.search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
             let pairs = match found {
-                Found::Within => pairs,
-                Found::Across => {
+                PairKind::Local => pairs,
+                PairKind::WithGhost => {
                     across.clear();
                     across.extend(pairs.iter().map(|&[i, j]| [i, own as u32 + j]));
                     &across
@@ -339,14 +349,14 @@ impl Meeting {
             candidates.extend(reactions.candidates(particles, pairs, *key, *step));
             ControlFlow::Continue(())
         });
-        totals.pairs = tally.map_err(failed)?.reported();
+        totals.pairs = counts.map_err(failed)?.reported();
         Ok(candidates)
     }
 }
 
 /// Sends what comes of ghosts to their owners. Returns what comes of the particles of this rank.
-fn deliver_outcomes<C: Carrier>(
-    carrier: &mut C,
+fn deliver_outcomes<C: Communicator>(
+    communicator: &mut C,
     mut outcomes: Vec<ReactantChange>,
     (own, ghosts): (usize, &Ghosts),
 ) -> Result<Vec<ReactantChange>, C::Error> {
@@ -359,7 +369,7 @@ fn deliver_outcomes<C: Carrier>(
         Some((ghosts.rank_of(ghost), Message { at, product, position: outcome.position }))
     };
     let send = outcomes.iter().filter_map(message).collect();
-    let (came, _) = deliver(carrier, "what comes of ghosts", send)?;
+    let (came, _) = send_to_ranks(communicator, "what comes of ghosts", send)?;
     outcomes.retain(|outcome| ghost_of(outcome).is_none());
     outcomes.extend(came.into_iter().map(|Message { at, product, position }| ReactantChange {
         at,

@@ -181,7 +181,7 @@ fn what_one_rank_asks_stops_all_and_the_run_can_go_on() {
     let directory = tempfile::tempdir().unwrap();
     let first = run(directory.path(), 40, false);
     let ends = threads::on(3, |thread| {
-        let rank = lazygrid_ranks::Carrier::rank(&thread);
+        let rank = lazygrid_ranks::Communicator::rank(&thread);
         let ask =
             |step| if rank == 1 && step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         first.run_over(thread, ask).map(|(end, simulation)| (end, simulation.step_count()))
@@ -214,7 +214,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     let refused = |name: &str, odd: Run| {
         let base = base();
         let done = threads::on(3, |thread| {
-            let run = if lazygrid_ranks::Carrier::rank(&thread) == 2 { &odd } else { &base };
+            let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { &odd } else { &base };
             run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
         });
         let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
@@ -241,7 +241,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     // None of them wrote anything; and how a rank finds pairs is its own affair.
     let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
     let done = threads::on(3, |thread| {
-        let run = if lazygrid_ranks::Carrier::rank(&thread) == 2 { own.clone() } else { base() };
+        let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { own.clone() } else { base() };
         run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
     });
     assert_eq!(done, vec![Ok(RunEnd::Finished); 3]);

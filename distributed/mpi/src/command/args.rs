@@ -26,8 +26,8 @@ pub(crate) enum Command {
     Detect(Box<Detect>),
     /// Run a scenario of the simulator
     Simulate(Simulate),
-    /// Time steps in which everything moves, on as many ranks as there are
-    Scale(Scale),
+    /// Time steps in which every sphere moves, on all ranks
+    BenchScaling(BenchScaling),
 }
 
 /// Finds the overlapping pairs of the spheres in a file: those whose centres are at most the sum of their radii apart.
@@ -61,9 +61,9 @@ pub(crate) struct Detect {
     /// The lengths of a periodic box, - for an axis that is unbounded; or none [default: what the file declares]
     #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,
-    /// Let each rank keep the spheres that it read, instead of those of its part of space
+    /// Let each rank own the spheres that it read, instead of those of its domain
     #[arg(long)]
-    keep: bool,
+    no_rebalance: bool,
     /// Where each rank computes
     #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
@@ -106,7 +106,7 @@ pub(crate) struct Simulate {
 /// Times steps of a simulation in which every sphere moves by up to a tenth of its radius, and prints a line of JSON. The
 /// script `distributed/scaling.sh` runs it on 1, 2, 4 and more ranks.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Scale {
+pub(crate) struct BenchScaling {
     /// How the spheres lie
     #[arg(long, value_enum, default_value_t = Scene::Uniform)]
     pub(crate) scene: Scene,
@@ -158,12 +158,12 @@ impl Command {
         match self {
             Self::Detect(args) => args.shared(settings.with("command", "detect")),
             Self::Simulate(_) => settings.with("command", "simulate"),
-            Self::Scale(args) => args.shared(settings.with("command", "scale")),
+            Self::BenchScaling(args) => args.shared(settings.with("command", "bench-scaling")),
         }
     }
 }
 
-impl Scale {
+impl BenchScaling {
     fn shared(&self, settings: Settings) -> Settings {
         settings
             .with("--scene", self.scene.name())
@@ -191,13 +191,13 @@ impl Detect {
             .with("--frame", option(self.frame))
             .with("--radius", option((!radii.is_empty()).then(|| radii.join(" "))))
             .with("--periodic", option(periodic))
-            .with("--keep", self.keep)
+            .with("--no-rebalance", self.no_rebalance)
             .with("--output", option(self.output.as_ref().map(|path| path.display())))
             .with("--gather", self.gather)
     }
 
     pub(crate) fn ownership(&self) -> Ownership {
-        if self.keep { Ownership::Keep } else { Ownership::BALANCE }
+        if self.no_rebalance { Ownership::Keep } else { Ownership::BALANCE }
     }
 
     /// How files are read.

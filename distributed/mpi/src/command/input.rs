@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use lazygrid::Space;
 use lazygrid_io::read::{Format, Frame, Frames};
-use lazygrid_mpi::{Error, Particles, agree};
+use lazygrid_mpi::{Error, OwnedSpheres, agree};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
@@ -19,13 +19,13 @@ const RANK: &str = "{rank}";
 /// The input that all ranks read together.
 pub(crate) struct Input {
     /// The spheres of this rank, numbered through all ranks in the order of the file.
-    pub(crate) particles: Particles,
+    pub(crate) particles: OwnedSpheres,
     pub(crate) space: Space,
 }
 
 /// The division of a file among ranks.
 #[derive(Debug)]
-enum Way {
+enum FileSplit {
     /// Each rank has a file of its own.
     Own(PathBuf),
     /// Rank 0 reads everything.
@@ -33,35 +33,35 @@ enum Way {
     /// Each rank reads rows of an array.
     Rows(npy::Rows),
     /// Each rank reads whole lines.
-    Lines(text::Body),
+    Lines(text::TextRows),
 }
 
 /// Collective.
 pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, Error> {
-    let way = agree(world, Way::of(args).map_err(|message| refused(world, message)))?;
+    let split = agree(world, FileSplit::of(args).map_err(|message| refused(world, message)))?;
     let part = (world.rank() as u64, world.size() as u64);
-    let frame = match &way {
-        Way::Own(path) => whole(path, args),
-        Way::Whole if part.0 == 0 => whole(&args.file, args),
-        Way::Whole => Ok(Frame::default()),
-        Way::Rows(rows) => rows.read(&args.file, args.options(), part),
+    let frame = match &split {
+        FileSplit::Own(path) => whole(path, args),
+        FileSplit::Whole if part.0 == 0 => whole(&args.file, args),
+        FileSplit::Whole => Ok(Frame::default()),
+        FileSplit::Rows(rows) => rows.read(&args.file, args.options(), part),
         // Lines are counted by all ranks before one of them may fail.
-        Way::Lines(body) => {
-            let piece =
-                agree(world, body.piece(&args.file, part).map_err(|message| refused(world, message)))?;
-            let before = before(world, piece.lines());
-            piece.read(&args.file, args.options(), before)
+        FileSplit::Lines(text) => {
+            let rank_lines =
+                agree(world, text.lines_of(&args.file, part).map_err(|message| refused(world, message)))?;
+            let before = before(world, rank_lines.lines());
+            rank_lines.read(&args.file, args.options(), before)
         }
     };
     let frame = agree(world, frame.map_err(|message| refused(world, message)))?;
-    let space = common_space(world, &way, frame.space)?;
+    let space = common_space(world, &split, frame.space)?;
     let first = before(world, frame.spheres.len() as u64);
     let ids = (first..).take(frame.spheres.len()).collect();
     // Species have served for radii.
-    Ok(Input { particles: Particles { spheres: frame.spheres, ids, species: None }, space })
+    Ok(Input { particles: OwnedSpheres { spheres: frame.spheres, ids, species: None }, space })
 }
 
-impl Way {
+impl FileSplit {
     fn of(args: &Detect) -> Result<Self, String> {
         if let Some(name) = args.file.to_str().filter(|name| name.contains(RANK)) {
             let rank = mpi::topology::SimpleCommunicator::world().rank();
@@ -78,15 +78,15 @@ impl Way {
             args.format.or_else(|| Format::from_extension(path)).or_else(|| Format::from_content(&head));
         // Compressed files begin with other bytes than the formats do, and have to be read from the start.
         let compressed = head.starts_with(b"\x1F\x8B") || head.starts_with(b"\x28\xB5\x2F\xFD");
-        let way = match known {
+        let split = match known {
             _ if compressed => None,
             Some(Format::Npy) => npy::Rows::of(path).map_err(cannot)?.map(Self::Rows),
             Some(format @ (Format::Csv | Format::Smoldyn)) => {
-                text::Body::of(path, format).map_err(cannot)?.map(Self::Lines)
+                text::TextRows::of(path, format).map_err(cannot)?.map(Self::Lines)
             }
             _ => None,
         };
-        Ok(way.unwrap_or_else(|| {
+        Ok(split.unwrap_or_else(|| {
             log::info!("{}: read by one rank, as it cannot be read in parts", path.display());
             Self::Whole
         }))
@@ -109,14 +109,14 @@ fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
 }
 
 /// The space that the frames declare, on all ranks.
-fn common_space(world: &SimpleCommunicator, way: &Way, own: Space) -> Result<Space, Error> {
+fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Result<Space, Error> {
     let mut edges = own.cell_vectors().map(|edge| edge.unwrap_or([0.0; 3]));
     world.process_at_rank(0).broadcast_into(edges.as_flattened_mut());
     // No edge is zero.
     let first = Space::triclinic(edges.map(|edge| (edge != [0.0; 3]).then_some(edge)));
     let first = first.map_err(|error| refused(world, error.to_string()));
-    let agreed = first.and_then(|first| match way {
-        Way::Own(path) if own != first => Err(refused(
+    let agreed = first.and_then(|first| match split {
+        FileSplit::Own(path) if own != first => Err(refused(
             world,
             format!(
                 "{}: the box {:?} is not that of rank 0, {:?}; give the lengths with --periodic X,Y,Z",

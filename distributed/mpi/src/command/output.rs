@@ -95,7 +95,7 @@ pub(crate) fn write(
     Ok(std::iter::once(target.manifest()).chain(files).collect())
 }
 
-/// A table of pairs, not published yet.
+/// A table of pairs, not bounds yet.
 fn table(
     path: &Path,
     target: &Target,

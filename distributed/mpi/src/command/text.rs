@@ -14,7 +14,7 @@ const LONGEST: u64 = 1 << 16;
 
 /// The rows of a text file, of which every line is one.
 #[derive(Debug)]
-pub(crate) struct Body {
+pub(crate) struct TextRows {
     format: Format,
     /// The lines before the rows, which every rank reads.
     head: Vec<u8>,
@@ -24,7 +24,7 @@ pub(crate) struct Body {
 
 /// The lines of one rank.
 #[derive(Debug)]
-pub(crate) struct Piece {
+pub(crate) struct RankLines {
     format: Format,
     head: Vec<u8>,
     bytes: Vec<u8>,
@@ -32,7 +32,7 @@ pub(crate) struct Piece {
     is_first: bool,
 }
 
-impl Body {
+impl TextRows {
     /// Of a file; none where the first row is not found.
     pub(crate) fn of(path: &Path, format: Format) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
@@ -49,7 +49,7 @@ impl Body {
     }
 
     /// The whole lines that begin in a rank's share of the bytes.
-    pub(crate) fn piece(&self, path: &Path, (rank, ranks): (u64, u64)) -> Result<Piece, String> {
+    pub(crate) fn lines_of(&self, path: &Path, (rank, ranks): (u64, u64)) -> Result<RankLines, String> {
         let from = self.head.len() as u64;
         let cut = |rank| from + share(self.end.saturating_sub(from), rank, ranks);
         let read = || {
@@ -63,11 +63,11 @@ impl Body {
             Ok(bytes)
         };
         let bytes = read().map_err(|error: io::Error| format!("{}: cannot read: {error}", path.display()))?;
-        Ok(Piece { format: self.format, head: self.head.clone(), bytes, is_first: rank == 0 })
+        Ok(RankLines { format: self.format, head: self.head.clone(), bytes, is_first: rank == 0 })
     }
 }
 
-impl Piece {
+impl RankLines {
     /// The number of its lines.
     pub(crate) fn lines(&self) -> u64 {
         newlines(&self.bytes)
@@ -153,17 +153,16 @@ mod tests {
         for rows in ["", "1,2,3,4\n", "1,2,3,4\n5,6,7,8", "1,2,3,4\n\n55555,6,7,8\n9,9,9,9\n"] {
             std::fs::write(&path, format!("x,y,z,r\n{rows}")).unwrap();
             for ranks in 1..40 {
-                let body = Body::of(&path, Format::Csv).unwrap();
-                let Some(body) = body else {
+                let rows_of_file = TextRows::of(&path, Format::Csv).unwrap();
+                let Some(rows_of_file) = rows_of_file else {
                     assert!(rows.is_empty());
                     continue;
                 };
-                let pieces: Vec<_> =
-                    (0..ranks).map(|rank| body.piece(&path, (rank, ranks)).unwrap()).collect();
-                let together: Vec<u8> = pieces.iter().flat_map(|piece| piece.bytes.clone()).collect();
+                let of_ranks: Vec<_> =
+                    (0..ranks).map(|rank| rows_of_file.lines_of(&path, (rank, ranks)).unwrap()).collect();
+                let together: Vec<u8> = of_ranks.iter().flat_map(|own| own.bytes.clone()).collect();
                 assert_eq!(String::from_utf8(together).unwrap(), rows);
-                let cut =
-                    pieces.iter().filter(|piece| !piece.bytes.is_empty() && !piece.bytes.ends_with(b"\n"));
+                let cut = of_ranks.iter().filter(|own| !own.bytes.is_empty() && !own.bytes.ends_with(b"\n"));
                 assert!(cut.count() <= usize::from(!rows.ends_with('\n')));
             }
         }

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Interaction, Interactions, Order, Space};
-use lazygrid_mpi::{Delivery, Distributed, Local, Ownership, Particles};
+use lazygrid_mpi::{Delivery, Distributed, LocalSpheres, OwnedSpheres, Ownership};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
@@ -18,7 +18,7 @@ enum Placement {
 impl Placement {
     const ALL: [Self; 3] = [Self::InTurn, Self::OnTheLast, Self::Balanced];
 
-    fn part(self, scene: Scene, n: u64, (rank, ranks): (u32, u32)) -> Particles {
+    fn part(self, scene: Scene, n: u64, (rank, ranks): (u32, u32)) -> OwnedSpheres {
         match self {
             Self::InTurn => scene.part(n, rank, |k| (k % u64::from(ranks)) as u32),
             _ => scene.part(n, rank, |_| ranks - 1),
@@ -40,8 +40,8 @@ pub(crate) fn every_scene(world: &SimpleCommunicator) {
                     let mut particles = placement.part(scene, n, ranks);
                     let distributed = match placement {
                         Placement::Balanced => {
-                            let settled = balanced.settle(&mut particles).unwrap();
-                            assert_eq!(settled.owned.total, n);
+                            let report = balanced.rebalance(&mut particles).unwrap();
+                            assert_eq!(report.owned.total, n);
                             &mut balanced
                         }
                         _ => &mut kept,
@@ -89,7 +89,7 @@ pub(crate) fn interactions(world: &SimpleCommunicator) {
     for _ in 0..2 {
         let found = gathered(world, distributed.pairs(local(&particles)).unwrap());
         assert!(found == expected, "{} pairs and not {}", found.len(), expected.len());
-        distributed.settle(&mut particles).unwrap();
+        distributed.rebalance(&mut particles).unwrap();
     }
 }
 
@@ -138,7 +138,7 @@ pub(crate) fn streams(world: &SimpleCommunicator) {
     let (x, y, z) = (column(|s| s.center.x), column(|s| s.center.y), column(|s| s.center.z));
     let r = column(|s| s.radius);
     let columns = lazygrid::Spheres::columns(&x, &y, &z, &r).unwrap();
-    assert_eq!(distributed.count(Local::new(columns, &particles.ids)), Ok(listed.len() as u64));
+    assert_eq!(distributed.count(LocalSpheres::new(columns, &particles.ids)), Ok(listed.len() as u64));
     // One that does not search between two sets.
     let grid = lazygrid::Config::default().algorithm(lazygrid::Algorithm::RecursiveGrid);
     let mut distributed = Distributed::new(world, config().detector(grid)).unwrap();
@@ -156,7 +156,7 @@ pub(crate) fn rounds(world: &SimpleCommunicator) {
             .message_limit(limit * u64::from(ranks));
         let mut distributed = Distributed::new(world, config).unwrap();
         let mut particles = Scene::Uniform.part(2000, rank, |_| 0);
-        let moved = distributed.settle(&mut particles).unwrap().moved;
+        let moved = distributed.rebalance(&mut particles).unwrap().moved;
         assert_eq!(moved > 0, ranks > 1);
         let mut found = gathered(world, distributed.pairs(local(&particles)).unwrap());
         found.dedup();

@@ -1,13 +1,13 @@
 //! Settings and failures of single ranks: each is the same error on all, or none where ranks may differ.
 
 use lazygrid::{Algorithm, Backend, Interaction, Interactions, Order, Skin, Space};
-use lazygrid_mpi::{Config, Delivery, Distributed, Error, Ownership, Particles, Settings, agree_on};
+use lazygrid_mpi::{Config, Delivery, Distributed, Error, OwnedSpheres, Ownership, Settings, agree_on};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
 use crate::scenes::{Scene, config, expected, gathered, local};
 
-fn part(world: &SimpleCommunicator) -> Particles {
+fn part(world: &SimpleCommunicator) -> OwnedSpheres {
     let ranks = world.size() as u64;
     Scene::Uniform.part(900, world.rank() as u32, |k| (k % ranks) as u32)
 }

@@ -1,5 +1,5 @@
 use lazygrid::{Interaction, Interactions, Sphere};
-use lazygrid_mpi::{Config, Distributed, Error, Local, Ownership, Particles};
+use lazygrid_mpi::{Config, Distributed, Error, LocalSpheres, OwnedSpheres, Ownership};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 
@@ -11,7 +11,7 @@ pub(crate) fn panic(world: &SimpleCommunicator) {
     world.barrier();
 }
 
-fn part(world: &SimpleCommunicator, n: u64) -> Particles {
+fn part(world: &SimpleCommunicator, n: u64) -> OwnedSpheres {
     let ranks = world.size() as u64;
     Scene::Uniform.part(n, world.rank() as u32, |k| (k % ranks) as u32)
 }
@@ -39,7 +39,7 @@ pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
         refused(distributed.count(local(&particles)).unwrap_err());
         refused(distributed.pairs(local(&particles)).unwrap_err());
         let before = particles.ids.clone();
-        refused(distributed.settle(&mut particles).unwrap_err());
+        refused(distributed.rebalance(&mut particles).unwrap_err());
         assert_eq!(particles.ids, before);
         // It goes on from there.
         assert!(distributed.count(local(&part(world, 800))).is_ok());
@@ -70,7 +70,7 @@ pub(crate) fn duplicate_ids(world: &SimpleCommunicator) {
     assert!(distributed.count(local(&particles)).is_ok());
 }
 
-fn error_text(distributed: &mut Distributed, particles: &Particles) -> String {
+fn error_text(distributed: &mut Distributed, particles: &OwnedSpheres) -> String {
     distributed.count(local(particles)).unwrap_err().to_string()
 }
 
@@ -81,7 +81,7 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
     // Ids are missing on one rank.
     let ids = if rank == last { &particles.ids[1..] } else { &particles.ids[..] };
     let Err(Error::Input { rank: named, index: None, message }) =
-        distributed.count(Local::new(&particles.spheres, ids))
+        distributed.count(LocalSpheres::new(&particles.spheres, ids))
     else {
         panic!("ids were missing")
     };

@@ -1,5 +1,5 @@
 use lazygrid::{Backend, Detector, Spheres};
-use lazygrid_mpi::{Distributed, GlobalPair, Ownership, Particles};
+use lazygrid_mpi::{Distributed, GlobalPair, OwnedSpheres, Ownership};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
@@ -19,11 +19,11 @@ pub(crate) fn million(world: &SimpleCommunicator) {
         let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
         // In blocks, as a file would be read.
         let mut particles = scene.part(MILLION, world.rank() as u32, |k| (k * ranks / MILLION) as u32);
-        let settled = distributed.settle(&mut particles).unwrap();
+        let report = distributed.rebalance(&mut particles).unwrap();
         assert!(
-            settled.rebuilt && settled.owned.imbalance() <= 1.05,
+            report.rebuilt && report.owned.imbalance() <= 1.05,
             "{scene:?}: {}",
-            settled.owned.imbalance()
+            report.owned.imbalance()
         );
         let found = distributed.pairs(local(&particles)).unwrap();
         let (own, count) = (digest(found.iter().map(GlobalPair::ids)), found.len() as u64);
@@ -40,7 +40,7 @@ pub(crate) fn million(world: &SimpleCommunicator) {
         if world.rank() == 0 {
             println!(
                 "{scene:?} on {ranks} ranks: owned max/mean {:.3}, pairs max/mean {:.3}, ghosts {:.2} %, {} pairs",
-                settled.owned.imbalance(),
+                report.owned.imbalance(),
                 report.pairs.imbalance(),
                 100.0 * ghosts,
                 report.pairs.total
@@ -49,18 +49,18 @@ pub(crate) fn million(world: &SimpleCommunicator) {
     }
 }
 
-/// A step in which everything moves a little sends at most two bytes per sphere besides what changes rank.
+/// A step in which everything moves a little sends_ghosts at most two bytes per sphere besides what changes rank.
 fn steady(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,
-    particles: &mut Particles,
+    particles: &mut OwnedSpheres,
     scene: Scene,
 ) {
     for (sphere, &id) in particles.spheres.iter_mut().zip(&particles.ids) {
         sphere.center += lazygrid::glam::Vec3::from([20, 21, 22].map(|axis| 0.1 * (random(id, axis) - 0.5)));
     }
-    let settled = distributed.settle(particles).unwrap();
-    assert!(!settled.rebuilt && settled.moved < MILLION / 50, "{scene:?}: {} moved", settled.moved);
+    let report = distributed.rebalance(particles).unwrap();
+    assert!(!report.rebuilt && report.moved < MILLION / 50, "{scene:?}: {} moved", report.moved);
     distributed.count(local(particles)).unwrap();
     let sent = sum(world, distributed.report().sent) as f64 / MILLION as f64;
     assert!(scene == Scene::WideSizes || sent <= 2.0, "{scene:?}: {sent} bytes per sphere");
@@ -93,8 +93,8 @@ pub(crate) fn one_point(world: &SimpleCommunicator) {
     let (n, ranks) = (10_000_u64, world.size() as u32);
     let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
     let mut particles = Scene::Point.part(n, world.rank() as u32, |_| 0);
-    let settled = distributed.settle(&mut particles).unwrap();
-    assert!(settled.owned.imbalance() <= 1.05, "{}", settled.owned.imbalance());
+    let report = distributed.rebalance(&mut particles).unwrap();
+    assert!(report.owned.imbalance() <= 1.05, "{}", report.owned.imbalance());
     assert_eq!(distributed.count(local(&particles)), Ok(n * (n - 1) / 2));
     let report = distributed.report();
     // Two ranks that are half of all ranks apart: one of them reports all pairs of both.

@@ -1,7 +1,7 @@
 //! Scenes of which every rank makes the part it wants, by counter; and how answers are brought together.
 
 use lazygrid::{Backend, Detector, Space, Sphere, Spheres};
-use lazygrid_mpi::{Config, GlobalPair, Local, Particles};
+use lazygrid_mpi::{Config, GlobalPair, LocalSpheres, OwnedSpheres};
 use mpi::Count;
 use mpi::collective::SystemOperation;
 use mpi::datatype::PartitionMut;
@@ -45,9 +45,9 @@ impl Scene {
     }
 
     /// Those of the rank that `owner` names, with ids that are neither small nor in order.
-    pub(crate) fn part(self, n: u64, rank: u32, owner: impl Fn(u64) -> u32) -> Particles {
+    pub(crate) fn part(self, n: u64, rank: u32, owner: impl Fn(u64) -> u32) -> OwnedSpheres {
         let mine = || (0..n).filter(|&k| owner(k) == rank);
-        Particles {
+        OwnedSpheres {
             spheres: mine().map(|k| self.sphere(k, n)).collect(),
             ids: mine().map(id).collect(),
             species: None,
@@ -77,7 +77,7 @@ pub(crate) fn config() -> Config {
     Config::default().backend(Backend::Cpu).threads(1)
 }
 
-pub(crate) fn local(particles: &Particles) -> Local<'_> {
+pub(crate) fn local(particles: &OwnedSpheres) -> LocalSpheres<'_> {
     particles.local().unwrap()
 }
 

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use lazygrid::glam::Vec3;
 use lazygrid::{Algorithm, Backend, Detector, Interaction, Interactions, Skin, Space, Sphere, Spheres};
-use lazygrid_mpi::{Config, Distributed, Error, Local, Ownership, Particles};
+use lazygrid_mpi::{Config, Distributed, Error, LocalSpheres, OwnedSpheres, Ownership};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
@@ -14,7 +14,7 @@ use crate::scenes::{config, gathered, id, random, sum};
 /// The edge of the cube that spheres are in.
 const EDGE: f32 = 12.0;
 
-/// The spheres of all ranks, the same on every rank. Place `k` has the id `id(k)`.
+/// The spheres of all ranks, the same on every rank. RankDevice `k` has the id `id(k)`.
 struct World {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
@@ -89,9 +89,9 @@ impl World {
         1
     }
 
-    fn part(&self, rank: u32, with_species: bool) -> Particles {
+    fn part(&self, rank: u32, with_species: bool) -> OwnedSpheres {
         let mine: Vec<usize> = (0..self.spheres.len()).filter(|&k| self.owners[k] == rank).collect();
-        Particles {
+        OwnedSpheres {
             spheres: mine.iter().map(|&k| self.spheres[k]).collect(),
             ids: mine.iter().map(|&k| id(k as u64)).collect(),
             species: with_species.then(|| mine.iter().map(|&k| self.species[k]).collect()),
@@ -115,7 +115,7 @@ impl World {
 }
 
 /// A call that fails, with the changed input: it must leave nothing behind.
-fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, kind): (&Particles, u64)) {
+fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, kind): (&OwnedSpheres, u64)) {
     let mut bad = particles.clone();
     // The first rank that has a sphere; it is another one from case to case.
     let has = sum(world, u64::from(!bad.ids.is_empty()) << world.rank());
@@ -145,7 +145,7 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, k
         3 if is_odd => spheres.with_groups(&groups).unwrap(),
         _ => spheres,
     };
-    let local = Local::new(spheres, &bad.ids);
+    let local = LocalSpheres::new(spheres, &bad.ids);
     refused(distributed.pairs(local).unwrap_err());
     refused(distributed.count(local).unwrap_err());
     refused(distributed.stream(local, 9, |_| ControlFlow::Continue(())).unwrap_err());
@@ -155,7 +155,7 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, k
 fn call(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,
-    (local, kind): (Local<'_>, u64),
+    (local, kind): (LocalSpheres<'_>, u64),
 ) -> Vec<[u64; 2]> {
     if kind > 0 {
         return gathered(world, distributed.pairs(local).unwrap());
@@ -190,7 +190,7 @@ fn run(
         for repeat in 0..calls {
             let mut particles = all.part(rank, table.is_some());
             if all.choose(2) == 0 {
-                distributed.settle(&mut particles).unwrap();
+                distributed.rebalance(&mut particles).unwrap();
             }
             let kind = all.choose(3);
             let local = particles.local().unwrap();

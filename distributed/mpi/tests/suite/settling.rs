@@ -10,21 +10,21 @@ pub(crate) fn follows(world: &SimpleCommunicator) {
         let mut distributed = Distributed::new(world, config().ownership(ownership)).unwrap();
         let mut particles = Scene::Gaussian.part(3000, rank, |k| (k % u64::from(ranks)) as u32);
         let before = particles.clone();
-        let settled = distributed.settle(&mut particles).unwrap();
-        let ids = distributed.follow(&settled.migration, &before.ids).unwrap();
+        let report = distributed.rebalance(&mut particles).unwrap();
+        let ids = distributed.migrate_data(&report.migration, &before.ids).unwrap();
         assert_eq!(ids, particles.ids);
         let rows: Vec<[f32; 4]> =
             before.spheres.iter().map(|s| [s.center.x, s.center.y, s.center.z, s.radius]).collect();
-        let rows = distributed.follow(&settled.migration, &rows).unwrap();
+        let rows = distributed.migrate_data(&report.migration, &rows).unwrap();
         assert!(
             rows.iter().zip(&particles.spheres).all(|(row, sphere)| lazygrid::Sphere::from(*row) == *sphere)
         );
         match ownership {
-            Ownership::Keep => assert!(particles == before && settled.moved == 0),
-            _ => assert!(settled.owned.imbalance() <= 1.02, "{}", settled.owned.imbalance()),
+            Ownership::Keep => assert!(particles == before && report.moved == 0),
+            _ => assert!(report.owned.imbalance() <= 1.02, "{}", report.owned.imbalance()),
         }
-        assert_eq!((sum(world, particles.ids.len() as u64), settled.owned.total), (3000, 3000));
-        assert!(distributed.follow(&settled.migration, &[1_u8; 5000]).is_err());
+        assert_eq!((sum(world, particles.ids.len() as u64), report.owned.total), (3000, 3000));
+        assert!(distributed.migrate_data(&report.migration, &[1_u8; 5000]).is_err());
     }
 }
 
@@ -32,19 +32,19 @@ pub(crate) fn keeps_parts(world: &SimpleCommunicator) {
     let (n, rank, ranks) = (20_000, world.rank() as u32, world.size() as u32);
     let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
     let mut particles = Scene::Uniform.part(n, rank, |_| 0);
-    assert!(distributed.settle(&mut particles).unwrap().rebuilt);
-    let again = distributed.settle(&mut particles).unwrap();
+    assert!(distributed.rebalance(&mut particles).unwrap().rebuilt);
+    let again = distributed.rebalance(&mut particles).unwrap();
     assert_eq!((again.rebuilt, again.moved), (false, 0));
     // A small step: few move.
     particles.spheres.iter_mut().for_each(|sphere| sphere.center.x += 0.1);
-    let step = distributed.settle(&mut particles).unwrap();
+    let step = distributed.rebalance(&mut particles).unwrap();
     assert!(!step.rebuilt && step.moved < n / 50);
     let pairs = gathered(world, distributed.pairs(local(&particles)).unwrap());
     // All go to one end: what was even is not.
     particles.spheres.iter_mut().for_each(|sphere| sphere.center *= 0.2);
     particles.spheres.iter_mut().for_each(|sphere| sphere.radius *= 0.2);
     particles.spheres.iter_mut().for_each(|sphere| sphere.center += 100.0);
-    let moved = distributed.settle(&mut particles).unwrap();
+    let moved = distributed.rebalance(&mut particles).unwrap();
     assert_eq!(moved.rebuilt, ranks > 1);
     assert!(moved.owned.imbalance() <= 1.05, "{}", moved.owned.imbalance());
     // Rounding makes and breaks some contacts.

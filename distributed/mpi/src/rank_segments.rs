@@ -1,15 +1,15 @@
 use std::ops::Range;
 
-use lazygrid_ranks::Rounds;
+use lazygrid_ranks::MessageRounds;
 
 /// Which stretch of a list belongs to each rank.
 #[derive(Clone, Debug)]
-pub(crate) struct Parts {
+pub(crate) struct RankSegments {
     starts: Vec<usize>,
     lengths: Vec<usize>,
 }
 
-impl Parts {
+impl RankSegments {
     /// Stretches of these lengths, one behind the other.
     pub(crate) fn new(lengths: Vec<usize>) -> Self {
         let starts = lengths.iter().scan(0, |next, length| Some(std::mem::replace(next, *next + length)));
@@ -40,7 +40,7 @@ impl Parts {
     }
 
     /// The data of a round.
-    pub(crate) fn in_round(&self, rounds: Rounds, round: u64) -> Self {
+    pub(crate) fn in_round(&self, rounds: MessageRounds, round: u64) -> Self {
         let ranges = self.lengths.iter().map(|&length| rounds.range(length as u64, round));
         let (mut starts, mut lengths) = (self.starts.clone(), Vec::with_capacity(self.lengths.len()));
         for (start, range) in starts.iter_mut().zip(ranges) {
@@ -57,9 +57,9 @@ mod tests {
 
     #[test]
     fn rounds_cut_each_part() {
-        let parts = Parts::new(vec![3, 0, 5]);
+        let parts = RankSegments::new(vec![3, 0, 5]);
         assert_eq!((parts.total(), parts.most(), parts.of(2)), (8, 5, 3..8));
-        let rounds = Rounds::new(6, 3).unwrap();
+        let rounds = MessageRounds::new(6, 3).unwrap();
         let ranges = |round| (0..3).map(|k| parts.in_round(rounds, round).of(k)).collect::<Vec<_>>();
         assert_eq!(ranges(0), [0..2, 3..3, 3..5]);
         assert_eq!(ranges(1), [2..3, 3..3, 5..7]);

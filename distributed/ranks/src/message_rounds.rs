@@ -2,37 +2,38 @@ use std::ops::Range;
 
 use crate::Error;
 
-/// The rounds in which ranks exchange what does not fit one message, as MPI counts elements in 32-bit integers.
+/// The rounds of an exchange that one message cannot carry, as MPI counts elements in 32-bit integers.
 ///
-/// In a round each rank sends at most `limit / ranks` elements to each other, so that neither what it sends nor what it
-/// receives passes the limit.
+/// In a round each rank sends at most `limit / ranks` elements to each other rank. So neither the elements that a rank
+/// sends nor those that it receives exceed the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rounds {
-    share: u64,
+pub struct MessageRounds {
+    /// The most elements from one rank to another in a round.
+    per_rank: u64,
 }
 
-impl Rounds {
-    /// With at most `limit` elements in a message.
+impl MessageRounds {
+    /// Creates rounds of at most `limit` elements per message.
     ///
     /// # Errors
-    /// [`Error::MessageLimit`] where the limit is less than one element per rank.
+    /// [`Error::MessageLimit`] if the limit is below one element per rank.
     pub fn new(limit: u64, ranks: u32) -> Result<Self, Error> {
         match limit / u64::from(ranks.max(1)) {
             0 => Err(Error::MessageLimit { limit, ranks }),
-            share => Ok(Self { share }),
+            per_rank => Ok(Self { per_rank }),
         }
     }
 
-    /// How many rounds it takes when the most that any rank sends to any other is this many elements. All ranks have to
-    /// agree on it.
+    /// Returns the number of rounds if no rank sends more than `most` elements to another. All ranks must give the same
+    /// number.
     pub fn count(self, most: u64) -> u64 {
-        most.div_ceil(self.share)
+        most.div_ceil(self.per_rank)
     }
 
-    /// Which of `length` elements go in a round.
+    /// Returns the range of `length` elements that a round sends.
     pub fn range(self, length: u64, round: u64) -> Range<u64> {
-        let start = round.saturating_mul(self.share).min(length);
-        start..start.saturating_add(self.share).min(length)
+        let start = round.saturating_mul(self.per_rank).min(length);
+        start..start.saturating_add(self.per_rank).min(length)
     }
 }
 
@@ -44,7 +45,7 @@ mod tests {
     fn rounds_send_everything_once_within_the_limit() {
         for ranks in [1, 2, 3, 8] {
             for limit in u64::from(ranks)..30 {
-                let rounds = Rounds::new(limit, ranks).unwrap();
+                let rounds = MessageRounds::new(limit, ranks).unwrap();
                 for length in 0..50 {
                     let ranges = (0..rounds.count(length)).map(|round| rounds.range(length, round));
                     let mut next = 0;
@@ -58,6 +59,6 @@ mod tests {
                 }
             }
         }
-        assert_eq!(Rounds::new(7, 8), Err(Error::MessageLimit { limit: 7, ranks: 8 }));
+        assert_eq!(MessageRounds::new(7, 8), Err(Error::MessageLimit { limit: 7, ranks: 8 }));
     }
 }

@@ -1,5 +1,5 @@
 use bytemuck::Pod;
-use lazygrid_ranks::{Carrier, Difference, Received, Rounds};
+use lazygrid_ranks::{Communicator as RankCommunicator, Difference, MessageRounds, RankData};
 use mpi::Count;
 use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
@@ -8,10 +8,10 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 
 use crate::Error;
 use crate::agree::agree;
-use crate::parts::Parts;
+use crate::rank_segments::RankSegments;
 
-/// Carries data between the ranks. Everything here is collective.
-pub(crate) struct Wire {
+/// A communicator of ranks over MPI. All its methods are collective, except for its getters.
+pub(crate) struct MpiCommunicator {
     comm: SimpleCommunicator,
     /// The most bytes of a message.
     limit: u64,
@@ -19,7 +19,7 @@ pub(crate) struct Wire {
     sent: u64,
 }
 
-impl Wire {
+impl MpiCommunicator {
     pub(crate) fn new(comm: SimpleCommunicator, limit: u64) -> Self {
         Self { comm, limit, sent: 0 }
     }
@@ -28,42 +28,54 @@ impl Wire {
         &self.comm
     }
 
-    /// Bytes sent since the last call of this.
+    /// Returns the bytes sent since the last call of this method.
     pub(crate) fn take_sent(&mut self) -> u64 {
         std::mem::take(&mut self.sent)
     }
 
-    /// Sends what is `leaving`, of which `most` elements go from some rank to another.
-    fn rounds<T: Pod>(
+    /// Exchanges the segments `leaving` and `coming` in rounds. `most` is the largest number of elements from one rank to
+    /// another, on all ranks.
+    fn exchange_in_rounds<T: Pod>(
         &mut self,
         what: &str,
         most: u64,
-        (send, leaving): (&[T], &Parts),
-        (received, coming): (&mut [T], &Parts),
+        (send, leaving): (&[T], &RankSegments),
+        (received, coming): (&mut [T], &RankSegments),
     ) -> Result<(), Error> {
         let limit = self.limit / size_of::<T>() as u64;
-        let rounds = Rounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
+        let rounds = MessageRounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
         self.count_sent(leaving.total() * size_of::<T>(), 1);
+        // Rounds send about equally much, so the first needs the largest buffers.
+        let buffers =
+            try_zeroed(what, leaving.in_round(rounds, 0).total() as u64, self.rank()).and_then(|out| {
+                Ok((out, try_zeroed(what, coming.in_round(rounds, 0).total() as u64, self.rank())?))
+            });
+        let (mut out, mut into): (Vec<T>, Vec<T>) = self.agree(buffers)?;
         for round in 0..rounds.count(most) {
             let (leaving, coming) = (leaving.in_round(rounds, round), coming.in_round(rounds, round));
-            // A round's part of each rank is brought together, because places in a message are 32 bits too.
+            // The segments of a round are copied together, because offsets in a message have 32 bits too.
             let ranks = 0..leaving.lengths().len();
-            let out: Vec<T> = ranks.clone().flat_map(|rank| &send[leaving.of(rank)]).copied().collect();
-            let mut into = vec![T::zeroed(); coming.total()];
-            self.message((&out, &leaving), (&mut into, &coming));
+            out.clear();
+            ranks.clone().for_each(|rank| out.extend_from_slice(&send[leaving.of(rank)]));
+            into.resize(coming.total(), T::zeroed());
+            self.message((&out, &leaving), (&mut into[..], &coming));
             let mut next = 0;
             for rank in ranks {
-                let place = coming.of(rank);
-                let length = place.len();
-                received[place].copy_from_slice(&into[next..next + length]);
+                let segment = coming.of(rank);
+                let length = segment.len();
+                received[segment].copy_from_slice(&into[next..next + length]);
                 next += length;
             }
         }
         Ok(())
     }
 
-    /// One message from each rank to each. Its bytes are within the limit.
-    fn message<T: Pod>(&self, (out, leaving): (&[T], &Parts), (into, coming): (&mut [T], &Parts)) {
+    /// Sends one message from each rank to each, within the limit.
+    fn message<T: Pod>(
+        &self,
+        (out, leaving): (&[T], &RankSegments),
+        (into, coming): (&mut [T], &RankSegments),
+    ) {
         let (leaving, coming) = (byte_counts::<T>(leaving.lengths()), byte_counts::<T>(coming.lengths()));
         let out = Partition::new(bytemuck::cast_slice::<T, u8>(out), &leaving[..], begins(&leaving));
         let into = bytemuck::cast_slice_mut::<T, u8>(into);
@@ -81,7 +93,7 @@ impl Wire {
     }
 }
 
-impl Carrier for Wire {
+impl RankCommunicator for MpiCommunicator {
     type Error = Error;
 
     fn rank(&self) -> u32 {
@@ -96,14 +108,14 @@ impl Carrier for Wire {
         agree(&self.comm, result)
     }
 
-    fn sum(&mut self, values: &[u64]) -> Vec<u64> {
+    fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64> {
         let mut sums = vec![0; values.len()];
         self.comm.all_reduce_into(values, &mut sums[..], SystemOperation::sum());
         self.count_sent(size_of_val(values), 1);
         sums
     }
 
-    fn share<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<Received<T>, Error> {
+    fn all_gather<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<RankData<T>, Error> {
         let ranks = self.ranks() as usize;
         let mut counts = vec![0_u64; ranks];
         self.comm.all_gather_into(&(own.len() as u64), &mut counts[..]);
@@ -113,7 +125,7 @@ impl Carrier for Wire {
             // All ranks see the same counts.
             return Err(Error::Message { what: what.to_owned(), needed, limit: i32::MAX as u64 });
         }
-        let mut all = self.agree(room(what, total, self.rank()))?;
+        let mut all = self.agree(try_zeroed(what, total, self.rank()))?;
         let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
         let bytes = byte_counts::<T>(&counts);
         let mut into =
@@ -123,30 +135,39 @@ impl Carrier for Wire {
         Ok((all, counts))
     }
 
-    fn exchange<T: Pod>(&mut self, what: &str, send: &[T], counts: &[usize]) -> Result<Received<T>, Error> {
+    fn all_to_all_v<T: Pod>(
+        &mut self,
+        what: &str,
+        send: &[T],
+        counts: &[usize],
+    ) -> Result<RankData<T>, Error> {
         let own = self.rank() as usize;
         let lengths: Vec<u64> = counts.iter().map(|&count| count as u64).collect();
         let mut told = vec![0_u64; lengths.len()];
         self.comm.all_to_all_into(&lengths[..], &mut told[..]);
         self.count_sent(size_of::<u64>(), lengths.len() - 1);
-        let leaving = Parts::new(counts.to_vec());
-        let coming = Parts::new(told.iter().map(|&count| count as usize).collect());
-        let room = room(what, told.iter().sum(), self.rank());
-        // What stays is not sent.
+        let leaving = RankSegments::new(counts.to_vec());
+        let coming = RankSegments::new(told.iter().map(|&count| count as usize).collect());
+        let buffer = try_zeroed(what, told.iter().sum(), self.rank());
+        // Elements that stay on this rank are not sent.
         let (from_own, to_own) = (leaving.of(own), coming.of(own));
         let lengths = coming.lengths().to_vec();
         let (leaving, coming) = (leaving.without(own), coming.without(own));
-        let (asked, mut most) = ([leaving.most() as u64, room.is_err().into()], [0; 2]);
+        let (asked, mut most) = ([leaving.most() as u64, buffer.is_err().into()], [0; 2]);
         self.comm.all_reduce_into(&asked[..], &mut most[..], SystemOperation::max());
         let [most, refused] = most;
-        let mut received = if refused > 0 { self.agree(room)? } else { room? };
+        let mut received = if refused > 0 { self.agree(buffer)? } else { buffer? };
         received[to_own].copy_from_slice(&send[from_own]);
-        self.rounds(what, most, (send, &leaving), (&mut received, &coming))?;
+        self.exchange_in_rounds(what, most, (send, &leaving), (&mut received, &coming))?;
         Ok((received, lengths))
     }
 
     fn failure(&self, message: String) -> Error {
         Error::Input { rank: self.rank(), index: None, message }
+    }
+
+    fn detector_failure(&self, error: lazygrid::Error) -> Error {
+        Error::of_detector(self.rank(), error)
     }
 
     fn difference(&self, difference: Difference) -> Error {
@@ -156,12 +177,12 @@ impl Carrier for Wire {
 }
 
 /// Returns a buffer for this number of elements, or the error if memory is refused.
-pub(crate) fn room<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
-    let mut room = Vec::new();
-    match usize::try_from(elements).ok().and_then(|elements| room.try_reserve_exact(elements).ok()) {
+pub(crate) fn try_zeroed<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
+    let mut buffer = Vec::new();
+    match usize::try_from(elements).ok().and_then(|elements| buffer.try_reserve_exact(elements).ok()) {
         Some(()) => {
-            room.resize(elements as usize, T::zeroed());
-            Ok(room)
+            buffer.resize(elements as usize, T::zeroed());
+            Ok(buffer)
         }
         None => {
             let bytes = elements.saturating_mul(size_of::<T>() as u64);
@@ -170,12 +191,12 @@ pub(crate) fn room<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T
     }
 }
 
-/// Lengths in bytes, which the caller knows to be few enough.
+/// Returns lengths in bytes. The caller keeps them below 2³¹.
 fn byte_counts<T>(lengths: &[usize]) -> Vec<Count> {
     lengths.iter().map(|&length| (length * size_of::<T>()) as Count).collect()
 }
 
-/// Where each of these begins, one behind the other.
+/// Returns the offset of each length in a packed message.
 fn begins(lengths: &[Count]) -> Vec<Count> {
     lengths.iter().scan(0, |next, length| Some(std::mem::replace(next, *next + length))).collect()
 }
@@ -185,9 +206,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refused_memory_is_an_error_that_names_the_rank() {
-        assert_eq!(room::<u64>("ghosts", 3, 5), Ok(vec![0; 3]));
-        let error = room::<u64>("ghosts", 1 << 60, 5).unwrap_err();
+    fn refused_memory_is_an_error_with_the_rank() {
+        assert_eq!(try_zeroed::<u64>("ghosts", 3, 5), Ok(vec![0; 3]));
+        let error = try_zeroed::<u64>("ghosts", 1 << 60, 5).unwrap_err();
         assert!(
             error
                 .to_string()

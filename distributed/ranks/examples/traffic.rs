@@ -1,13 +1,12 @@
-//! What a step on so many ranks would send, and how evenly the spheres are shared, counted by geometry. A model: all
-//! ranks are in this process, and nothing is timed.
+//! Prints the bytes that a step sends and the balance of ranks, counted with all ranks in one process. Nothing is timed.
 //!
-//!     cargo run --release -p lazygrid-ranks --example model [SPHERES [RANKS]…]
+//!     cargo run --release -p lazygrid-ranks --example traffic [SPHERES [RANKS]…]
 
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use lazygrid::Sphere;
-use lazygrid_ranks::model::Model;
-use lazygrid_ranks::{Bodies, Hull, Particle};
+use lazygrid_ranks::in_process::InProcessRanks;
+use lazygrid_ranks::{ClassBounds, Particle, SphereWrapper};
 
 /// Random numbers from 0 to below 1, the same on every machine.
 struct Random(u64);
@@ -47,14 +46,14 @@ fn gaussian(spheres: usize) -> Vec<Sphere> {
     (0..spheres).map(|_| Sphere::new([(); 3].map(|()| scale * random.normal()), 1.0)).collect()
 }
 
-fn main() {
+fn main() -> Result<(), lazygrid::Error> {
     let mut numbers = std::env::args().skip(1).filter_map(|word| word.parse::<usize>().ok());
     let spheres = numbers.next().unwrap_or(1_000_000);
     let mut ranks: Vec<u32> = numbers.map(|ranks| ranks as u32).collect();
     if ranks.is_empty() {
         ranks = vec![8, 64, 512];
     }
-    println!("{spheres} spheres; a model by geometry, not a measurement\n");
+    println!("{spheres} spheres; counted in one process, not measured\n");
     println!(
         "scene      | ranks | owned max/mean | ghosts/n | ghosts max | bytes per sphere | bytes per rank, max"
     );
@@ -70,22 +69,24 @@ fn main() {
     ] {
         let particle = |(id, sphere)| Particle { sphere, id, species: 0, index: 0 };
         let particles: Vec<_> = (0..).zip(scene).map(particle).collect();
-        ranks.iter().for_each(|&ranks| print_row(name, &particles, ranks));
+        ranks.iter().try_for_each(|&ranks| print_row(name, &particles, ranks))?;
     }
+    Ok(())
 }
 
-fn print_row(name: &str, particles: &[Particle], ranks: u32) {
-    let model = Model::balanced(particles, ranks, Bodies::default());
-    let (owned, ghosts) = (model.owned(), model.ghosts());
-    // Every rank gets the hulls of all others.
-    let hulls = model.hulls() * size_of::<Hull>() as u64;
-    let sent = ghosts.total * size_of::<Particle>() as u64 + hulls * u64::from(ranks - 1);
+fn print_row(name: &str, particles: &[Particle], ranks: u32) -> Result<(), lazygrid::Error> {
+    let in_process = InProcessRanks::balanced(particles, ranks, SphereWrapper::default())?;
+    let (owned, ghosts) = (in_process.owned(), in_process.ghosts());
+    // Every rank gets the bounds of all others.
+    let bounds = in_process.bounds() * size_of::<ClassBounds>() as u64;
+    let sent = ghosts.total * size_of::<Particle>() as u64 + bounds * u64::from(ranks - 1);
     println!(
         "{name:10} | {ranks:5} | {:14.3} | {:7.2}% | {:10} | {:16.2} | {:19}",
         owned.imbalance(),
         100.0 * ghosts.total as f64 / owned.total as f64,
         ghosts.most,
         sent as f64 / owned.total as f64,
-        ghosts.most * size_of::<Particle>() as u64 + hulls,
+        ghosts.most * size_of::<Particle>() as u64 + bounds,
     );
+    Ok(())
 }

@@ -1,24 +1,24 @@
-//! `lazygrid-mpi scale`: steps of a simulation in which everything moves, timed on as many ranks as there are.
+//! `lazygrid-mpi bench-scaling`: times steps in which every sphere moves, on all ranks.
 
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 use lazygrid::Sphere;
 use lazygrid::glam::Vec3;
-use lazygrid_mpi::{Config, Distributed, Error, Ownership, Particles, Report, agree};
-use lazygrid_ranks::tie;
+use lazygrid_mpi::{Config, Distributed, Error, OwnedSpheres, Ownership, Report, agree};
+use lazygrid_ranks::tie_breaker;
 use mpi::collective::SystemOperation;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 use serde_json::json;
 
-use super::args::{Scale, Scene};
+use super::args::{BenchScaling, Scene};
 use super::{print, refused};
 
 /// The time and the traffic of a step, on the rank with the most of each.
 #[derive(Default)]
 struct Step {
-    settle: Duration,
+    rebalance: Duration,
     search: Duration,
     moved: u64,
     /// Bytes that all ranks sent in the search.
@@ -26,7 +26,7 @@ struct Step {
 }
 
 /// Collective, as all of the command.
-pub(crate) fn scale(world: &SimpleCommunicator, args: &Scale) -> Result<(), Error> {
+pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> Result<(), Error> {
     let ranks = world.size() as u64;
     let spheres = args.spheres.unwrap_or_else(|| args.per_rank.saturating_mul(ranks));
     let mut config = Config::default().ownership(Ownership::BALANCE).backend(args.backend);
@@ -35,7 +35,7 @@ pub(crate) fn scale(world: &SimpleCommunicator, args: &Scale) -> Result<(), Erro
     }
     let mut distributed = Distributed::new(world, config)?;
     let mut particles = own_part(world, args.scene, spheres)?;
-    // The first step shares everything out and makes room, which no other does.
+    // The first step moves all spheres and allocates the buffers, which no other does.
     let first = step(world, &mut distributed, &mut particles)?;
     let mut steps = Vec::new();
     for number in 1..=args.steps {
@@ -51,30 +51,30 @@ pub(crate) fn scale(world: &SimpleCommunicator, args: &Scale) -> Result<(), Erro
 fn step(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,
-    particles: &mut Particles,
+    particles: &mut OwnedSpheres,
 ) -> Result<Step, Error> {
     world.barrier();
     let begun = Instant::now();
-    let settled = distributed.settle(particles)?;
-    let settle = slowest(world, begun.elapsed());
+    let rebalanced = distributed.rebalance(particles)?;
+    let rebalance = slowest(world, begun.elapsed());
     let local = agree(world, particles.local().map_err(|error| refused(world, error.to_string())))?;
     let begun = Instant::now();
     distributed.count(local)?;
     let search = slowest(world, begun.elapsed());
     let mut sent = 0;
     world.all_reduce_into(&distributed.report().sent, &mut sent, SystemOperation::sum());
-    Ok(Step { settle, search, moved: settled.moved, sent })
+    Ok(Step { rebalance, search, moved: rebalanced.moved, sent })
 }
 
-/// The longest of what all ranks took.
+/// Returns the longest time of all ranks.
 fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
     let mut most = 0.0;
     world.all_reduce_into(&own.as_secs_f64(), &mut most, SystemOperation::max());
     Duration::from_secs_f64(most)
 }
 
-/// A line of JSON. Times are those of the median step.
-fn row(args: &Scale, (first, steps): (&Step, &[Step]), report: &Report) -> String {
+/// Returns a line of JSON with the times of the median step.
+fn row(args: &BenchScaling, (first, steps): (&Step, &[Step]), report: &Report) -> String {
     let spheres = report.owned.total.max(1) as f64;
     let median = |of: fn(&Step) -> f64| {
         let mut values: Vec<f64> = steps.iter().map(of).collect();
@@ -90,9 +90,9 @@ fn row(args: &Scale, (first, steps): (&Step, &[Step]), report: &Report) -> Strin
         "ghosts_per_sphere": report.ghosts.total as f64 / spheres,
         "bytes_per_sphere": median(|step| step.sent as f64).map(|sent| sent / spheres),
         "moved_per_step": median(|step| step.moved as f64),
-        "first_seconds": { "settle": first.settle.as_secs_f64(), "search": first.search.as_secs_f64() },
+        "first_seconds": { "rebalance": first.rebalance.as_secs_f64(), "search": first.search.as_secs_f64() },
         "seconds": {
-            "settle": median(|step| step.settle.as_secs_f64()),
+            "rebalance": median(|step| step.rebalance.as_secs_f64()),
             "search": median(|step| step.search.as_secs_f64()),
         },
         "reason": report.detector,
@@ -103,23 +103,23 @@ fn row(args: &Scale, (first, steps): (&Step, &[Step]), report: &Report) -> Strin
     line
 }
 
-/// Block by block, so that the first step has everything to share out.
-fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<Particles, Error> {
+/// Creates the spheres of this rank: consecutive ids, so the first step must move almost all spheres.
+fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<OwnedSpheres, Error> {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let ids = super::npy::share(spheres, rank, ranks)..super::npy::share(spheres, rank + 1, ranks);
     let mut own = Vec::new();
     let bytes = (ids.end - ids.start).saturating_mul(size_of::<Sphere>() as u64);
-    let room = own.try_reserve_exact((ids.end - ids.start) as usize).map_err(|_| Error::OutOfMemory {
+    let reserved = own.try_reserve_exact((ids.end - ids.start) as usize).map_err(|_| Error::OutOfMemory {
         rank: rank as u32,
         what: "spheres".to_owned(),
         bytes,
     });
-    agree(world, room)?;
+    agree(world, reserved)?;
     own.extend(ids.clone().map(|id| sphere(scene, id, spheres)));
-    Ok(Particles { spheres: own, ids: ids.collect(), species: None })
+    Ok(OwnedSpheres { spheres: own, ids: ids.collect(), species: None })
 }
 
-/// Sphere `id` of so many: they fill 5 % of a cube, or of the middle of a cloud.
+/// Returns sphere `id` of `spheres`, which fill 5 % of a cube or of the middle of a cloud.
 fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     let cubes = match scene {
         Scene::FiveSizes => 0.2 * (0..5).map(|k| 0.125_f64.powi(k)).sum::<f64>(),
@@ -139,15 +139,15 @@ fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     }
 }
 
-/// Everything moves by up to a tenth of a radius along each axis.
-fn wander(particles: &mut Particles, step: u32) {
+/// Moves every sphere by up to a tenth of its radius along each axis.
+fn wander(particles: &mut OwnedSpheres, step: u32) {
     for (sphere, &id) in particles.spheres.iter_mut().zip(&particles.ids) {
         let by = [0, 1, 2].map(|axis| 2.0 * random(id, u64::from(step) * 4 + axis + 64) - 1.0);
         sphere.center += 0.1 * sphere.radius * Vec3::from(by);
     }
 }
 
-/// From 0 to below 1; the same on every rank.
+/// Returns a number from 0 to below 1, the same on every rank.
 fn random(id: u64, stream: u64) -> f32 {
-    (tie(tie(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
+    (tie_breaker(tie_breaker(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
 }

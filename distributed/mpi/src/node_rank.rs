@@ -8,14 +8,14 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 
 /// A rank among those of its node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Node {
+pub(crate) struct NodeRank {
     /// Its number among them, from 0 on.
     pub(crate) rank: usize,
     /// The number of ranks that may run on the same cores.
     sharing: usize,
 }
 
-impl Node {
+impl NodeRank {
     /// Of this process. Collective.
     pub(crate) fn of(comm: &SimpleCommunicator) -> Self {
         let node = comm.split_shared(comm.rank());
@@ -32,10 +32,10 @@ impl Node {
     }
 
     /// The backend of this rank.
-    pub(crate) fn place(self, asked: Backend) -> Place {
+    pub(crate) fn device(self, asked: Backend) -> RankDevice {
         match asked {
-            Backend::Auto | Backend::Gpu => place(asked, self.rank, gpus()),
-            _ => Place::Asked,
+            Backend::Auto | Backend::Gpu => rank_device(asked, self.rank, gpus()),
+            _ => RankDevice::Asked,
         }
     }
 }
@@ -43,12 +43,12 @@ impl Node {
 /// The default number of threads of a rank: its share of the cores that it and other ranks of its node may run on.
 /// Collective.
 pub fn threads(communicator: &impl Communicator) -> usize {
-    Node::of(&communicator.duplicate()).threads()
+    NodeRank::of(&communicator.duplicate()).threads()
 }
 
 /// The backend of a rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum RankDevice {
     /// As was asked for, with nothing to add.
     Asked,
     /// On the CPU.
@@ -59,12 +59,12 @@ pub(crate) enum Place {
 
 /// Each of the first ranks of a node has a GPU of its own. The others compute on the CPU, or share GPUs where only GPUs
 /// will do.
-fn place(asked: Backend, rank: usize, gpus: usize) -> Place {
+fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
     match (asked, gpus) {
         // What there is besides real GPUs is for the detector to say.
-        (_, 0) => Place::Asked,
-        (Backend::Auto, gpus) if rank >= gpus => Place::Cpu,
-        (_, gpus) => Place::Gpu(rank % gpus),
+        (_, 0) => RankDevice::Asked,
+        (Backend::Auto, gpus) if rank >= gpus => RankDevice::Cpu,
+        (_, gpus) => RankDevice::Gpu(rank % gpus),
     }
 }
 
@@ -96,9 +96,15 @@ mod tests {
 
     #[test]
     fn each_gpu_has_a_rank_of_its_own() {
-        let places = |asked, gpus| (0..4).map(|rank| place(asked, rank, gpus)).collect::<Vec<_>>();
-        assert_eq!(places(Backend::Auto, 0), [Place::Asked; 4]);
-        assert_eq!(places(Backend::Auto, 2), [Place::Gpu(0), Place::Gpu(1), Place::Cpu, Place::Cpu]);
-        assert_eq!(places(Backend::Gpu, 2), [Place::Gpu(0), Place::Gpu(1), Place::Gpu(0), Place::Gpu(1)]);
+        let places = |asked, gpus| (0..4).map(|rank| rank_device(asked, rank, gpus)).collect::<Vec<_>>();
+        assert_eq!(places(Backend::Auto, 0), [RankDevice::Asked; 4]);
+        assert_eq!(
+            places(Backend::Auto, 2),
+            [RankDevice::Gpu(0), RankDevice::Gpu(1), RankDevice::Cpu, RankDevice::Cpu]
+        );
+        assert_eq!(
+            places(Backend::Gpu, 2),
+            [RankDevice::Gpu(0), RankDevice::Gpu(1), RankDevice::Gpu(0), RankDevice::Gpu(1)]
+        );
     }
 }

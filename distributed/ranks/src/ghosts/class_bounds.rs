@@ -1,0 +1,142 @@
+use bytemuck::{Pod, Zeroable};
+use lazygrid::Space;
+
+use crate::{SizeClass, WrappedSphere};
+
+/// The bounding box of a rank's spheres of one size class and one group of species: the box of their centers, and their
+/// largest effective radius. 32 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ClassBounds {
+    low: [f32; 3],
+    high: [f32; 3],
+    /// All radii of the spheres are of one class, so the radius implies the class.
+    radius: f32,
+    group: u32,
+}
+
+impl ClassBounds {
+    /// Creates one bounding box for each class and group that occurs among the spheres, by rising class, then group.
+    pub fn all_of(spheres: &[WrappedSphere]) -> Vec<Self> {
+        let mut all: Vec<Self> = Vec::new();
+        // The place of a box among `all`, by class and group. Boxes are few, and equal spheres often follow each other.
+        let mut last = 0;
+        for sphere in spheres {
+            if !all.get(last).is_some_and(|bounds| bounds.has_kind_of(sphere)) {
+                last = all.iter().position(|bounds| bounds.has_kind_of(sphere)).unwrap_or(all.len());
+            }
+            match all.get_mut(last) {
+                Some(bounds) => bounds.add(sphere),
+                None => all.push(Self::around(sphere)),
+            }
+        }
+        all.sort_unstable_by_key(|bounds| (bounds.class(), bounds.group));
+        all
+    }
+
+    fn around(sphere: &WrappedSphere) -> Self {
+        let center = sphere.center.to_array();
+        Self { low: center, high: center, radius: sphere.radius, group: sphere.group }
+    }
+
+    #[inline]
+    fn has_kind_of(&self, sphere: &WrappedSphere) -> bool {
+        self.group == sphere.group && self.class() == sphere.class()
+    }
+
+    fn add(&mut self, sphere: &WrappedSphere) {
+        for (axis, x) in sphere.center.to_array().into_iter().enumerate() {
+            self.low[axis] = self.low[axis].min(x);
+            self.high[axis] = self.high[axis].max(x);
+        }
+        self.radius = self.radius.max(sphere.radius);
+    }
+
+    /// The size class of all spheres in the box.
+    #[inline]
+    pub fn class(&self) -> SizeClass {
+        SizeClass::of(self.radius)
+    }
+
+    /// The group of species of all spheres in the box.
+    #[inline]
+    pub fn group(&self) -> u32 {
+        self.group
+    }
+
+    /// Returns `true` if a sphere may overlap a sphere in this box. `false` is always right.
+    #[inline]
+    pub fn overlaps_sphere(&self, space: &Space, sphere: &WrappedSphere) -> bool {
+        self.overlaps(space, &Self::around(sphere))
+    }
+
+    /// Returns `true` if a sphere in the one box may overlap a sphere in the other. `false` is always right.
+    ///
+    /// # Correctness
+    ///
+    /// 1. This test evaluates the contact test in the same `f64` operations.
+    /// 2. Its distance along each axis is at most that of any two spheres in the boxes, and its radii are at least theirs.
+    /// 3. Every operation is monotone, with or without rounding.
+    #[inline]
+    pub fn overlaps(&self, space: &Space, other: &Self) -> bool {
+        let lengths = space.lengths_f32();
+        let gap = |axis: usize| {
+            let ours = [self.low[axis], self.high[axis]].map(f64::from);
+            gap(ours, [other.low[axis], other.high[axis]].map(f64::from), lengths[axis])
+        };
+        let (x, y, z) = (gap(0), gap(1), gap(2));
+        let reach = f64::from(self.radius) + f64::from(other.radius);
+        x * x + y * y + z * z <= reach * reach
+    }
+}
+
+/// The least distance of two intervals `[low, high]`, on a ring if the axis has a length.
+#[inline]
+fn gap(a: [f64; 2], b: [f64; 2], length: Option<f32>) -> f64 {
+    let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);
+    match length {
+        // Points of the intervals are at most this span apart. The other way round the ring they are at least the rest of
+        // its length apart.
+        Some(length) => direct.min((f64::from(length) - (a[1].max(b[1]) - a[0].min(b[0]))).max(0.0)),
+        None => direct,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sphere(x: f32, radius: f32) -> WrappedSphere {
+        WrappedSphere { center: [x, 0.0, 0.0].into(), radius, group: 0 }
+    }
+
+    #[test]
+    fn spheres_of_several_classes_and_groups_have_a_box_each() {
+        let other = WrappedSphere { group: 1, ..sphere(7.0, 1.25) };
+        let spheres = [sphere(0.0, 1.0), other, sphere(5.0, 1.5), sphere(-1.0, 2.0), sphere(9.0, 0.0)];
+        let all = ClassBounds::all_of(&spheres);
+        assert_eq!(all.iter().map(ClassBounds::group).collect::<Vec<_>>(), [0, 0, 1, 0]);
+        assert!(all.is_sorted_by_key(ClassBounds::class));
+        assert_eq!((all[1].low[0], all[1].high[0], all[1].radius), (0.0, 5.0, 1.5));
+        assert_eq!((all[2].low[0], all[2].high[0], all[2].radius), (7.0, 7.0, 1.25));
+        assert!(ClassBounds::all_of(&[]).is_empty());
+    }
+
+    #[test]
+    fn touching_sphere_overlaps_and_next_float_does_not() {
+        let bounds = ClassBounds::all_of(&[sphere(0.0, 1.0), sphere(4.0, 1.0)])[0];
+        let overlaps = |x, radius| bounds.overlaps_sphere(&Space::UNBOUNDED, &sphere(x, radius));
+        assert!(overlaps(2.0, 0.0) && overlaps(6.0, 1.0) && overlaps(-2.0, 1.0));
+        assert!(!overlaps(6.0_f32.next_up(), 1.0) && !overlaps((-2.0_f32).next_down(), 1.0));
+        assert!(overlaps(f32::MAX, f32::MAX));
+    }
+
+    #[test]
+    fn periodic_sphere_overlaps_across_the_boundary() {
+        let space = Space::periodic([Some(10.0), None, None]).unwrap();
+        let bounds = ClassBounds::all_of(&[sphere(-4.5, 0.5), sphere(-4.0, 0.5)])[0];
+        let overlaps = |x, radius| bounds.overlaps_sphere(&space, &sphere(x, radius));
+        assert!(overlaps(4.5, 0.5) && overlaps(5.0, 0.0) && overlaps(-3.5, 0.0));
+        assert!(!overlaps(4.5, 0.25) && !overlaps(0.0, 3.0));
+    }
+}

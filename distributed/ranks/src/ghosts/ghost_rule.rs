@@ -1,0 +1,78 @@
+//! The rule that says which of two spheres on different ranks becomes a ghost: the larger one, at the owner of the smaller.
+//! Within a size class ghosts go one way between two ranks.
+
+use std::cmp::Ordering;
+
+use crate::SizeClass;
+
+/// The owner and the size class of a sphere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RankAndClass {
+    /// The rank that owns the sphere.
+    pub rank: u32,
+    /// The class of its effective radius.
+    pub class: SizeClass,
+}
+
+/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. Of two spheres on
+/// different ranks exactly one becomes a ghost; of two spheres on one rank neither does.
+#[inline]
+pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> bool {
+    if sphere.rank == other.rank {
+        return false;
+    }
+    match sphere.class.cmp(&other.class) {
+        Ordering::Equal => sends_ghosts(sphere.rank, other.rank, ranks),
+        order => order.is_gt(),
+    }
+}
+
+/// Returns `true` if ghosts of one class go from rank `from` to rank `to`, and not the other way round.
+///
+/// A rank sends to the ranks up to half of all ranks ahead of it, and receives from the others, so that all ranks send to
+/// equally many. Two ranks that are exactly half of all ranks apart alternate.
+#[inline]
+pub fn sends_ghosts(from: u32, to: u32, ranks: u32) -> bool {
+    let (from, to, ranks) = (u64::from(from), u64::from(to), u64::from(ranks.max(1)));
+    let ahead = (to + ranks - from % ranks) % ranks;
+    match (2 * ahead).cmp(&ranks) {
+        Ordering::Equal => (from < to) == (from.min(to) % 2 == 0),
+        order => order.is_lt() && ahead > 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_ranks_exactly_one_sends() {
+        for ranks in 1..40 {
+            for from in 0..ranks {
+                assert!(!sends_ghosts(from, from, ranks));
+                let received = (0..ranks).filter(|&to| sends_ghosts(to, from, ranks)).count() as u32;
+                assert!(
+                    received.abs_diff((ranks - 1) / 2) <= 1,
+                    "{from} of {ranks} receives from {received}"
+                );
+                for to in (0..ranks).filter(|&to| to != from) {
+                    let both = [sends_ghosts(from, to, ranks), sends_ghosts(to, from, ranks)];
+                    assert_ne!(both[0], both[1], "{from}, {to} of {ranks}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn larger_sphere_becomes_the_ghost() {
+        let sphere = |rank, radius| RankAndClass { rank, class: SizeClass::of(radius) };
+        let becomes_ghost = |a, b| becomes_ghost(a, b, 8);
+        for (a, b) in [(0, 1), (1, 0), (7, 3)] {
+            assert!(becomes_ghost(sphere(a, 2.0), sphere(b, 1.0)));
+            assert!(!becomes_ghost(sphere(a, 1.0), sphere(b, 2.0)));
+            let (one, other) = (sphere(a, 1.0), sphere(b, 1.5));
+            assert_ne!(becomes_ghost(one, other), becomes_ghost(other, one));
+            assert!(!becomes_ghost(sphere(a, 2.0), sphere(a, 1.0)));
+        }
+    }
+}

@@ -1,0 +1,117 @@
+use lazygrid::{Error, Space};
+use rayon::prelude::*;
+
+use super::ClassBounds;
+use super::ghost_rule::{RankAndClass, becomes_ghost};
+use crate::memory::try_push;
+use crate::{Communicator, SphereWrapper, WrappedSphere};
+
+/// The bounding boxes of all ranks.
+#[derive(Clone, Debug, Default)]
+pub struct RankBounds {
+    bounds: Vec<ClassBounds>,
+    /// The first box of each rank, and the number of all boxes.
+    starts: Vec<usize>,
+}
+
+/// The spheres of a rank that one of its boxes holds.
+struct BoxedSpheres<'a> {
+    bounds: &'a ClassBounds,
+    /// Their indices, ascending.
+    members: Vec<u32>,
+}
+
+impl RankBounds {
+    /// Creates the bounds from the boxes of each rank.
+    pub fn new(of_ranks: impl IntoIterator<Item = Vec<ClassBounds>>) -> Self {
+        let mut all = Self { bounds: Vec::new(), starts: vec![0] };
+        for bounds in of_ranks {
+            all.bounds.extend(bounds);
+            all.starts.push(all.bounds.len());
+        }
+        all
+    }
+
+    /// Tells all ranks the bounding boxes of these spheres, and receives theirs. Collective.
+    ///
+    /// # Errors
+    /// Fails if the communicator fails.
+    pub fn gather<C: Communicator>(
+        communicator: &mut C,
+        spheres: &[WrappedSphere],
+    ) -> Result<Self, C::Error> {
+        let (bounds, counts) = communicator.all_gather("bounding boxes", &ClassBounds::all_of(spheres))?;
+        let mut bounds = bounds.into_iter();
+        Ok(Self::new(counts.iter().map(|&count| bounds.by_ref().take(count).collect())))
+    }
+
+    /// The number of ranks.
+    pub fn ranks(&self) -> u32 {
+        self.starts.len().saturating_sub(1) as u32
+    }
+
+    /// The bounding boxes of a rank.
+    pub fn of_rank(&self, rank: u32) -> &[ClassBounds] {
+        &self.bounds[self.starts[rank as usize]..self.starts[rank as usize + 1]]
+    }
+
+    /// Returns the spheres of `rank` that become ghosts: for each rank the ascending indices of the spheres that may pair
+    /// with a sphere of that rank and for which the [rule](becomes_ghost) says so.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn ghosts(
+        &self,
+        rank: u32,
+        spheres: &[WrappedSphere],
+        wrapper: &SphereWrapper,
+    ) -> Result<Vec<Vec<u32>>, Error> {
+        let space = wrapper.space();
+        let boxed = boxed(spheres, self.of_rank(rank))?;
+        let to = |to: u32| {
+            let mut ghosts = Vec::new();
+            for BoxedSpheres { bounds, members } in &boxed {
+                let class = RankAndClass { rank, class: bounds.class() };
+                let near = self.near(class, bounds, (to, wrapper, &space));
+                if near.is_empty() {
+                    continue;
+                }
+                for &k in members {
+                    if near.iter().any(|near| near.overlaps_sphere(&space, &spheres[k as usize])) {
+                        try_push(&mut ghosts, k, "ghosts to send")?;
+                    }
+                }
+            }
+            ghosts.sort_unstable();
+            Ok(ghosts)
+        };
+        (0..self.ranks()).into_par_iter().map(to).collect()
+    }
+
+    /// The boxes of rank `to` that may hold a partner of spheres in `bounds` and to which these become ghosts.
+    fn near(
+        &self,
+        from: RankAndClass,
+        bounds: &ClassBounds,
+        (to, wrapper, space): (u32, &SphereWrapper, &Space),
+    ) -> Vec<ClassBounds> {
+        let is_near = |other: &&ClassBounds| {
+            becomes_ghost(from, RankAndClass { rank: to, class: other.class() }, self.ranks())
+                && wrapper.can_pair(bounds.group(), other.group())
+                && bounds.overlaps(space, other)
+        };
+        self.of_rank(to).iter().filter(is_near).copied().collect()
+    }
+}
+
+/// The bounding boxes of a rank, each with the indices of the spheres in it.
+fn boxed<'a>(spheres: &[WrappedSphere], all: &'a [ClassBounds]) -> Result<Vec<BoxedSpheres<'a>>, Error> {
+    let mut boxed: Vec<_> = all.iter().map(|bounds| BoxedSpheres { bounds, members: Vec::new() }).collect();
+    for (k, sphere) in (0..).zip(spheres) {
+        let key = (sphere.class(), sphere.group);
+        if let Ok(found) = all.binary_search_by_key(&key, |bounds| (bounds.class(), bounds.group())) {
+            try_push(&mut boxed[found].members, k, "spheres of bounding boxes")?;
+        }
+    }
+    Ok(boxed)
+}

@@ -1,0 +1,128 @@
+//! All ranks in one process, by the functions that a rank calls: for tests, and to count the traffic on any number of ranks.
+//! Nothing here measures time.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{Config, Detector, Error, Order, Spheres};
+
+use crate::sample::{Sample, SampleFilter};
+use crate::{
+    ClassBounds, Ghosts, LoadBalance, PairCounts, PairKind, Particle, Partition, RankBounds, Search,
+    SphereWrapper, WrappedSphere, tie_breaker,
+};
+
+/// The report of one rank.
+#[derive(Clone, Debug, Default)]
+pub struct Reported {
+    /// The pairs as ids, the smaller one first, in any order.
+    pub pairs: Vec<[u64; 2]>,
+    /// The numbers of pairs that it found.
+    pub counts: PairCounts,
+}
+
+/// The spheres that every rank owns, and the ghosts that it receives.
+#[derive(Clone, Debug)]
+pub struct InProcessRanks {
+    wrapper: SphereWrapper,
+    owned: Vec<Vec<Particle>>,
+    ghosts: Vec<Ghosts>,
+    bounds: u64,
+}
+
+impl InProcessRanks {
+    /// Creates ranks that own the given particles.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn with_owners(owned: Vec<Vec<Particle>>, wrapper: SphereWrapper) -> Result<Self, Error> {
+        let ranks = owned.len();
+        let wrap = |own: &Vec<Particle>| wrapper.wrap_all(own.iter().copied());
+        let of_ranks: Vec<Vec<WrappedSphere>> = owned.iter().map(wrap).collect::<Result<_, _>>()?;
+        let all = RankBounds::new(of_ranks.iter().map(|own| ClassBounds::all_of(own)));
+        let bounds = (0..ranks as u32).map(|rank| all.of_rank(rank).len() as u64).sum();
+        let mut particles = vec![Vec::new(); ranks];
+        let mut counts = vec![vec![0; ranks]; ranks];
+        for (from, own) in of_ranks.iter().enumerate() {
+            let sent = all.ghosts(from as u32, own, &wrapper)?;
+            for (to, sent) in sent.into_iter().enumerate() {
+                counts[to][from] = sent.len();
+                particles[to].extend(sent.into_iter().map(|k| owned[from][k as usize]));
+            }
+        }
+        let ghosts =
+            particles.into_iter().zip(&counts).map(|(all, counts)| Ghosts::new(all, counts)).collect();
+        Ok(Self { wrapper, owned, ghosts, bounds })
+    }
+
+    /// Creates ranks that own the particles in their domains, by a partition of the particles' sample.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn balanced(particles: &[Particle], ranks: u32, wrapper: SphereWrapper) -> Result<Self, Error> {
+        let filter = SampleFilter::new(particles.len() as u64, ranks);
+        let center = |particle: &Particle| wrapper.wrap(particle.sphere, particle.species).center;
+        let chosen = particles.iter().filter(|particle| filter.takes(particle.id));
+        let mut sample: Vec<_> = chosen.map(|particle| Sample::new(center(particle), particle.id)).collect();
+        let partition = Partition::new(&mut sample, ranks);
+        let mut owned = vec![Vec::new(); partition.parts() as usize];
+        for particle in particles {
+            let own = &mut owned[partition.part_of(center(particle), tie_breaker(particle.id)) as usize];
+            own.push(Particle { index: own.len() as u32, ..*particle });
+        }
+        Self::with_owners(owned, wrapper)
+    }
+
+    /// The number of spheres that each rank owns.
+    pub fn owned(&self) -> LoadBalance {
+        LoadBalance::of(&self.owned.iter().map(|own| own.len() as u64).collect::<Vec<_>>())
+    }
+
+    /// The number of ghosts that each rank receives.
+    pub fn ghosts(&self) -> LoadBalance {
+        LoadBalance::of(&self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>())
+    }
+
+    /// The number of bounding boxes of all ranks.
+    pub fn bounds(&self) -> u64 {
+        self.bounds
+    }
+
+    /// Returns the report of each rank. The wrapper must have the space and the interactions of `config`.
+    ///
+    /// # Errors
+    /// The same as [`Detector::new`] and [`Detector::count`].
+    pub fn pairs(&self, config: &Config) -> Result<Vec<Reported>, Error> {
+        let each = self.owned.iter().zip(&self.ghosts).enumerate();
+        each.map(|(rank, (owned, ghosts))| self.pairs_of(rank as u32, config, owned, ghosts)).collect()
+    }
+
+    fn pairs_of(
+        &self,
+        rank: u32,
+        config: &Config,
+        owned: &[Particle],
+        ghosts: &Ghosts,
+    ) -> Result<Reported, Error> {
+        let detector = Detector::new(config.clone().order(Order::Unordered))?;
+        let mut search = Search::new(detector, None, self.wrapper.clone(), (rank, self.owned.len() as u32));
+        let rows: Vec<_> = owned.iter().map(|particle| particle.sphere).collect();
+        let species: Vec<_> = owned.iter().map(|particle| particle.species).collect();
+        let spheres = Spheres::from(&rows).with_species(&species)?;
+        let mut pairs = Vec::new();
+        let counts = search.run(spheres, ghosts, |kind, pairs_found| {
+            let ids = |&[i, j]: &[u32; 2]| {
+                let other = match kind {
+                    PairKind::Local => owned[j as usize].id,
+                    PairKind::WithGhost => ghosts.particles()[j as usize].id,
+                };
+                let own = owned[i as usize].id;
+                [own.min(other), own.max(other)]
+            };
+            pairs.extend(pairs_found.iter().map(ids));
+            ControlFlow::Continue(())
+        })?;
+        let counted = search.count(spheres, ghosts)?;
+        debug_assert_eq!(counted.reported(), counts.reported());
+        Ok(Reported { pairs, counts })
+    }
+}

@@ -1,0 +1,54 @@
+/// The distribution of a load, such as spheres, among ranks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadBalance {
+    /// The load of all ranks together.
+    pub total: u64,
+    /// The load of the rank with the largest one.
+    pub most: u64,
+    /// The number of ranks.
+    pub ranks: u32,
+}
+
+impl LoadBalance {
+    /// Spheres that a rank may have above its bound before that counts as imbalance. Where ranks have few spheres, one more
+    /// is a large fraction and costs nothing.
+    const SLACK: f64 = 64.0;
+
+    /// Creates the summary of the load of each rank.
+    pub fn of(each: &[u64]) -> Self {
+        let most = each.iter().copied().max().unwrap_or(0);
+        Self { total: each.iter().sum(), most, ranks: each.len() as u32 }
+    }
+
+    /// Returns the largest load over the mean load; 1 if there is no load.
+    pub fn imbalance(&self) -> f64 {
+        match self.total {
+            0 => 1.0,
+            total => self.most as f64 * f64::from(self.ranks) / total as f64,
+        }
+    }
+
+    /// Returns `true` if a rank has more than `bound` times the mean load. `fresh` is the imbalance of the partition when it
+    /// was built: rebuilding does not improve a partition that is about as good as then.
+    pub fn is_imbalanced(&self, bound: f64, fresh: f64) -> bool {
+        let mean = self.total as f64 / f64::from(self.ranks.max(1));
+        self.most as f64 > mean * bound.max(fresh * 1.05) + Self::SLACK
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn imbalance_ignores_a_few_spheres() {
+        let even = LoadBalance::of(&[1000, 1000, 1000, 1000]);
+        assert_eq!((even.imbalance(), even.is_imbalanced(1.0, 1.0)), (1.0, false));
+        let uneven = LoadBalance::of(&[2000, 1000, 500, 500]);
+        assert_eq!(uneven.imbalance(), 2.0);
+        assert!(uneven.is_imbalanced(1.2, 1.0));
+        assert!(!uneven.is_imbalanced(2.0, 1.0) && !uneven.is_imbalanced(1.2, 1.95));
+        assert!(!LoadBalance::of(&[7, 0, 0, 0]).is_imbalanced(1.0, 1.0));
+        assert_eq!(LoadBalance::of(&[]).imbalance(), 1.0);
+    }
+}

@@ -1,0 +1,157 @@
+use bytemuck::Pod;
+use lazygrid::Error;
+
+use crate::communicator::{agree_on_memory, gather};
+use crate::memory::try_collect;
+use crate::sample::{Sample, SampleFilter};
+use crate::{Communicator, LoadBalance, Partition, WrappedSphere, tie_breaker};
+
+/// Assigns spheres to the domains of ranks, and keeps the partition of space from step to step.
+#[derive(Clone, Debug, Default)]
+pub struct Partitioner {
+    current: Option<FreshPartition>,
+}
+
+#[derive(Clone, Debug)]
+struct FreshPartition {
+    partition: Partition,
+    /// The imbalance when the partition was built.
+    fresh: f64,
+}
+
+/// The destination of each sphere.
+#[derive(Clone, Debug)]
+pub struct Assignment {
+    /// The rank of each sphere of this rank.
+    pub ranks: Vec<u32>,
+    /// The resulting distribution of the spheres among ranks.
+    pub owned: LoadBalance,
+    /// `true` if the partition was rebuilt.
+    pub rebuilt: bool,
+}
+
+impl Partitioner {
+    /// Returns the ranks in whose domains the spheres of this rank are. Rebuilds the partition if a rank would have more
+    /// than `bound` times the mean number of spheres. Collective.
+    ///
+    /// # Errors
+    /// Fails if the communicator fails.
+    pub fn assign<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        (spheres, ids): (&[WrappedSphere], &[u64]),
+        bound: f64,
+    ) -> Result<Assignment, C::Error> {
+        let mut rebuilt = false;
+        loop {
+            if let Some(current) = &mut self.current {
+                let (ranks, owned) = owners(communicator, &current.partition, (spheres, ids))?;
+                if rebuilt {
+                    current.fresh = owned.imbalance();
+                }
+                if rebuilt || !owned.is_imbalanced(bound, current.fresh) {
+                    return Ok(Assignment { ranks, owned, rebuilt });
+                }
+            }
+            let partition = partition(communicator, (spheres, ids))?;
+            self.current = Some(FreshPartition { partition, fresh: 1.0 });
+            rebuilt = true;
+        }
+    }
+}
+
+/// Returns the rank of each sphere of this rank, and the resulting load of all ranks.
+fn owners<C: Communicator>(
+    communicator: &mut C,
+    partition: &Partition,
+    (spheres, ids): (&[WrappedSphere], &[u64]),
+) -> Result<(Vec<u32>, LoadBalance), C::Error> {
+    let part = |(sphere, &id): (&WrappedSphere, &u64)| partition.part_of(sphere.center, tie_breaker(id));
+    let parts = try_collect(spheres.len(), spheres.iter().zip(ids).map(part), "the ranks of spheres");
+    let parts = agree_on_memory(communicator, parts)?;
+    let mut counts = vec![0; partition.parts() as usize];
+    parts.iter().for_each(|&part| counts[part as usize] += 1);
+    let owned = LoadBalance::of(&communicator.all_reduce_sum(&counts));
+    Ok((parts, owned))
+}
+
+/// Cuts the sample of all ranks on rank 0, and tells the planes to all ranks.
+fn partition<C: Communicator>(
+    communicator: &mut C,
+    (spheres, ids): (&[WrappedSphere], &[u64]),
+) -> Result<Partition, C::Error> {
+    let ranks = communicator.ranks();
+    let filter = SampleFilter::new(communicator.all_reduce_sum(&[ids.len() as u64])[0], ranks);
+    let chosen = spheres.iter().zip(ids).filter(|&(_, &id)| filter.takes(id));
+    let sample: Vec<Sample> = chosen.map(|(sphere, &id)| Sample::new(sphere.center, id)).collect();
+    let mut sample = gather(communicator, "a sample of the spheres", &sample)?;
+    let planes = match communicator.rank() {
+        0 => Partition::new(&mut sample, ranks).planes().to_vec(),
+        _ => Vec::new(),
+    };
+    let (planes, _) = communicator.all_gather("the planes of the partition", &planes)?;
+    let partition =
+        Partition::from_planes(ranks, planes).map_err(|error| communicator.failure(error.to_string()));
+    communicator.agree(partition)
+}
+
+/// The destinations of the spheres of this rank.
+#[derive(Clone, Debug, Default)]
+pub struct Migration {
+    /// Indices before the migration, by destination; ascending within a destination.
+    order: Vec<u32>,
+    /// The number of spheres that go to each rank, this one included.
+    counts: Vec<usize>,
+}
+
+impl Migration {
+    /// Creates the migration in which all `spheres` of `rank` stay.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn identity(spheres: usize, (rank, ranks): (u32, u32)) -> Result<Self, Error> {
+        let mut counts = vec![0; ranks as usize];
+        counts[rank as usize] = spheres;
+        Ok(Self { order: try_collect(spheres, 0..spheres as u32, "the order of spheres")?, counts })
+    }
+
+    /// Creates the migration of each sphere to its rank, `destinations[k]` below `ranks`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn to_ranks(destinations: &[u32], ranks: u32) -> Result<Self, Error> {
+        let mut counts = vec![0; ranks as usize];
+        destinations.iter().for_each(|&rank| counts[rank as usize] += 1);
+        let mut order: Vec<u32> =
+            try_collect(destinations.len(), 0..destinations.len() as u32, "the order of spheres")?;
+        // Unstable, as a stable sort allocates; the index keeps the order.
+        order.sort_unstable_by_key(|&k| (destinations[k as usize], k));
+        Ok(Self { order, counts })
+    }
+
+    /// The number of spheres before the migration.
+    pub fn spheres(&self) -> usize {
+        self.order.len()
+    }
+
+    /// The number of spheres that leave `rank`, this rank.
+    pub fn sent_count(&self, rank: u32) -> usize {
+        self.spheres() - self.counts[rank as usize]
+    }
+
+    /// Moves data of the spheres, `data(k)` for sphere `k`, to where the spheres went. Returns the data of rank 0's spheres,
+    /// then of rank 1's and so on, each in the order that it had on its rank. Collective.
+    ///
+    /// # Errors
+    /// Fails if the communicator fails.
+    pub fn apply<T: Pod, C: Communicator>(
+        &self,
+        communicator: &mut C,
+        what: &str,
+        data: impl Fn(u32) -> T,
+    ) -> Result<Vec<T>, C::Error> {
+        let send = try_collect(self.order.len(), self.order.iter().map(|&k| data(k)), "spheres to send");
+        let send = agree_on_memory(communicator, send)?;
+        communicator.all_to_all_v(what, &send, &self.counts).map(|(received, _)| received)
+    }
+}

@@ -1,0 +1,29 @@
+/// The binade of a radius: all radii from a power of two to below the next one. Radius 0 and subnormal radii share the
+/// lowest class.
+///
+/// ```
+/// # use lazygrid_ranks::SizeClass;
+/// assert_eq!(SizeClass::of(1.0), SizeClass::of(1.99));
+/// assert!(SizeClass::of(0.99) < SizeClass::of(1.0));
+/// assert_eq!(SizeClass::of(-0.0), SizeClass::of(1e-40));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SizeClass(u8);
+
+impl SizeClass {
+    /// The number of possible classes.
+    pub const COUNT: usize = 256;
+
+    /// The class of a radius that is finite and not negative.
+    #[inline]
+    pub fn of(radius: f32) -> Self {
+        // The cast drops the sign, as −0 is a radius of 0.
+        Self((radius.to_bits() >> 23) as u8)
+    }
+
+    /// The index of the class: 0 for the smallest radii, below [`COUNT`](Self::COUNT).
+    #[inline]
+    pub fn index(self) -> usize {
+        self.0.into()
+    }
+}

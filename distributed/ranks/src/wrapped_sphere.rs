@@ -1,0 +1,99 @@
+use glam::Vec3;
+use lazygrid::{EffectiveRadius, Error, Interactions, Orthogonalization, Space, Sphere};
+
+use crate::memory::try_collect;
+use crate::species_groups::SpeciesGroups;
+use crate::{Particle, SizeClass};
+
+/// A sphere wrapped into the box, with its effective radius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrappedSphere {
+    /// Center; along periodic axes within half a length of the origin. In a triclinic space in orthogonalized coordinates.
+    pub center: Vec3,
+    /// Effective radius: the centers of two spheres that may pair are at most the sum of their effective radii apart.
+    pub radius: f32,
+    /// The group of its species; see [`SphereWrapper::can_pair`].
+    pub group: u32,
+}
+
+impl WrappedSphere {
+    /// The binade of its effective radius.
+    #[inline]
+    pub fn class(&self) -> SizeClass {
+        SizeClass::of(self.radius)
+    }
+}
+
+/// Wraps spheres: knows the space, and the interactions if there are any.
+#[derive(Clone, Debug, Default)]
+pub struct SphereWrapper {
+    space: Space,
+    /// The orthogonalized coordinates of a triclinic space.
+    orthogonal: Option<Orthogonalization>,
+    /// `None` if all spheres that touch pair.
+    species: Option<SpeciesTable>,
+}
+
+/// The part of the interactions that the exchange of ghosts needs, by species.
+#[derive(Clone, Debug)]
+struct SpeciesTable {
+    effective_radius: Vec<EffectiveRadius>,
+    groups: SpeciesGroups,
+}
+
+impl SphereWrapper {
+    /// Creates the wrapper of a space and of interactions.
+    pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
+        let species = interactions.map(|table| SpeciesTable {
+            effective_radius: (0..table.species()).map(|species| table.effective_radius(species)).collect(),
+            groups: SpeciesGroups::new(table),
+        });
+        let orthogonal = space.triclinic_cell().map(|cell| cell.orthogonal_space(Orthogonalization::SCALE));
+        Self { space, orthogonal, species }
+    }
+
+    /// The space of wrapped spheres: for a triclinic space that of its orthogonalized coordinates.
+    pub fn space(&self) -> Space {
+        self.orthogonal.map_or(self.space, |orthogonal| orthogonal.space())
+    }
+
+    /// Returns `true` if a sphere of the one group may pair with a sphere of the other. Without interactions all spheres
+    /// are of group 0 and may pair.
+    #[inline]
+    pub fn can_pair(&self, one: u32, other: u32) -> bool {
+        self.species.as_ref().is_none_or(|species| species.groups.can_pair(one, other))
+    }
+
+    /// Wraps a sphere. A species that is not in the table has the sphere's radius and may pair with all others.
+    #[inline]
+    pub fn wrap(&self, sphere: Sphere, species: u32) -> WrappedSphere {
+        let (radius, group) = match &self.species {
+            None => (sphere.radius, 0),
+            Some(table) => {
+                let rule = table.effective_radius.get(species as usize);
+                let radius = rule.map_or(sphere.radius, |rule| rule.for_radius(sphere.radius));
+                (radius, table.groups.of(species))
+            }
+        };
+        match &self.orthogonal {
+            None => WrappedSphere { center: self.space.wrap(sphere.center), radius, group },
+            Some(orthogonal) => {
+                let center = sphere.center.to_array().map(f64::from);
+                let Sphere { center, radius } = orthogonal.sphere(center, radius.into(), f64::from(f32::MAX));
+                WrappedSphere { center, radius, group }
+            }
+        }
+    }
+
+    /// Wraps the spheres of particles, in their order.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn wrap_all(
+        &self,
+        particles: impl ExactSizeIterator<Item = Particle>,
+    ) -> Result<Vec<WrappedSphere>, Error> {
+        let wrapped = |particle: Particle| self.wrap(particle.sphere, particle.species);
+        try_collect(particles.len(), particles.map(wrapped), "spheres wrapped into the box")
+    }
+}

@@ -1,0 +1,161 @@
+//! Loads, ghosts and pairs of ranks in scenes of thousands of spheres.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::{Random, naive, numbered};
+use lazygrid::{Config, Interaction, Interactions, Space, Sphere};
+use lazygrid_ranks::in_process::InProcessRanks;
+use lazygrid_ranks::{LoadBalance, Particle, SphereWrapper};
+
+fn uniform(spheres: usize, radii: &[f32]) -> Vec<Sphere> {
+    let mut random = Random(1);
+    let edge = (spheres as f32).cbrt() * 2.0;
+    let sphere = |k: usize| Sphere::new(random.point(edge), radii[k % radii.len()]);
+    (0..spheres).map(sphere).collect()
+}
+
+fn giant(spheres: usize) -> Vec<Sphere> {
+    let mut all = uniform(spheres, &[0.4]);
+    let edge = (spheres as f32).cbrt() * 2.0;
+    all[spheres / 2] = Sphere::new([edge / 2.0; 3], edge / 4.0);
+    all
+}
+
+fn gaussian(spheres: usize) -> Vec<Sphere> {
+    let mut random = Random(2);
+    let scale = (spheres as f32).cbrt();
+    (0..spheres).map(|_| Sphere::new([(); 3].map(|()| scale * random.normal()), 0.4)).collect()
+}
+
+fn found(in_process: &InProcessRanks, space: Space) -> (Vec<[u64; 2]>, LoadBalance) {
+    let found = in_process.pairs(&Config::default().space(space).threads(1)).unwrap();
+    let each: Vec<_> = found.iter().map(|rank| rank.pairs.len() as u64).collect();
+    let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
+    pairs.sort_unstable();
+    (pairs, LoadBalance::of(&each))
+}
+
+#[test]
+fn pairs_of_up_to_512_ranks_match_naive() {
+    let scenes: [(&str, Vec<Sphere>); 4] = [
+        ("uniform", uniform(2000, &[0.6])),
+        ("five sizes", uniform(2000, &[1.6, 0.8, 0.4, 0.2, 0.1])),
+        ("giant", giant(2000)),
+        ("gaussian", gaussian(2000)),
+    ];
+    for (name, spheres) in scenes {
+        let particles = numbered(spheres);
+        for space in [Space::UNBOUNDED, Space::periodic([Some(25.0), None, Some(19.0)]).unwrap()] {
+            let expected = naive(&particles, &space, None);
+            for ranks in [1, 2, 3, 5, 8, 64, 512] {
+                let in_process =
+                    InProcessRanks::balanced(&particles, ranks, SphereWrapper::new(space, None)).unwrap();
+                assert_eq!(in_process.owned().total, 2000);
+                // All of them are in the sample.
+                assert!(
+                    in_process.owned().most <= 2000_u64.div_ceil(ranks.into()) + 2,
+                    "{name}, {ranks} ranks"
+                );
+                let (pairs, _) = found(&in_process, space);
+                assert!(pairs == expected, "{name} on {ranks} ranks: {} for {}", pairs.len(), expected.len());
+            }
+        }
+    }
+}
+
+#[test]
+fn coincident_spheres_and_their_pairs_are_balanced() {
+    let n = 1600_u64;
+    let particles = numbered(vec![Sphere::new([1.0, 2.0, 3.0], 0.5); n as usize]);
+    for ranks in [2, 3, 8, 16] {
+        let in_process = InProcessRanks::balanced(&particles, ranks, SphereWrapper::default()).unwrap();
+        let (pairs, reported) = found(&in_process, Space::UNBOUNDED);
+        assert_eq!((pairs.len() as u64, reported.total), (n * (n - 1) / 2, n * (n - 1) / 2));
+        assert!(pairs.windows(2).all(|two| two[0] != two[1]), "a pair twice on {ranks} ranks");
+        // Where two ranks are half of all ranks apart, one of them reports all pairs of both.
+        let most = 1.02 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
+        assert!(reported.imbalance() <= most, "{} on {ranks} ranks", reported.imbalance());
+        // What is compared is what each rank owns with itself and with its ghosts: no ghosts with each other.
+        let ranks = in_process.pairs(&Config::default().threads(1)).unwrap();
+        assert!(ranks.iter().all(|rank| rank.counts.elsewhere == 0));
+    }
+}
+
+#[test]
+fn domains_balance_spheres_outside_the_sample() {
+    for spheres in [uniform(100_000, &[0.4]), gaussian(100_000), vec![Sphere::default(); 100_000]] {
+        let in_process = InProcessRanks::balanced(&numbered(spheres), 8, SphereWrapper::default()).unwrap();
+        let owned = in_process.owned().imbalance();
+        assert!(owned <= 1.05, "{owned}");
+    }
+}
+
+#[test]
+fn ghosts_are_near_domain_boundaries() {
+    // A cube of 50³ spheres, 100 across, whose eight parts have three borders. A sphere crosses one at up to 0.8, from
+    // one side only.
+    let near = 3.0 * 0.8 / 100.0;
+    for (name, spheres, most) in [
+        ("uniform", uniform(125_000, &[0.4]), 1.1),
+        ("five sizes", uniform(125_000, &[0.4, 0.2, 0.1, 0.05, 0.025]), 1.1),
+        ("giant", giant(125_000), 1.1),
+        ("gaussian", gaussian(125_000), 2.5),
+    ] {
+        let in_process = InProcessRanks::balanced(&numbered(spheres), 8, SphereWrapper::default()).unwrap();
+        let part = in_process.ghosts().total as f64 / 125_000.0;
+        assert!(part <= most * near, "{name}: {part} of all are ghosts, where {near} are near a border");
+    }
+}
+
+#[test]
+fn giant_becomes_a_ghost_and_spheres_in_it_do_not() {
+    let particles = numbered(giant(4000));
+    let alone = numbered(uniform(4000, &[0.4]));
+    let ghosts = |particles: &[Particle]| {
+        InProcessRanks::balanced(particles, 8, SphereWrapper::default()).unwrap().ghosts().total
+    };
+    // At most once to each of the other ranks.
+    assert!(ghosts(&particles).abs_diff(ghosts(&alone)) <= 20, "{} {}", ghosts(&particles), ghosts(&alone));
+}
+
+/// Two ranks with a crowd of species 0 in the same place; species 1, a single sphere on rank 1, is its only partner.
+#[test]
+fn ghosts_go_only_to_ranks_with_a_partner_species() {
+    let crowd = uniform(2000, &[0.6]);
+    let target = Sphere::new([12.0; 3], 0.7);
+    let mut table = Interactions::new(3, Interaction::Never).unwrap();
+    table.set(0, 1, Interaction::Touch).unwrap();
+    for (first, second) in [(0, 1), (1, 0)] {
+        let mut owned = vec![Vec::new(); 2];
+        let mut particles = numbered(crowd.iter().copied().chain([target]));
+        let count = particles.len();
+        for (k, particle) in particles.iter_mut().enumerate() {
+            particle.species = u32::from(k + 1 == count);
+            let rank = if k + 1 == count || k % 2 == 0 { first } else { second };
+            particle.index = owned[rank].len() as u32;
+            owned[rank].push(*particle);
+        }
+        let touches = |one: &&Particle| {
+            let reach = f64::from(one.sphere.radius + target.radius);
+            one.species == 0
+                && Space::UNBOUNDED.distance_squared(one.sphere.center, target.center) <= reach * reach
+        };
+        let near = owned[second].iter().filter(touches).count() as u64;
+        assert!(near > 1);
+        let ranks =
+            InProcessRanks::with_owners(owned.clone(), SphereWrapper::new(Space::UNBOUNDED, Some(&table)))
+                .unwrap();
+        // All spheres are of one class, so rank 0 sends: its part of the crowd near the target, or the target itself.
+        let expected = if second == 0 { near } else { 1 };
+        assert_eq!(ranks.ghosts().total, expected, "the target is on rank {first}");
+        let found = ranks.pairs(&Config::default().interactions(table.clone()).threads(1)).unwrap();
+        let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
+        pairs.sort_unstable();
+        assert_eq!(pairs, naive(&particles, &Space::UNBOUNDED, Some(&table)));
+        // Without the table, half of the crowd is sent.
+        let all = InProcessRanks::with_owners(owned, SphereWrapper::default()).unwrap();
+        assert!(all.ghosts().total >= 1000);
+    }
+}
