@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid_sim::ranks::Wanted;
-use lazygrid_sim::run::{RunEnd, Run};
+use lazygrid_sim::run::{Run, RunEnd};
 use mpi::traits::Communicator;
 
 use crate::communicator::MpiCommunicator;

@@ -199,7 +199,8 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     let said = of_two(directory.path(), [&output, &gather], 1);
     assert!(said.contains("error: the setting `--gather` is false on rank 0 and true on rank 1; "), "{said}");
     let bench_scaling = ["bench-scaling", "--per-rank", "100"];
-    let said = of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 1);
+    let said =
+        of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 1);
     assert!(said.contains("error: the setting `--steps` is 5 on rank 0 and 3 on rank 1; "), "{said}");
     // What each rank has for itself.
     let own = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);

@@ -10,8 +10,8 @@ use std::process::{Command, Output};
 
 use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::State;
-use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::run::Run;
+use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::scenario::{Overrides, Scenario};
 
 fn scenario(name: &str) -> PathBuf {

@@ -123,8 +123,9 @@ fn giant_becomes_a_ghost_and_spheres_in_it_do_not() {
 /// Two ranks with a crowd of species 0 in the same place; species 1, a single sphere on rank 1, is its only partner.
 #[test]
 fn ghosts_go_only_to_ranks_with_a_partner_species() {
-    let crowd = uniform(2000, &[0.6]);
-    let target = Sphere::new([12.0; 3], 0.7);
+    let mut crowd = uniform(2000, &[0.6]);
+    crowd.iter_mut().for_each(|sphere| sphere.center *= 0.3);
+    let target = Sphere::new([3.5; 3], 0.7);
     let mut table = Interactions::new(3, Interaction::Never).unwrap();
     table.set(0, 1, Interaction::Touch).unwrap();
     for (first, second) in [(0, 1), (1, 0)] {

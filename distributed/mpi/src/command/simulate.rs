@@ -3,7 +3,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use lazygrid_mpi::{Error, agree, threads};
-use lazygrid_sim::run::{RunEnd, Run};
+use lazygrid_sim::run::{Run, RunEnd};
 use log::LevelFilter;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
