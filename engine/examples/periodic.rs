@@ -1,5 +1,5 @@
-//! A periodic box: coordinates may run away, pairs across the seam are found, and the neighbours of each sphere are
-//! at hand as lists.
+//! A periodic box: coordinates may leave it, pairs across its boundary are found, and neighbor lists give the neighbors
+//! of each sphere.
 //!
 //! `cargo run --release -p lazygrid --example periodic`
 

@@ -1,5 +1,5 @@
-//! Which backend runs, and which algorithm on a GPU: pure functions, each answer with its reason. The CPU path's own
-//! choice is in `lazygrid_host::algorithm_choice`.
+//! Choice of the backend, and of the algorithm on a GPU, as pure functions that return a reason with each answer. The
+//! CPU path's own choice is in `lazygrid_host::algorithm_choice`.
 
 #[cfg(feature = "gpu")]
 use lazygrid_host::SkinCosts;
@@ -11,11 +11,11 @@ use crate::gpu::costs::{AdapterProfile, Crossover};
 use crate::gpu::device::AdapterId;
 use crate::{Backend, Error};
 
-/// The algorithm of a GPU if there are too many spheres to test all pairs.
+/// The algorithm of a GPU for inputs with too many spheres to test all pairs.
 #[cfg(feature = "gpu")]
 pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 
-/// The backend that is meant where an adapter may have been named: nobody names one in order not to run on it.
+/// Returns the requested backend. Naming an adapter implies `Gpu`.
 ///
 /// # Errors
 /// [`Error::AdapterOnCpu`] for the CPU and an adapter.
@@ -28,12 +28,12 @@ pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Re
     }
 }
 
-/// The device to run on, as `open` gives it with its name, or none for the CPU; and why. `open` is told whether a
-/// software adapter will do, and is asked only where a GPU could run.
+/// Returns the device to run on with the reason, or `None` for the CPU. `open` returns a device with its name; its
+/// argument permits a software adapter. `open` is called only if a GPU could run.
 ///
 /// # Errors
-/// [`Error::NotOnBackend`] for an algorithm that the backend does not have, [`Error::GpuUnavailable`] where nothing
-/// but a GPU will do.
+/// [`Error::NotOnBackend`] for an algorithm that the backend lacks; [`Error::GpuUnavailable`] if only a GPU can run the
+/// algorithm, or a GPU is requested, and none can be opened.
 pub(crate) fn backend<D>(
     asked: Backend,
     algorithm: Algorithm,
@@ -71,7 +71,7 @@ pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
     asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }
 
-/// The backend of a call for this number of spheres in the host's memory, and why.
+/// Returns the backend of a call for spheres in the host's memory, and the reason.
 #[cfg(feature = "gpu")]
 pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String) {
     let AdapterProfile { device_from, how, .. } = *known;
@@ -81,8 +81,8 @@ pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String
     }
 }
 
-/// The algorithm of a call on a GPU where `asked` leaves it open, and why, by the numbers of spheres, of those of the first
-/// of two sets, and of size classes. `known` says how the crossover is known.
+/// Returns the algorithm of a call on a GPU, and the reason. The arguments are the numbers of spheres, of spheres in
+/// the first of two sets, and of size classes. `known` names the source of the crossover.
 #[cfg(feature = "gpu")]
 pub(crate) fn algorithm(
     asked: Algorithm,
@@ -95,7 +95,7 @@ pub(crate) fn algorithm(
     let at = crossover.of(classes);
     if let Some(split) = split {
         let [a, b] = [split, spheres - split].map(u64::from);
-        // Where both cost the same, the grid costs as much for each of `at` spheres as comparing it with half of them.
+        // At the crossover, the grid costs as much per sphere as comparing the sphere with half of `at` spheres.
         let is_few = 2 * a * b < (a + b) * u64::from(at);
         let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (LARGE_INPUT_ALGORITHM, "many") };
         return (chosen, format!("{chosen}: {a} times {b} comparisons are {few} ({known})"));
@@ -106,8 +106,8 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
 }
 
-/// Whether a call on a GPU that runs as `chosen` may keep candidates where the skin is left open, and why not. Which skin is
-/// worth it, if any, is for the motion to say.
+/// Returns the reason for which a call on a GPU cannot use a candidate list, or `Ok` if it can. The motion of the
+/// spheres decides on the skin.
 #[cfg(feature = "gpu")]
 pub(crate) fn can_use_skin(
     asked: Algorithm,
@@ -121,11 +121,11 @@ pub(crate) fn can_use_skin(
         _ if chosen == Algorithm::Naive => Err("all pairs of so few cost less".to_owned()),
         Some(least) if spheres >= least => Ok(()),
         Some(least) => Err(format!("{spheres} spheres are fewer than {least}")),
-        None => Err("testing them costs more than searching anew".to_owned()),
+        None => Err("testing them costs more than a new search".to_owned()),
     }
 }
 
-/// Why a call that was to run as `chosen` `ran` on one level instead.
+/// Returns the reason for which a call planned as `chosen` `ran` on one level instead.
 #[cfg(feature = "gpu")]
 pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
     format!("{ran} instead of {chosen}: the entries of several levels do not fit the device")
@@ -139,7 +139,7 @@ mod tests {
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
 
-    /// The adapters of a machine: none, a software adapter, or a GPU.
+    /// Opens a device on a machine with no adapter, a software adapter or a GPU.
     fn open(machine: &str) -> impl FnOnce(bool) -> Result<(String, ()), Error> {
         let found = machine.to_owned();
         move |software| match found.as_str() {
@@ -287,7 +287,7 @@ mod tests {
     #[test]
     fn candidates() {
         use Algorithm::{Auto, CellList, LazyGrid, Naive};
-        // A call costs as much as is saved for a thousand spheres.
+        // A call's fixed cost equals the saving for a thousand spheres.
         let costs = SkinCosts {
             search_ns: 11.0,
             levels_ns: 0.0,
@@ -305,7 +305,7 @@ mod tests {
             (Auto, Naive, 5000, costs, Err("all pairs of so few cost less")),
             (Naive, Naive, 1_000_000, costs, Err("naive keeps none")),
             (LazyGrid, LazyGrid, 1_000_000, costs, Err("lazy-grid keeps none")),
-            (Auto, CellList, u32::MAX, never, Err("testing them costs more than searching anew")),
+            (Auto, CellList, u32::MAX, never, Err("testing them costs more than a new search")),
         ] {
             let may = can_use_skin(asked, chosen, spheres, &costs);
             assert_eq!(may, expected.map_err(str::to_owned), "{asked}, {chosen}, {spheres}");

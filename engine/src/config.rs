@@ -47,9 +47,9 @@ impl Config {
         self
     }
 
-    /// On which GPU, if there are several: by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its
-    /// name that no other has. Whoever names one means [`Backend::Gpu`], and may name a software adapter. Default: the
-    /// best one, discrete before integrated.
+    /// Selects one of several GPUs: by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its
+    /// name that no other adapter has. Naming an adapter implies [`Backend::Gpu`] and permits a software adapter.
+    /// Default: the best adapter, discrete before integrated.
     ///
     /// ```
     /// # use lazygrid::Config;
@@ -124,16 +124,16 @@ impl Config {
         self
     }
 
-    /// The table of interactions: which species pair, and at which distance. Spheres must then carry species ids. `None`
-    /// removes a table. Default: none, and all spheres that touch pair.
+    /// Sets the table of interactions: the species that pair, and their distances. Spheres must then carry species ids.
+    /// `None` removes a table. Default: none, and all spheres that touch pair.
     pub fn interactions(mut self, interactions: impl Into<Option<Interactions>>) -> Self {
         self.settings.interactions = interactions.into();
         self
     }
 
-    /// A flag that ends searches on the CPU from outside, such as for Ctrl-C: while it is true they give
+    /// Sets a flag that cancels searches on the CPU, such as for Ctrl-C. While it is true, searches return
     /// [`Error::Cancelled`](crate::Error::Cancelled) within some milliseconds, though not while spheres are sorted or
-    /// pairs put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
+    /// pairs are put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);
         self
@@ -147,9 +147,9 @@ impl Config {
         self
     }
 
-    /// Sets whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move
-    /// little from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU candidates
-    /// stay there, and [`Skin::Auto`] goes by what they cost on the adapter; see [`calibration`](Self::calibration).
+    /// Sets whether the detector keeps a candidate list from call to call. A list pays if spheres move little from one
+    /// call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU the list stays there, and
+    /// [`Skin::Auto`] uses the costs of the adapter; see [`calibration`](Self::calibration).
     ///
     /// ```
     /// # use lazygrid::{Config, Skin};
@@ -160,9 +160,9 @@ impl Config {
         self
     }
 
-    /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. In a periodic one the GPU decides
-    /// pairs within 5 ulp of exact tangency either way, relative to the squared reach, where it is 4 ulp else; in a sheared one
-    /// the host has the last word, and a count brings all candidates back.
+    /// Sets the space of the spheres. Default: [`Space::UNBOUNDED`]. The GPU decides pairs within 4 ulp of exact
+    /// tangency either way, relative to the squared distance at which they pair, and within 5 ulp in a periodic space.
+    /// In a triclinic space the host decides in `f64`, and a count reads all candidates back.
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

@@ -11,12 +11,12 @@ use crate::geometry::Geometry;
 use crate::gpu::{AutoBackend, GpuBackend, GpuDevice, SoftwareAdapter};
 use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 
-/// All pairs of overlapping spheres, in canonical order, with default settings.
+/// Returns all pairs of overlapping spheres, in canonical order, with default settings.
 ///
 /// For more than one call keep a [`Detector`].
 ///
 /// # Errors
-/// The same as [`Detector::pairs`].
+/// See [`Detector::pairs`].
 pub fn detect<'a>(query: impl Into<Query<'a>>) -> Result<Vec<Pair>, Error> {
     let mut detector = Detector::new(Config::default())?;
     detector.pairs(query)?;
@@ -32,7 +32,7 @@ pub struct Detector {
     geometry: Box<Geometry>,
 }
 
-/// The device that `config` asks for, the CPU, or both; and why.
+/// Returns a finder on the device that `config` requests, on the CPU, or on both; and the reason.
 #[cfg(feature = "gpu")]
 fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     let open = |allows_software: bool| {
@@ -57,7 +57,7 @@ fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     Ok((BackendFinder::on(backend), reason))
 }
 
-/// The CPU, unless that is ruled out; and why.
+/// Returns a finder on the CPU, and the reason.
 #[cfg(not(feature = "gpu"))]
 fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     let none = |_| Err::<(String, ()), _>(Error::WithoutGpu);
@@ -66,23 +66,23 @@ fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
 }
 
 impl Detector {
-    /// A detector with these settings. The backend is decided here and logged; [`Backend::Auto`](crate::Backend::Auto) on a machine
-    /// with a GPU leaves the decision to each call.
+    /// Creates a detector. The backend is chosen here and logged; with [`Backend::Auto`](crate::Backend::Auto) on a
+    /// machine with a GPU each call chooses.
     ///
     /// # Errors
-    /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
-    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::InvalidSetting`] for a setting outside
-    /// its range; [`Error::UnknownAdapter`] for an adapter that there is not.
+    /// [`Error::GpuUnavailable`] if the GPU is requested by name and cannot be used; [`Error::NotOnBackend`] if the
+    /// algorithm does not run on the backend; [`Error::InvalidSetting`] for a setting outside its range;
+    /// [`Error::UnknownAdapter`] for an unknown adapter.
     pub fn new(config: Config) -> Result<Self, Error> {
         let (finder, backend_reason) = finder(config)?;
         log::info!("{backend_reason}");
         Ok(Self { finder, backend_reason, geometry: Box::default() })
     }
 
-    /// The overlapping pairs, each once, in the order that was asked for. The slice lives until the next call.
+    /// Returns the overlapping pairs, each once, in the configured order. The slice lives until the next call.
     ///
-    /// Of two sets, pairs of one sphere of each count: `i` is the index of the one in the first set, `j` that of the other
-    /// in the second. On the CPU the cell list and naive compare spheres of different sets only.
+    /// Of two sets, only pairs across them count: `i` is an index of the first set, `j` of the second. On the CPU, the
+    /// cell list and naive compare spheres of different sets only.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, Pair, Sphere};
@@ -104,23 +104,22 @@ impl Detector {
         self.finder().pairs(query)
     }
 
-    /// The pairs as neighbor lists: for every sphere all it overlaps, ascending, each pair in both lists. Of two sets, for
-    /// every sphere of the first one those of the second.
+    /// Returns the pairs as neighbor lists: for every sphere all that overlap it, ascending, each pair in both lists.
+    /// Of two sets, every sphere of the first set lists its neighbors in the second.
     ///
     /// # Errors
-    /// The same as [`pairs`](Self::pairs).
+    /// See [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
         self.finder().neighbors(query)
     }
 
-    /// Neighbor lists with geometry: for every sphere those within reach, with the shifts of their images, the vectors to them
-    /// and their distances, as far as `options` ask for them.
+    /// Returns neighbor lists with the shifts, vectors and distances that `options` request.
     ///
-    /// Other searches look at the nearest images only. This one finds all images within reach, also in a box that is
-    /// smaller than the reach, where a sphere may be the neighbor of its own images. Excluded pairs, and spheres of one group,
-    /// are left out with all their images. `i` and `j` are neighbors at shift `S` if the vector
-    /// `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is no longer than their reach, as in the contact test of a pair, in `f64`
-    /// on any backend. The order is canonical.
+    /// Other searches consider the minimum image only. This search finds all images within the cutoff, also in a box
+    /// smaller than the cutoff, where a sphere may be the neighbor of its own images. Excluded pairs, and spheres of
+    /// one group, are omitted with all their images. `i` and `j` are neighbors at shift `S` if the vector `v = (cⱼ −
+    /// cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is no longer than their cutoff, as in the contact test of a pair, in `f64` on any
+    /// backend. The order is canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
@@ -135,9 +134,9 @@ impl Detector {
     /// ```
     ///
     /// # Errors
-    /// The same as [`pairs`](Self::pairs), where [`Config::max_pairs`] also limits the pairs of a sphere and an image that are looked at.
-    /// [`InputError::Images`](crate::InputError::Images) and [`InputError::Shift`](crate::InputError::Shift) for reaches and
-    /// coordinates that are too large for the box.
+    /// See [`pairs`](Self::pairs); [`Config::max_pairs`] also limits the pairs of a sphere and an image that are
+    /// examined. [`InputError::Images`](crate::InputError::Images) and [`InputError::Shift`](crate::InputError::Shift)
+    /// for cutoffs and coordinates that are too large for the box.
     pub fn neighbor_list<'a>(
         &mut self,
         query: impl Into<Query<'a>>,
@@ -149,7 +148,7 @@ impl Detector {
     /// Counts the pairs. Needs no memory for them, so any number can be counted.
     ///
     /// # Errors
-    /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
+    /// See [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
         self.finder().count(query)
     }
@@ -157,13 +156,13 @@ impl Detector {
     /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns how many were handed over.
     /// Memory stays bounded for any number of pairs. `consume` may stop the search with `ControlFlow::Break`.
     ///
-    /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs
-    /// then costs one further search per that many pairs. Unordered chunks come as they are found, from
-    /// whichever thread, one at a time. While `consume` runs, other threads of the search may wait for it: it must not
-    /// itself wait for work of the same rayon pool, as another search from inside it would.
+    /// In canonical order the whole stream is canonical; a result of more than [`Config::max_pairs`] pairs then costs
+    /// one further search per that many pairs. Unordered chunks come as they are found, from any thread, one at a time.
+    /// While `consume` runs, other threads of the search may wait for it: it must not itself wait for work of the same
+    /// rayon pool, as another search inside it would.
     ///
     /// # Errors
-    /// The same as [`count`](Self::count).
+    /// See [`count`](Self::count).
     pub fn stream<'a, F>(
         &mut self,
         query: impl Into<Query<'a>>,
@@ -176,7 +175,7 @@ impl Detector {
         self.finder().stream(query, chunk, consume)
     }
 
-    /// The report of the last call; before the first call, the backend and the reason for it.
+    /// Returns the report of the last call; before the first call, the backend and its reason.
     pub fn report(&self) -> Report {
         let geometry = self.geometry.report().cloned();
         let mut report = geometry.unwrap_or_else(|| self.finder.backend().report());
@@ -184,7 +183,7 @@ impl Detector {
         report
     }
 
-    /// The pair finder, whose own report becomes that of the detector.
+    /// Returns the pair finder, whose report becomes that of the detector.
     fn finder(&mut self) -> &mut BackendFinder {
         self.geometry.end();
         &mut self.finder
@@ -205,7 +204,7 @@ impl Detector {
         self.finder.backend().memory_for(spheres.min(MAX_SPHERES))
     }
 
-    /// The list of [`pairs`](Self::pairs) where that was the last call, without a copy.
+    /// Returns the list of [`pairs`](Self::pairs) without a copy, if that was the last call.
     pub fn into_pairs(self) -> Vec<Pair> {
         self.finder.into_pairs()
     }

@@ -43,7 +43,7 @@ impl Geometry {
         Ok(list)
     }
 
-    /// The same of a box in which more than the nearest image of a sphere may be within reach.
+    /// Builds the list for a box in which images other than the minimum image may be within the cutoff.
     fn among_images(
         &mut self,
         engine: &BackendFinder,

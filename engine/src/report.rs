@@ -3,13 +3,13 @@ use lazygrid_kernels::Algorithm;
 
 use crate::Backend;
 
-/// What the last call did and why.
+/// The report of a call.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Report {
-    /// How many spheres were given.
+    /// The number of spheres.
     pub spheres: u64,
-    /// How many pairs were found.
+    /// The number of pairs found.
     pub pairs: u64,
     /// The backend that ran; never `Auto`.
     pub backend: Backend,
@@ -17,12 +17,12 @@ pub struct Report {
     pub adapter: Option<String>,
     /// The algorithm that ran; never `Auto` after a call.
     pub algorithm: Algorithm,
-    /// Why this backend and this algorithm.
+    /// The reason for this backend and this algorithm.
     pub reason: String,
-    /// What the call cost the GPU, by its plan; `None` on the CPU, and where it was answered from candidates that were kept.
+    /// The planned cost of the call on the GPU; `None` on the CPU, and if the call was answered from a candidate list.
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::CallCost>,
-    /// The candidates that the call was answered from; `None` where it searched without any.
+    /// The candidate list that answered the call; `None` if the call searched.
     pub candidates: Option<CandidateListStats>,
     /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.
     pub phases: Vec<PhaseTime>,

@@ -1,4 +1,4 @@
-//! What a build without the feature `gpu` says about GPUs.
+//! Errors of a build without the feature `gpu`.
 #![cfg(not(feature = "gpu"))]
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Sphere};

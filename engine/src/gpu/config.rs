@@ -99,9 +99,9 @@ impl GpuConfig {
 }
 
 impl GpuConfig {
-    /// τ by default. On Mesa's software driver, 100 000 spheres of five sizes take the same time from 32 on, and a burst
-    /// of ten sizes the least about 128 (`cargo bench -p lazygrid-bench --bench sweep -- --backend gpu --what tau`); other
-    /// devices may differ.
+    /// The default of τ. On Mesa's llvmpipe, 100 000 spheres of five sizes take the same time at any τ of 32 or more,
+    /// and a burst of ten sizes is fastest near 128 (`cargo bench -p lazygrid-bench --bench parameter_sweep --
+    /// --backend gpu --what tau`). Other devices may differ.
     pub const TAU: u32 = 64;
     /// Raster ratio by default: on the same driver the best for five sizes, where 3 is better for equal ones by a tenth.
     pub const CELL_RATIO: f32 = 2.0;
@@ -130,7 +130,7 @@ impl Default for GpuConfig {
     }
 }
 
-/// Refuses settings out of range.
+/// Rejects settings out of range.
 pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
     if settings.space.triclinic_cell().is_some() {
         let range =
@@ -149,7 +149,7 @@ pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
     check_algorithm(settings.algorithm)
 }
 
-/// Refuses what has no kernels.
+/// Rejects algorithms without kernels.
 pub(in crate::gpu) fn check_algorithm(algorithm: Algorithm) -> Result<(), Error> {
     match algorithm {
         Algorithm::Auto => Ok(()),

@@ -61,8 +61,8 @@ pub struct Calibration {
     pub radix_sort_from: u32,
     /// The costs of calls with and without a candidate list.
     pub skin: SkinCosts,
-    /// The number of spheres in the host's memory from which on this device answers earlier than the CPU, with as many threads as
-    /// there are processors; [`u32::MAX`] if it never does. [`Backend::Auto`](crate::Backend::Auto) chooses by it.
+    /// The number of spheres in the host's memory at or above which this device is faster than the CPU with a thread
+    /// per processor; [`u32::MAX`] if it never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
     pub device_from: u32,
 }
 
@@ -74,12 +74,12 @@ impl Calibration {
     /// GPU has confirmed it.
     pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
 
-    /// From how many spheres on a cell list is sorted by radix: where counters no longer fit the caches of large GPUs. Not
-    /// measured through this library; with CUDA on an H200 both are even at a million, and counting is 2.6 times as
-    /// fast at a hundred thousand.
+    /// The assumed number of spheres at or above which a cell list is sorted by radix: its counters no longer fit the
+    /// caches of large GPUs. Not measured through this library; with CUDA on an H200 both sorts are equal at a million
+    /// spheres, and counting is 2.6 times as fast at a hundred thousand.
     pub const RADIX_SORT_FROM: u32 = 1 << 19;
-    /// The same for a software adapter, whose caches hide less: on Mesa's llvmpipe on two cores counting is the faster at a
-    /// million (`cargo bench -p lazygrid-bench --bench scenes -- --radix-from 0,4000000000`).
+    /// The assumption for a software adapter: on Mesa's llvmpipe on two cores counting is faster at a million spheres
+    /// (`cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
     pub const SOFTWARE_RADIX_SORT_FROM: u32 = 1 << 20;
 
     /// Creates the calibration of an adapter, as an application has kept it. `driver` is the driver with its version,
@@ -106,11 +106,11 @@ impl Calibration {
 pub(crate) struct AdapterProfile {
     /// The number of spheres at which all pairs and the grid cost the same.
     pub(crate) crossover: Crossover,
-    /// From how many spheres on a cell list is sorted by radix.
+    /// The number of spheres at or above which a cell list is sorted by radix.
     pub(crate) radix_sort_from: u32,
     /// The costs of keeping a candidate list.
     pub(crate) skin: SkinCosts,
-    /// From how many spheres on the device answers earlier than the CPU.
+    /// The number of spheres at or above which the device is faster than the CPU.
     pub(crate) device_from: u32,
     /// The source of these numbers, for reasons in reports.
     pub(crate) how: &'static str,

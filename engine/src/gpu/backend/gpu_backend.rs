@@ -183,7 +183,7 @@ impl SearchBackend for GpuBackend {
     }
 }
 
-/// A search on a device, and the table with which it searches.
+/// A search on a device and its interaction table.
 #[derive(Debug)]
 struct Device {
     search: SlabSearch,
@@ -191,17 +191,17 @@ struct Device {
 }
 
 impl Device {
-    /// The search in frames, made beside another one at the first call that needs it.
+    /// Returns the search in frames, created by the first call that needs it.
     fn framed<'d>(
         framed: &'d mut Option<Box<Self>>,
-        beside: &Self,
+        unframed: &Self,
         settings: &Settings,
     ) -> Result<&'d mut Self, Error> {
         match framed {
             Some(framed) => Ok(framed),
             none => {
                 let interactions = searched_table(settings, true);
-                let session = beside.search.session.beside(interactions.clone())?;
+                let session = unframed.search.session.with_interactions(interactions.clone())?;
                 Ok(none.insert(Box::new(Self { search: SlabSearch::new(session), interactions })))
             }
         }
@@ -224,7 +224,7 @@ fn searched_space(space: &Space) -> Space {
     Space::periodic(lengths.map(|length| length.map(in_range))).unwrap_or_default()
 }
 
-/// Says what a search did.
+/// Completes the report of a search.
 fn conclude(report: &mut Report, search: &SlabSearch) {
     let session = &search.session;
     report.cost = session.cost();
@@ -248,7 +248,7 @@ fn conclude(report: &mut Report, search: &SlabSearch) {
     report.phases.extend_from_slice(&search.timings);
 }
 
-/// The cell ratio that was `asked` for, as near as the GPU comes to it.
+/// Returns the requested cell ratio, clamped to the GPU's range.
 fn cell_ratio(asked: Option<f32>) -> Result<f32, Error> {
     let ratio = asked.unwrap_or(GpuConfig::CELL_RATIO);
     if Config::RASTER_RATIOS.contains(&ratio) {

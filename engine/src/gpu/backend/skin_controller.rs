@@ -1,12 +1,12 @@
-//! Which skin calls on the GPU have where the detector is to choose: the forecast is that of the CPU path, the costs are those
-//! of the device.
+//! Choice of the skin for calls on the GPU. The tuner is that of the CPU path; the costs are those of the device.
 
 use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinCosts, SkinTuner};
 
 use super::slab_search::SearchRequest;
 use crate::Error;
 
-/// By what factor another skin may differ from the one that there is without taking its place: that finds candidates anew.
+/// Factors by which a proposed skin may differ from the current one without replacing it, as a replacement rebuilds the
+/// list.
 const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 
 /// The observed motion of the spheres, and the skin in use.
@@ -19,10 +19,10 @@ pub(super) struct SkinController {
 }
 
 impl SkinController {
-    /// The skin of the next call.
+    /// Returns the skin of the next call.
     ///
     /// # Errors
-    /// The same as [`SkinTuner::skin`].
+    /// See [`SkinTuner::skin`].
     pub(super) fn next(
         &mut self,
         request: &SearchRequest<'_>,
@@ -41,13 +41,13 @@ impl SkinController {
         Ok(self.skin)
     }
 
-    /// Forgets what was seen, where calls have no candidates anyway.
+    /// Discards all observations.
     pub(super) fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// Takes down what a call had: the candidates that answered it, if any, when those that there were before had been found,
-    /// in calls, and how far the farthest sphere had gone, as a part of what it may.
+    /// Records a call: its candidate list if it used one, and for the list before it the age in calls and the used
+    /// fraction of the displacement limit.
     pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, went: (u32, f32)) {
         self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
         match kept {

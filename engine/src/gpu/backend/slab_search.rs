@@ -108,7 +108,7 @@ impl SlabSearch {
         }
     }
 
-    /// Puts all that the device finds into `list`.
+    /// Stores all pairs that the device finds in `list`.
     fn list_found(
         &mut self,
         request: &SearchRequest<'_>,
@@ -280,9 +280,9 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Hands over all pairs, smaller indices ascending from part to part. A slab has pairs of small indices and of large ones:
-    /// if there are more than `most`, the pairs of each sphere are counted first, and the slabs then searched for one range
-    /// of indices after another.
+    /// Passes all pairs to `consume`, smaller indices ascending from part to part. Each slab has pairs of small indices
+    /// and of large ones. If the pairs are more than `most`, this counts the pairs of each sphere first and then
+    /// searches the slabs for one range of indices after another.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,
@@ -389,7 +389,7 @@ impl SlabSearch {
         Ok(Some(ticket))
     }
 
-    /// Takes down the times of the session's last call.
+    /// Adds the times of the session's last call.
     fn add_timings(&mut self) {
         let Self { session, timings, .. } = self;
         session.timings().iter().for_each(|timing| PhaseTime::add(timings, timing.name, timing.time));
@@ -400,7 +400,7 @@ impl SlabSearch {
     }
 }
 
-/// Leaves out what is no pair.
+/// Removes the pairs that the filter rejects.
 fn refine(pairs: &mut Vec<Pair>, filter: &PairFilter<'_>) {
     pairs.retain(|pair| filter.accepts(pair.i, pair.j));
 }

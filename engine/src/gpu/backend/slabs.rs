@@ -1,16 +1,15 @@
-//! How a call of more spheres than a device can bind is cut into several, without a device in sight.
+//! Decomposition of a call with more spheres than a device can bind into slabs, without a device.
 //!
-//! Space is cut across one axis. A slab *owns* the spheres whose lower end is in it, and is lent those that reach into it
-//! from before. Of two spheres that overlap, the one that begins later is owned by some slab, and the other one is owned by
-//! it or lent to it: so each pair is found once, where at least one of the two is owned. Along a periodic axis the other one
-//! may be lent around the box as well, but not where a slab and two spheres together do not reach around it.
+//! Space is cut across one axis. A slab *owns* the spheres whose lower end is in it. Its *ghosts* are the spheres that
+//! reach into it from before.
 //!
-//! A slab can also be gathered for a *range* of indices: then only pairs are found whose smaller index is in it. Spheres of
-//! smaller indices are left out, those of the range stand first, and the search's window ends with them. As some of those are
-//! lent, the search also finds pairs of two that are lent, which the slab that owns one of them has as well, and drops them.
+//! A slab can also be gathered for a *range* of indices: then only pairs whose smaller index is in the range are found.
+//! Spheres of smaller indices are omitted, spheres of the range come first, and the window of the search ends with
+//! them. The search also finds pairs of two ghosts; the slab drops them, since the slab that owns one of the two finds
+//! them as well.
 //!
-//! Of two sets the first one's indices are the smaller ones, and no range goes beyond them. Spheres of the first set outside
-//! the range are left out, so that in a slab too the first set comes before the second.
+//! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
+//! are omitted, so that the first set precedes the second within a slab too.
 
 use std::ops::Range;
 
@@ -18,17 +17,17 @@ use lazygrid_kernels::{EffectiveRadius, Interactions, Pair, Space, Sphere, Spher
 
 use crate::Error;
 
-/// Spheres that are looked at for places to cut.
+/// Spheres that are sampled to place cuts.
 const SAMPLE: usize = 1 << 14;
-/// Places to cut, at most.
+/// The largest number of possible cuts.
 const EDGES: usize = 1 << 10;
-/// By what part of the radius, and of a periodic axis, ends are moved outwards: more than what rounding, or the 4 ulp that a
-/// GPU may be wrong by, can hide.
+/// The fraction of the radius, and of a periodic length, by which ends are moved outwards: more than rounding, or the 4
+/// ulp of a GPU, can hide.
 const MARGIN: f64 = 1.0 / (1 << 20) as f64;
-/// One axis is as good as another where no more than this part of the spheres is lent.
+/// An axis is good enough if at most one in this many spheres is a ghost.
 const FEW: usize = 16;
 
-/// What a call is given.
+/// The input of a slab decomposition.
 #[derive(Debug)]
 pub(crate) struct SlabInput<'a> {
     spheres: Spheres<'a>,
@@ -42,21 +41,21 @@ pub(crate) struct SlabInput<'a> {
 #[derive(Debug)]
 pub(crate) struct Slabs {
     axis: usize,
-    /// Where slabs begin, ascending; and how many spheres each has at most.
+    /// The lower end of each slab, ascending, and the largest number of its spheres.
     slabs: Vec<(f64, usize)>,
 }
 
 /// The spheres of a slab, in buffers that are used again.
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
-    /// Those of the range that it owns, those of the range that it is lent, then the others likewise.
+    /// Owned spheres of the range, ghosts of the range, other owned spheres, other ghosts.
     spheres: Vec<Sphere>,
     species: Vec<u32>,
-    /// The index of each in the input call.
+    /// The index of each sphere in the whole call.
     indices: Vec<u32>,
     /// The indices of the second, third and fourth of these groups, while they are gathered.
     later: [Vec<u32>; 3],
-    /// Where the first three of these groups end.
+    /// The ends of the first three groups.
     ends: [u32; 3],
     /// `true` if the first two of these groups are the first set, and the others the second.
     has_two_sets: bool,
@@ -69,7 +68,7 @@ impl<'a> SlabInput<'a> {
         Self { spheres, split: 0, reaches: interactions.map_or_else(Vec::new, reach), space }
     }
 
-    /// The same spheres as two sets, of which the first one has `split` spheres; 0 for one set.
+    /// Treats the spheres as two sets, with `split` spheres in the first; 0 for one set.
     pub(crate) fn across(self, split: u32) -> Self {
         Self { split, ..self }
     }
@@ -139,7 +138,7 @@ impl<'a> SlabInput<'a> {
                 lent[slot((end - length).max(edges[0])) + 1] -= 1;
             }
         }
-        // Of slabs that are narrower no pair is found twice.
+        // Narrower slabs cannot find a pair twice across the periodic boundary.
         let width = period.map_or(f64::INFINITY, |length| length - 2.0 * widest);
         let mut slabs: Vec<(f64, usize)> = Vec::new();
         let (mut lent_here, mut all_lent) = (0, 0);
@@ -241,10 +240,10 @@ impl Slabs {
 }
 
 impl Slab {
-    /// Its spheres.
+    /// Returns the spheres of the slab.
     ///
     /// # Errors
-    /// The same as [`Spheres::with_species`].
+    /// See [`Spheres::with_species`].
     pub(crate) fn spheres(&self) -> Result<Spheres<'_>, Error> {
         let spheres = Spheres::from(&self.spheres);
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
@@ -256,14 +255,14 @@ impl Slab {
         if self.has_two_sets { self.ends[1] } else { 0 }
     }
 
-    /// The pairs to be found have their smaller index in here.
+    /// Returns the window of the smaller index of the pairs to find.
     pub(crate) fn window(&self) -> Range<u32> {
         let [owned, of_range, _] = self.ends;
-        // If there are no others, two that are lent are nobody's to find.
+        // Without other spheres, no pair of two ghosts belongs to this slab.
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Has pairs name the spheres of the input call, and drops those of two that are lent.
+    /// Replaces the indices of pairs by those of the whole call, and drops pairs of two ghosts.
     pub(crate) fn name(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);

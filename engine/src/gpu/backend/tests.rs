@@ -13,7 +13,7 @@ fn made(gpu: GpuDevice, config: Config) -> PairFinder<GpuBackend> {
     GpuBackend::new(gpu, config).map(PairFinder::on).expect("the settings are in range")
 }
 
-/// The same adapter with room for 2¹⁷ pairs in a binding, or for 2¹⁶ spheres.
+/// Opens the adapter with a limit of 2¹⁷ pairs, or 2¹⁶ spheres, per binding.
 fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
@@ -78,7 +78,7 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
         let found = all_pairs;
         assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
     }
-    // What is left out is left out of every slab.
+    // Exclusions hold in every slab.
     let groups: Vec<u32> = (0..75_000).map(|k| k % 7).collect();
     let grouped = all.with_groups(&groups).expect("one of each");
     let mut kept = expected.clone();
@@ -115,7 +115,7 @@ fn a_report_says_why_one_level_had_to_do() {
     assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
 }
 
-/// Spheres that move little, then a lot, then stand still: whatever the detector chooses, the pairs are those of the CPU.
+/// Spheres that move little, then far, then rest: with any choice of the detector, the pairs equal those of the CPU.
 #[test]
 fn a_skin_of_its_own_choice_never_shows() {
     let Some(gpu) = device_or_skip() else { return };

@@ -7,9 +7,9 @@ use lazygrid_kernels::{Sphere, Spheres};
 use crate::Error;
 use crate::gpu::session::GpuSession;
 
-/// The numbers of spheres that are tried, until the grid is clearly faster.
+/// The numbers of spheres of the scenes, until the grid is clearly faster.
 pub(super) const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
-/// Rounds of which the fastest counts: whatever else a machine does only ever adds time.
+/// Rounds of which the fastest counts, since a disturbance only adds time.
 pub(super) const ROUNDS: usize = 7;
 /// The grid is clearly faster when it takes less than this part of the time.
 pub(super) const CLEARLY: f64 = 0.7;
@@ -23,7 +23,8 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     Ok(start.elapsed())
 }
 
-/// The least times of two ways for scenes of each size, until the second way is clearly faster or `goes_on` returns `false`.
+/// Returns the least times of two algorithms for scenes of each size, until the second is clearly faster or `goes_on`
+/// returns `false`.
 pub(super) fn race(
     (sizes, classes): (&[u32], usize),
     rounds: usize,
@@ -48,10 +49,11 @@ pub(super) fn race(
     Ok(samples)
 }
 
-/// The number of spheres from which on the second of two ways is the faster, between two that were measured by interpolation of
-/// the logarithms; the first where it always is, twice the last, up to `most`, where it never is.
+/// Returns the number of spheres at which the second algorithm overtakes the first, by interpolation of logarithms
+/// between two samples. Returns the first size if the second is always faster, and twice the last size, at most `most`,
+/// if it never is.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
-    // How far ahead the first way is; a power of the number of spheres between two samples.
+    // The lead of the first algorithm; a power of the number of spheres between two samples.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {
         (second.as_secs_f64().max(1e-9) / first.as_secs_f64().max(1e-9)).ln()
     };
@@ -67,7 +69,7 @@ pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
 
-/// Spheres spread evenly over a cube of which they fill this part, of radii 1, 1/2, 1/4, … in turn.
+/// Returns evenly spread spheres that fill this fraction of a cube, of radii 1, 1/2, 1/4, … in turn.
 pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();

@@ -1,5 +1,5 @@
-//! The numbers of spheres from which on a grid is faster than all pairs, sorting by radix than counting and the device than the CPU,
-//! and what it costs to keep candidates, measured on the device.
+//! Calibration of a device: the numbers of spheres at which the grid overtakes all pairs, the radix sort overtakes
+//! counting and the device overtakes the CPU, and the costs of candidate lists.
 
 mod host;
 mod measure;
@@ -21,7 +21,7 @@ use measure::{ROUNDS, SIZES, crossing, race, time};
 /// The size classes of the scenes that are measured: equal radii, and as in the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
-/// What a calibration rests on: the fastest of some calls, spheres uploaded and the number of pairs read back.
+/// A measurement of the crossover: the fastest of some calls, upload and readback of the count included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrossoverSample {
@@ -35,9 +35,8 @@ pub struct CrossoverSample {
     pub grid: Duration,
 }
 
-/// Measures on this device where a grid overtakes all pairs, where sorting by radix overtakes counting, where the device overtakes
-/// the CPU, and what it costs to keep candidates, which takes some seconds at most. What is measured of the first is handed to
-/// `seen` as it comes.
+/// Measures the crossovers and the costs of candidate lists on this device, in some seconds at most. `seen` gets each
+/// sample of the crossover of all pairs and the grid.
 ///
 /// # Errors
 /// Fails if the device fails.

@@ -22,7 +22,7 @@ const DENSITIES: [f32; 2] = [0.05, 1.0];
 /// Skins, in radii: the first has hardly more candidates than there are pairs.
 const SKINS: [f32; 2] = [0.05, 1.0];
 
-/// The fastest of some calls, and what one had.
+/// The fastest of some calls, with its pairs and candidates per sphere.
 #[derive(Clone, Copy, Debug)]
 struct TimedCall {
     nanoseconds: f64,
@@ -31,26 +31,26 @@ struct TimedCall {
     candidates: f64,
 }
 
-/// The calls that costs are worked out from.
+/// The calls from which the costs are computed.
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     spheres: f64,
-    /// Searches of few spheres, and such as candidates serve.
+    /// Searches of few spheres: without and with a candidate list.
     few: [TimedCall; 2],
     /// Searches at either density.
     searched: [TimedCall; 2],
-    /// Calls that candidates serve, with either skin.
+    /// Calls answered from candidates, with either skin.
     served: [TimedCall; 2],
-    /// A call that finds candidates, with the wider skin.
+    /// A call that rebuilds the list, with the wider skin.
     found: TimedCall,
 }
 
-/// Measures it.
+/// Measures the costs.
 pub(super) fn measure(gpu: &GpuDevice) -> Result<SkinCosts, Error> {
     measure_with(gpu, &SIZES)
 }
 
-/// Measures it with scenes of these sizes.
+/// Measures the costs with scenes of these sizes.
 fn measure_with(gpu: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
     let mut search = session(gpu, None)?;
     let few = scene(FEW, 1, DENSITIES[0]);
@@ -111,7 +111,7 @@ fn session(gpu: &GpuDevice, skin: Option<f32>) -> Result<GpuSession, Error> {
     Ok(session)
 }
 
-/// Searches spheres that stand still, after a call that finds candidates where some are kept.
+/// Searches spheres at rest, after one call that builds the candidate list if a skin is set.
 fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Error> {
     time(session, spheres)?;
     let mut least = Duration::MAX;
@@ -121,7 +121,7 @@ fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Er
     Ok(call(session, spheres.len(), least))
 }
 
-/// Searches spheres one of which changes at every call, so that candidates are found anew.
+/// Searches spheres of which one changes at every call, so that every call rebuilds the list.
 fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<TimedCall, Error> {
     let mut least = Duration::MAX;
     for _ in 0..ROUNDS {
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(SkinCosts { measure_ns: 10.0, ..known }.min_worthwhile_spheres(), None);
     }
 
-    /// However busy the machine, what comes out can be used.
+    /// On a machine of any load, the measured costs are valid.
     #[test]
     fn what_is_measured_is_valid() {
         let Some(gpu) = device_or_skip() else { return };

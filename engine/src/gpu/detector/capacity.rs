@@ -1,7 +1,7 @@
-//! The capacities that calls were found to need.
+//! Capacities that calls were found to need.
 
-/// Entries there is to be room for at least, by the binary digits of the spheres of the call that needed them: in
-/// calls of as many digits or more.
+/// The least entry capacities, indexed by the number of binary digits of the sphere count of the call that needed them.
+/// A capacity applies to calls of at least as many digits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EntryCapacity(pub(super) [u32; u32::BITS as usize + 1]);
 
@@ -17,7 +17,7 @@ impl EntryCapacity {
     }
 }
 
-/// What was raised for calls that needed more, to be restored where the device has not so much.
+/// The capacities before a call that needed more, restored if the device cannot allocate them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CapacitySnapshot {
     pub(super) entries: EntryCapacity,

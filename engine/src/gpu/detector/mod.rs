@@ -48,7 +48,7 @@ pub struct GpuDetector {
     timer: Option<Timer>,
 }
 
-/// The settings of one call.
+/// The algorithm and the cell ratio of one call.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AlgorithmChoice {
     pub(crate) algorithm: Algorithm,
@@ -56,7 +56,7 @@ pub(crate) struct AlgorithmChoice {
 }
 
 impl GpuDetector {
-    /// A detector on the caller's device. Kernels are compiled when first needed.
+    /// Creates a detector on the caller's device. Kernels are compiled when first needed.
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
@@ -94,10 +94,10 @@ impl GpuDetector {
         Ok(self.plan_for(spheres, self.algorithm_choice())?.cost())
     }
 
-    /// Bytes of device memory for calls of up to `spheres` spheres, the output included and the input not.
+    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with the output and without the input.
     ///
     /// # Errors
-    /// The same as [`cost`](Self::cost).
+    /// See [`cost`](Self::cost).
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         self.cost(spheres).map(|cost| cost.working_bytes + cost.pair_bytes)
     }
@@ -111,7 +111,7 @@ impl GpuDetector {
         choice::algorithm(algorithm, (spheres, None, 1), (self.settings.crossover, "given"))
     }
 
-    /// Changes the space, which must repeat along the same axes.
+    /// Changes the space, which must be periodic along the same axes.
     pub(in crate::gpu) fn set_space(&mut self, space: Space) {
         debug_assert_eq!(
             self.settings.space.lengths().map(|l| l.is_some()),
@@ -120,7 +120,7 @@ impl GpuDetector {
         self.settings.space = space;
     }
 
-    /// The settings of calls by the configuration.
+    /// Returns the algorithm and cell ratio of the configuration.
     pub(crate) fn algorithm_choice(&self) -> AlgorithmChoice {
         AlgorithmChoice { algorithm: self.settings.algorithm, cell_ratio: self.settings.cell_ratio }
     }
@@ -134,8 +134,8 @@ impl GpuDetector {
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
-    /// Allocates for calls of up to `spheres` spheres, unless that is there already. Buffers of an earlier, smaller
-    /// size are released.
+    /// Allocates buffers for calls of up to `spheres` spheres, unless they exist. Buffers of a smaller size are
+    /// released.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], or where the device is lost.
@@ -147,8 +147,8 @@ impl GpuDetector {
     /// Returns the buffers if their capacity suffices, else new ones.
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
-        // Released first, so that old and new need not fit side by side. Buffers for more spheres serve fewer: those of a
-        // grid also all pairs.
+        // Old buffers are released first, so that old and new need not fit at once. Larger buffers serve smaller calls,
+        // and buffers of a grid serve naive calls.
         let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
         if let Some(prepared) = kept {
             return Ok(Prepared { plan, ..prepared });
@@ -161,7 +161,7 @@ impl GpuDetector {
         &self.settings
     }
 
-    /// The capacity of the next call's output in pairs.
+    /// Returns the pair capacity of the next call's output.
     pub fn pair_capacity(&self) -> u32 {
         self.settings.pair_capacity
     }
@@ -171,20 +171,21 @@ impl GpuDetector {
         self.tables.is_some()
     }
 
-    /// Changes how many pairs the output holds; the output is allocated anew by the next call.
+    /// Changes the pair capacity of the output. The next call allocates a new output.
     pub fn set_pair_capacity(&mut self, pairs: u32) {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Raises the capacity to at least this number of (cell, object) entries, as [`Outcome::entries_needed`] tells after a call that had
-    /// too little, and for some more; the next call allocates anew. Calls of less than half
-    /// as many spheres do without. False where the device cannot hold them.
+    /// Raises the capacity to at least `entries` (cell, object) entries, with a reserve, after a call with too few
+    /// ([`Outcome::entries_needed`]). The next call allocates. Calls of less than half as many spheres keep their
+    /// capacity. Returns `false` if the device cannot hold that many.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         let spheres = self.plan().map_or(0, |plan| plan.spheres);
         self.raise_entry_capacity(entries, spheres)
     }
 
-    /// The same as [`set_entry_capacity`](Self::set_entry_capacity), for a call of `spheres` spheres.
+    /// Raises the entry capacity as [`set_entry_capacity`](Self::set_entry_capacity) does, for calls of `spheres`
+    /// spheres.
     pub(crate) fn raise_entry_capacity(&mut self, entries: u64, spheres: u32) -> bool {
         let most = most_entries(&DeviceLimits::of(&self.device));
         if entries > most {
@@ -195,7 +196,7 @@ impl GpuDetector {
         true
     }
 
-    /// The capacities that [`restore_capacities`](Self::restore_capacities) restores.
+    /// Returns the capacities for [`restore_capacities`](Self::restore_capacities).
     pub(crate) fn capacities(&self) -> CapacitySnapshot {
         CapacitySnapshot { entries: self.entry_capacity, pairs: self.settings.pair_capacity }
     }
@@ -205,8 +206,8 @@ impl GpuDetector {
         self.settings.pair_capacity = room.pairs;
     }
 
-    /// Has later calls end before their crowded search is done, where it is more than so many distance tests:
-    /// [`encode_continuation`](Self::encode_continuation) records a further part while the outcome is partial.
+    /// Limits the distance tests of crowded cells in later calls: [`encode_continuation`](Self::encode_continuation)
+    /// records a further part while the outcome has remaining work.
     pub(crate) fn set_max_tests_per_submission(&mut self, tests: u64) {
         let tile = u64::from(k::WORKGROUP_SIZE) * u64::from(k::WORKGROUP_SIZE);
         self.tiles_per_submission = u32::try_from(tests / tile).unwrap_or(SearchParams::UNLIMITED);
@@ -222,7 +223,7 @@ impl GpuDetector {
         }
     }
 
-    /// Changes the cell edge; see [`GpuConfig::cell_ratio`].
+    /// Changes the cell size; see [`GpuConfig::cell_ratio`].
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] where it is out of range.
@@ -246,7 +247,7 @@ impl GpuDetector {
         self.encode_as(self.algorithm_choice(), encoder, input)
     }
 
-    /// The same as [`encode`](Self::encode), with other settings of the call.
+    /// Records the detection with another algorithm or cell ratio.
     pub(crate) fn encode_as(
         &mut self,
         choice: AlgorithmChoice,
@@ -266,7 +267,7 @@ impl GpuDetector {
         Ok(output)
     }
 
-    /// Binds all that a call dispatches, and encodes nothing.
+    /// Binds all dispatches of a call without encoding them.
     pub(crate) fn bind_as(
         &mut self,
         choice: AlgorithmChoice,
@@ -279,23 +280,23 @@ impl GpuDetector {
         bound.map(|()| output)
     }
 
-    /// The last bindings.
+    /// Returns the current recording.
     pub(crate) fn recording(&self) -> Option<&Recording> {
         self.prepared.as_ref().and_then(|prepared| prepared.recordings.current())
     }
 
-    /// The plan of the last recorded call.
+    /// Returns the plan of the last recorded call.
     pub(crate) fn plan(&self) -> Option<&Plan> {
         self.prepared.as_ref().map(|p| &p.plan)
     }
 
-    /// The result buffers of the last recorded call.
+    /// Returns the output buffers of the last recorded call.
     pub(crate) fn output(&self) -> Option<GpuOutput> {
         self.prepared.as_ref().map(Prepared::output)
     }
 
-    /// The ticks at either end of each phase (`u64`, in the order of [`GpuPhase::ALL`](super::GpuPhase::ALL)); `None` where calls
-    /// are not timed.
+    /// Returns the buffer with the begin and end ticks of each phase (`u64`, in the order of
+    /// [`GpuPhase::ALL`](super::GpuPhase::ALL)); `None` without timestamps.
     pub fn ticks(&self) -> Option<&wgpu::Buffer> {
         self.timer.as_ref().map(Timer::ticks)
     }

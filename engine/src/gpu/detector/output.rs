@@ -19,10 +19,10 @@ pub struct GpuOutput {
     pub sorted: Option<CellOrder>,
 }
 
-/// The spheres in the order of a cell list's cells: neighbours in space are mostly neighbours in memory. Who takes this
-/// order over, every now and then, makes the next calls faster, which then read memory nearly in sequence; and with
-/// [`GpuConfig::pairs_in_cell_order`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
-/// call left until the next one, and have as many elements as the call had spheres.
+/// The spheres in the order of a cell list's cells: neighbors in space are mostly neighbors in memory. A caller that
+/// adopts this order now and then makes later calls faster, as these read memory nearly in sequence. With
+/// [`GpuConfig::pairs_in_cell_order`] its own work on pairs gains as well. All buffers have `STORAGE` and `COPY_SRC`
+/// usage, are valid until the next call, and have as many elements as the call had spheres.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {

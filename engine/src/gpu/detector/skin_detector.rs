@@ -1,8 +1,9 @@
-//! Candidates that stay on the device from call to call.
+//! A candidate list that stays on the device from call to call.
 //!
-//! Spheres are kept, larger by half the skin, when candidates are found among them. Each call measures how far they have
-//! gone since. The device decides whether that is too far, and only then do the dispatches that find candidates have
-//! workgroups; nothing is read back. Then candidates are tested where the spheres are now.
+//! A rebuild stores the spheres, with radii larger by half the skin, and searches them for candidates. Each call
+//! measures displacements since the rebuild. The device decides on a rebuild: the dispatches of the search get their
+//! workgroup counts, or zeros. The host reads nothing back. Then the call tests the candidates at the current
+//! positions.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -22,18 +23,18 @@ use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, sk
 #[cfg(doc)]
 use crate::gpu::{Outcome, SkinState};
 
-/// The part of its half of the skin that a sphere may use up: less than all of it by more than rounding can hide.
+/// The usable fraction of half the skin: below 1 by more than rounding can hide.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
-/// By how much distances of species grow besides the skin, as the radii do.
+/// The factor by which distances of species grow besides the skin, as radii do.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
-/// Candidates that there is room for by default, for each pair that the output holds.
+/// The default candidate capacity per pair of the output.
 const PER_PAIR: u32 = 4;
 
 /// Finds overlapping pairs of spheres that move little from call to call, in GPU buffers.
 ///
-/// The same as [`GpuDetector`], but pairs that are up to a skin too far apart to touch stay on the device as candidates, until some
-/// sphere has gone half of the skin. That is decided on the device, at every call, and never shows in a result. Another
-/// number of spheres, another radius or another species has candidates found anew.
+/// Works as [`GpuDetector`], and keeps pairs up to a skin too far apart on the device as candidates until a sphere has
+/// moved half the skin. The device decides on a rebuild at every call; the result never depends on it. Another number
+/// of spheres, radius or species forces a rebuild.
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,
@@ -41,42 +42,42 @@ pub struct GpuSkinDetector {
     skin: f32,
     pipelines: Pipelines,
     tables: Option<Tables>,
-    /// Finds the candidates, among the spheres that are kept.
+    /// Finds the candidates among the stored spheres.
     search: GpuDetector,
     resident: Option<Resident>,
 }
 
-/// What stays on the device.
+/// The buffers that stay on the device.
 #[derive(Debug)]
 struct Resident {
-    /// Spheres that there is room for, and pairs.
+    /// The capacities in spheres and in pairs.
     room: [u32; 2],
     buffers: Buffers,
     candidates: Option<Candidates>,
 }
 
-/// The candidates, by the search for them, and what is known of them.
+/// The candidate list and its state.
 #[derive(Debug)]
 struct Candidates {
     found: GpuOutput,
     state: Buffers,
-    /// By the call and the workgroups of the search.
+    /// Recordings by the call and the workgroup counts of the search.
     parts: SmallCache<(Key, Vec<u32>), Parts>,
 }
 
-/// What comes before the search for candidates and behind it.
+/// The dispatches before and after the search for candidates.
 #[derive(Debug)]
 struct Parts {
     before: Recording,
-    /// Workgroups of the search's dispatches, by then.
+    /// The workgroup counts of the search's dispatches.
     gate: Buffers,
-    behind: Recording,
+    after: Recording,
 }
 
 impl GpuSkinDetector {
-    /// A detector on the caller's device with a skin of this width, in the unit of the coordinates. A wider one lasts
-    /// longer and has more candidates: a good one is a few times as wide as the fastest sphere goes in a call.
-    /// [`GpuConfig::pairs_in_cell_order`] and [`GpuConfig::timestamps`] are of no effect.
+    /// Creates a detector on the caller's device with a skin in the unit of the coordinates. A wider skin lasts longer
+    /// and has more candidates; a few times the fastest displacement per call is a good choice.
+    /// [`GpuConfig::pairs_in_cell_order`] and [`GpuConfig::timestamps`] have no effect.
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
@@ -98,15 +99,15 @@ impl GpuSkinDetector {
         Ok(Self { device: device.clone(), settings, skin, pipelines, tables, search, resident: None })
     }
 
-    /// How wide the skin is.
+    /// Returns the skin.
     pub(crate) fn skin(&self) -> f32 {
         self.skin
     }
 
-    /// Changes how wide it is. The next call finds candidates anew, in the buffers that there are.
+    /// Changes the skin. The next call rebuilds the list in the existing buffers.
     ///
     /// # Errors
-    /// The same as [`new`](Self::new).
+    /// See [`new`](Self::new).
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
@@ -122,8 +123,8 @@ impl GpuSkinDetector {
         Ok(())
     }
 
-    /// Changes how many candidates there is room for, by default four for each pair that the output holds. After a call
-    /// that had too little ([`Outcome::OVERFLOW_CANDIDATES`]) [`Outcome::entries_needed`] tells how many there are.
+    /// Changes the candidate capacity, by default four per pair of the output. After a call with too little
+    /// ([`Outcome::OVERFLOW_CANDIDATES`]), [`Outcome::candidates_needed`] is the number of candidates.
     pub fn set_candidate_capacity(&mut self, candidates: u32) {
         self.search.set_pair_capacity(candidates);
     }
@@ -132,46 +133,47 @@ impl GpuSkinDetector {
         self.search.pair_capacity()
     }
 
-    /// Changes how many pairs the output holds; the output is allocated anew by the next call, which finds candidates anew.
+    /// Changes the pair capacity of the output. The next call allocates a new output and rebuilds the list.
     pub fn set_pair_capacity(&mut self, pairs: u32) {
         self.settings.pair_capacity = pairs;
     }
 
-    /// The same as [`GpuDetector::set_entry_capacity`].
+    /// Raises the entry capacity as [`GpuDetector::set_entry_capacity`] does.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         self.search.set_entry_capacity(entries)
     }
 
-    /// Bytes of device memory for calls of up to `spheres` spheres, candidates and the output included and the input not.
+    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with candidates and the output and
+    /// without the input.
     ///
     /// # Errors
-    /// The same as [`GpuDetector::memory_for`].
+    /// See [`GpuDetector::memory_for`].
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         let gpu = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
         Ok(self.search.memory_for(spheres)? + gpu.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
-    /// The part of what it may go, between 0 and 1, that a sphere has gone whose square has these bits.
+    /// Returns the used fraction of the displacement limit, from the bits of a squared displacement.
     pub(crate) fn part(&self, moved: u32) -> f32 {
         f32::from_bits(moved).sqrt() / (self.skin / 2.0)
     }
 
-    /// The plan of the search for candidates that was recorded last.
+    /// Returns the plan of the last recorded search for candidates.
     pub(crate) fn plan(&self) -> Option<&Plan> {
         self.search.plan()
     }
 
-    /// What is known of the candidates: [`SkinState`], with `STORAGE` and `COPY_SRC` usage. `None` before the first call.
+    /// Returns the buffer of the [`SkinState`], with `STORAGE` and `COPY_SRC` usage; `None` before the first call.
     pub fn state(&self) -> Option<&wgpu::Buffer> {
         let candidates = self.resident.as_ref()?.candidates.as_ref()?;
         Some(candidates.state.get(BufferId::SkinState))
     }
 
-    /// Records the detection, as [`GpuDetector::encode`] does. [`Outcome::OVERFLOW_CANDIDATES`] in the overflow flag says that the
-    /// candidates did not fit: the pairs are then not all that there are.
+    /// Records the detection, as [`GpuDetector::encode`] does. With [`Outcome::OVERFLOW_CANDIDATES`] in the overflow
+    /// flag, candidates did not fit and pairs are missing.
     ///
     /// # Errors
-    /// The same as [`GpuDetector::encode`].
+    /// See [`GpuDetector::encode`].
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -180,7 +182,7 @@ impl GpuSkinDetector {
         self.encode_as(self.search.algorithm_choice(), encoder, input)
     }
 
-    /// The same as [`encode`](Self::encode), with candidates found in another way than the settings say.
+    /// Records the detection with another algorithm or cell ratio of the search.
     pub(crate) fn encode_as(
         &mut self,
         choice: AlgorithmChoice,
@@ -195,7 +197,7 @@ impl GpuSkinDetector {
             None => self.allocate([spheres, pairs])?,
         };
         let Resident { buffers, candidates, .. } = &mut resident;
-        // Candidates serve any window, and one set as well as two.
+        // Candidates serve any window, and one set or two.
         let kept = GpuSpheres {
             spheres: buffers.get(BufferId::ReferenceSpheres),
             count: input.count,
@@ -204,7 +206,7 @@ impl GpuSkinDetector {
             split: 0,
         };
         let found = self.search.bind_as(choice, &kept)?;
-        // With other buffers of the search those that there were are gone.
+        // With new buffers of the search the old candidates are lost.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
             Some(same) => candidates.insert(same),
             None => {
@@ -214,12 +216,12 @@ impl GpuSkinDetector {
         };
         let key = Key::of(input, self.settings.call(spheres, input));
         self.record(buffers, candidates, key)?;
-        if let (Some(Parts { before, gate, behind }), Some(search)) =
+        if let (Some(Parts { before, gate, after }), Some(search)) =
             (candidates.parts.current(), self.search.recording())
         {
             before.encode(encoder);
             search.encode_indirect(encoder, gate.get(BufferId::DispatchCounts));
-            behind.encode(encoder);
+            after.encode(encoder);
         }
         let [pairs, outcome] = [BufferId::Pairs, BufferId::Outcome].map(|slot| buffers.get(slot).clone());
         self.resident = Some(resident);
@@ -234,7 +236,7 @@ impl GpuSkinDetector {
         Ok(Resident { room, buffers, candidates: None })
     }
 
-    /// Binds all dispatches of such a call, unless they are.
+    /// Binds all dispatches of such a call, unless they are bound.
     fn record(&self, buffers: &Buffers, candidates: &mut Candidates, key: Key) -> Result<(), Error> {
         let Candidates { found, state, parts } = candidates;
         let search = self.search.recording();
@@ -259,7 +261,7 @@ impl GpuSkinDetector {
                 ("state", ..) => state.get(BufferId::SkinState),
                 ("full_counts", ..) => &full,
                 ("dispatch_counts", ..) => gate.get(BufferId::DispatchCounts),
-                // Of the search, where it finds workgroups itself; its own, which is written again, where it does not.
+                // The indirect arguments of the search if it has any; else a buffer that nothing reads.
                 ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => {
                     search.and_then(Recording::indirect_args).unwrap_or(gpu(BufferId::DispatchArgs))
                 }
@@ -272,10 +274,10 @@ impl GpuSkinDetector {
             };
             let periodic = self.settings.space.is_periodic();
             let variant = Variant { species: self.tables.is_some(), periodic, ..self.pipelines.variant() };
-            let [before, behind] = skin::dispatches(key.call.spheres).map(|dispatches| {
+            let [before, after] = skin::dispatches(key.call.spheres).map(|dispatches| {
                 Recording::new(&self.device, &self.pipelines, variant, dispatches, resolve)
             });
-            Ok(Parts { before: before?, gate, behind: behind? })
+            Ok(Parts { before: before?, gate, after: after? })
         })
     }
 }
@@ -288,7 +290,7 @@ fn check_skin(skin: f32) -> Result<(), Error> {
     Err(Error::InvalidSetting { name: "skin", value, range })
 }
 
-/// What finds the candidates.
+/// Creates the search for candidates.
 fn search(
     device: &wgpu::Device,
     pipelines: Pipelines,
@@ -304,7 +306,7 @@ fn search(
     GpuDetector::with_pipelines(device, pipelines, wide)
 }
 
-/// The table by which species are candidates.
+/// Returns the table for candidates: distances grow by the skin.
 fn widened(table: &Interactions, skin: f32) -> Result<Interactions, Error> {
     let mut wide = Interactions::new(table.species(), Interaction::Never)?;
     for (a, b) in (0..table.species()).flat_map(|a| (a..table.species()).map(move |b| (a, b))) {

@@ -48,7 +48,7 @@ fn detector(gpu: &GpuDevice, settings: GpuConfig) -> GpuDetector {
     GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings).expect("made")
 }
 
-/// What the kernel makes of these spheres.
+/// Returns the spheres as the kernel wraps them.
 fn wrapped(gpu: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
     let mut detector = detector(gpu, GpuConfig::default().algorithm(Algorithm::Naive).space(space));
     let given = upload(gpu, spheres);
@@ -147,13 +147,13 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     entries.map(|(key, object)| (key >> grid.passive < first_keys, object & 0x1fff_ffff)).collect()
 }
 
-/// A crowd beside a few spheres, with some of both on the border between their cells: as τ grows, the crowd's cells go
-/// from refined to settled, one after another. Their pairs are right whatever τ is: see the tests of levels.
+/// A crowd near a few spheres, with some of both on the border between their cells: as τ grows, the crowd's cells stop
+/// being split, one after another. The tests of levels check the pairs.
 #[test]
-fn settled_and_refined_cells_share_spheres() {
+fn split_and_unsplit_cells_share_spheres() {
     let Some(gpu) = device_or_skip() else { return };
-    // Of the largest sphere, which lies apart, cells are 4.1 wide and have a corner at the median. No other is of their
-    // depth, so that a cell has entries of others only where it is settled.
+    // The largest sphere lies apart. Its cells are 4.1 wide and have a corner at the median. No other sphere is of its
+    // depth, so a cell has entries of other spheres only if it is not split.
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
     let mut state = 40_u64;
     let mut unit = || {
@@ -168,10 +168,10 @@ fn settled_and_refined_cells_share_spheres() {
     spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
     let sharing = (0..=350).step_by(20).map(|tau| {
         let entries = entries_of(&gpu, tau, &spheres);
-        let [settled, refined] = [true, false].map(|at_first| -> HashSet<u32> {
+        let [unsplit, split] = [true, false].map(|at_first| -> HashSet<u32> {
             entries.iter().filter(|entry| entry.0 == at_first).map(|entry| entry.1).collect()
         });
-        settled.intersection(&refined).count()
+        unsplit.intersection(&split).count()
     });
     let sharing: Vec<usize> = sharing.collect();
     assert!(

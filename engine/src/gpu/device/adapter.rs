@@ -34,7 +34,7 @@ pub struct AdapterSummary {
     pub groups_per_dimension: u32,
 }
 
-/// Every adapter that wgpu finds here, hardware first.
+/// Returns every adapter that wgpu finds, hardware first.
 pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().iter().map(summary).collect()
 }
@@ -43,9 +43,9 @@ pub fn adapters() -> Vec<AdapterSummary> {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum AdapterId {
-    /// Its place among [`adapters`], from 0 on; `lazygrid devices` lists them.
+    /// The index among [`adapters`], starting at 0; `lazygrid devices` lists them.
     Index(usize),
-    /// Its name or a part of it that no other adapter has, in upper or lower case.
+    /// The name, or a part of it that no other adapter has, in upper or lower case.
     Name(String),
 }
 
@@ -71,10 +71,10 @@ impl fmt::Display for AdapterId {
 }
 
 impl AdapterId {
-    /// The place among the adapters that there are.
+    /// Returns the index among the adapters `found`.
     ///
     /// # Errors
-    /// [`Error::UnknownAdapter`] where no adapter is meant, or several are.
+    /// [`Error::UnknownAdapter`] if no adapter matches, or several match.
     pub fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, Error> {
         let named = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
             (0..found.len()).filter(|&place| fits(&found[place].name.to_lowercase())).collect()
@@ -99,8 +99,8 @@ impl AdapterId {
     }
 }
 
-/// Features that are used where they are offered. A host application does well to request them for its device,
-/// together with the adapter's own limits; none is required.
+/// Returns the features that are used if present. Host applications should request them for their device, with the
+/// adapter's own limits; none is required.
 pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY
 }

@@ -42,8 +42,7 @@ pub struct GpuDevice {
 }
 
 impl GpuDevice {
-    /// Opens the best adapter: a discrete GPU before an integrated one, and hardware before software, which is
-    /// taken only where `software` allows it.
+    /// Opens the best adapter: a discrete GPU before an integrated one, and hardware before software.
     ///
     /// # Errors
     /// [`Error::NoAdapter`] and [`Error::NoDevice`].
@@ -60,7 +59,7 @@ impl GpuDevice {
         }
     }
 
-    /// Opens this adapter, be it hardware or software.
+    /// Opens this adapter, hardware or software.
     ///
     /// # Errors
     /// [`Error::UnknownAdapter`] where no adapter is meant, or several are; [`Error::NoAdapter`] if there is
@@ -97,7 +96,7 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// A host application's device. Its handlers are left alone.
+    /// Wraps a host application's device and leaves its handlers alone.
     pub fn from_wgpu(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         Self {
             adapter: summarize(device.adapter_info(), &device.limits(), device.features()),
@@ -108,20 +107,20 @@ impl GpuDevice {
         }
     }
 
-    /// The same as [`open`](Self::open), but one device for the whole process, with its compiled kernels, until it is
-    /// lost. That there is no adapter is looked up once.
+    /// Returns one device for the whole process with its compiled kernels, opened as by [`open`](Self::open) and kept
+    /// until it is lost. The absence of an adapter is looked up once.
     ///
     /// # Errors
-    /// The same as [`open`](Self::open).
+    /// See [`open`](Self::open).
     pub fn shared(software: SoftwareAdapter) -> Result<Self, Error> {
         Self::share(SharedRequest::Best(software), || Self::open(software))
     }
 
-    /// The same as [`open_adapter`](Self::open_adapter), but one device for the whole process, as [`shared`](Self::shared) has
-    /// it.
+    /// Returns one device for the whole process, opened as by [`open_adapter`](Self::open_adapter) and kept as by
+    /// [`shared`](Self::shared).
     ///
     /// # Errors
-    /// The same as [`open_adapter`](Self::open_adapter).
+    /// See [`open_adapter`](Self::open_adapter).
     pub fn shared_adapter(id: &AdapterId) -> Result<Self, Error> {
         Self::share(SharedRequest::Named(id.clone()), || Self::open_adapter(id))
     }
@@ -150,15 +149,15 @@ impl GpuDevice {
         }
     }
 
-    /// The reason behind an error: on a lost device calls are refused for other reasons first.
+    /// Returns the cause of an error: a lost device refuses calls with other errors first.
     pub(crate) fn reason(&self, error: Error) -> Error {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Whether the device still works. That it was lost is told late, and to a host application only for its own
-    /// device; but then it refuses even a small buffer.
+    /// Tests whether the device still works. A loss is reported late, and a host application's device reports it only
+    /// to the application; but a lost device refuses even a small buffer.
     pub(crate) fn probe(&self) -> Result<(), Error> {
-        // A poll is what brings the news; its own failure adds nothing.
+        // A poll delivers the report of a loss; its own failure adds nothing.
         let _ = self.device.poll(wgpu::PollType::Poll);
         self.check_lost()?;
         match constant_buffer(&self.device, "a probe", &[0; 16]) {
@@ -168,7 +167,7 @@ impl GpuDevice {
     }
 }
 
-/// The device of this process's tests; none if there is no adapter and none is required.
+/// Returns the device of this process's tests; `None` if no adapter exists and none is required.
 #[cfg(test)]
 pub(crate) fn device_or_skip() -> Option<GpuDevice> {
     match GpuDevice::shared(SoftwareAdapter::Allow) {
@@ -178,8 +177,8 @@ pub(crate) fn device_or_skip() -> Option<GpuDevice> {
 }
 
 impl GpuDevice {
-    /// Runs `work` and returns what the device complained about, instead of leaving it to a handler that panics. `what`
-    /// is being done and takes `bytes`, for the message.
+    /// Runs `work` in an error scope and returns the device's error, instead of leaving it to a handler that panics.
+    /// Messages name the activity `what` and its `bytes`.
     ///
     /// # Errors
     /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::DeviceRejected`].
@@ -194,10 +193,10 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// One of this library's own kernels, compiled as its detectors have it, and the layout of its bindings.
+    /// Returns a kernel of this library, compiled as its detectors compile it, and its bind group layout.
     ///
     /// # Errors
-    /// The same as [`with_error_scope`](Self::with_error_scope).
+    /// See [`with_error_scope`](Self::with_error_scope).
     pub fn kernel(
         &self,
         kernel: &'static Kernel,
@@ -206,11 +205,11 @@ impl GpuDevice {
         self.pipelines.get(kernel, variant).map(|Pipeline { pipeline, layout }| (pipeline, layout))
     }
 
-    /// A compute pipeline of a WGSL text, and the layout of its bindings, all in group 0 and numbered from 0. The entry
-    /// point is called `name`.
+    /// Compiles a WGSL text. Returns the compute pipeline and its bind group layout: group 0, bindings numbered from 0.
+    /// The entry point is `name`.
     ///
     /// # Errors
-    /// The same as [`with_error_scope`](Self::with_error_scope).
+    /// See [`with_error_scope`](Self::with_error_scope).
     pub fn compile(
         &self,
         name: &'static str,

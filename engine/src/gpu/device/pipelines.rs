@@ -24,7 +24,7 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
-    /// Subgroup operations are used where the device was made with them.
+    /// Creates an empty cache. Kernels use subgroup operations if the device has the feature.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         let offered = device.features().contains(wgpu::Features::SUBGROUP);
         let smallest = offered.then(|| device.adapter_info().subgroup_min_size);
@@ -33,12 +33,12 @@ impl Pipelines {
         Self { device: device.clone(), variant, compiled: Arc::default() }
     }
 
-    /// What this device is given of a kernel for calls of any kind; what else differs is up to the call.
+    /// Returns the variant of kernels for this device. Other fields of the variant depend on the call.
     pub(crate) fn variant(&self) -> Variant {
         self.variant
     }
 
-    /// The same kernels without subgroup operations.
+    /// Returns the same kernels without subgroup operations.
     pub(crate) fn without_subgroups(self) -> Self {
         Self { variant: Variant { subgroups: None, ..self.variant }, ..self }
     }
@@ -57,7 +57,7 @@ impl Pipelines {
 
 fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline {
     let accesses = kernel.bindings(variant).map(|bound| bound.access);
-    // Every kernel clears what it reads before writing.
+    // Every kernel clears workgroup memory before it reads it.
     pipeline(device, kernel.name, accesses, &shader_module(device, kernel, variant), false)
 }
 
@@ -115,8 +115,8 @@ fn shader_module(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> wg
     // The counters by which wgpu ends endless loops make all pairs a fifth dearer.
     let mut checks = wgpu::ShaderRuntimeChecks::checked();
     checks.force_loop_bounding = false;
-    // SAFETY: every other check stays on, so what is promised is that each loop of this text ends. The text is one of
-    // lazygrid-kernels; its counters go up or down to a limit that stays the same, by steps that cannot pass it, or
-    // clear a bit at each turn. `kernels/tests/loops.rs` holds that against each loop of all texts.
+    // SAFETY: all other checks stay enabled, so the obligation is that each loop of the text ends. The text belongs to
+    // lazygrid-kernels. Its loop counters approach a constant limit by steps that cannot pass it, or clear a bit at
+    // each iteration. `kernels/tests/loops.rs` checks each loop of all texts.
     unsafe { device.create_shader_module_trusted(descriptor, checks) }
 }

@@ -84,7 +84,7 @@ impl BoundSort {
         self.recording.encode(encoder);
     }
 
-    /// Where it leaves its result: in the buffers that came in, or in others.
+    /// Returns the buffers with the result: those of the input, or others.
     pub fn sorted(&self) -> &KeyValueBuffers {
         &self.sorted
     }

@@ -41,7 +41,7 @@ impl Buffers {
         &self.0[&slot]
     }
 
-    /// One that there may not be.
+    /// Returns a buffer that may be absent.
     pub(crate) fn find(&self, slot: BufferId) -> Option<&wgpu::Buffer> {
         self.0.get(&slot)
     }
@@ -51,7 +51,7 @@ impl Buffers {
 #[derive(Debug)]
 pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
-    /// Where a further part of a call begins; after the last dispatch if there is none.
+    /// The first dispatch of a continuation; the number of dispatches if the call has none.
     continuation_start: usize,
 }
 
@@ -72,7 +72,7 @@ enum WorkgroupCount {
 }
 
 impl Recording {
-    /// Binds what `resolve` names for each binding of each stage.
+    /// Binds the buffers that `resolve` returns for each binding of each dispatch.
     pub(crate) fn new<'a>(
         device: &wgpu::Device,
         pipelines: &Pipelines,
@@ -126,7 +126,7 @@ impl Recording {
         self.dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass));
     }
 
-    /// The workgroups of each dispatch, three words for each; none where an earlier dispatch finds how many.
+    /// Returns the workgroup counts, three words per dispatch; zeros for indirect dispatches.
     pub(crate) fn workgroup_counts(&self) -> Vec<u32> {
         let of = |dispatch: &BoundDispatch| match dispatch.groups {
             WorkgroupCount::Fixed([x, y]) => [x, y, 1],
@@ -135,7 +135,7 @@ impl Recording {
         self.dispatches.iter().flat_map(of).collect()
     }
 
-    /// Where earlier dispatches say how many workgroups a later one has.
+    /// Returns the buffer of indirect arguments, if a dispatch has any.
     pub(crate) fn indirect_args(&self) -> Option<&wgpu::Buffer> {
         self.dispatches.iter().find_map(|dispatch| match &dispatch.groups {
             WorkgroupCount::Fixed(_) => None,

@@ -2,11 +2,11 @@ use std::collections::VecDeque;
 
 use crate::Error;
 
-/// The last few things that were made, for callers that alternate between a few buffers.
+/// The last few values, for callers that alternate between a few buffers.
 #[derive(Debug)]
 pub(crate) struct SmallCache<K, V> {
     made: VecDeque<(K, V)>,
-    /// The one that was turned to last.
+    /// The index of the value that was requested last.
     current: usize,
 }
 
@@ -15,7 +15,7 @@ impl<K: PartialEq, V> SmallCache<K, V> {
 
     pub(crate) const NONE: Self = Self { made: VecDeque::new(), current: 0 };
 
-    /// Turns to what was made for this, and makes it first where it was not.
+    /// Selects the value of `key`, created by `make` if it is absent.
     pub(crate) fn get_or_insert_with(
         &mut self,
         key: K,

@@ -17,7 +17,7 @@ pub(crate) enum BufferId {
     Outcome,
     /// The pairs.
     Pairs,
-    /// The spheres' images nearest to the origin.
+    /// The wrapped spheres.
     Wrapped,
     /// Depth and cells of each sphere.
     Cells,
@@ -25,13 +25,13 @@ pub(crate) enum BufferId {
     Density,
     /// The number of entries.
     SortCounts,
-    /// Keys of the entries, two of them to sort to and fro.
+    /// Keys of the entries; two buffers, which a sort alternates between.
     Keys(bool),
-    /// Objects of the entries, likewise.
+    /// Objects of the entries; two buffers.
     Objects(bool),
     /// Digit counts of a radix pass, by digit and tile.
     Counts,
-    /// Those of all tiles together.
+    /// Digit counts of all tiles together.
     Totals,
     /// Sums of the tiles of a scan.
     Sums,
@@ -51,15 +51,15 @@ pub(crate) enum BufferId {
     Homes,
     /// The spheres in the order of their cells.
     Sorted,
-    /// Their species.
+    /// Species of the sorted spheres.
     SortedSpecies,
-    /// The spheres as they were when candidates were found, widened.
+    /// The spheres at the last rebuild, with larger radii.
     ReferenceSpheres,
-    /// Their species then.
+    /// Species of the reference spheres.
     ReferenceSpecies,
     /// The state of the candidate list.
     SkinState,
-    /// Workgroups of the search for candidates: all or none.
+    /// Workgroup counts of the search for candidates, or zeros.
     DispatchCounts,
 }
 

@@ -9,34 +9,34 @@ use super::dispatches::{Dispatch, GpuPhase, scan_dispatches, sort_dispatches};
 use super::limits::DeviceLimits;
 use super::{Plan, Request};
 
-/// Halves of cells per sphere where the list is sorted by counting: with more of them a sphere has fewer candidates, and
-/// the table takes longer. At 3 cells a sphere among equal ones at 5 % density has 8.5 candidates, at 2 it has 10.8, at
-/// 4 it has 6.4.
+/// Half cells per sphere for a counting sort. More cells reduce the candidates and enlarge the table: at 2, 3 and 4
+/// cells per sphere, equal spheres at 5 % density have 10.8, 8.5 and 6.4 candidates.
 const COUNTED_HALF_CELLS: u64 = 6;
-/// The same where it is sorted by radix, where the table is too large for caches: 12.4 candidates.
+/// The same number for a radix sort, whose table exceeds caches: 12.4 candidates per sphere.
 const SORTED_HALF_CELLS: u64 = 3;
 /// The fewest cells: every level needs some.
 const FEWEST_CELLS: u64 = 1 << 12;
 /// The most cells, with which numbers of counters stay below 2³¹.
 const MOST_CELLS: u64 = 1 << 30;
-/// The device chooses cells by products of floats, which three roundings of 2⁻²⁴ make look smaller: for so many cells that
-/// there is room for it may take one more.
+/// The device computes cell counts as products of floats, which three roundings of 2⁻²⁴ reduce. Per this many cells of
+/// capacity the device may use one cell more.
 const ROUNDED: u64 = 1 << 22;
-/// Most counters for the crowds of level 0: so many stay in the caches of today's devices.
+/// The largest number of occupancy counters of level 0, which fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
-/// Workgroups of the survey: enough for today's devices, and so few that they do not queue at its counters.
+/// The largest number of workgroups of the statistics kernel: enough for current devices, and few enough to avoid
+/// contention at its counters.
 const SURVEY_GROUPS: u32 = 1024;
-/// Spheres that a thread of the survey looks at, where they are not more than its workgroups can share.
+/// Spheres per thread of the statistics kernel, up to its largest number of workgroups.
 const SPHERES_PER_THREAD: u32 = 8;
-/// Up to so many spheres each dispatch takes longer than what it has to do, and calls have as few of them as can be: all
-/// smaller spheres leave crowded cells, and further shares are dispatched for every block.
+/// The largest number of spheres for which a dispatch costs more than its work. Such calls minimize dispatches: all
+/// smaller spheres leave overfull cells, and overflow workgroups are dispatched for every block.
 const FEW: u32 = 1 << 15;
-/// Up to so many a single workgroup surveys them and chooses the cells.
+/// The largest number of spheres that a single workgroup reduces and sets up.
 const VERY_FEW: u32 = 1 << 11;
-/// Cells of which one workgroup finds the beginnings.
+/// Cells whose starts one workgroup finds.
 const INDEX_BLOCK: u32 = 2048;
 
-/// Chooses the way to sort and the sizes of all tables.
+/// Chooses the sort and the sizes of all tables.
 pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let is_counted = request.spheres < request.radix_sort_from;
     let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
@@ -44,7 +44,7 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let most = limits.bytes() / 4 - 2;
     // Below 2³¹ with all counters.
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
-    // Two more are behind the cells.
+    // Two more counters follow the cells.
     plan.counters = plan.cells + plan.cells / ROUNDED as u32 + 2;
     plan.occupancy_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
     if is_counted {

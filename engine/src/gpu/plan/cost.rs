@@ -19,9 +19,8 @@ pub struct CallCost {
     pub working_bytes: u64,
     /// Bytes of device memory for pairs.
     pub pair_bytes: u64,
-    /// Bytes that all dispatches together read and write: what is read in order once, what is read in no order by sectors
-    /// of 32 bytes; without pairs, and where no cell is dense. `None` where it depends on how many cells a sphere overlaps,
-    /// or on what a cache holds.
+    /// Bytes that all dispatches read and write: sequential reads once, random reads by sectors of 32 bytes; without
+    /// pairs, and without overfull cells. `None` if the number depends on the cells per sphere or on cache contents.
     pub traffic_bytes: Option<u64>,
 }
 

@@ -44,24 +44,24 @@ pub(crate) struct Dispatch {
     pub(crate) groups: u32,
     /// `true` if their number is instead found on the device, in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
     pub(crate) indirect: bool,
-    /// Which part of the call it belongs to.
+    /// The phase of the call.
     pub(crate) phase: GpuPhase,
-    /// Which radix pass it belongs to; 0 outside the sort.
+    /// The radix pass; 0 outside the sort.
     pub(crate) pass: u32,
 }
 
 impl Dispatch {
-    /// A fixed number of workgroups, outside the sort.
+    /// Creates a dispatch of a fixed number of workgroups outside the sort.
     pub(crate) const fn new(kernel: &'static Kernel, groups: u32, phase: GpuPhase) -> Self {
         Self { kernel, groups, indirect: false, phase, pass: 0 }
     }
 
-    /// The same in a radix pass of the sort.
+    /// Creates a dispatch of a fixed number of workgroups in a radix pass.
     pub(super) const fn in_sort(kernel: &'static Kernel, groups: u32, pass: u32) -> Self {
         Self { pass, ..Self::new(kernel, groups, GpuPhase::Sort) }
     }
 
-    /// As many workgroups as the device finds.
+    /// Creates an indirect dispatch.
     pub(crate) const fn indirect(kernel: &'static Kernel, phase: GpuPhase) -> Self {
         Self { indirect: true, ..Self::new(kernel, 1, phase) }
     }

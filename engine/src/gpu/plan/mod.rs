@@ -29,7 +29,7 @@ const SEARCH_GROUPS: u64 = 2048;
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
 /// The fewest key bits: folding needs three per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
-/// Most counters in either half of the density table: so many stay in the caches of today's devices.
+/// The largest number of counters in either half of the occupancy table, which fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 
 /// The size and settings that a plan is made for.
@@ -37,21 +37,21 @@ const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 pub(crate) struct Request {
     /// Spheres, or the most there may be.
     pub(crate) spheres: u32,
-    /// Pairs that the output is to hold.
+    /// The pair capacity of the output.
     pub(crate) pairs: u32,
-    /// Entries there is to be room for at least; 0 leaves it to the plan.
+    /// The least entry capacity; 0 leaves it to the plan.
     pub(crate) entries: u32,
-    /// One of [`Algorithm::GPU`]: what `Auto` means is settled before.
+    /// One of [`Algorithm::GPU`], never `Auto`.
     pub(crate) algorithm: Algorithm,
     /// Species of the interaction table; 0 without one.
     pub(crate) species: u32,
     /// `true` if some axis is periodic.
     pub(crate) periodic: bool,
-    /// From how many spheres on a cell list is sorted by radix instead of by counting.
+    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting.
     pub(crate) radix_sort_from: u32,
 }
 
-/// Which cells hand their smaller spheres down to the next level.
+/// The cells that pass smaller spheres to the next level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub(crate) enum SplitPolicy {
@@ -59,14 +59,14 @@ pub(crate) enum SplitPolicy {
     None = 0,
     /// All.
     Every = 1,
-    /// Those with more than τ of them.
+    /// Cells with more than τ smaller spheres.
     Dense = 2,
 }
 
-/// Everything one call needs.
+/// The buffers and dispatches of one call.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Plan {
-    /// What was asked for.
+    /// The requested algorithm.
     pub(crate) algorithm: Algorithm,
     /// Spheres it is made for.
     pub(crate) spheres: u32,
@@ -170,12 +170,12 @@ impl Plan {
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
     }
 
-    /// Where a cell list leaves the order of its spheres.
+    /// Returns the buffer with the order of a cell list's spheres.
     pub(crate) fn order(&self) -> BufferId {
         BufferId::Objects(self.passes() % 2 == 1)
     }
 
-    /// The buffer behind a binding's name at a stage.
+    /// Returns the buffer behind the name of a binding of a dispatch.
     pub(crate) fn resource(&self, dispatch: &Dispatch, binding: &str) -> Resource {
         // Each pass reads what the one before wrote; after the last, the parity of their number says where.
         let front = match dispatch.phase {
@@ -223,8 +223,8 @@ impl Plan {
     }
 }
 
-/// Which digits a sort by the lowest `bits` bits takes, least significant first: as few as there can be, about equally
-/// wide.
+/// Returns the digits of a sort by the lowest `bits` bits, least significant first: the fewest digits, of about equal
+/// width.
 pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
     let passes = bits.div_ceil(k::DIGIT_BITS);
     let width = bits.div_ceil(passes.max(1));
@@ -246,9 +246,9 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 4).min(MAX_ENTRIES)
 }
 
-/// Room for eight entries per sphere, the most there can be at one level, or for as many as the device can bind. Mostly
-/// that serves several levels, as few spheres have as many as eight at each. Where it is not enough, the call says so
-/// in its overflow flag, and how many it needs. Room that is not used costs workgroups that find nothing to sort.
+/// Returns the entry capacity: eight per sphere, the most at one level, or as many as the device can bind. This mostly
+/// serves several levels, as few spheres have eight entries at each. If it is too small, the overflow flag and the
+/// needed number say so. Unused capacity costs workgroups without work.
 fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
@@ -265,7 +265,8 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
     Ok(entries as u32)
 }
 
-/// So many workgroups that none compares with more than [`k::NAIVE_TILES`] tiles, and that the device is busy.
+/// Returns the number of workgroups: enough that none compares with more than [`k::NAIVE_TILES`] tiles and that the
+/// device is busy.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
@@ -278,7 +279,8 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     Ok(needed as u32)
 }
 
-/// As many key bits as the spheres could occupy cells, in whole digits. A grid with more cells is folded.
+/// Returns the number of key bits: enough for the cells that the spheres can occupy, in whole digits. Larger grids are
+/// hashed.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)

@@ -23,7 +23,7 @@ pub(in crate::gpu) fn buffers(spheres: u32, pairs: u32, species: bool) -> Vec<(B
     buffers
 }
 
-/// The dispatches before the search for candidates and behind it.
+/// Returns the dispatches before and after the search for candidates.
 pub(in crate::gpu) fn dispatches(spheres: u32) -> [Vec<Dispatch>; 2] {
     let per_sphere = spheres.div_ceil(k::WORKGROUP_SIZE);
     let before = vec![
@@ -31,10 +31,10 @@ pub(in crate::gpu) fn dispatches(spheres: u32) -> [Vec<Dispatch>; 2] {
         Dispatch::new(&k::SKIN_CHECK, 1, GpuPhase::Survey),
         Dispatch::new(&k::SKIN_STORE_REFERENCE, per_sphere, GpuPhase::Survey),
     ];
-    let behind = vec![
+    let after = vec![
         Dispatch::new(&k::CANDIDATES_TEST_DISPATCH_ARGS, 1, GpuPhase::Search),
         Dispatch::indirect(&k::CANDIDATES_TEST, GpuPhase::Search),
         Dispatch::new(&k::OUTCOME_FINISH, 1, GpuPhase::Search),
     ];
-    [before, behind]
+    [before, after]
 }

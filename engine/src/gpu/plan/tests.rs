@@ -233,8 +233,8 @@ impl Plan {
     }
 }
 
-/// The device takes as many cells as do not exceed the room as floats, which round from 2²⁴ on: of 83 333 332 spheres, say,
-/// 500 along each axis, two more than were asked for.
+/// The device computes cell counts in floats, which round at and above 2²⁴: for 83 333 332 spheres, 500 cells along
+/// each axis are two more than requested.
 #[test]
 fn a_cell_list_has_counters_for_all_cells_that_the_device_may_take() {
     let limits = DeviceLimits { storage_binding: u32::MAX.into(), buffer: u32::MAX.into(), ..LAVAPIPE };

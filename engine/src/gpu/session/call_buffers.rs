@@ -6,12 +6,12 @@ use crate::Error;
 use crate::gpu::detector::read_outcome;
 use crate::gpu::device::{GpuDevice, with_error_scope};
 
-/// Bytes before the pairs in a staging buffer: the outcome, and from [`TICKS_AT`] on the ticks of the phases or what is known
-/// of candidates.
+/// Bytes before the pairs in a staging buffer: the outcome, and at [`TICKS_AT`] the ticks of the phases or the state of
+/// the candidate list.
 const PAIRS_AT: u64 = 128;
 const TICKS_AT: u64 = 64;
 
-/// One call in flight: its input on the device and the way back.
+/// The input and staging buffers of one in-flight call.
 #[derive(Debug, Default)]
 pub(crate) struct CallBuffers {
     pub(crate) count: u32,
@@ -22,7 +22,7 @@ pub(crate) struct CallBuffers {
 }
 
 impl CallBuffers {
-    /// Brings the input to the device.
+    /// Uploads the input.
     pub(crate) fn upload(&mut self, gpu: &GpuDevice, spheres: Spheres<'_>) -> Result<(), Error> {
         self.count = spheres.len() as u32;
         match spheres.as_rows() {
@@ -40,7 +40,7 @@ impl CallBuffers {
         }
     }
 
-    /// Room for the way back of `pairs` pairs.
+    /// Returns a staging buffer for `pairs` pairs.
     pub(crate) fn staging(&mut self, gpu: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, Error> {
         let needed = PAIRS_AT + pairs * 8;
         if let Some(staging) = self.staging.as_ref().filter(|staging| staging.size() >= needed) {
@@ -63,21 +63,21 @@ impl CallBuffers {
     }
 }
 
-/// Pairs that a staging buffer has room for.
+/// Returns the pair capacity of a staging buffer.
 pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
     (staging.size() - PAIRS_AT) / 8
 }
 
-/// Records the way back: outcome, ticks or the state of candidates if there are any, and the first `pairs` pairs.
+/// Records the copy to the staging buffer: outcome, ticks or candidate-list state, and the first `pairs` pairs.
 pub(crate) fn copy_to_staging(
     encoder: &mut wgpu::CommandEncoder,
     from: [Option<&wgpu::Buffer>; 3],
     staging: &wgpu::Buffer,
     pairs: u64,
 ) {
-    let [outcome, beside, list] = from;
+    let [outcome, details, list] = from;
     for (source, at, most) in
-        [(outcome, 0, TICKS_AT), (beside, TICKS_AT, TICKS_AT), (list, PAIRS_AT, pairs * 8)]
+        [(outcome, 0, TICKS_AT), (details, TICKS_AT, TICKS_AT), (list, PAIRS_AT, pairs * 8)]
     {
         if let Some(source) = source {
             let bytes = source.size().min(most);
@@ -88,7 +88,7 @@ pub(crate) fn copy_to_staging(
     }
 }
 
-/// What came back.
+/// The mapped bytes of a staging buffer.
 pub(crate) struct Readback<'a>(pub(crate) &'a [u8]);
 
 impl Readback<'_> {
@@ -96,12 +96,12 @@ impl Readback<'_> {
         read_outcome(self.0)
     }
 
-    /// Pairs of (begin, end) ticks.
+    /// Returns the begin and end ticks of each phase.
     pub(crate) fn ticks(&self) -> Vec<[u64; 2]> {
         bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
     }
 
-    /// What is known of candidates, in the place of the ticks.
+    /// Returns the state of the candidate list, which is stored in place of the ticks.
     pub(crate) fn state(&self) -> SkinState {
         let at = TICKS_AT as usize;
         bytemuck::pod_read_unaligned(&self.0[at..at + size_of::<SkinState>()])

@@ -24,7 +24,7 @@ use submission::{PendingReadback, Submission};
 
 /// Calls that may be in flight at once.
 const MAX_IN_FLIGHT: usize = 2;
-/// Pairs that the first call brings back together with their number.
+/// Pairs that the first call reads back together with their number.
 const FIRST_PAIRS: u64 = 1 << 12;
 /// Distance tests of crowded cells in one submission, by default.
 const MAX_TESTS_PER_SUBMISSION: u64 = 1 << 34;
@@ -41,7 +41,7 @@ pub struct GpuSession {
     skin: Option<SkinSession>,
     /// The candidates that the last finished call was answered from.
     kept: Option<CandidateListStats>,
-    /// The settings of calls that begin from now on.
+    /// The algorithm and cell ratio of calls to begin.
     asked: AlgorithmChoice,
     timeout: Duration,
     slots: [CallBuffers; MAX_IN_FLIGHT],
@@ -89,13 +89,13 @@ pub struct Ticket {
 }
 
 impl GpuSession {
-    /// A session on this device.
+    /// Creates a session on this device.
     ///
     /// # Errors
-    /// The same as [`GpuDetector::new`], and where the device was lost.
+    /// See [`GpuDetector::new`], and if the device was lost.
     pub fn new(gpu: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
         gpu.probe()?;
-        // Nobody could tell who is meant.
+        // The session hides the cell order, so pairs must hold input indices.
         let settings = settings.pairs_in_cell_order(false);
         let mut detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
             .map_err(|error| gpu.reason(error))?;
@@ -123,17 +123,20 @@ impl GpuSession {
     }
 
     /// Another session on the same device that differs in its table of interactions and keeps no candidates.
-    pub(in crate::gpu) fn beside(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
+    pub(in crate::gpu) fn with_interactions(
+        &self,
+        interactions: Option<Interactions>,
+    ) -> Result<Self, Error> {
         let settings = self.detector.settings().clone().interactions(interactions);
         let mut session = Self::new(self.gpu.clone(), settings)?;
         session.timeout = self.timeout;
         Ok(session)
     }
 
-    /// Changes the space of later calls, which must repeat along the same axes. Candidates of another space are given up.
+    /// Changes the space of later calls, which must be periodic along the same axes. A new space discards candidates.
     ///
     /// # Errors
-    /// The same as [`set_skin`](Self::set_skin).
+    /// See [`set_skin`](Self::set_skin).
     pub(in crate::gpu) fn set_space(&mut self, space: Space) -> Result<(), Error> {
         if self.detector.settings().space != space {
             self.detector.set_space(space);
@@ -149,18 +152,18 @@ impl GpuSession {
         self.timeout = timeout;
     }
 
-    /// How many distance tests of crowded cells one submission may hold: more are split over several, so that none
-    /// keeps the device longer than a driver's watchdog allows. Default: 2³⁴, some tens of milliseconds of a large GPU.
+    /// Sets the largest number of distance tests per submission. A longer search is split over several submissions, so
+    /// that none exceeds a driver's watchdog. Default: 2³⁴, some tens of milliseconds of a large GPU.
     pub fn set_max_tests_per_submission(&mut self, tests: u64) {
         self.detector.set_max_tests_per_submission(tests);
     }
 
-    /// What it runs on.
+    /// Returns the adapter.
     pub fn adapter(&self) -> &AdapterSummary {
         &self.gpu.adapter
     }
 
-    /// Changes which algorithm the calls use that are begun from now on; see [`GpuConfig::algorithm`].
+    /// Changes the algorithm of calls begun later; see [`GpuConfig::algorithm`].
     ///
     /// # Errors
     /// [`Error::NotOnBackend`] for one without kernels.
@@ -176,7 +179,7 @@ impl GpuSession {
         self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
 
-    /// What the call cost that was worked on last; `None` before the first, and where candidates were kept.
+    /// Returns the planned cost of the last submitted call; `None` before the first, and if candidates answered it.
     pub fn cost(&self) -> Option<CallCost> {
         self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
     }
@@ -189,7 +192,7 @@ impl GpuSession {
         }
     }
 
-    /// What the last finished call found besides its pairs.
+    /// Returns the outcome of the last finished call.
     pub fn outcome(&self) -> &Outcome {
         &self.last
     }
@@ -200,8 +203,8 @@ impl GpuSession {
         &self.timings
     }
 
-    /// Bytes of device memory for calls of up to `spheres` spheres, input and way back included: with room for eight
-    /// entries per sphere, or more where a call needed more; see [`Outcome::entries_needed`].
+    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with input and readback: for eight
+    /// entries per sphere, or more after a call that needed more; see [`Outcome::entries_needed`].
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] where the device cannot hold it.
@@ -210,21 +213,22 @@ impl GpuSession {
             None => self.detector.memory_for(spheres)?,
             Some(skin) => skin.detector.memory_for(spheres)?,
         };
-        Ok(working + self.memory_beside(spheres))
+        Ok(working + self.io_memory(spheres))
     }
 
-    /// Bytes for input and way back.
-    fn memory_beside(&self, spheres: u32) -> u64 {
+    /// Returns the bytes of input and staging buffers.
+    fn io_memory(&self, spheres: u32) -> u64 {
         let input = u64::from(spheres).next_power_of_two().max(1) * 16;
         MAX_IN_FLIGHT as u64 * (input + self.expected * 8)
     }
 
-    /// How many spheres a call may have at most: a grid's plan needs no buffer with more bytes for each than the input has.
+    /// Returns the largest number of spheres of a call: no buffer of a grid's plan has more bytes per sphere than the
+    /// input.
     pub(in crate::gpu) fn most_spheres(&self) -> u64 {
         most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
 
-    /// Bytes of device memory held now for input and way back.
+    /// Returns the bytes of device memory of input and staging buffers.
     pub fn held_bytes(&self) -> u64 {
         self.slots.iter().map(CallBuffers::device_bytes).sum()
     }
@@ -247,12 +251,12 @@ impl GpuSession {
         self.begin_as(self.call(self.asked.algorithm), spheres)
     }
 
-    /// How a call runs with this algorithm, if nothing else is asked for.
+    /// Returns a call by this algorithm with default settings.
     pub(in crate::gpu) fn call(&self, algorithm: Algorithm) -> QueuedCall {
         QueuedCall::new(AlgorithmChoice { algorithm, ..self.asked })
     }
 
-    /// The same as [`begin`](Self::begin), with another way for this call.
+    /// Begins a call with its own settings.
     pub(in crate::gpu) fn begin_as(
         &mut self,
         call: QueuedCall,
@@ -278,8 +282,8 @@ impl GpuSession {
         Ok(Ticket { number, _held: held })
     }
 
-    /// The pairs of a call, unordered; repeats it with more room where they did not fit. The slice lives until
-    /// the next call is finished.
+    /// Returns the pairs of a call, unordered. The session retries with more capacity if they did not fit. The slice
+    /// lives until the next call is finished.
     ///
     /// # Errors
     /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
@@ -288,19 +292,19 @@ impl GpuSession {
         Ok(&self.pairs)
     }
 
-    /// The same as [`finish`](Self::finish), without blocking the caller's thread.
+    /// Works as [`finish`](Self::finish), without blocking the caller's thread.
     ///
     /// # Errors
-    /// The same as [`finish`](Self::finish).
+    /// See [`finish`](Self::finish).
     pub async fn finish_async(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], Error> {
         self.collect(ticket, limit, Wait::Async).await?;
         Ok(&self.pairs)
     }
 
-    /// How many pairs a call found, however many that are.
+    /// Returns the number of pairs of a call; any number can be counted.
     ///
     /// # Errors
-    /// Where the device fails.
+    /// Fails if the device fails.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, Error> {
         self.forget_last();
         pollster::block_on(self.finish_with_retries(ticket.number, self.window_of(&ticket), Wait::Blocking))
@@ -312,12 +316,12 @@ impl GpuSession {
         self.calls[ticket.number as usize % MAX_IN_FLIGHT].window.clone()
     }
 
-    /// Hands the pairs of a call over in parts whose smaller indices ascend from part to part; within a part they
-    /// are unordered. Memory stays bounded by the output's capacity, which grows only where it does not hold the pairs
-    /// of a single sphere.
+    /// Passes the pairs of a call to `consume` in parts. Smaller indices ascend from part to part; within a part pairs
+    /// are unordered. Memory stays bounded by the output's capacity, which grows only if it is below the pairs of a
+    /// single sphere.
     ///
     /// # Errors
-    /// Where the device fails, or where it cannot hold the pairs of a single sphere.
+    /// Fails if the device fails or cannot hold the pairs of a single sphere.
     pub fn finish_in_parts(
         &mut self,
         ticket: Ticket,
@@ -367,7 +371,7 @@ impl GpuSession {
         result
     }
 
-    /// Makes room for what the next call to be finished has found.
+    /// Clears the results of the last finished call.
     fn forget_last(&mut self) {
         self.pairs.clear();
         self.timings.clear();
@@ -378,7 +382,7 @@ impl GpuSession {
         self.detector.pair_capacity()
     }
 
-    /// The most pairs that the device can bind, and read back in one piece.
+    /// Returns the largest number of pairs that the device can bind and read back at once.
     fn largest_capacity(&self) -> u64 {
         let limits = self.gpu.device.limits();
         (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size / 2) / 8).min(1 << 31)
@@ -388,12 +392,12 @@ impl GpuSession {
         PhaseTime::add(&mut self.timings, name, time);
     }
 
-    /// The pairs of the last call, for whoever goes on with them.
+    /// Returns the pairs of the last call.
     pub(in crate::gpu) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
         &mut self.pairs
     }
 
-    /// Moves the pairs of the last call out, and a list in whose memory the next call may use.
+    /// Swaps out the pairs of the last call for a list whose memory the next call may use.
     pub fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
         std::mem::swap(&mut self.pairs, pairs);
     }

@@ -1,5 +1,5 @@
-//! Calls that take more than one submission: for want of room, because a result is larger than the output, or because
-//! no submission may keep the device for long.
+//! Calls that take more than one submission: because a capacity was too small, because a result is larger than the
+//! output, or because the search exceeds one submission.
 
 use std::ops::{ControlFlow, Range};
 
@@ -14,9 +14,9 @@ use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
-    /// The way with fewer entries in which to repeat a call of `ran`: on a coarser grid, at last on a single level from
-    /// the grid on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
-    /// of the levels down to their own, however coarse these are.
+    /// Returns the settings with fewer entries for a retry of a call that `ran`: a coarser grid, and at last a single
+    /// level at the cell ratio `asked`. Only a single level helps coincident spheres, which have eight entries on each
+    /// of their levels at any cell size.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
@@ -28,8 +28,8 @@ impl AlgorithmChoice {
 }
 
 impl GpuSession {
-    /// Waits for a call and appends the pairs that came back. Repeats it with more room for entries, or with fewer of
-    /// them, where they did not fit; and goes on with a crowded search that was too much for one submission.
+    /// Waits for a call and appends its pairs. Retries with more entry capacity, or with fewer entries, if they did not
+    /// fit, and continues a search that exceeds one submission.
     pub(super) async fn finish_with_retries(
         &mut self,
         number: u64,
@@ -50,11 +50,11 @@ impl GpuSession {
             } else if !outcome.has_remaining_work() {
                 return Ok(outcome);
             } else {
-                // Those of all parts come with the last one.
+                // The last part delivers the pairs of all parts.
                 self.pairs.clear();
                 let work = match self.submitted == Some(number) {
                     true => Submission::Continuation,
-                    // The call that was begun since has used the same buffers.
+                    // The call begun since has used the same buffers.
                     false => Submission::Full(window.clone()),
                 };
                 self.submit(number, work)?;
@@ -81,7 +81,7 @@ impl GpuSession {
         self.submit(number, Submission::Full(window))
     }
 
-    /// Repeats a call with capacity for the number of pairs that it found.
+    /// Repeats a call with capacity for the pairs that it found.
     pub(super) fn repeat_for_pairs(
         &mut self,
         number: u64,
@@ -97,7 +97,8 @@ impl GpuSession {
         self.submit_with_capacity(number, window, before).inspect_err(|_| self.expected = expected)
     }
 
-    /// Repeats a call with more room than `before`. Where the device has not so much, later calls do not ask for it.
+    /// Repeats a call with more capacity than `before`. If the device cannot allocate it, later calls do not request
+    /// it.
     fn submit_with_capacity(
         &mut self,
         number: u64,
@@ -108,7 +109,7 @@ impl GpuSession {
             .inspect_err(|_| self.detector.restore_capacities(before))
     }
 
-    /// Repeats a call for one window of smaller indices after another, each as large as the output holds.
+    /// Repeats a call for one window of smaller indices after another, each within the output's capacity.
     pub(super) async fn read_windows(
         &mut self,
         number: u64,
@@ -183,7 +184,7 @@ mod tests {
         let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
         session.time("search", BEFORE);
         let whole = session.finish_with_retries(ticket.number, GpuSpheres::ALL, Wait::Blocking);
-        let outcome = pollster::block_on(whole).expect("settled");
+        let outcome = pollster::block_on(whole).expect("finished");
         assert!(outcome.deferred_begin > 0, "one part only: {outcome:?}");
         assert!(search(&session) >= BEFORE, "{:?}", session.timings());
         let windows = session
@@ -210,7 +211,7 @@ mod tests {
             let expected = expected.map(|(algorithm, cell_ratio)| AlgorithmChoice { algorithm, cell_ratio });
             assert_eq!(choice.with_fewer_entries(algorithm, 3.0), expected, "{algorithm}, {ratio}");
         }
-        // What `Auto` became is what counts.
+        // The algorithm that ran counts, not `Auto`.
         let auto = AlgorithmChoice { algorithm: Algorithm::Auto, cell_ratio: 16.0 };
         assert!(auto.with_fewer_entries(LazyGrid, 2.0).is_some_and(|choice| choice.algorithm == ArrayGrid));
     }

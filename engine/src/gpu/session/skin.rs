@@ -1,4 +1,4 @@
-//! Calls that are answered from candidates, which stay on the device from call to call.
+//! Calls answered from a candidate list that stays on the device.
 
 use std::ops::Range;
 
@@ -10,26 +10,26 @@ use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
 use crate::gpu::detector::GpuSkinDetector;
 
-/// Calls that search anew after one whose candidates did not fit. Trying costs about as much as one of them.
+/// Calls without a list after a list that did not fit. An attempt costs about as much as one of these calls.
 const PAUSE: u64 = 16;
 
-/// A detector with candidates, and what is known of them.
+/// A detector with a candidate list, and the history of the list.
 #[derive(Debug)]
 pub(super) struct SkinSession {
     pub(super) detector: GpuSkinDetector,
-    /// The first call that may be answered from candidates again.
+    /// The first call that may use the list again.
     from: u64,
-    /// Calls since candidates were found.
+    /// Calls since the last rebuild.
     age: u32,
-    /// Calls since those were found that the last call came upon, and how far the farthest sphere had gone, as a part of what
-    /// it may.
+    /// The age of the list in calls at the start of the last call, and the largest used fraction of the displacement
+    /// limit.
     last_rebuild: (u32, f32),
 }
 
 impl GpuSession {
-    /// Has later calls keep candidates, pairs that are up to so much too far apart to touch, until some sphere has moved by
-    /// half of that; without a distance they search anew. An answer never depends on it. Where the candidates do not fit the
-    /// device, calls search anew as well. Unlike another search, that for candidates is never split over several submissions.
+    /// Sets the skin of later calls: candidates are pairs up to `distance` too far apart to touch, and serve until a
+    /// sphere has moved half the skin. `None` disables the list. An answer never depends on it. If the candidates do
+    /// not fit the device, calls search without a list.
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] for a distance out of range; otherwise where the device refuses something.
@@ -42,7 +42,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// The same as [`set_skin`](Self::set_skin); with the same distance as before candidates stay.
+    /// Works as [`set_skin`](Self::set_skin), but an equal skin keeps the list.
     pub(in crate::gpu) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
@@ -51,8 +51,8 @@ impl GpuSession {
         }
     }
 
-    /// Calls since the candidates were found that the last call came upon, and how far the farthest sphere had gone, as a part
-    /// of what it may.
+    /// Returns the age of the list in calls at the start of the last call, and the largest used fraction of the
+    /// displacement limit.
     pub(in crate::gpu) fn last_rebuild(&self) -> (u32, f32) {
         self.skin.as_ref().map_or((0, 0.0), |skin| skin.last_rebuild)
     }
@@ -64,22 +64,22 @@ impl GpuSession {
             .map_err(|error| self.gpu.reason(error))
     }
 
-    /// The same as [`memory_for`](Self::memory_for), for calls that search anew and calls that keep candidates by turns.
+    /// Works as [`memory_for`](Self::memory_for), for calls that alternate between searches and candidate lists.
     pub(in crate::gpu) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,
             None => self.with_skin(1.0)?.memory_for(spheres)?,
         };
-        Ok(self.memory_beside(spheres) + self.detector.memory_for(spheres)? + kept)
+        Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + kept)
     }
 
-    /// Returns `true` if this call is answered from candidates, if there is room for them.
+    /// Returns `true` if this call uses the candidate list, provided that it fits.
     pub(super) fn uses_candidates(&self, number: u64) -> bool {
         let asked = self.calls[number as usize % MAX_IN_FLIGHT].keeps;
         self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)
     }
 
-    /// Has this call and some after it search anew.
+    /// Makes this call and the next [`PAUSE`] calls search without a list.
     pub(super) fn pause_skin(&mut self, number: u64) {
         if let Some(skin) = &mut self.skin {
             skin.from = number + PAUSE;
@@ -87,13 +87,12 @@ impl GpuSession {
         self.kept = None;
     }
 
-    /// The candidates that the last finished call was answered from; `None` where it searched without any.
+    /// Returns the candidate list of the last finished call; `None` if the call searched.
     pub fn kept(&self) -> Option<CandidateListStats> {
         self.kept
     }
 
-    /// Takes down what a submission says of the candidates. A call that was repeated has found them anew if one of its
-    /// submissions has.
+    /// Records the list's state after a submission. A retried call has rebuilt the list if one of its submissions did.
     pub(super) fn note(&mut self, state: &SkinState) {
         let Some(skin) = &mut self.skin else { return };
         let rebuilt = match state.rebuild_reason {
@@ -119,7 +118,7 @@ impl GpuSession {
         self.kept = Some(kept);
     }
 
-    /// Repeats a call whose candidates did not fit: with room for them, or without any.
+    /// Repeats a call whose candidates did not fit: with more capacity, or without a list.
     pub(super) fn repeat_for_candidates(
         &mut self,
         number: u64,
@@ -141,7 +140,7 @@ impl GpuSession {
             }
             return Ok(());
         }
-        log::info!("{needed} candidates do not fit: searching anew for {PAUSE} calls");
+        log::info!("{needed} candidates do not fit: searching without a list for {PAUSE} calls");
         self.pause_skin(number);
         self.submit(number, Submission::Full(window))
     }

@@ -1,4 +1,4 @@
-//! What a session submits, and how it comes back.
+//! Submissions of a session and their readback.
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -22,32 +22,32 @@ pub(super) struct PendingReadback {
     mapping: Mapping,
     staged: u64,
     capacity: u32,
-    /// The phases whose times it took.
+    /// The phases that were timed.
     timed: &'static [GpuPhase],
     /// `true` if it was answered from candidates, whose state comes back in place of times.
     pub(super) is_kept: bool,
 }
 
-/// What a submission does.
+/// The work of a submission.
 #[derive(Clone, Debug)]
 pub(super) enum Submission {
-    /// A call, of which pairs are asked for whose smaller index is in this window.
+    /// A call for pairs whose smaller index is in this window.
     Full(Range<u32>),
-    /// A further part of the call that was submitted last.
+    /// A continuation of the last submitted call.
     Continuation,
 }
 
 impl Drop for PendingReadback {
-    /// Whether it landed or was given up: the staging buffer is used again.
+    /// Unmaps the staging buffer for its next use.
     fn drop(&mut self) {
-        // On a device that is gone there is nothing left to unmap, and nobody to be told.
+        // A lost device has nothing to unmap.
         let _ = with_error_scope(&self.device, "unmapping", 0, || self.staging.unmap());
     }
 }
 
 impl GpuSession {
-    /// Records and submits a call together with its way back. Where the device has no memory for candidates, the call
-    /// searches without.
+    /// Records and submits a call with its readback. If the device has no memory for candidates, the call searches
+    /// without a list.
     pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let keeps = self.uses_candidates(number);
         let submitted = match self.try_submit(number, work.clone()) {
@@ -81,9 +81,9 @@ impl GpuSession {
             Submission::Continuation => &[GpuPhase::Search],
         };
         let is_kept = skin.is_some();
-        // Whatever comes of it, nothing of an earlier call is left to go on with.
+        // From here no continuation of an earlier call is possible, even after an error.
         self.submitted = None;
-        let (found, beside) = match (work, skin) {
+        let (found, details) = match (work, skin) {
             (Submission::Full(window), skin) => {
                 let species = slot.species.as_ref().filter(|_| detector.has_interactions());
                 let input = GpuSpheres { species, window, split, ..GpuSpheres::new(&spheres, slot.count) };
@@ -105,7 +105,7 @@ impl GpuSession {
         if let Some(found) = found {
             copy_to_staging(
                 &mut encoder,
-                [Some(&found.outcome), beside, Some(&found.pairs)],
+                [Some(&found.outcome), details, Some(&found.pairs)],
                 &staging,
                 staged,
             );
