@@ -74,7 +74,7 @@ fn smallest_figures_are_right() {
         page.contains("<svg") && page.contains("Figure 4") && !page.contains("src="),
         "not self-contained"
     );
-    let text = read(folder.path(), "RESULTS.md");
+    let text = read(folder.path(), "results.md");
     assert!(text.contains("| engine |"));
     // The complete command that was run.
     assert!(text.contains(&format!("figures --smoke --out {}\n```", path(folder.path()))), "{text}");

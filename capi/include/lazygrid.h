@@ -14,33 +14,32 @@
  *     lazygrid_destroy(detector);
  *
  * WHAT A PAIR IS. (i, j) with i < j and (xi-xj)^2 + (yi-yj)^2 + (zi-zj)^2 <= (ri+rj)^2. Touching counts, coincident
- * centers count, each pair once. Numbers are floats or doubles, and none is rounded: of doubles the expression is evaluated
- * in double precision. Space is unbounded unless it is said to be periodic. Lengths are in one unit, the caller's. Radius 0
- * is a point. Zero and one sphere are ordinary inputs. Spheres of one group, and excluded pairs, are never reported.
+ * centers count, each pair once. Numbers are floats or doubles and are never rounded; for doubles the expression is evaluated
+ * in double precision. Space is unbounded unless the settings make it periodic. All lengths have one unit, the caller's. A
+ * sphere of radius 0 is a point. Zero and one sphere are ordinary inputs. Searches never report pairs within a group or
+ * excluded pairs.
  *
- * A QUERY is a set of spheres, whose pairs are asked for, or two sets, of which each pair has one sphere of each; and pairs
- * that are excluded. All searches take one: lazygrid_pairs, lazygrid_count, lazygrid_neighbors, lazygrid_neighbor_list and
- * lazygrid_stream.
- * Two sets work with every algorithm.
+ * A QUERY is one set of spheres, for the pairs among them, or two sets, for pairs of one sphere of each; and optional
+ * exclusions. All searches take a query: lazygrid_pairs, lazygrid_count, lazygrid_neighbors, lazygrid_neighbor_list and
+ * lazygrid_stream. Every algorithm supports two sets.
  *
- * ERRORS. Functions that can fail return a lazygrid_status, LAZYGRID_OK being 0. lazygrid_last_error tells in words
- * what was wrong, with the value, the limit and the remedy. Nothing is truncated, nothing unwinds into the caller,
- * nothing is printed unless a fault of the library itself makes Rust report a panic on standard error; the call then
- * returns LAZYGRID_ERROR_INTERNAL. Where a function fails, the results it was to write are NULL and 0, unless it
- * says otherwise.
+ * ERRORS. Functions that can fail return a lazygrid_status; LAZYGRID_OK is 0. lazygrid_last_error returns a message with
+ * the value, the limit and the remedy. No result is truncated, and no exception unwinds into the caller. The library prints
+ * only if a bug in it causes a panic, which Rust reports on standard error; the call then returns LAZYGRID_ERROR_INTERNAL.
+ * If a function fails, it writes NULL and 0 to its results, unless it says otherwise.
  *
- * LIFETIMES. Inputs are read during the call and never kept; they must not change meanwhile. The arrays that a search
- * hands out belong to the detector and live until the next search with it, even if that search fails, or until the
- * detector is destroyed. They must not be written to, nor given to the same detector as an input.
+ * LIFETIMES. The library reads inputs during the call only; they must not change meanwhile. The arrays that a search
+ * returns belong to the detector. They live until the next search with it, even if that search fails, or until the detector
+ * is destroyed. The caller must not write to them, nor pass them to the same detector as an input.
  *
- * THREADS. Any thread may call with any detector, one at a time. A detector that is used by two threads at once, or
- * from its own callback, answers LAZYGRID_ERROR_BUSY to the second and is not harmed. Different detectors are
- * independent. Searches use the threads of one pool that the process shares, unless `threads` is set. A process that
- * forks must not use the library in the child if the parent has used it.
+ * THREADS. Any thread may use any detector, one at a time. If two threads use a detector at once, or its own callback uses
+ * it, the second call returns LAZYGRID_ERROR_BUSY and the first is not disturbed. Different detectors are independent.
+ * Searches use one thread pool of the process, unless `threads` is set. A forked child must not use the library if the
+ * parent has used it.
  *
- * GROWTH. lazygrid_settings, lazygrid_spheres and lazygrid_query begin with their own size; later versions append fields,
- * and 0 always means the default, so that programs compiled with an older header go on working. All bytes of such a
- * structure, up to its size, must be initialized. The other structures do not change within versions that share a SONAME.
+ * NEWER VERSIONS. lazygrid_settings, lazygrid_spheres and lazygrid_query begin with their own size. Later versions append
+ * fields, and 0 always means the default, so programs compiled with an older header keep working. All bytes of such a
+ * structure, up to its size, must be initialized. The other structures do not change while the SONAME is the same.
  */
 #ifndef LAZYGRID_H
 #define LAZYGRID_H
@@ -64,42 +63,42 @@
 extern "C" {
 #endif
 
-/* What became of a call. */
+/* Status codes. */
 typedef int32_t lazygrid_status;
 enum {
     LAZYGRID_OK = 0,
-    /* A pointer is NULL or not aligned, a size or a step is wrong, or a number is none of those listed here. */
+    /* A pointer is NULL or not aligned, a size or step is wrong, or a constant is not one of this header. */
     LAZYGRID_ERROR_ARGUMENT = 1,
-    /* An input is refused: NaN, infinity, a negative radius, a species that the table does not have, too many spheres,
-       a periodic length, an edge or a distance that is none, excluded pairs of other spheres. The message names the first
-       sphere and its value. */
+    /* Invalid input: NaN, infinity, a negative radius, a species that the table does not have, too many spheres, an invalid
+       periodic length, cell vector or distance, exclusions of another number of spheres. The message names the first sphere
+       and its value. */
     LAZYGRID_ERROR_INPUT = 2,
-    /* A setting is out of range, or two do not go together. */
+    /* A setting is out of range, or two settings contradict each other. */
     LAZYGRID_ERROR_SETTING = 3,
-    /* A list would hold more than `max_pairs` pairs. */
+    /* A list would have more than `max_pairs` pairs. */
     LAZYGRID_ERROR_TOO_MANY_PAIRS = 4,
-    /* The system or the GPU refused memory. */
+    /* The system or the GPU is out of memory. */
     LAZYGRID_ERROR_OUT_OF_MEMORY = 5,
-    /* The system refused threads. */
+    /* The system cannot start threads. */
     LAZYGRID_ERROR_THREADS = 6,
-    /* A GPU was asked for and cannot be used. */
+    /* The settings require a GPU, and none can be used. */
     LAZYGRID_ERROR_GPU_UNAVAILABLE = 7,
-    /* Something does not fit the GPU. */
+    /* The input or the result exceeds a limit of the GPU. */
     LAZYGRID_ERROR_DEVICE_LIMIT = 8,
-    /* The GPU was lost or refused a call; make another detector. */
+    /* The GPU was lost or rejected a call; create a new detector. */
     LAZYGRID_ERROR_DEVICE_LOST = 9,
     /* The GPU did not finish in time. */
     LAZYGRID_ERROR_TIMEOUT = 10,
-    /* The detector is in use by another thread, or this is the callback of a search. It has no message. */
+    /* Another thread uses the detector, or a callback searches. This status has no message. */
     LAZYGRID_ERROR_BUSY = 11,
-    /* A fault of the library. The detector is of no further use; destroy it. */
+    /* A bug in the library. Destroy the detector. */
     LAZYGRID_ERROR_INTERNAL = 12
 };
 
-/* Where to search. AUTO takes a real GPU if there is one and a call has enough spheres, else the CPU. */
+/* Backends. AUTO uses a hardware GPU if one exists and a call has enough spheres, otherwise the CPU. */
 enum { LAZYGRID_BACKEND_AUTO = 0, LAZYGRID_BACKEND_CPU = 1, LAZYGRID_BACKEND_GPU = 2 };
 
-/* How to search. All find the same pairs; AUTO chooses at each call and is right for almost all programs. */
+/* Algorithms. All find the same pairs; AUTO chooses at each call and suits almost all programs. */
 enum {
     LAZYGRID_ALGORITHM_AUTO = 0,
     LAZYGRID_ALGORITHM_NAIVE = 1,          /* all with all; CPU and GPU */
@@ -111,62 +110,62 @@ enum {
     LAZYGRID_ALGORITHM_LAZY_GRID = 7       /* GPU */
 };
 
-/* In which order pairs come: CANONICAL is by i, then j. UNORDERED saves the sorting. */
+/* The order of pairs: CANONICAL sorts by i, then j. UNORDERED omits the sort. */
 enum { LAZYGRID_ORDER_CANONICAL = 0, LAZYGRID_ORDER_UNORDERED = 1 };
 
 /*
- * Whether a detector keeps candidates, pairs that may soon overlap, from call to call. An answer never depends on it.
- * AUTO keeps them where spheres move so little that it is expected to take less time, by the spheres alone and never by a
- * clock. OFF searches anew at every call. FIXED keeps the pairs that are up to `skin_distance` too far apart to touch, until
- * some sphere has moved by half of it; on the CPU only with LAZYGRID_ALGORITHM_AUTO and _CELL_LIST.
+ * The skin of the candidate list (Verlet list) that a detector may reuse between calls. Results never depend on it. AUTO
+ * keeps a list if the displacements predict that it saves time; the prediction uses no clock. OFF rebuilds at each call.
+ * FIXED keeps the pairs within `skin_distance` of touching until a sphere has moved by half of it; on the CPU only with
+ * LAZYGRID_ALGORITHM_AUTO and _CELL_LIST.
  */
 enum { LAZYGRID_SKIN_AUTO = 0, LAZYGRID_SKIN_OFF = 1, LAZYGRID_SKIN_FIXED = 2 };
 
-/* What makes two spheres of given species a pair. */
+/* The condition for two spheres of given species to be a pair. */
 enum {
     LAZYGRID_NEVER = 0,
-    LAZYGRID_TOUCH = 1, /* centres at most ri + rj apart */
-    LAZYGRID_WITHIN = 2 /* centres at most a given distance apart, whatever the radii */
+    LAZYGRID_TOUCH = 1, /* centers at most ri + rj apart */
+    LAZYGRID_WITHIN = 2 /* centers at most a given distance apart, for any radii */
 };
 
 /* Finds pairs, call after call, reusing its memory. */
 typedef struct lazygrid_detector lazygrid_detector;
 
-/* A table: for any two species, what makes them a pair. */
+/* A symmetric table: for any two species, the condition for a pair. */
 typedef struct lazygrid_interactions lazygrid_interactions;
 
-/* Pairs that are never reported, such as bonds. */
+/* Pairs that a search never reports, such as bonds. */
 typedef struct lazygrid_exclusions lazygrid_exclusions;
 
-/* The group of spheres that are in none. */
+/* The group number of spheres without a group. */
 #define LAZYGRID_NO_GROUP 4294967295u
 
 /*
- * Two overlapping spheres by their indices in the input, from 0 on; i < j. Between two sets `i` is an index in the
- * first and `j` one in the second, and either may be the larger.
+ * Two overlapping spheres by their indices in the input, which start at 0; i < j. For two sets, `i` is an index in the
+ * first and `j` an index in the second, and either may be larger.
  */
 typedef struct lazygrid_pair {
     uint32_t i;
     uint32_t j;
 } lazygrid_pair;
 
-/* What a detector is asked to do. A zero is the default of its field. Set `size` by lazygrid_settings_init. */
+/* The settings of a detector. 0 is the default of each field. lazygrid_settings_init sets `size`. */
 typedef struct lazygrid_settings {
     size_t size;              /* sizeof(lazygrid_settings) */
     int32_t backend;          /* LAZYGRID_BACKEND_... */
     int32_t algorithm;        /* LAZYGRID_ALGORITHM_... */
     int32_t order;            /* LAZYGRID_ORDER_... */
-    uint32_t threads;         /* on the CPU; 0: as many as the process may use, shared by all detectors */
-    uint64_t max_pairs;       /* the most a list may hold, 8 bytes each; 0: 2^29. Counts and streams have no limit */
+    uint32_t threads;         /* CPU threads; 0: all that the process may use, shared by all detectors */
+    uint64_t max_pairs;       /* maximum length of a list, 8 bytes per pair; 0: 2^29. Counts and streams have no limit */
     double periodic[3];       /* the length of each periodic axis x, y, z; 0: unbounded */
-    uint32_t timeout_seconds; /* how long a call may take a GPU; 0: ten minutes */
+    uint32_t timeout_seconds; /* timeout of a GPU call; 0: ten minutes */
     int32_t skin;             /* LAZYGRID_SKIN_... */
-    double skin_distance;     /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; else 0 */
-    const char *adapter;      /* a GPU by its number, or by a part of its name that no other has, in UTF-8; or NULL */
-    const lazygrid_interactions *interactions; /* copied when the detector is made; NULL: all that touch are pairs */
-    const double *cell_vectors;      /* 9 doubles: three cell vectors x, y, z along which space repeats, as those of a
-                                 triclinic cell; 0, 0, 0: one along which it does not. Read when the detector is made.
-                                 NULL: see `periodic`, which must else be 0 */
+    double skin_distance;     /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; otherwise 0 */
+    const char *adapter;      /* a GPU by its index, or by a unique part of its name in UTF-8; or NULL */
+    const lazygrid_interactions *interactions; /* copied by lazygrid_create; NULL: all touching spheres are pairs */
+    const double *cell_vectors; /* 9 doubles: three cell vectors x, y, z of a triclinic cell; 0, 0, 0: space is not
+                                 periodic along this vector. Read by lazygrid_create. If it is not NULL, `periodic` must
+                                 be 0 */
 } lazygrid_settings;
 
 /* The type of the numbers of spheres. */
@@ -176,18 +175,17 @@ enum {
 };
 
 /*
- * A set of spheres, read where it lies: rows, columns, points with one radius, arrays of structures, `x[0]` of a `double **`.
- * Make it by lazygrid_rows or its like below, then set `species` and `groups` if needed.
+ * A set of spheres, read in place: rows, columns, points with one radius, arrays of structures, `x[0]` of a `double **`.
+ * Create it by lazygrid_rows or a similar function below, then set `species` and `groups` if needed.
  *
- * Number k of x is the one at `x` plus k * `step` bytes; so are y and z, and r with `r_step`. Both steps are multiples of
- * the size of a number. `step` is not 0 if there are two spheres or more; `r_step` 0 gives all spheres the radius at `r`.
- * Pointers are aligned as numbers are. From the first to the last number that it leads to, the memory at each pointer is
- * part of one array and does not change during a call, gaps included; these may hold anything. With count 0 no pointer is
- * read, and all may be NULL.
+ * Value k of x is at `x` plus k * `step` bytes; the same holds for y and z, and for r with `r_step`. Both steps are
+ * multiples of the size of a number. `step` must not be 0 for two or more spheres; `r_step` 0 gives all spheres the radius at
+ * `r`. Pointers are aligned like numbers. From its first to its last value, the memory at each pointer is part of one array
+ * and does not change during a call. Gaps may hold any bytes. With count 0 no pointer is read, and all may be NULL.
  *
- * `species` has `count` ids below the number of species of the table, if the detector has one; else it may be NULL.
+ * `species` has `count` ids below the number of species of the table, if the detector has a table; otherwise it may be NULL.
  * `groups` has `count` numbers, or is NULL: two spheres of one group, such as a molecule or a rigid body, are never a pair,
- * except those of LAZYGRID_NO_GROUP. Two spheres of two sets are of one group if their numbers are equal.
+ * unless the group is LAZYGRID_NO_GROUP. Equal numbers in two sets are one group.
  */
 typedef struct lazygrid_spheres {
     size_t size;   /* sizeof(lazygrid_spheres) */
@@ -204,16 +202,16 @@ typedef struct lazygrid_spheres {
     const uint32_t *groups;
 } lazygrid_spheres;
 
-/* A question to a detector. Make it by lazygrid_among or lazygrid_across, then set `exclusions` if needed. */
+/* A query. Create it by lazygrid_among or lazygrid_across, then set `exclusions` if needed. */
 typedef struct lazygrid_query {
     size_t size;                    /* sizeof(lazygrid_query) */
     const lazygrid_spheres *first;  /* the only set, or the first of two */
     const lazygrid_spheres *second; /* the second set; NULL: the pairs among `first` */
-    const lazygrid_exclusions *exclusions; /* made for these numbers of spheres, or NULL. What is excluded is neither
-                                              counted nor given room. It may change from call to call */
+    const lazygrid_exclusions *exclusions; /* made for these numbers of spheres, or NULL. Excluded pairs are neither
+                                              counted nor listed. May change from call to call */
 } lazygrid_query;
 
-/* `count` spheres in memory of any layout: see lazygrid_spheres. */
+/* `count` spheres in any layout: see lazygrid_spheres. */
 static inline lazygrid_spheres lazygrid_strided(int32_t type, size_t count, const void *x, const void *y, const void *z,
                                                 size_t step, const void *r, size_t r_step) {
     lazygrid_spheres spheres = {sizeof(lazygrid_spheres), count, x, y, z, r, step, r_step, type, 0, NULL, NULL};
@@ -227,7 +225,7 @@ static inline lazygrid_spheres lazygrid_rows(size_t count, const float *rows) {
     return lazygrid_strided(LAZYGRID_F32, count, rows, rows + 1, rows + 2, step, rows + 3, step);
 }
 
-/* The same of doubles. */
+/* The same with doubles. */
 static inline lazygrid_spheres lazygrid_rows_f64(size_t count, const double *rows) {
     const size_t step = 4 * sizeof(double);
     if (rows == NULL) return lazygrid_strided(LAZYGRID_F64, count, NULL, NULL, NULL, step, NULL, step);
@@ -240,15 +238,15 @@ static inline lazygrid_spheres lazygrid_columns(size_t count, const float *x, co
     return lazygrid_strided(LAZYGRID_F32, count, x, y, z, sizeof(float), r, sizeof(float));
 }
 
-/* The same of doubles. */
+/* The same with doubles. */
 static inline lazygrid_spheres lazygrid_columns_f64(size_t count, const double *x, const double *y, const double *z,
                                                     const double *r) {
     return lazygrid_strided(LAZYGRID_F64, count, x, y, z, sizeof(double), r, sizeof(double));
 }
 
 /*
- * `count` points, 3 * `count` floats x, y, z, x, y, ..., all of the radius at `radius`, which lives as long as the spheres
- * are used. Half a cutoff makes pairs of points that are within the cutoff.
+ * `count` points, 3 * `count` floats x, y, z, x, y, ..., all with the radius at `radius`, which must outlive the spheres.
+ * With half a cutoff as the radius, pairs are points within the cutoff.
  */
 static inline lazygrid_spheres lazygrid_points(size_t count, const float *centers, const float *radius) {
     const size_t step = 3 * sizeof(float);
@@ -256,23 +254,23 @@ static inline lazygrid_spheres lazygrid_points(size_t count, const float *center
     return lazygrid_strided(LAZYGRID_F32, count, centers, centers + 1, centers + 2, step, radius, 0);
 }
 
-/* The same of doubles. */
+/* The same with doubles. */
 static inline lazygrid_spheres lazygrid_points_f64(size_t count, const double *centers, const double *radius) {
     const size_t step = 3 * sizeof(double);
     if (centers == NULL) return lazygrid_strided(LAZYGRID_F64, count, NULL, NULL, NULL, step, radius, 0);
     return lazygrid_strided(LAZYGRID_F64, count, centers, centers + 1, centers + 2, step, radius, 0);
 }
 
-/* A query for the pairs among `spheres`, which it points to. */
+/* A query for the pairs among `spheres`. It keeps the pointer. */
 static inline lazygrid_query lazygrid_among(const lazygrid_spheres *spheres) {
     lazygrid_query query = {sizeof(lazygrid_query), spheres, NULL, NULL};
     return query;
 }
 
 /*
- * A query for the pairs of one sphere of `first` and one of `second`, which it points to: particles and receivers, say, or
- * the spheres of a process and ghosts. If the detector has a table, both sets need species. Both may be the same spheres;
- * each is then a pair with itself. A message about `second` begins with "of the second set, ".
+ * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers, or the spheres of a
+ * process and ghosts. It keeps both pointers. If the detector has a table, both sets need species. Both may be the same
+ * spheres; each is then a pair with itself. A message about `second` begins with "of the second set, ".
  */
 static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, const lazygrid_spheres *second) {
     lazygrid_query query = {sizeof(lazygrid_query), first, second, NULL};
@@ -280,11 +278,11 @@ static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, cons
 }
 
 /*
- * Takes up to `count` pairs of a stream. Returns 0 to go on; any other value ends the search. The pairs live until it
- * returns. It may be called from a thread other than the one that called lazygrid_stream, never twice at a time. It
- * must return: no exception and no longjmp may leave it. It must not search, with any detector, for it may hold
- * up the threads that such a search would need: that is LAZYGRID_ERROR_BUSY in the same thread, and must not be done by
- * waiting for another one.
+ * Receives `count` pairs of a stream. Returns 0 to continue; any other value ends the search. The pairs live until it
+ * returns. The library may call it from another thread than the one that called lazygrid_stream, but never concurrently. It
+ * must return: no exception and no longjmp may leave it. It must not search with any detector, as the search would need
+ * threads that wait for the callback: a search in the same thread returns LAZYGRID_ERROR_BUSY, and the callback must not wait
+ * for a search of another thread.
  */
 typedef int32_t (*lazygrid_pair_callback)(void *context, const lazygrid_pair *pairs, size_t count);
 
@@ -295,134 +293,132 @@ LAZYGRID_API const char *lazygrid_version(void);
 LAZYGRID_API const char *lazygrid_status_name(lazygrid_status status);
 
 /*
- * In words why the last call with `detector` failed; "" if it did not. With NULL: the same of the last call in this
- * thread that had no detector (lazygrid_create, lazygrid_settings_init, what makes or sets interactions and exclusions,
- * and any call that was given NULL for one). UTF-8. It lives until the next call with that detector, or the next such call in
- * this thread, other than of this function.
+ * The error message of the last call with `detector`, in UTF-8; "" if it succeeded. With NULL: the message of this thread's
+ * last call without a detector (lazygrid_create, lazygrid_settings_init, the functions for interactions and exclusions, and
+ * any call with NULL as its detector). The text lives until the next call with that detector, or the next such call in this
+ * thread, except calls of this function.
  */
 LAZYGRID_API const char *lazygrid_last_error(const lazygrid_detector *detector);
 
-/* Sets all fields to their defaults, and `size`. Write lazygrid_settings_init(&settings, sizeof settings). */
+/* Sets all fields to their defaults, and `size`: lazygrid_settings_init(&settings, sizeof settings). */
 LAZYGRID_API lazygrid_status lazygrid_settings_init(lazygrid_settings *settings, size_t size);
 
 /*
- * A table for species 0 to `species` - 1, at most 4096, in which every two species have the interaction `kind`
- * (LAZYGRID_NEVER, _TOUCH or _WITHIN). `distance` counts for LAZYGRID_WITHIN only. Used by one thread at a time.
+ * Creates a table for species 0 to `species` - 1, at most 4096, in which any two species have the interaction `kind`
+ * (LAZYGRID_NEVER, _TOUCH or _WITHIN). Only LAZYGRID_WITHIN uses `distance`. One thread at a time may use a table.
  */
 LAZYGRID_API lazygrid_status lazygrid_interactions_create(uint32_t species, int32_t kind, double distance,
                                                           lazygrid_interactions **interactions);
 
-/* Sets the interaction of species `a` with `b`, and of `b` with `a`. Where it fails, the table is as it was. */
+/* Sets the interaction of species `a` with `b`, and of `b` with `a`. If it fails, the table is unchanged. */
 LAZYGRID_API lazygrid_status lazygrid_interactions_set(lazygrid_interactions *interactions, uint32_t a, uint32_t b,
                                                        int32_t kind, double distance);
 
-/* Frees a table. Detectors made with it keep their copies. NULL is left alone. */
+/* Frees a table. Detectors keep their copies. Ignores NULL. */
 LAZYGRID_API void lazygrid_interactions_destroy(lazygrid_interactions *interactions);
 
 /*
- * A list of `count` pairs among so many spheres, in either order, or both, and more than once. It never changes, so that
- * any threads may use it at once, and it must live as long as queries name it. It serves all calls with as many spheres;
- * when spheres come or go, make another. A sphere with itself is no pair, and may be named.
+ * Creates exclusions from `count` pairs of `spheres` spheres. Pairs may be in either order and may repeat. Exclusions never
+ * change, so any threads may share them; they must outlive the queries that name them. They serve all calls with this number
+ * of spheres; create new ones when the number changes. A pair of a sphere with itself is allowed and has no effect.
  */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_create(size_t spheres, const lazygrid_pair *pairs, size_t count,
                                                         lazygrid_exclusions **exclusions);
 
-/* The same for searches between two sets, of so many spheres each: `i` is an index in the first, `j` one in the second. */
+/* The same for two sets of `first` and `second` spheres: `i` is an index in the first, `j` an index in the second. */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_across(size_t first, size_t second, const lazygrid_pair *pairs,
                                                          size_t count, lazygrid_exclusions **exclusions);
 
 /*
- * The pairs of compressed sparse rows, laid out as by lazygrid_neighbors, whose results it takes as they are: `offsets`
- * has one more than there are spheres, and its last is the length of `indices`. It is enough that one of two spheres
- * names the other; rows need no order.
+ * Creates exclusions from compressed sparse rows in the layout of lazygrid_neighbors: `offsets` has `spheres` + 1 values, and
+ * the last is the length of `indices`. One of the two spheres of a pair needs to list the other. Rows may be in any order.
  */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_from_csr(size_t spheres, const uint64_t *offsets, const uint32_t *indices,
                                                          lazygrid_exclusions **exclusions);
 
-/* Frees a list. NULL is left alone. */
+/* Frees exclusions. Ignores NULL. */
 LAZYGRID_API void lazygrid_exclusions_destroy(lazygrid_exclusions *exclusions);
 
-/* Makes a detector; `settings` may be NULL for the defaults. The backend is decided here. */
+/* Creates a detector and chooses its backend. `settings` may be NULL for the defaults. */
 LAZYGRID_API lazygrid_status lazygrid_create(const lazygrid_settings *settings, lazygrid_detector **detector);
 
 /*
- * Frees a detector and all that it delivered out. NULL is left alone. While a search runs it is LAZYGRID_ERROR_BUSY and
- * nothing is freed; that is noticed, but another thread must not begin a search at the same moment.
+ * Frees a detector and the arrays that it returned. Ignores NULL. While a search runs, it returns LAZYGRID_ERROR_BUSY and frees
+ * nothing; but another thread must not begin a search at the same moment.
  */
 LAZYGRID_API lazygrid_status lazygrid_destroy(lazygrid_detector *detector);
 
 /*
- * The overlapping pairs, `count` of them at `*pairs`. With LAZYGRID_ERROR_TOO_MANY_PAIRS `*count` is how many there
- * are, exactly.
+ * Finds the overlapping pairs and writes their address and number. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `*count` is the exact
+ * number of pairs.
  */
 LAZYGRID_API lazygrid_status lazygrid_pairs(lazygrid_detector *detector, const lazygrid_query *query,
                                             const lazygrid_pair **pairs, uint64_t *count);
 
-/* The number of pairs. Needs no memory for them, so that any number can be counted. */
+/* Counts the pairs. The memory does not depend on their number. */
 LAZYGRID_API lazygrid_status lazygrid_count(lazygrid_detector *detector, const lazygrid_query *query, uint64_t *count);
 
 /*
- * The pairs as neighbor lists in compressed sparse rows: the neighbors of sphere k are `indices[offsets[k]]` to
- * `indices[offsets[k + 1] - 1]`, ascending. Of one set every pair is in both lists. Of two sets there is a list for each
- * sphere of the first one, with its neighbors in the second. `*offsets` has one more value than there are lists; the last
- * is the length of `*indices`.
+ * Finds the pairs as neighbor lists in compressed sparse rows: the neighbors of sphere k are `indices[offsets[k]]` to
+ * `indices[offsets[k + 1] - 1]`, ascending. For one set each pair is in both lists. For two sets each sphere of the first has a
+ * list of its neighbors in the second. `*offsets` has one more value than there are lists; the last is the length of
+ * `*indices`.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, const lazygrid_query *query,
                                                 const uint64_t **offsets, const uint32_t **indices);
 
 /*
- * Hands the pairs to `consume` in chunks of at most `chunk`, 1 or more, and says in `*delivered` how many it got. Memory
- * stays bounded for any number of pairs. In canonical order a result of more than `max_pairs` pairs takes a further
- * search per that many. `context` is passed on as it is.
+ * Passes the pairs to `consume` in chunks of at most `chunk`, 1 or more, and writes the number of delivered pairs. Memory stays
+ * bounded for any number of pairs. In canonical order a result above `max_pairs` takes another search for each `max_pairs`
+ * pairs. `context` is passed on unchanged.
  */
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
                                              lazygrid_pair_callback consume, void *context, uint64_t *delivered);
 
-/* Options of lazygrid_neighbor_list, to be added up. */
+/* Options of lazygrid_neighbor_list, combined by addition. */
 enum {
-    LAZYGRID_LIST_HALF = 1, /* every pair once, else twice: i < j, and of opposite images of a sphere one */
-    LAZYGRID_LIST_OPEN = 2, /* only distances below the reach, as ASE has it; else touching counts */
-    LAZYGRID_LIST_SELF = 4, /* every sphere of a radius above 0 is its own neighbor, too, at distance 0 */
+    LAZYGRID_LIST_HALF = 1, /* each pair once instead of twice: i < j, and one of two opposite images of a sphere */
+    LAZYGRID_LIST_OPEN = 2, /* distances below the cutoff only, like ASE; without it touching counts */
+    LAZYGRID_LIST_SELF = 4, /* each sphere of a radius above 0 is its own neighbor at distance 0 */
     LAZYGRID_LIST_SHIFTS = 8,
     LAZYGRID_LIST_VECTORS = 16,
     LAZYGRID_LIST_DISTANCES = 32
 };
 
 /*
- * A neighbor list: `length` entries, of which those of sphere k are `offsets[k]` to `offsets[k + 1] - 1`. Arrays that were not
- * asked for are NULL.
+ * A neighbor list with `length` entries. Those of sphere k are `offsets[k]` to `offsets[k + 1] - 1`. Arrays without their option
+ * are NULL.
  */
 typedef struct lazygrid_list {
     uint64_t length;
     const uint64_t *offsets;
     const lazygrid_pair *pairs;  /* the sphere and its neighbor; in a full list i may be the larger index */
-    const int32_t (*shifts)[3];  /* the number of each edge of the space that leads to the image of the neighbor */
+    const int32_t (*shifts)[3];  /* multiples of the cell vectors that lead to the neighbor's image */
     const double (*vectors)[3];  /* from the sphere to that image */
     const double *distances;
 } lazygrid_list;
 
 /*
- * The neighbor list of a query with all periodic images within reach, also in a box that is smaller than the reach, where a
- * sphere may be the neighbor of its own images. It is computed in double precision, in order of i, j and the shift. Excluded
- * pairs and spheres of one group are left out with all their images.
+ * Finds the neighbor list with all periodic images within the cutoff, also in a box that is smaller than the cutoff, where a
+ * sphere may neighbor its own images. Computes in double precision and sorts by i, j and the shift. Exclusions and groups apply
+ * to all images.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector, const lazygrid_query *query,
                                                     uint32_t options, lazygrid_list *list);
 
 /*
- * What the last search did and why, as one JSON object: "spheres" and "pairs" (how many; of two sets the spheres of
- * both), "backend", "adapter" (null on the CPU), "algorithm", "reason", "gpu" (what it cost a GPU: "dispatches",
- * "working_bytes", "pair_bytes", "traffic_bytes"; null on the CPU), "candidates" (those that the search was answered from:
- * "count", "age" in calls, "displacement_fraction", the largest used fraction of the displacement limit, "rebuilt", why
- * they were found anew in this call or null; null where it searched without any), "phases" (seconds by name, in the
- * order of the work). Later versions may add names.
- * The text lives until the next lazygrid_report_json with that detector.
+ * Returns the report of the last search as one JSON object: "spheres" and "pairs" (numbers; for two sets the spheres of both),
+ * "backend", "adapter" (null on the CPU), "algorithm", "reason", "gpu" (the cost of a GPU call: "dispatches", "working_bytes",
+ * "pair_bytes", "traffic_bytes"; null on the CPU), "candidates" (the candidate list: "count", "age" in calls,
+ * "displacement_fraction", the largest used fraction of a displacement limit from 0 to 1, "rebuilt", the reason of a rebuild in this call or null; null
+ * without a list), "phases" (seconds by name, in order). Later versions may add names. The text lives until the next
+ * lazygrid_report_json with that detector.
  */
 LAZYGRID_API lazygrid_status lazygrid_report_json(lazygrid_detector *detector, const char **json);
 
 /*
- * An estimate of the bytes that the detector holds for so many spheres, besides the result; on the CPU an upper one.
- * UINT64_MAX where a GPU cannot hold them.
+ * Estimates the bytes that the detector needs for `spheres` spheres, besides the result; on the CPU an upper bound. UINT64_MAX
+ * if a GPU cannot hold them.
  */
 LAZYGRID_API lazygrid_status lazygrid_memory_for(lazygrid_detector *detector, uint64_t spheres, uint64_t *bytes);
 

@@ -4,8 +4,8 @@
 //     std::vector<lazygrid::Sphere> spheres = {{0, 0, 0, 1}, {1.5f, 0, 0, 1}};
 //     for (const lazygrid::Pair &pair : detector.pairs(spheres)) collide(pair.i, pair.j);
 //
-// What lazygrid.h says of pairs, lifetimes and threads holds here: a view lives until the next search with its
-// detector, and one thread at a time uses a detector. Whatever fails throws lazygrid::Error.
+// The rules of lazygrid.h for pairs, lifetimes and threads apply: a view lives until the next search with its detector, and
+// one thread at a time may use a detector. Every failure throws lazygrid::Error.
 #ifndef LAZYGRID_HPP
 #define LAZYGRID_HPP
 
@@ -41,13 +41,13 @@ private:
     lazygrid_status status_;
 };
 
-// The input is refused: not finite, a negative radius, an unknown species.
+// Invalid input: not finite, a negative radius, an unknown species.
 class InputError : public Error {
 public:
     using Error::Error;
 };
 
-// A list would hold more pairs than Settings::max_pairs.
+// A list would have more pairs than Settings::max_pairs.
 class TooManyPairs : public Error {
 public:
     TooManyPairs(const std::string &message, std::uint64_t found)
@@ -59,7 +59,7 @@ private:
     std::uint64_t found_;
 };
 
-// Two spheres by their indices; i < j, or, of two sets, i in the first and j in the second.
+// Two spheres by their indices; i < j, or, for two sets, i in the first and j in the second.
 using Pair = lazygrid_pair;
 
 // Center and radius in the caller's length unit, as one row of the input.
@@ -74,7 +74,7 @@ struct SphereF64 {
 };
 static_assert(sizeof(SphereF64) == 4 * sizeof(double), "rows are four doubles");
 
-// Values that belong to somebody else. A std::span can be made of it.
+// A view of values that it does not own; std::span can be constructed from it.
 template <class T> class View {
 public:
     using value_type = T;
@@ -94,26 +94,26 @@ private:
     std::size_t size_ = 0;
 };
 
-// The neighbors of each sphere, ascending; of one set every pair is in both lists, of two sets in that of its first sphere.
+// The neighbors of each sphere, ascending. For one set each pair is in both lists, for two sets in the list of its first sphere.
 struct Neighbors {
     // The start of each list in `indices`, and the end of the last one.
     View<std::uint64_t> offsets;
     View<std::uint32_t> indices;
 
-    // The neighbours of sphere k.
+    // The neighbors of sphere k.
     View<std::uint32_t> neighbors_of(std::size_t k) const noexcept {
         const auto first = static_cast<std::size_t>(offsets[k]), last = static_cast<std::size_t>(offsets[k + 1]);
         return {indices.data() + first, last - first};
     }
 };
 
-// A neighbor list with geometry. Views that the options do not ask for are empty.
+// A neighbor list with geometry. Views without their option are empty.
 struct NeighborList {
     // The start of each sphere's entries, and the end of the last one's.
     View<std::uint64_t> offsets;
     // The sphere and its neighbor; in a full list i may be the larger index.
     View<Pair> pairs;
-    // The number of each edge of the space that leads to the image of the neighbor.
+    // Multiples of the cell vectors that lead to the neighbor's image.
     View<std::int32_t[3]> shifts;
     // From the sphere to that image.
     View<double[3]> vectors;
@@ -129,7 +129,7 @@ namespace detail {
 
 inline void check(lazygrid_status status, const lazygrid_detector *detector) {
     if (status == LAZYGRID_OK) return;
-    // What is busy has no message of its own.
+    // LAZYGRID_ERROR_BUSY has no message.
     const bool is_busy = status == LAZYGRID_ERROR_BUSY;
     fail(status, is_busy ? "the detector is in use, or a callback searches" : lazygrid_last_error(detector));
 }
@@ -144,15 +144,15 @@ template <class T> constexpr std::int32_t type_of() {
     return std::is_same_v<T, float> ? LAZYGRID_F32 : LAZYGRID_F64;
 }
 
-// The number `k` places behind `first`, and nothing behind nothing.
-template <class T> const T *behind(const T *first, std::size_t k) { return first == nullptr ? nullptr : first + k; }
+// The address `k` values after `first`; null if `first` is.
+template <class T> const T *offset(const T *first, std::size_t k) { return first == nullptr ? nullptr : first + k; }
 
 } // namespace detail
 
-// Pairs that are never reported, such as bonds. Never changed once it is made; copies share it.
+// Pairs that a search never reports, such as bonds. Immutable; copies share the data.
 class Exclusions {
 public:
-    // Pairs among so many spheres, in any order, in anything contiguous that has data() and size(), as std::vector<Pair>.
+    // Pairs of `spheres` spheres, in any order, in a contiguous range with data() and size(), such as std::vector<Pair>.
     template <class Pairs> Exclusions(std::size_t spheres, const Pairs &pairs) {
         take([&](auto **made) { return lazygrid_exclusions_create(spheres, pairs.data(), pairs.size(), made); });
     }
@@ -162,9 +162,9 @@ public:
             return lazygrid_exclusions_across(first, second, pairs.data(), pairs.size(), made);
         });
     }
-    // The pairs of neighbour lists, such as those that Detector::neighbors finds.
+    // The pairs of neighbor lists, such as those of Detector::neighbors.
     static Exclusions from_csr(const Neighbors &lists) {
-        if (lists.offsets.empty()) detail::fail(LAZYGRID_ERROR_INPUT, "the lists have no offsets; give one and the last");
+        if (lists.offsets.empty()) detail::fail(LAZYGRID_ERROR_INPUT, "the lists have no offsets; pass one per sphere and the end");
         return Exclusions([&](auto **made) {
             return lazygrid_exclusions_from_csr(lists.offsets.size() - 1, lists.offsets.data(), lists.indices.data(), made);
         });
@@ -184,14 +184,14 @@ private:
     std::shared_ptr<const lazygrid_exclusions> list_;
 };
 
-// The group of spheres that are in none.
+// The group number of spheres without a group.
 inline constexpr std::uint32_t no_group = LAZYGRID_NO_GROUP;
 
-// Spheres in memory of the caller, of float or double, with or without species and groups. Nothing is copied; what it is made
-// of must outlive it.
+// Spheres of float or double in the caller's memory, with or without species and groups. Copies no array; the arrays must
+// outlive it.
 class Spheres {
 public:
-    // Rows in anything contiguous that has data() and size(), as std::vector<Sphere> or std::vector<SphereF64>.
+    // Rows in a contiguous range with data() and size(), such as std::vector<Sphere> or std::vector<SphereF64>.
     template <class Rows, class = std::enable_if_t<std::is_same_v<detail::Row<Rows>, Sphere>
                                                    || std::is_same_v<detail::Row<Rows>, SphereF64>>>
     Spheres(const Rows &rows) : Spheres(rows.data(), rows.size()) {}
@@ -206,34 +206,34 @@ public:
     static Spheres columns(const T *x, const T *y, const T *z, const T *r, std::size_t count) {
         return strided(x, y, z, sizeof(T), r, sizeof(T), count);
     }
-    // Four columns of one length, as std::vector<float>. Throws InputError if the lengths differ.
+    // Four columns of one length, such as std::vector<float>. Throws InputError if the lengths differ.
     template <class Column> static Spheres columns(const Column &x, const Column &y, const Column &z, const Column &r) {
         if (x.size() != y.size() || x.size() != z.size() || x.size() != r.size()) {
             detail::fail(LAZYGRID_ERROR_INPUT, "the columns x, y, z and r differ in length");
         }
         return columns(x.data(), y.data(), z.data(), r.data(), x.size());
     }
-    // Points, as 3 * count numbers x, y, z, all of one radius, which must outlive this. Half a cutoff makes pairs of points that
-    // are within the cutoff.
+    // Points, as 3 * count numbers x, y, z, with one radius, which must outlive this. With half a cutoff as the radius, pairs are
+    // points within the cutoff.
     template <class T> static Spheres points(const T *centers, std::size_t count, const T &radius) {
-        return strided(centers, detail::behind(centers, 1), detail::behind(centers, 2), 3 * sizeof(T), &radius, 0, count);
+        return strided(centers, detail::offset(centers, 1), detail::offset(centers, 2), 3 * sizeof(T), &radius, 0, count);
     }
     template <class T> static Spheres points(const T *centers, std::size_t count, const T &&radius) = delete;
-    // Numbers at regular distances: from each center to the next `step` bytes, from each radius to the next `r_step`, 0 for one
-    // radius. So members of an array of structures: strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p, count).
+    // Numbers at regular distances: `step` bytes from one center to the next, `r_step` from one radius to the next, 0 for one
+    // radius. For members of an array of structures: strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p, count).
     template <class T>
     static Spheres strided(const T *x, const T *y, const T *z, std::size_t step, const T *r, std::size_t r_step,
                            std::size_t count) {
         return Spheres(lazygrid_strided(detail::type_of<T>(), count, x, y, z, step, r, r_step));
     }
-    // The same spheres with an id each. Throws InputError unless there is one per sphere.
+    // The same spheres with species ids. Throws InputError unless there is one per sphere.
     template <class Ids> Spheres with_species(const Ids &ids) const {
         Spheres with = *this;
         with.given_.species = one_each(ids, "species ids");
         return with;
     }
-    // The same spheres with a group each: two of one group are never a pair, except those of no_group. Throws InputError
-    // unless there is one per sphere.
+    // The same spheres with groups: two spheres of one group are never a pair, unless it is no_group. Throws InputError unless
+    // there is one per sphere.
     template <class Groups> Spheres with_groups(const Groups &groups) const {
         Spheres with = *this;
         with.given_.groups = one_each(groups, "groups");
@@ -254,30 +254,30 @@ private:
     lazygrid_spheres given_;
 };
 
-// A question to a detector: the pairs among one set of spheres, or those of one sphere of each of two sets, without the
-// excluded ones. Searches take spheres as they are, and two sets as {a, b}. What it is made of must outlive it.
+// A query: the pairs among one set of spheres, or of one sphere of each of two sets, without exclusions. Searches also accept
+// spheres directly, and two sets as {a, b}. Spheres and exclusions must outlive the query.
 class Query {
 public:
     Query(const Spheres &of) : first_(*of.get()) {}
-    // Anything that makes spheres, as std::vector<Sphere>.
+    // Any range that converts to spheres, such as std::vector<Sphere>.
     template <class Rows, class = std::enable_if_t<!std::is_same_v<Rows, Spheres> && !std::is_same_v<Rows, Query>
                                                    && std::is_convertible_v<const Rows &, Spheres>>>
     Query(const Rows &rows) : Query(Spheres(rows)) {}
     // Pairs of one sphere of `first` and one of `second`.
     Query(const Spheres &first, const Spheres &second) : first_(*first.get()), second_(*second.get()), is_across_(true) {}
-    // The same query, of which these pairs are never reported.
+    // The same query without these pairs.
     Query without(const Exclusions &exclusions) const {
         Query with = *this;
         with.exclusions_ = exclusions.get();
         return with;
     }
-    // What the C functions take; valid as long as this, and not after a copy has taken its place.
+    // The C structure, which points into this object.
     lazygrid_query get() const noexcept {
         lazygrid_query query = is_across_ ? lazygrid_across(&first_, &second_) : lazygrid_among(&first_);
         query.exclusions = exclusions_;
         return query;
     }
-    // The number of spheres of the only set, or of the first one: as many as there are neighbor lists.
+    // The number of spheres of the only or first set, which is the number of neighbor lists.
     std::size_t size() const noexcept { return first_.count; }
 
 private:
@@ -287,7 +287,7 @@ private:
     const lazygrid_exclusions *exclusions_ = nullptr;
 };
 
-// Options of a neighbor list, as the constants LAZYGRID_LIST_... describe them.
+// Options of a neighbor list; see LAZYGRID_LIST_...
 struct ListOptions {
     bool half = false, open = false, self = false;
     bool shifts = false, vectors = false, distances = false;
@@ -304,9 +304,9 @@ struct ListOptions {
 class Interaction {
 public:
     static Interaction never() { return {LAZYGRID_NEVER, 0}; }
-    // Centres at most ri + rj apart.
+    // Centers at most ri + rj apart.
     static Interaction touch() { return {LAZYGRID_TOUCH, 0}; }
-    // Centres at most `distance` apart, for any radii.
+    // Centers at most `distance` apart, for any radii.
     static Interaction within(double distance) { return {LAZYGRID_WITHIN, distance}; }
 
 private:
@@ -316,7 +316,7 @@ private:
     double distance;
 };
 
-// A table: for any two species, what makes them a pair.
+// A symmetric table: for any two species, the condition for a pair.
 class Interactions {
 public:
     // For species 0 to `species` - 1, all with the interaction `all`.
@@ -358,13 +358,13 @@ enum class Algorithm : std::int32_t {
 
 enum class Order : std::int32_t { canonical = LAZYGRID_ORDER_CANONICAL, unordered = LAZYGRID_ORDER_UNORDERED };
 
-// Whether candidates are kept from call to call; an answer never depends on it.
+// The skin of the candidate list that a detector may reuse between calls. Results never depend on it.
 class Skin {
 public:
-    // Where spheres move so little that it is expected to take less time.
+    // Keeps a list if the displacements predict that it saves time.
     static Skin automatic() { return {LAZYGRID_SKIN_AUTO, 0}; }
     static Skin off() { return {LAZYGRID_SKIN_OFF, 0}; }
-    // Pairs that are up to `distance` too far apart to touch, until a sphere has moved by half of it.
+    // Keeps the pairs within `distance` of touching until a sphere has moved by half of it.
     static Skin fixed(double distance) { return {LAZYGRID_SKIN_FIXED, distance}; }
 
 private:
@@ -383,17 +383,17 @@ struct Settings {
     std::uint64_t max_pairs = 0;
     // The length of each periodic axis; 0: unbounded.
     std::array<double, 3> periodic = {0, 0, 0};
-    // In place of `periodic`: up to three edges of any direction along which space repeats; those left 0 do not count.
+    // Instead of `periodic`: the cell vectors of a triclinic cell. Space is not periodic along a vector that is 0.
     std::array<std::array<double, 3>, 3> cell_vectors = {};
     std::chrono::duration<std::uint32_t> timeout = {};
-    // A GPU by its number or a part of its name; empty: the best one.
+    // A GPU by its index or a part of its name; empty: the best one.
     std::string adapter = {};
-    // Copied when a detector is made.
+    // Copied by the constructor of Detector.
     const Interactions *interactions = nullptr;
     Skin skin = Skin::automatic();
 };
 
-// Finds pairs, call after call, reusing its memory. After being moved from, all it does is throw.
+// Finds pairs, call after call, reusing its memory. A moved-from detector throws at each call.
 class Detector {
 public:
     explicit Detector(const Settings &settings = {}) {
@@ -429,7 +429,7 @@ public:
         return {found, static_cast<std::size_t>(count)};
     }
 
-    // The number of pairs; any number can be counted.
+    // The number of pairs. The memory does not depend on it.
     std::uint64_t count(const Query &of) {
         const lazygrid_query query = of.get();
         std::uint64_t count = 0;
@@ -437,7 +437,7 @@ public:
         return count;
     }
 
-    // The pairs as neighbor lists, one for each sphere of the only set, or of the first one.
+    // The pairs as neighbor lists, one for each sphere of the only or first set.
     Neighbors neighbors(const Query &of) {
         const lazygrid_query query = of.get();
         const std::uint64_t *offsets = nullptr;
@@ -447,7 +447,7 @@ public:
         return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
     }
 
-    // The neighbor list with all periodic images within reach, in double precision.
+    // The neighbor list with all periodic images within the cutoff, in double precision.
     NeighborList neighbor_list(const Query &of, const ListOptions &options = {}) {
         const lazygrid_query query = of.get();
         lazygrid_list list;
@@ -460,9 +460,9 @@ public:
                 {list.distances, options.distances ? length : 0}};
     }
 
-    // Hands the pairs to `consume` as View<Pair> of at most `chunk`, and returns how many it got. `consume` returns
-    // nothing, or false to end the search. What it throws ends the search and comes out here. It runs in any thread, in
-    // one at a time, and must not search.
+    // Passes the pairs to `consume` as View<Pair> of at most `chunk`, and returns the number of delivered pairs. `consume` returns
+    // nothing, or false to end the search. An exception of `consume` ends the search and is rethrown. `consume` may run in any
+    // thread, never concurrently, and must not search.
     template <class F> std::uint64_t stream(const Query &of, std::size_t chunk, F &&consume) {
         const lazygrid_query query = of.get();
         Consuming<std::remove_reference_t<F>> consumer{consume, nullptr};
@@ -480,14 +480,14 @@ public:
         return json;
     }
 
-    // An estimate of the bytes held for so many spheres, besides the result.
+    // Estimates the bytes for `spheres` spheres, besides the result.
     std::uint64_t memory_for(std::uint64_t spheres) {
         std::uint64_t bytes = 0;
         detail::check(lazygrid_memory_for(get(), spheres, &bytes), get());
         return bytes;
     }
 
-    // What the C functions take; it stays the detector's.
+    // The C handle, which the detector owns.
     lazygrid_detector *get() const noexcept { return detector_.get(); }
 
 private:

@@ -3,17 +3,17 @@ use std::sync::{Mutex, TryLockError};
 
 use engine::Detector;
 
-use crate::out::check;
+use crate::pointer::check;
 use crate::settings::CSettings;
 use crate::status::{
     BUSY, INTERNAL, OK, PANICKED, Status, c_text, guarded, last_without_detector, without_detector,
 };
 use crate::{Failure, OutPtr};
 
-/// `lazygrid_detector`: a detector and the texts that were delivered out.
+/// `lazygrid_detector`: a detector and the texts that C has pointers to.
 ///
-/// The mutex is only ever tried. So a second thread, and the callback of a stream, are refused; and after a panic it is
-/// poisoned, by which the detector is known to be of no further use.
+/// All functions use `try_lock`, so a second thread and the callback of a stream get [`BUSY`]. A panic poisons the mutex, and
+/// all later calls with the detector fail.
 #[derive(Debug)]
 pub struct DetectorHandle(Mutex<HandleState>);
 
@@ -21,19 +21,19 @@ pub struct DetectorHandle(Mutex<HandleState>);
 #[derive(Debug)]
 pub struct HandleState {
     pub detector: Detector,
-    /// The last report that was asked for.
+    /// The text of the last `lazygrid_report_json`.
     pub report: CString,
-    /// The message of the last call's failure; empty if it did not fail.
+    /// The error message of the last call; empty if it succeeded.
     message: CString,
 }
 
-// Handles are used from any thread, by one at a time.
+// Any thread may use a handle, one at a time.
 const _: () = {
     const fn crosses_threads<T: Send + Sync>() {}
     crosses_threads::<DetectorHandle>();
 };
 
-/// Runs a call with a detector, and keeps what went wrong.
+/// Runs a call with a detector and stores its error message.
 ///
 /// # Safety
 /// The header's conditions: `handle` is NULL or a detector that is not destroyed before this returns.
@@ -44,7 +44,7 @@ pub unsafe fn with_detector(
     if let Err(failure) = check(handle, "detector") {
         return without_detector(|| Err(failure));
     }
-    // SAFETY: `lazygrid_create` made it, and no code has a `&mut` to it: all go through its mutex.
+    // SAFETY: `lazygrid_create` made it, and no code has a `&mut` to it: all code locks its mutex.
     let DetectorHandle(state) = unsafe { &*handle };
     guarded(|| {
         let mut state = match state.try_lock() {
@@ -61,7 +61,7 @@ pub unsafe fn with_detector(
     })
 }
 
-/// Makes a detector.
+/// Creates a detector.
 ///
 /// # Safety
 /// The header's conditions: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
@@ -71,9 +71,9 @@ pub unsafe extern "C" fn lazygrid_create(
     detector: *mut *mut DetectorHandle,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: this function's own condition.
+        // SAFETY: `detector` is NULL or can be written to, by this function's condition.
         let out = unsafe { OutPtr::new(detector, "detector", std::ptr::null_mut()) }?;
-        // SAFETY: this function's own condition.
+        // SAFETY: `settings` is NULL or such a structure, by this function's condition.
         let config = unsafe { CSettings::config(settings) }?;
         let detector = Detector::new(config)?;
         let state = HandleState { detector, report: CString::default(), message: CString::default() };
@@ -85,8 +85,8 @@ pub unsafe extern "C" fn lazygrid_create(
 /// Frees a detector.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector that no thread uses from now on, unless a search is running, which is
-/// then refused.
+/// The header's conditions: `detector` is NULL or a detector that no thread uses any more, except for a running search,
+/// which makes this call fail.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Status {
     guarded(|| {
@@ -97,14 +97,14 @@ pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Stat
         if matches!(unsafe { &*detector }.0.try_lock(), Err(TryLockError::WouldBlock)) {
             return BUSY;
         }
-        // SAFETY: made by `Box::into_raw`, given back once, and no search is running, nor does one begin, by this
-        // function's condition.
+        // SAFETY: made by `Box::into_raw` and freed once. No search is running, and none begins by this function's
+        // condition.
         drop(unsafe { Box::from_raw(detector) });
         OK
     })
 }
 
-/// Returns the message of the last call's failure.
+/// Returns the error message of the last call.
 ///
 /// # Safety
 /// The header's conditions: `detector` is NULL or a detector that is not destroyed before this returns.

@@ -1,15 +1,15 @@
 use engine::{Exclusions, InputError, Pair};
 
-use crate::input::array;
-use crate::out::check;
+use crate::pointer::array;
+use crate::pointer::check;
 use crate::status::{Status, guarded, without_detector};
 use crate::{Failure, OutPtr};
 
-/// `lazygrid_exclusions`: pairs that are never reported.
+/// `lazygrid_exclusions`: pairs that a search never reports.
 #[derive(Debug)]
 pub struct ExclusionsHandle(pub Exclusions);
 
-/// Hands a list to C, in the place where it wants it.
+/// Creates exclusions and writes their handle to `exclusions`.
 ///
 /// # Safety
 /// The header's conditions: `exclusions` is NULL or can be written to.
@@ -18,17 +18,17 @@ unsafe fn create(
     list: impl FnOnce() -> Result<Exclusions, Failure>,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: this function's own condition.
+        // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
         let out = unsafe { OutPtr::new(exclusions, "exclusions", std::ptr::null_mut()) }?;
         out.put(Box::into_raw(Box::new(ExclusionsHandle(list()?))));
         Ok(())
     })
 }
 
-/// The pairs at `at`.
+/// Reads the `count` pairs at `at`.
 ///
 /// # Safety
-/// The header's conditions: `at` is NULL or points to `count` pairs, which no thread changes for as long as the result is used.
+/// The header's conditions: `at` is NULL or points to `count` pairs, which no thread changes while the result is in use.
 unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item = (u32, u32)> + 'a, Failure> {
     if count > isize::MAX as usize / size_of::<Pair>() {
         return Err(Failure::argument(format!("{count} pairs are more than memory can hold")));
@@ -37,7 +37,7 @@ unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item 
     Ok(unsafe { array(at, count, "pairs") }?.iter().map(|pair| (pair.i, pair.j)))
 }
 
-/// A list of pairs of one set.
+/// Creates exclusions among one set.
 ///
 /// # Safety
 /// The header's conditions: `pairs` is NULL or points to `count` pairs, `exclusions` is NULL or can be written to.
@@ -48,13 +48,13 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
     count: usize,
     exclusions: *mut *mut ExclusionsHandle,
 ) -> Status {
-    // SAFETY: this function's own condition, for both.
+    // SAFETY: `pairs_at` is NULL or points to `count` pairs, by this function's condition.
     let list = || Ok(Exclusions::new(count_of_spheres, unsafe { pairs(pairs_at, count) }?)?);
-    // SAFETY: as above.
+    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
-/// A list of pairs of one sphere of each of two sets.
+/// Creates exclusions across two sets.
 ///
 /// # Safety
 /// The same as [`lazygrid_exclusions_create`].
@@ -68,18 +68,18 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
 ) -> Status {
     let list = || {
         let (first, second) = (first, second);
-        // SAFETY: this function's own condition.
+        // SAFETY: `pairs_at` is NULL or points to `count` pairs, by this function's condition.
         Ok(Exclusions::across(first, second, unsafe { pairs(pairs_at, count) }?)?)
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
-/// A list of the pairs of compressed rows.
+/// Creates exclusions from compressed sparse rows.
 ///
 /// # Safety
-/// The header's conditions: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to as
-/// many as the last of them says, `exclusions` is NULL or can be written to.
+/// The header's conditions: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to
+/// as many values as the last offset, `exclusions` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
     count_of_spheres: usize,
@@ -91,45 +91,45 @@ pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
         if count_of_spheres >= isize::MAX as usize / size_of::<u64>() {
             return Err(InputError::TooManySpheres { count: count_of_spheres as u64 }.into());
         }
-        // SAFETY: this number of values by this function's condition, and no larger than an `isize`.
+        // SAFETY: this number of values is there by this function's condition, and takes at most `isize::MAX` bytes.
         let offsets = unsafe { array(offsets, count_of_spheres + 1, "offsets") }?;
         let starts: Vec<usize> =
             offsets.iter().map(|&offset| usize::try_from(offset).unwrap_or(usize::MAX)).collect();
         let count = starts.last().copied().unwrap_or(0);
         if count > isize::MAX as usize / size_of::<u32>() {
             return Err(Failure::argument(format!(
-                "the last of the offsets is {count}, more than memory can hold; it must be the number of indices"
+                "the last offset is {count}, more indices than memory can hold; it must be the number of indices"
             )));
         }
-        // SAFETY: this number of values by this function's condition, and no larger than an `isize`.
+        // SAFETY: this number of values is there by this function's condition, and takes at most `isize::MAX` bytes.
         Ok(Exclusions::from_csr(&starts, unsafe { array(indices, count, "indices") }?)?)
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
-/// Frees a list.
+/// Frees exclusions.
 ///
 /// # Safety
-/// The header's conditions: `exclusions` is NULL or a list that no thread uses from now on.
+/// The header's conditions: `exclusions` is NULL or exclusions that no thread uses any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut ExclusionsHandle) {
     guarded(|| {
         if !exclusions.is_null() {
-            // SAFETY: `create` made it by `Box::into_raw`, and it is given back once.
+            // SAFETY: `create` made it by `Box::into_raw`, and it is freed once.
             drop(unsafe { Box::from_raw(exclusions) });
         }
         0
     });
 }
 
-/// The list at `exclusions`, if there is one.
+/// Borrows the exclusions at `exclusions`; `None` if it is NULL.
 ///
 /// # Errors
 /// Fails if it is not aligned.
 ///
 /// # Safety
-/// The header's conditions: `exclusions` is NULL or a list that is not destroyed for as long as the result lives.
+/// The header's conditions: `exclusions` is NULL or exclusions that are not destroyed while the result is in use.
 pub unsafe fn borrow<'a>(exclusions: *const ExclusionsHandle) -> Result<Option<&'a Exclusions>, Failure> {
     if exclusions.is_null() {
         return Ok(None);

@@ -1,12 +1,11 @@
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
-use std::slice;
 
 use engine::{InputError, MAX_SPHERES, Query, Real, Sphere, Spheres, Strided};
 
 use crate::Failure;
 use crate::exclusions::{self, ExclusionsHandle};
-use crate::out::check;
+use crate::pointer::array;
 use crate::sized::{self, VersionedStruct};
 
 /// `LAZYGRID_F32`.
@@ -14,7 +13,7 @@ pub const F32: i32 = 0;
 /// `LAZYGRID_F64`.
 pub const F64: i32 = 1;
 
-/// `lazygrid_spheres`: a set of spheres in memory of the caller.
+/// `lazygrid_spheres`: a set of spheres in the caller's memory.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct CSpheres {
@@ -56,24 +55,24 @@ unsafe impl VersionedStruct for CQuery {
         "set it to sizeof(lazygrid_query), or make the query by lazygrid_among or lazygrid_across";
 }
 
-/// The query at `query`. Nothing is copied but the structures.
+/// Borrows the query at `query`. Copies only the structures, not the arrays.
 ///
 /// # Errors
-/// If a pointer is NULL that must not be, or misaligned, if a size, a type or a step is wrong, or there are too many spheres.
-/// An error of the second set says so.
+/// Fails if a required pointer is NULL or misaligned, if a size, type or step is wrong, or if there are too many spheres. An
+/// error in the second set says so.
 ///
 /// # Safety
-/// The header's conditions: `query` is NULL or points to such a structure, whose pointers are NULL or point to what it says, which
-/// does not change for as long as the result lives.
+/// The header's conditions: `query` is NULL or points to such a structure, whose pointers are NULL or point to
+/// what the header says, which does not change while the result is in use.
 pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
-    // SAFETY: this function's own condition.
+    // SAFETY: `query` is NULL or points to such a structure, by this function's condition.
     let CQuery { first, second, exclusions, .. } = unsafe { sized::read(query, "query") }?;
-    // SAFETY: this function's own condition.
+    // SAFETY: `first` is NULL or describes live arrays, by this function's condition.
     let first = unsafe { CSpheres::borrow(first, "query.first") }?;
     let query = if second.is_null() {
         Query::new(first)
     } else {
-        // SAFETY: this function's own condition.
+        // SAFETY: `second` is NULL or describes live arrays, by this function's condition.
         let second = unsafe { CSpheres::borrow(second, "query.second") }.map_err(of_second)?;
         Query::new((first, second))
     };
@@ -82,13 +81,13 @@ pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
     Ok(exclusions.map_or(query, |exclusions| query.without(exclusions)))
 }
 
-/// A failure of the second set, in the words of the engine.
+/// Marks a failure of the second set, as the engine does.
 fn of_second(Failure { status, message }: Failure) -> Failure {
     Failure { status, message: format!("of the second set, {message}") }
 }
 
 impl CSpheres {
-    /// The spheres at `at`, which messages call `name`.
+    /// Borrows the spheres at `at`; `name` is their name in messages.
     ///
     /// # Errors
     /// The same as [`borrow`].
@@ -96,17 +95,17 @@ impl CSpheres {
     /// # Safety
     /// The same as [`borrow`], for these spheres.
     unsafe fn borrow<'a>(at: *const Self, name: &str) -> Result<Spheres<'a>, Failure> {
-        // SAFETY: this function's own condition.
+        // SAFETY: `at` is NULL or points to such a structure, by this function's condition.
         let set = unsafe { sized::read(at, name) }?;
         let Self { count, species, groups, zero, .. } = set;
         if zero != 0 {
             return Err(Failure::argument(format!("`zero` is {zero}; it must be 0")));
         }
-        // No array of ids is larger than memory can be, also with addresses of 32 bits.
+        // Keeps all arrays below `isize::MAX` bytes, also with 32-bit addresses.
         if count as u64 > MAX_SPHERES || count > isize::MAX as usize / size_of::<Sphere>() {
             return Err(InputError::TooManySpheres { count: count as u64 }.into());
         }
-        // SAFETY: this function's own condition.
+        // SAFETY: the structure describes live arrays, by this function's condition.
         let mut spheres = unsafe { set.numbers() }?;
         if !species.is_null() {
             // SAFETY: `count` ids, by this function's condition.
@@ -119,7 +118,7 @@ impl CSpheres {
         Ok(spheres)
     }
 
-    /// The spheres without ids.
+    /// The spheres without species and groups.
     ///
     /// # Safety
     /// The same as [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.
@@ -130,9 +129,9 @@ impl CSpheres {
                 // aligned as they are, and any bits are one.
                 Ok(Spheres::from(unsafe { array(self.x.cast::<Sphere>(), self.count, "x") }?))
             }
-            // SAFETY: this function's own condition.
+            // SAFETY: the numbers are `f32` by `type`, and live, by this function's condition.
             F32 => unsafe { self.strided::<f32>() },
-            // SAFETY: this function's own condition.
+            // SAFETY: the numbers are `f64` by `type`, and live, by this function's condition.
             F64 => unsafe { self.strided::<f64>() },
             other => {
                 let message = format!("`type` is {other}; choose LAZYGRID_F32 or LAZYGRID_F64");
@@ -149,7 +148,7 @@ impl CSpheres {
         are_steps && !self.x.is_null() && is_at(self.y, 1) && is_at(self.z, 2) && is_at(self.r, 3)
     }
 
-    /// Spheres of numbers of type `T`, at any distance from one another.
+    /// Spheres of numbers of type `T` with any steps.
     ///
     /// # Safety
     /// The same as [`numbers`](Self::numbers); the numbers are of type `T`.
@@ -184,10 +183,10 @@ impl CSpheres {
     }
 }
 
-/// A step in bytes as a number of values of type `T`.
+/// Converts a step in bytes to a number of values of type `T`.
 ///
 /// # Errors
-/// If it is not a multiple of their size.
+/// Fails if the step is not a multiple of the size of `T`.
 fn values_of<T>(step: usize, name: &str) -> Result<usize, Failure> {
     let size = size_of::<T>();
     if !step.is_multiple_of(size) {
@@ -200,7 +199,7 @@ fn values_of<T>(step: usize, name: &str) -> Result<usize, Failure> {
 /// The number of values of type `T` from the first sphere's to the last sphere's, both included; 0 without spheres.
 ///
 /// # Errors
-/// If they are more than memory can hold.
+/// Fails if they are more than memory can hold.
 fn extent<T>(count: usize, step: usize, name: &str) -> Result<usize, Failure> {
     let Some(last) = count.checked_sub(1) else { return Ok(0) };
     let most = isize::MAX as usize / size_of::<T>();
@@ -212,21 +211,4 @@ fn extent<T>(count: usize, step: usize, name: &str) -> Result<usize, Failure> {
              to the next"
         ))
     })
-}
-
-/// `count` values at `at`; none where `count` is 0, wherever `at` points.
-///
-/// # Errors
-/// Fails if `at` is NULL or not aligned, unless `count` is 0.
-///
-/// # Safety
-/// If `count` is not 0 and `at` neither NULL nor misaligned, so many values are there, any bits are a value, nobody
-/// changes them for as long as the result lives, and they are no larger than an `isize`.
-pub unsafe fn array<'a, T: Copy>(at: *const T, count: usize, name: &str) -> Result<&'a [T], Failure> {
-    if count == 0 {
-        return Ok(&[]);
-    }
-    check(at, name)?;
-    // SAFETY: not NULL and aligned, as was checked; the rest is this function's condition.
-    Ok(unsafe { slice::from_raw_parts(at, count) })
 }

@@ -1,6 +1,6 @@
 use engine::{Interaction, Interactions};
 
-use crate::out::check;
+use crate::pointer::check;
 use crate::status::{Status, guarded, without_detector};
 use crate::{Failure, OutPtr};
 
@@ -8,19 +8,19 @@ use crate::{Failure, OutPtr};
 #[derive(Debug)]
 pub struct InteractionsHandle(pub Interactions);
 
-/// The interaction that C means by a kind and a distance.
+/// Converts a kind and a distance to an interaction.
 fn interaction(kind: i32, distance: f64) -> Result<Interaction, Failure> {
     match kind {
         0 => Ok(Interaction::Never),
         1 => Ok(Interaction::Touch),
         2 => Ok(Interaction::Within(distance)),
         _ => Err(Failure::argument(format!(
-            "{kind} is no kind of interaction; choose LAZYGRID_NEVER, LAZYGRID_TOUCH or LAZYGRID_WITHIN"
+            "unknown kind of interaction {kind}; choose LAZYGRID_NEVER, LAZYGRID_TOUCH or LAZYGRID_WITHIN"
         ))),
     }
 }
 
-/// Makes a table.
+/// Creates a table.
 ///
 /// # Safety
 /// The header's conditions: `interactions` is NULL or can be written to.
@@ -32,7 +32,7 @@ pub unsafe extern "C" fn lazygrid_interactions_create(
     interactions: *mut *mut InteractionsHandle,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: this function's own condition.
+        // SAFETY: `interactions` is NULL or can be written to, by this function's condition.
         let out = unsafe { OutPtr::new(interactions, "interactions", std::ptr::null_mut()) }?;
         let table = Interactions::new(species, interaction(kind, distance)?)?;
         out.put(Box::into_raw(Box::new(InteractionsHandle(table))));
@@ -63,12 +63,12 @@ pub unsafe extern "C" fn lazygrid_interactions_set(
 /// Frees a table.
 ///
 /// # Safety
-/// The header's conditions: `interactions` is NULL or a table that no thread uses from now on.
+/// The header's conditions: `interactions` is NULL or a table that no thread uses any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_destroy(interactions: *mut InteractionsHandle) {
     guarded(|| {
         if !interactions.is_null() {
-            // SAFETY: `lazygrid_interactions_create` made it by `Box::into_raw`, and it is given back once.
+            // SAFETY: `lazygrid_interactions_create` made it by `Box::into_raw`, and it is freed once.
             drop(unsafe { Box::from_raw(interactions) });
         }
         0

@@ -24,12 +24,12 @@ pub struct CNeighborList {
 pub const OPTIONS: [(&str, u32); 6] =
     [("HALF", 1), ("OPEN", 2), ("SELF", 4), ("SHIFTS", 8), ("VECTORS", 16), ("DISTANCES", 32)];
 
-/// The options that these bits stand for.
+/// Converts the bits of `LAZYGRID_LIST_…` to options.
 fn options(bits: u32) -> Result<ListOptions, Failure> {
     let known = OPTIONS.iter().fold(0, |known, (_, bit)| known | bit);
     if bits & !known != 0 {
         return Err(Failure::argument(format!(
-            "the options {bits} have bits that none of LAZYGRID_LIST_... has, which are {known} together"
+            "the options are {bits}; combine the bits of LAZYGRID_LIST_..., which are {known} together"
         )));
     }
     let has = |name: &str| OPTIONS.iter().any(|(other, bit)| *other == name && bits & bit != 0);
@@ -59,22 +59,22 @@ impl CNeighborList {
     };
 
     fn new(list: &NeighborList<'_>, options: u32) -> Self {
-        fn asked<T>(values: &[T], is_asked_for: bool) -> *const T {
-            if is_asked_for { values.as_ptr() } else { ptr::null() }
+        fn requested<T>(values: &[T], is_requested: bool) -> *const T {
+            if is_requested { values.as_ptr() } else { ptr::null() }
         }
         let [.., (_, shifts), (_, vectors), (_, distances)] = OPTIONS;
         Self {
             length: list.len() as u64,
             offsets: list.offsets().as_ptr(),
             pairs: list.pairs().as_ptr(),
-            shifts: asked(list.shifts(), options & shifts != 0),
-            vectors: asked(list.vectors(), options & vectors != 0),
-            distances: asked(list.distances(), options & distances != 0),
+            shifts: requested(list.shifts(), options & shifts != 0),
+            vectors: requested(list.vectors(), options & vectors != 0),
+            distances: requested(list.distances(), options & distances != 0),
         }
     }
 }
 
-/// The neighbor list of a query, with geometry.
+/// Finds the neighbor list of a query, with geometry.
 ///
 /// # Safety
 /// The header's conditions: `detector` and `query` are what they are called or NULL, `list` is NULL or can be written to.
@@ -85,16 +85,16 @@ pub unsafe extern "C" fn lazygrid_neighbor_list(
     options_of_list: u32,
     list: *mut CNeighborList,
 ) -> Status {
-    // SAFETY: this function's own condition.
+    // SAFETY: `list` is NULL or can be written to, by this function's condition.
     let list = unsafe { OutPtr::new(list, "list", CNeighborList::EMPTY) };
     let work = |state: &mut HandleState| {
         let (list, options) = (list?, options(options_of_list)?);
-        // SAFETY: this function's own condition.
+        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         let found = state.detector.neighbor_list(query, options)?;
         list.put(CNeighborList::new(&found, options_of_list));
         Ok(())
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { search(detector, work) }
 }

@@ -8,7 +8,7 @@ use crate::OutPtr;
 use crate::detector::{DetectorHandle, HandleState, with_detector};
 use crate::status::{Status, c_text};
 
-/// The object of a report, with the names that `lazygrid detect --json` uses.
+/// Converts a report to JSON, with the names of `lazygrid detect --json`.
 fn object(report: &Report) -> Value {
     let phases: Map<String, Value> =
         report.phases.iter().map(|phase| (phase.name.to_owned(), phase.time.as_secs_f64().into())).collect();
@@ -50,7 +50,7 @@ pub unsafe extern "C" fn lazygrid_report_json(
     detector: *mut DetectorHandle,
     json: *mut *const c_char,
 ) -> Status {
-    // SAFETY: this function's own condition.
+    // SAFETY: `json` is NULL or can be written to, by this function's condition.
     let json = unsafe { OutPtr::new(json, "json", ptr::null()) };
     let work = |state: &mut HandleState| {
         let json = json?;
@@ -58,7 +58,7 @@ pub unsafe extern "C" fn lazygrid_report_json(
         json.put(state.report.as_ptr());
         Ok(())
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { with_detector(detector, work) }
 }
 
@@ -72,7 +72,7 @@ pub unsafe extern "C" fn lazygrid_memory_for(
     spheres: u64,
     bytes: *mut u64,
 ) -> Status {
-    // SAFETY: this function's own condition.
+    // SAFETY: `bytes` is NULL or can be written to, by this function's condition.
     let bytes = unsafe { OutPtr::new(bytes, "bytes", 0) };
     let work = |state: &mut HandleState| {
         let bytes = bytes?;
@@ -82,6 +82,6 @@ pub unsafe extern "C" fn lazygrid_memory_for(
         bytes.put(state.detector.memory_for(spheres));
         Ok(())
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { with_detector(detector, work) }
 }

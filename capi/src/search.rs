@@ -11,12 +11,12 @@ use crate::status::{BUSY, Status};
 use crate::{Failure, OutPtr};
 
 thread_local! {
-    /// Whether this thread is inside a callback.
-    static IS_TAKING: Cell<bool> = const { Cell::new(false) };
+    /// `true` while this thread runs a callback.
+    static IN_CALLBACK: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a search, unless this thread is inside a callback: other threads of the pool may wait for that to return, and a
-/// search would wait for them, with any detector.
+/// Runs a search, unless this thread runs a callback: other pool threads may wait for the callback to return, and a search
+/// with any detector would wait for them.
 ///
 /// # Safety
 /// The same as [`with_detector`].
@@ -24,14 +24,14 @@ pub unsafe fn search(
     detector: *const DetectorHandle,
     work: impl FnOnce(&mut HandleState) -> Result<(), Failure>,
 ) -> Status {
-    if IS_TAKING.get() {
+    if IN_CALLBACK.get() {
         return BUSY;
     }
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { with_detector(detector, work) }
 }
 
-/// The overlapping pairs, of one set or between two.
+/// Finds the overlapping pairs of one set, or across two sets.
 ///
 /// # Safety
 /// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
@@ -42,20 +42,20 @@ pub unsafe extern "C" fn lazygrid_pairs(
     pairs: *mut *const Pair,
     count: *mut u64,
 ) -> Status {
-    // SAFETY: this function's own condition, for both.
+    // SAFETY: `pairs` and `count` are NULL or can be written to, by this function's condition.
     let (pairs, count) =
         unsafe { (OutPtr::new(pairs, "pairs", ptr::null()), OutPtr::new(count, "count", 0)) };
     let work = |state: &mut HandleState| {
         let (pairs, count) = (pairs?, count?);
-        // SAFETY: this function's own condition.
+        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         put_pairs(state.detector.pairs(query), &pairs, &count)
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { search(detector, work) }
 }
 
-/// Writes where the pairs are and how many; of too many, how many.
+/// Writes the address and the number of the pairs; if there are too many, only their number.
 fn put_pairs(
     found: Result<&[Pair], Error>,
     pairs: &OutPtr<*const Pair>,
@@ -81,20 +81,20 @@ pub unsafe extern "C" fn lazygrid_count(
     query: *const CQuery,
     count: *mut u64,
 ) -> Status {
-    // SAFETY: this function's own condition.
+    // SAFETY: `count` is NULL or can be written to, by this function's condition.
     let count = unsafe { OutPtr::new(count, "count", 0) };
     let work = |state: &mut HandleState| {
         let count = count?;
-        // SAFETY: this function's own condition.
+        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         count.put(state.detector.count(query)?);
         Ok(())
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { search(detector, work) }
 }
 
-/// The pairs as neighbour lists.
+/// Finds the pairs as neighbor lists.
 ///
 /// # Safety
 /// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
@@ -105,45 +105,47 @@ pub unsafe extern "C" fn lazygrid_neighbors(
     offsets: *mut *const u64,
     indices: *mut *const u32,
 ) -> Status {
-    // SAFETY: this function's own condition, for both.
+    // SAFETY: `offsets` and `indices` are NULL or can be written to, by this function's condition.
     let (offsets, indices) = unsafe {
         (OutPtr::new(offsets, "offsets", ptr::null()), OutPtr::new(indices, "indices", ptr::null()))
     };
     let work = |state: &mut HandleState| {
         let (offsets, indices) = (offsets?, indices?);
-        // SAFETY: this function's own condition.
+        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         put_lists(&state.detector.neighbors(query)?, &offsets, &indices);
         Ok(())
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { search(detector, work) }
 }
 
-/// Writes where the lists are.
+/// Writes the addresses of the lists.
 fn put_lists(lists: &Neighbors<'_>, offsets: &OutPtr<*const u64>, indices: &OutPtr<*const u32>) {
     offsets.put(lists.offsets().as_ptr());
     indices.put(lists.indices().as_ptr());
 }
 
-/// `lazygrid_pair_callback`: takes pairs, and returns 0 to go on.
+/// `lazygrid_pair_callback`: receives pairs and returns 0 to continue.
 pub type PairCallback = unsafe extern "C" fn(context: *mut c_void, pairs: *const Pair, count: usize) -> i32;
 
-/// The consumer of a stream's pairs.
+/// The callback of a stream and its context.
 struct Consumer {
     consume: PairCallback,
     context: *mut c_void,
 }
 
-// SAFETY: the header says that the callback is called, with its context, from threads other than that of the caller;
-// who gives one allows for it. The pointer is only passed on.
+// SAFETY: by the header, the library calls the callback, with its context, from other threads than the caller's, and the
+// caller allows that. The pointer is only passed on.
 unsafe impl Send for Consumer {}
 
 impl Consumer {
+    /// Checks the arguments of a stream.
+    ///
     /// # Errors
-    /// If there is no function, or chunks would be empty.
+    /// Fails if `consume` is NULL or `chunk` is 0.
     fn new(consume: Option<PairCallback>, context: *mut c_void, chunk: usize) -> Result<Self, Failure> {
-        let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; give a function"))?;
+        let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; pass a function"))?;
         if chunk == 0 {
             return Err(Failure::argument("`chunk` is 0; it must be at least 1"));
         }
@@ -151,10 +153,10 @@ impl Consumer {
     }
 
     fn take(&mut self, pairs: &[Pair]) -> ControlFlow<()> {
-        IS_TAKING.set(true);
-        // SAFETY: a function of this type by the header; the pairs live until it returns.
+        IN_CALLBACK.set(true);
+        // SAFETY: a function of this type by the header. The pairs live until it returns.
         let answer = unsafe { (self.consume)(self.context, pairs.as_ptr(), pairs.len()) };
-        IS_TAKING.set(false);
+        IN_CALLBACK.set(false);
         match answer {
             0 => ControlFlow::Continue(()),
             _ => ControlFlow::Break(()),
@@ -162,7 +164,7 @@ impl Consumer {
     }
 }
 
-/// Hands the pairs over in chunks.
+/// Passes the pairs to a callback in chunks.
 ///
 /// # Safety
 /// The header's conditions: `detector` and `query` are what they are called or NULL, `delivered` is NULL or can be written to,
@@ -176,16 +178,16 @@ pub unsafe extern "C" fn lazygrid_stream(
     context: *mut c_void,
     delivered: *mut u64,
 ) -> Status {
-    // SAFETY: this function's own condition.
+    // SAFETY: `delivered` is NULL or can be written to, by this function's condition.
     let delivered = unsafe { OutPtr::new(delivered, "delivered", 0) };
     let work = |state: &mut HandleState| {
         let delivered = delivered?;
-        // SAFETY: this function's own condition.
+        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         let mut consumer = Consumer::new(consume, context, chunk)?;
         delivered.put(state.detector.stream(query, chunk, move |pairs| consumer.take(pairs))?);
         Ok(())
     };
-    // SAFETY: this function's own condition.
+    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
     unsafe { search(detector, work) }
 }

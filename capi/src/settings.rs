@@ -3,9 +3,9 @@ use std::ffi::{CStr, c_char};
 use engine::{Algorithm, Backend, Config, Order, Skin, Space};
 
 use crate::Failure;
-use crate::input::array;
 use crate::interactions::InteractionsHandle;
-use crate::out::check;
+use crate::pointer::array;
+use crate::pointer::check;
 use crate::sized::{self, VersionedStruct};
 use crate::status::{Status, without_detector};
 
@@ -49,7 +49,7 @@ pub const ALGORITHMS: [Algorithm; 8] = [
 
 pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 
-/// The skins by their number, each with what a distance makes of it.
+/// The constructor of each skin from `skin_distance`, by the number in the header.
 pub const SKINS: [fn(f64) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
 
 impl CSettings {
@@ -76,23 +76,23 @@ impl CSettings {
     /// Reads the settings at `settings`; NULL means the defaults.
     ///
     /// # Errors
-    /// The same as [`sized::read`], and for numbers that mean nothing.
+    /// The same as [`sized::read`], and if a number is out of range.
     ///
     /// # Safety
     /// The same as [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
-    /// that no other thread changes meanwhile, and the cell_vectors are NULL or nine numbers.
+    /// that no other thread changes during the call, and the cell vectors are NULL or nine numbers.
     pub unsafe fn config(settings: *const Self) -> Result<Config, Failure> {
         if settings.is_null() {
             return Ok(Config::default());
         }
-        // SAFETY: this function's own condition.
+        // SAFETY: `settings` is NULL or points to such a structure, by this function's condition.
         let settings = unsafe { sized::read(settings, "settings") }?;
         let mut config = Config::default()
-            .backend(meant(&BACKENDS, settings.backend, "backend")?)
-            .algorithm(meant(&ALGORITHMS, settings.algorithm, "algorithm")?)
-            .order(meant(&ORDERS, settings.order, "order")?)
+            .backend(choice(&BACKENDS, settings.backend, "backend")?)
+            .algorithm(choice(&ALGORITHMS, settings.algorithm, "algorithm")?)
+            .order(choice(&ORDERS, settings.order, "order")?)
             .skin(settings.skin()?)
-            // SAFETY: this function's own condition.
+            // SAFETY: `edges` is NULL or nine numbers, by this function's condition.
             .space(unsafe { settings.space() }?);
         if settings.threads != 0 {
             config = config.threads(settings.threads as usize);
@@ -105,14 +105,14 @@ impl CSettings {
             // SAFETY: not NULL and aligned, and a table by this function's condition.
             config = config.interactions(unsafe { &*settings.interactions }.0.clone());
         }
-        // SAFETY: this function's own condition.
+        // SAFETY: `adapter` is NULL or a text that ends with a zero byte, by this function's condition.
         unsafe { settings.on_gpu(config) }
     }
 
-    /// The space: periodic along axes, or along cell_vectors of any direction.
+    /// The space, from the lengths of periodic axes or from cell vectors.
     ///
     /// # Safety
-    /// The cell_vectors are NULL or nine numbers.
+    /// The cell vectors are NULL or nine numbers.
     unsafe fn space(&self) -> Result<Space, Failure> {
         if self.cell_vectors.is_null() {
             return Ok(Space::periodic(self.periodic.map(|length| (length != 0.0).then_some(length)))?);
@@ -130,20 +130,20 @@ impl CSettings {
         Ok(Space::triclinic([0, 1, 2].map(edge))?)
     }
 
-    /// The skin; a distance that would go unheard is refused.
+    /// The skin. A distance without a fixed skin is an error.
     fn skin(&self) -> Result<Skin, Failure> {
         let distance = self.skin_distance;
-        let skin = meant(&SKINS, self.skin, "skin")?(distance);
+        let skin = choice(&SKINS, self.skin, "skin")?(distance);
         if distance != 0.0 && !matches!(skin, Skin::Fixed(_)) {
             return Err(Failure::argument(format!(
-                "settings.skin_distance is {distance} where the skin is not fixed; set skin to LAZYGRID_SKIN_FIXED, or \
-                 leave the distance 0"
+                "settings.skin_distance is {distance}, but the skin is not fixed; set skin to LAZYGRID_SKIN_FIXED, or \
+                 the distance to 0"
             )));
         }
         Ok(skin)
     }
 
-    /// The settings that only a GPU path has.
+    /// Adds the settings of the GPU path.
     ///
     /// # Safety
     /// The adapter is NULL or a text that ends with a zero byte.
@@ -170,8 +170,8 @@ impl CSettings {
     }
 }
 
-/// Returns the value that `number` stands for among `values`.
-fn meant<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> {
+/// Returns the value with index `number`.
+fn choice<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> {
     let value = usize::try_from(number).ok().and_then(|place| values.get(place));
     value.copied().ok_or_else(|| {
         let last = values.len() - 1;
@@ -179,7 +179,7 @@ fn meant<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> 
     })
 }
 
-/// Sets the defaults.
+/// Writes the default settings.
 ///
 /// # Safety
 /// The header's conditions: `settings` is NULL or this number of its bytes can be written to.
@@ -189,10 +189,10 @@ pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut CSettings, size: 
         check(settings, "settings")?;
         let first = CSettings::FIRST_SIZE;
         if size < first {
-            let message = format!("a size of {size} is less than {first}; give sizeof(lazygrid_settings)");
+            let message = format!("a size of {size} is less than {first}; pass sizeof(lazygrid_settings)");
             return Err(Failure::argument(message));
         }
-        // SAFETY: `size` bytes are there, and they hold a size, both by this function's condition and the check above.
+        // SAFETY: `size` bytes can be written by this function's condition, and hold a `usize` by the check above.
         unsafe {
             settings.cast::<u8>().write_bytes(0, size);
             settings.cast::<usize>().write(size);

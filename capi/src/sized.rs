@@ -2,9 +2,9 @@ use std::mem::MaybeUninit;
 use std::{ptr, slice};
 
 use crate::Failure;
-use crate::out::check;
+use crate::pointer::check;
 
-/// The largest size of a structure that is believed; a larger one was never set.
+/// The largest accepted size of a structure, in bytes. A larger value is uninitialized memory.
 const MAX_SIZE: usize = 1 << 16;
 
 /// A structure of C that begins with its own size, and to which later versions append fields.
@@ -22,10 +22,10 @@ pub unsafe trait VersionedStruct: Copy {
 /// does not know are 0.
 ///
 /// # Errors
-/// If `at` is NULL or misaligned, the size is wrong, or a field is set that this library does not have.
+/// Fails if `at` is NULL or misaligned, if the size is wrong, or if a field that this library does not know is set.
 ///
 /// # Safety
-/// The header's conditions: `at` is NULL, or points to a size, and as many initialized bytes are there.
+/// The header's conditions: `at` is NULL, or points to a structure that begins with its size and is initialized.
 pub unsafe fn read<T: VersionedStruct>(at: *const T, name: &str) -> Result<T, Failure> {
     check(at, name)?;
     // SAFETY: a size is there, by this function's condition; NULL and misaligned pointers were refused.

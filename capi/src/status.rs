@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use engine::{Error, InputError};
 
-/// The status of a call, as C gets it.
+/// The status of a call, as C receives it.
 pub type Status = i32;
 
 pub const OK: Status = 0;
@@ -40,7 +40,7 @@ pub const NAMES: [&CStr; 13] = [
 
 /// The message after a panic.
 pub const PANICKED: &CStr =
-    c"a fault of the library ended this call or one before it; destroy the detector and make another";
+    c"a bug in lazygrid ended this call or an earlier one; destroy the detector and create a new one";
 
 /// The failure of a call.
 #[derive(Debug)]
@@ -50,7 +50,7 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// An argument that can be seen to be wrong.
+    /// Creates the failure of a wrong argument.
     pub fn argument(message: impl Into<String>) -> Self {
         Self { status: ARGUMENT, message: message.into() }
     }
@@ -72,7 +72,7 @@ impl From<Error> for Failure {
             Error::LimitExceeded { .. } => DEVICE_LIMIT,
             Error::DeviceLost { .. } | Error::DeviceRejected { .. } => DEVICE_LOST,
             Error::Timeout { .. } => TIMEOUT,
-            // Buffers and calls in flight that only Rust programs have, and errors that are newer than this list.
+            // Errors of GPU buffers, which only Rust programs pass, and errors that are newer than this list.
             _ => INTERNAL,
         };
         Self { status, message: error.to_string() }
@@ -85,13 +85,13 @@ impl From<InputError> for Failure {
     }
 }
 
-/// Runs what a function does, so that no panic leaves it.
+/// Runs the body of a C function and turns a panic into [`INTERNAL`].
 pub fn guarded(work: impl FnOnce() -> Status) -> Status {
-    // After a panic the mutex of a detector is poisoned, and what has no detector keeps nothing from call to call.
+    // A panic poisons the mutex of its detector. Functions without a detector keep no state between calls.
     catch_unwind(AssertUnwindSafe(work)).unwrap_or(INTERNAL)
 }
 
-/// `text` for C, which ends at the first zero byte.
+/// Converts `text` to a C string. Removes zero bytes, which would end it.
 pub fn c_text(text: String) -> CString {
     let mut bytes = text.into_bytes();
     bytes.retain(|byte| *byte != 0);
@@ -99,11 +99,11 @@ pub fn c_text(text: String) -> CString {
 }
 
 thread_local! {
-    /// The message of this thread's last failure of a call without a detector.
+    /// The error message of this thread's last call without a detector.
     static LAST: RefCell<CString> = RefCell::default();
 }
 
-/// Runs a function that has no detector, and keeps what went wrong for this thread.
+/// Runs a function without a detector and stores its error message for this thread.
 pub fn without_detector(work: impl FnOnce() -> Result<(), Failure>) -> Status {
     guarded(|| match work() {
         Ok(()) => keep(OK, CString::default()),
@@ -112,24 +112,24 @@ pub fn without_detector(work: impl FnOnce() -> Result<(), Failure>) -> Status {
 }
 
 fn keep(status: Status, message: CString) -> Status {
-    // A thread that is ending has nowhere to keep a message, and nobody who asks for it.
+    // A thread that ends has no thread-local storage left, and no later call that reads the message.
     let _ = LAST.try_with(|last| *last.borrow_mut() = message);
     status
 }
 
-/// The message of the last call in this thread that had no detector.
+/// The error message of this thread's last call without a detector.
 pub fn last_without_detector() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
 }
 
-/// The name of a status.
+/// Returns the name of a status.
 #[unsafe(no_mangle)]
 pub extern "C" fn lazygrid_status_name(status: Status) -> *const c_char {
     let name = usize::try_from(status).ok().and_then(|number| NAMES.get(number));
     name.unwrap_or(&c"unknown status").as_ptr()
 }
 
-/// The version of the library.
+/// Returns the version of the library.
 #[unsafe(no_mangle)]
 pub extern "C" fn lazygrid_version() -> *const c_char {
     const VERSION: &CStr =

@@ -1,5 +1,5 @@
-//! The header against the library. Each function's type is written as C from what Rust knows of it, and the C compiler
-//! is given both: a declaration that differs from the header's is an error. Layouts and numbers go the same way.
+//! Compares the header with the library. Each function's Rust type is written as a C declaration, and the C compiler reads
+//! it after the header, so a difference is an error. Layouts and constants are compared by static assertions.
 
 use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char, c_void};
@@ -28,7 +28,7 @@ use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygri
 
 const HEADER: &str = include_str!("../include/lazygrid.h");
 
-/// A type as C writes it, with `const` behind what it holds for.
+/// A type with a name in C. `const` follows the type that it applies to.
 trait CType {
     fn name() -> String;
 }
@@ -57,7 +57,7 @@ impl<T: CType> CType for *mut T {
     }
 }
 
-/// A function whose declaration can be written.
+/// A function type with a declaration in C.
 trait Declared {
     fn declaration(&self, name: &str) -> String;
 }
@@ -76,7 +76,7 @@ macro_rules! declared {
 
 declared! { () (A) (A B) (A B C) (A B C D) (A B C D E) (A B C D E F) }
 
-/// Name and declaration of each function that is listed.
+/// The name and the declaration of each listed function.
 macro_rules! declarations {
     ($($name:ident: $type:ty),* $(,)?) => {
         [$((stringify!($name), Declared::declaration(&($name as $type), stringify!($name)))),*]
@@ -109,7 +109,7 @@ fn declarations() -> Vec<(&'static str, String)> {
     .into()
 }
 
-/// Offset of each field and size of the whole, as assertions in C.
+/// C assertions of the offset of each field and of the size.
 macro_rules! layout {
     ($rust:ident as $c:literal, $($field:ident),*) => {{
         // Every field is named, or this does not compile.
@@ -177,7 +177,7 @@ fn words() -> Vec<&'static str> {
 }
 
 #[test]
-fn the_header_declares_what_the_library_has() {
+fn header_matches_library() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("drift.c");
     let functions: String = declarations().into_iter().map(|(_, declaration)| declaration).collect();
@@ -193,7 +193,7 @@ fn the_header_declares_what_the_library_has() {
 }
 
 #[test]
-fn nothing_in_the_header_is_left_out() {
+fn header_has_no_other_names() {
     let functions: BTreeSet<&str> = declarations().iter().map(|(name, _)| *name).collect();
     let types = [
         "status",
@@ -205,7 +205,7 @@ fn nothing_in_the_header_is_left_out() {
         "spheres",
         "query",
         "list",
-        "consume",
+        "pair_callback",
     ];
     let inline =
         ["strided", "rows", "rows_f64", "columns", "columns_f64", "points", "points_f64", "among", "across"];
@@ -226,19 +226,19 @@ fn nothing_in_the_header_is_left_out() {
 }
 
 #[test]
-fn a_panic_ends_as_a_status_and_spoils_its_detector_only() {
+fn panic_becomes_a_status_and_poisons_only_its_detector() {
     let settings = CSettings { backend: 1, ..CSettings::defaults() };
-    let (mut spoilt, mut other) = (std::ptr::null_mut(), std::ptr::null_mut());
-    // SAFETY: all pointers are to what they are called, and detectors are destroyed once, at the end.
+    let (mut poisoned, mut other) = (std::ptr::null_mut(), std::ptr::null_mut());
+    // SAFETY: all pointers are valid, and detectors are destroyed once, at the end.
     unsafe {
-        assert_eq!(lazygrid_create(&raw const settings, &raw mut spoilt), OK);
+        assert_eq!(lazygrid_create(&raw const settings, &raw mut poisoned), OK);
         assert_eq!(lazygrid_create(&raw const settings, &raw mut other), OK);
-        assert_eq!(with_detector(spoilt, |_| panic!("on purpose")), INTERNAL);
+        assert_eq!(with_detector(poisoned, |_| panic!("on purpose")), INTERNAL);
         let mut bytes = 7;
-        assert_eq!(lazygrid_memory_for(spoilt, 10, &raw mut bytes), INTERNAL);
+        assert_eq!(lazygrid_memory_for(poisoned, 10, &raw mut bytes), INTERNAL);
         assert_eq!(bytes, 0);
-        assert_eq!(CStr::from_ptr(lazygrid_last_error(spoilt)), PANICKED);
+        assert_eq!(CStr::from_ptr(lazygrid_last_error(poisoned)), PANICKED);
         assert_eq!(lazygrid_memory_for(other, 10, &raw mut bytes), OK);
-        assert_eq!((lazygrid_destroy(spoilt), lazygrid_destroy(other)), (OK, OK));
+        assert_eq!((lazygrid_destroy(poisoned), lazygrid_destroy(other)), (OK, OK));
     }
 }

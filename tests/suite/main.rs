@@ -9,6 +9,7 @@ mod interactions;
 mod language;
 mod lazy_grid;
 mod limits;
+mod modules;
 mod neighbor_lists;
 mod periodic;
 mod properties;

@@ -31,7 +31,7 @@ pub(crate) enum Command {
 }
 
 /// Repeat the paper's evaluation on this machine. Engines take turns on the same spheres, and each answer is checked
-/// before its time counts. Writes results.json, results.csv, plots, report.html and RESULTS.md.
+/// before its time counts. Writes results.json, results.csv, plots, report.html and results.md.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "An interrupted run resumes if settings and build are the same. Exit code 1 if an engine gave a wrong answer.

@@ -1,4 +1,4 @@
-//! Writes the report: `results.json`, `results.csv`, plots, `report.html` and `RESULTS.md`.
+//! Writes the report: `results.json`, `results.csv`, plots, `report.html` and `results.md`.
 
 mod csv;
 mod growth;
@@ -31,7 +31,7 @@ pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
         (folder.join("results.json"), serde_json::to_string_pretty(results)?),
         (folder.join("results.csv"), csv::table(&labelled)),
         (folder.join("report.html"), html::page(&document)),
-        (folder.join("RESULTS.md"), markdown::text(&document)),
+        (folder.join("results.md"), markdown::text(&document)),
     ];
     for plot in document.sections.iter().flat_map(|section| &section.plots) {
         files.push((plots.join(format!("{}.svg", plot.name)), plot.svg.clone()));
