@@ -17,6 +17,10 @@ use crate::memory::{self, try_resize};
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, large enough to amortize passing it on.
 const CHUNK: usize = 8192;
 
+/// The smallest number of pairs of a reused chunk that are cleared at once, and the factor by which the number grows.
+const MIN_CLEARED: usize = 64;
+const CLEARED_GROWTH: usize = 4;
+
 /// The most partly filled chunks of a list per thread, one at each end of a thread's work.
 const PARTLY_FILLED: u64 = 8;
 
@@ -217,7 +221,7 @@ impl<'c> Output for ChunkedOutput<'c> {
 pub(crate) struct Writer<'o, 'c> {
     output: &'o ChunkedOutput<'c>,
     found: u64,
-    /// Empty, or [`CHUNK`] pairs of which `len` are used.
+    /// Empty, or up to [`CHUNK`] initialized pairs of which `len` are used.
     chunk: Vec<Pair>,
     len: usize,
     /// `true` once the list is too long or memory is refused: further pairs are only counted.
@@ -252,12 +256,21 @@ impl Writer<'_, '_> {
         self.chunk[self.len..].first_chunk_mut()
     }
 
+    /// Takes another chunk if this one is full; otherwise clears more of it. Clearing in steps keeps calls with few pairs
+    /// from clearing 64 KiB, which takes longer than their search.
     #[cold]
     #[inline(never)]
     fn renew(&mut self) -> Result<(), Error> {
-        self.flush()?;
-        self.chunk = lock(&self.output.free_chunks).pop().unwrap_or_default();
-        try_resize(&mut self.chunk, CHUNK, "pairs")
+        if self.len + MAX_LANES > CHUNK || self.chunk.capacity() == 0 {
+            self.flush()?;
+            self.chunk = lock(&self.output.free_chunks).pop().unwrap_or_default();
+        }
+        // New memory comes zeroed.
+        let cleared = match self.chunk.capacity() < CHUNK {
+            true => CHUNK,
+            false => (CLEARED_GROWTH * self.chunk.len()).clamp(MIN_CLEARED, CHUNK),
+        };
+        try_resize(&mut self.chunk, cleared, "pairs")
     }
 
     #[cold]
@@ -323,8 +336,12 @@ impl Sink for Writer<'_, '_> {
         let Self { found, mut chunks, chunk, len, counting, refused, .. } = later;
         self.found += found;
         self.refused = self.refused.or(refused);
-        if chunks.is_empty() && self.len + len + MAX_LANES <= self.chunk.len() {
+        let joined = self.len + len + MAX_LANES;
+        if chunks.is_empty() && joined <= CHUNK && self.chunk.capacity() >= CHUNK {
             // Without this, the work of many threads leaves many chunks that are nearly empty.
+            if self.chunk.len() < joined {
+                try_resize(&mut self.chunk, joined, "pairs")?;
+            }
             self.chunk[self.len..self.len + len].copy_from_slice(&chunk[..len]);
             self.len += len;
             self.output.put_back(chunk)?;

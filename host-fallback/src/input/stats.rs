@@ -1,5 +1,7 @@
 //! Statistics of the input in one pass: validity, bounds and size classes.
 
+use std::ops::Range;
+
 use bytemuck::cast;
 use glam::Vec3;
 use lazygrid_kernels::{InputError, Interactions, Spheres};
@@ -13,6 +15,8 @@ use crate::size_class::{SIZE_CLASSES, class_of};
 const CHUNK_SPHERES: usize = 1 << 13;
 /// Tables that count in turn.
 const TABLES: usize = 4;
+/// Number of spheres below which one table counts: clearing and merging four takes longer.
+const FEW_SPHERES: usize = 256;
 
 /// Statistics of the input that a detector needs before it plans.
 #[derive(Clone, Debug)]
@@ -87,12 +91,25 @@ impl InputStats {
     pub(crate) fn of(test: &PairTest<'_>, executor: Executor) -> Result<Self, InputError> {
         let spheres = test.spheres();
         let n = spheres.len();
+        let survey = |range: Range<usize>| match (test.plain_rows(), range.len() < FEW_SPHERES) {
+            (Some(rows), false) => {
+                Self::piece::<TABLES>(rows[range].iter().map(|sphere| (cast(*sphere), sphere.radius)))
+            }
+            (None, false) => {
+                Self::piece::<TABLES>(range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1)))
+            }
+            (_, true) => Self::piece::<1>(range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1))),
+        };
+        if n < FEW_SPHERES {
+            let (stats, suspect) = survey(0..n);
+            if suspect {
+                check(spheres, executor)?;
+            }
+            return Ok(Self { spheres: n, ..stats });
+        }
         let piece = |(stats, suspect): (Self, bool), piece: usize| {
             let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
-            let (own, suspicious) = match test.plain_rows() {
-                Some(rows) => Self::piece(rows[range].iter().map(|sphere| (cast(*sphere), sphere.radius))),
-                None => Self::piece(range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1))),
-            };
+            let (own, suspicious) = survey(range);
             Ok((stats.merge(own), suspect | suspicious))
         };
         let merge = |(a, p): (Self, bool), (b, q): (Self, bool)| Ok((a.merge(b), p | q));
@@ -107,7 +124,7 @@ impl InputStats {
 
     /// Measures one chunk, given as rows `x, y, z, r` with their effective radii. Also returns `true` if a sphere may be
     /// invalid.
-    fn piece(spheres: impl Iterator<Item = ([f32; 4], f32)>) -> (Self, bool) {
+    fn piece<const TABLES: usize>(spheres: impl Iterator<Item = ([f32; 4], f32)>) -> (Self, bool) {
         let (mut min, mut max) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
         // Any number that is not finite makes this NaN, without a branch per sphere.
         let mut poison = [0.0; 4];
