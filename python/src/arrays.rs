@@ -1,13 +1,16 @@
 //! NumPy arrays of whole numbers, read where they lie, and arrays that calls return.
 
+use std::ffi::c_int;
 use std::fmt::Display;
+use std::ptr;
 
 use bytemuck::NoUninit;
 use lazygrid::{InputError, Pair};
-use numpy::ndarray::{Dimension, Ix1, Ix2};
+use numpy::ndarray::{Dim, Dimension};
+use numpy::npyffi::{self, NpyTypes, PY_ARRAY_API, npy_intp};
 use numpy::{
-    Element, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
-    PyReadonlyArray2, PyUntypedArrayMethods,
+    Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArray,
+    PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -87,30 +90,54 @@ pub(crate) fn package(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(module.bind(py))
 }
 
-/// Creates an array with uninitialized values.
+/// Creates an array with uninitialized values, in one piece.
 ///
 /// # Errors
 /// `MemoryError`.
-pub(crate) fn empty<'py, T: Element, D: Dimension>(
-    py: Python<'py>,
-    shape: impl IntoPyObject<'py>,
-) -> PyResult<Bound<'py, PyArray<T, D>>> {
-    static EMPTY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
-    let empty =
-        EMPTY.get_or_try_init(py, || PyModule::import(py, "numpy")?.getattr("empty").map(Bound::unbind))?;
-    Ok(empty.bind(py).call1((shape, numpy::dtype::<T>(py)))?.cast_into()?)
+pub(crate) fn empty<T: Element, const N: usize>(
+    py: Python<'_>,
+    shape: [usize; N],
+) -> PyResult<Bound<'_, PyArray<T, Dim<[usize; N]>>>>
+where
+    Dim<[usize; N]>: Dimension,
+{
+    let mut shape = shape.map(|length| length as npy_intp);
+    // SAFETY: the arguments are those of `PyArray_NewFromDescr`: the type of arrays, a new reference to a type of values, which
+    // the call takes, and a shape of `N` lengths; without strides and data it allocates memory in one piece. It returns a
+    // new reference, or NULL with an exception.
+    let array = unsafe {
+        let array = PY_ARRAY_API.PyArray_NewFromDescr(
+            py,
+            npyffi::get_type_object(py, NpyTypes::PyArray_Type),
+            numpy::dtype::<T>(py).into_dtype_ptr(),
+            N as c_int,
+            shape.as_mut_ptr(),
+            ptr::null_mut(),
+            ptr::null_mut(),
+            0,
+            ptr::null_mut(),
+        );
+        Bound::from_owned_ptr_or_err(py, array)?
+    };
+    Ok(array.cast_into()?)
 }
 
 /// Copies values into a new array.
 ///
 /// # Errors
 /// `MemoryError`.
-pub(crate) fn copied<'py, T: Element + Copy>(
+pub(crate) fn copied<'py, T: Element + Copy, const N: usize>(
     py: Python<'py>,
+    shape: [usize; N],
     values: &[T],
-) -> PyResult<Bound<'py, PyArray1<T>>> {
-    let array = empty::<T, Ix1>(py, (values.len(),))?;
-    array.try_readwrite()?.as_slice_mut()?.copy_from_slice(values);
+) -> PyResult<Bound<'py, PyArray<T, Dim<[usize; N]>>>>
+where
+    Dim<[usize; N]>: Dimension,
+{
+    assert_eq!(shape.iter().product::<usize>(), values.len(), "a shape of all values");
+    let array = empty(py, shape)?;
+    // SAFETY: the array is new, so no other code reads or writes its memory, which holds as many values in one piece.
+    unsafe { ptr::copy_nonoverlapping(values.as_ptr(), array.data(), values.len()) };
     Ok(array)
 }
 
@@ -124,9 +151,7 @@ pub(crate) fn pairs<'py>(
     out: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let Some(out) = out else {
-        let array = empty::<u32, Ix2>(py, (found.len(), 2))?;
-        array.try_readwrite()?.as_slice_mut()?.copy_from_slice(bytemuck::cast_slice(found));
-        return Ok(array.into_any());
+        return Ok(copied::<u32, 2>(py, [found.len(), 2], bytemuck::cast_slice(found))?.into_any());
     };
     let refused = "`out` must be a writable array of numpy.uint32, in one piece, of shape (k, 2)";
     let array = out.cast::<PyArray2<u32>>().map_err(|_| error::array(refused))?;
@@ -157,7 +182,10 @@ pub(crate) fn rows<'py, S: NoUninit + bytemuck::AnyBitPattern, T: Element + byte
     let count = records.len();
     let flat = match bytemuck::allocation::try_cast_vec::<S, T>(records) {
         Ok(numbers) => PyArray1::from_vec(py, numbers),
-        Err((_, records)) => copied(py, bytemuck::cast_slice(&records))?,
+        Err((_, records)) => {
+            let numbers = bytemuck::cast_slice(&records);
+            copied(py, [numbers.len()], numbers)?
+        }
     };
     flat.reshape([count, width])
 }

@@ -33,7 +33,11 @@ pub(crate) struct Chunks {
 
 impl Chunks {
     /// Begins the search.
-    pub(crate) fn start(mut lease: DetectorLease, borrowed: &BorrowedQuery<'_>, chunk: usize) -> PyResult<Self> {
+    pub(crate) fn start(
+        mut lease: DetectorLease,
+        borrowed: &BorrowedQuery<'_>,
+        chunk: usize,
+    ) -> PyResult<Self> {
         let query = borrowed.query()?;
         let owned = OwnedQuery::new(&query, borrowed.exclusions()).map_err(error::engine)?;
         lease.keep_report();

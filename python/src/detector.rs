@@ -6,11 +6,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
-use crate::interruptible::interruptible;
 use crate::chunks::Chunks;
-use crate::pool::DetectorPool;
 use crate::exclusions::Exclusions;
 use crate::interactions::Interactions;
+use crate::interruptible::{Work, interruptible};
+use crate::pool::DetectorPool;
 use crate::settings::Settings;
 use crate::spheres::{Arguments, BorrowedQuery};
 use crate::{error, report};
@@ -162,8 +162,12 @@ impl Detector {
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let query = borrowed.query()?;
         let mut lease = self.pool.lease()?;
+        let can_hold_lock = lease.is_on_cpu();
         let (detector, cancel) = lease.parts();
-        let found = interruptible(py, query.len(), cancel, || detector.pairs(query))?.map_err(error::engine)?;
+        let found = interruptible(py, Work { spheres: query.len(), can_hold_lock }, cancel, || {
+            detector.pairs(query)
+        })?
+        .map_err(error::engine)?;
         arrays::pairs(py, found, out)
     }
 
@@ -201,9 +205,15 @@ impl Detector {
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let query = borrowed.query()?;
         let mut lease = self.pool.lease()?;
+        let can_hold_lock = lease.is_on_cpu();
         let (detector, cancel) = lease.parts();
-        let lists = interruptible(py, query.len(), cancel, || detector.neighbors(query))?.map_err(error::engine)?;
-        let (offsets, indices) = (arrays::copied(py, lists.offsets())?, arrays::copied(py, lists.indices())?);
+        let lists = interruptible(py, Work { spheres: query.len(), can_hold_lock }, cancel, || {
+            detector.neighbors(query)
+        })?
+        .map_err(error::engine)?;
+        let (offsets, indices) = (lists.offsets(), lists.indices());
+        let offsets = arrays::copied(py, [offsets.len()], offsets)?;
+        let indices = arrays::copied(py, [indices.len()], indices)?;
         Ok((offsets.into_any(), indices.into_any()))
     }
 
@@ -232,8 +242,10 @@ impl Detector {
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let query = borrowed.query()?;
         let mut lease = self.pool.lease()?;
+        let can_hold_lock = lease.is_on_cpu();
         let (detector, cancel) = lease.parts();
-        interruptible(py, query.len(), cancel, || detector.count(query))?.map_err(error::engine)
+        interruptible(py, Work { spheres: query.len(), can_hold_lock }, cancel, || detector.count(query))?
+            .map_err(error::engine)
     }
 
     /// Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.

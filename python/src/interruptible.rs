@@ -17,20 +17,33 @@ use pyo3::prelude::*;
 /// second if all spheres are at one place.
 const MIN_THREADED_SPHERES: usize = 1 << 15;
 
+/// The number of spheres below which a call on the CPU keeps the interpreter's lock. It takes some microseconds, to which
+/// releasing the lock would add a tenth.
+const MIN_UNLOCKED_SPHERES: usize = 1 << 6;
+
 /// The time between two polls for signals.
 pub(crate) const SIGNAL_POLL: Duration = Duration::from_millis(20);
 
-/// Runs `work`, which searches this number of spheres and ends soon after `cancel` becomes true.
+/// The size of a call's work.
+pub(crate) struct Work {
+    /// The number of spheres.
+    pub(crate) spheres: usize,
+    /// `true` if few spheres take microseconds, so that the call may keep the interpreter's lock.
+    pub(crate) can_hold_lock: bool,
+}
+
+/// Runs `work`, which ends soon after `cancel` becomes true.
 ///
 /// # Errors
 /// The exception of a signal's handler, such as `KeyboardInterrupt`; an error if the system refuses a thread.
 pub(crate) fn interruptible<R: Send>(
     py: Python<'_>,
-    spheres: usize,
+    Work { spheres, can_hold_lock }: Work,
     cancel: &AtomicBool,
     work: impl FnOnce() -> R + Send,
 ) -> PyResult<R> {
     match spheres {
+        0..MIN_UNLOCKED_SPHERES if can_hold_lock => Ok(work()),
         0..MIN_THREADED_SPHERES => Ok(py.detach(work)),
         _ => py.detach(|| poll_signals(cancel, work)),
     }

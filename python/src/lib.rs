@@ -4,17 +4,17 @@
 //! Python programmers read is in `package/lazygrid/_lazygrid.pyi`.
 
 mod arrays;
-mod interruptible;
 mod chunks;
 mod command;
 mod detector;
-mod pool;
 mod error;
 mod exclusions;
 mod floats;
 mod fork;
 mod interactions;
+mod interruptible;
 mod neighbors;
+mod pool;
 mod read;
 mod report;
 mod settings;

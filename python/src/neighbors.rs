@@ -3,21 +3,20 @@
 //! ASE keeps atoms if `√d < c` for the cutoff `c` and the sum of squares `d` of the vector between them. This is the
 //! [open](lazygrid::ListOptions::open) list of spheres whose radii add up to the cutoff, to the last bit.
 
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use lazygrid::{
-    Backend, Config, Detector, Error, InputError, Interaction, Interactions, ListOptions, NeighborList,
-    Radii, Space, Spheres,
+    Backend, Config, Error, InputError, Interaction, Interactions, ListOptions, NeighborList, Radii, Space,
+    Spheres,
 };
-use numpy::ndarray::{Ix1, Ix2};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{empty, same_length};
-use crate::interruptible::interruptible;
+use crate::interruptible::{Work, interruptible};
+use crate::pool::DetectorPool;
 use crate::{error, fork};
 
 /// Entries per piece of work.
@@ -43,10 +42,10 @@ impl Cutoffs<'_> {
         }
     }
 
-    /// A detector that finds all atoms at most their cutoff apart.
-    fn detector(&self, space: Space, stop: Arc<AtomicBool>) -> Result<Detector, Error> {
-        let config = Config::default().backend(Backend::Cpu).space(space).cancel_flag(stop);
-        let Self::Kinds { table, count, .. } = *self else { return Detector::new(config) };
+    /// The settings of a detector that finds all atoms at most their cutoff apart.
+    fn config(&self, space: Space) -> Result<Config, Error> {
+        let config = Config::default().backend(Backend::Cpu).space(space);
+        let Self::Kinds { table, count, .. } = *self else { return Ok(config) };
         let mut interactions = Interactions::new(count as u32, Interaction::Never)?;
         for a in 0..count {
             for b in 0..=a {
@@ -56,8 +55,51 @@ impl Cutoffs<'_> {
                 }
             }
         }
-        Detector::new(config.interactions(interactions))
+        Ok(config.interactions(interactions))
     }
+
+    /// The part of the cutoffs that settings depend on.
+    fn table(&self) -> &[f64] {
+        if let Self::Kinds { table, .. } = self { table } else { &[] }
+    }
+}
+
+/// The largest list whose detector keeps its buffers, a few hundred MB, for the next call.
+const MAX_KEPT_ENTRIES: usize = 1 << 23;
+
+/// The detectors of the last call. The next call with the same cell and cutoffs by kind reuses their buffers: new memory
+/// would take a third of its time.
+static LAST: Mutex<Option<Last>> = Mutex::new(None);
+
+struct Last {
+    cell: [[f64; 3]; 3],
+    table: Vec<f64>,
+    detectors: Arc<DetectorPool>,
+}
+
+/// Returns detectors for these settings: those of the last call, if they fit.
+///
+/// # Errors
+/// As `lazygrid::Detector::new`.
+fn detectors(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>) -> PyResult<Arc<DetectorPool>> {
+    let last = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let fitting = last.filter(|last| last.cell == cell && last.table == cutoffs.table());
+    if let Some(Last { detectors, .. }) = fitting {
+        return Ok(detectors);
+    }
+    let vectors = cell.map(|vector| (vector != [0.0; 3]).then_some(vector));
+    let space = match vectors == [None; 3] {
+        true => Ok(Space::UNBOUNDED),
+        false => Space::triclinic(vectors),
+    };
+    let config = cutoffs.config(space.map_err(error::input)?).map_err(error::engine)?;
+    DetectorPool::new(config, false).map_err(error::engine)
+}
+
+/// Keeps detectors for the next call.
+fn keep(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>, detectors: Arc<DetectorPool>) {
+    let last = Last { cell, table: cutoffs.table().to_vec(), detectors };
+    *LAST.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
 }
 
 /// The arrays that are returned, by the letters of their quantities.
@@ -73,11 +115,11 @@ impl<'py> Arrays<'py> {
     fn new(py: Python<'py>, quantities: &str, found: usize) -> PyResult<Self> {
         let wanted = |quantity| quantities.contains(quantity);
         Ok(Self {
-            i: wanted('i').then(|| empty::<i64, Ix1>(py, (found,))).transpose()?,
-            j: wanted('j').then(|| empty::<i64, Ix1>(py, (found,))).transpose()?,
-            distance: wanted('d').then(|| empty::<f64, Ix1>(py, (found,))).transpose()?,
-            vector: wanted('D').then(|| empty::<f64, Ix2>(py, (found, 3))).transpose()?,
-            shift: wanted('S').then(|| empty::<i64, Ix2>(py, (found, 3))).transpose()?,
+            i: wanted('i').then(|| empty::<i64, 1>(py, [found])).transpose()?,
+            j: wanted('j').then(|| empty::<i64, 1>(py, [found])).transpose()?,
+            distance: wanted('d').then(|| empty::<f64, 1>(py, [found])).transpose()?,
+            vector: wanted('D').then(|| empty::<f64, 2>(py, [found, 3])).transpose()?,
+            shift: wanted('S').then(|| empty::<i64, 2>(py, [found, 3])).transpose()?,
         })
     }
 
@@ -183,16 +225,20 @@ pub(crate) fn neighbors_within<'py>(
     fork::use_threads()?;
     let positions = positions.as_slice()?.as_chunks::<3>().0;
     let cutoffs = cutoffs.cutoffs(positions.len())?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let repeats = |edge: &[f64; 3]| (*edge != [0.0; 3]).then_some(*edge);
-    let edges = cell.each_ref().map(repeats);
-    let space = if edges == [None; 3] { Ok(Space::UNBOUNDED) } else { Space::triclinic(edges) };
     let spheres = cutoffs.spheres(positions).map_err(error::input)?;
-    let mut detector = cutoffs.detector(space.map_err(error::input)?, stop.clone()).map_err(error::engine)?;
     let options = options(quantities, with_itself);
-    let found = interruptible(py, positions.len(), &stop, || detector.neighbor_list(spheres, options))?;
+    let detectors = detectors(cell, &cutoffs)?;
+    let mut lease = detectors.lease()?;
+    let (detector, cancel) = lease.parts();
+    let work = Work { spheres: positions.len(), can_hold_lock: true };
+    let found = interruptible(py, work, cancel, || detector.neighbor_list(spheres, options))?;
     let list = found.map_err(error::engine)?;
-    let arrays = Arrays::new(py, quantities, list.len())?;
+    let length = list.len();
+    let arrays = Arrays::new(py, quantities, length)?;
     arrays.fill(py, &list)?;
+    drop(lease);
+    if length <= MAX_KEPT_ENTRIES {
+        keep(cell, &cutoffs, detectors);
+    }
     arrays.named(py)
 }

@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use lazygrid::{Config, Error, Report};
+use lazygrid::{Backend, Config, Error, Report};
 use pyo3::PyResult;
 
 use crate::{error, fork};
@@ -20,6 +20,8 @@ pub(crate) struct DetectorPool {
     config: Config,
     /// `true` if calls use the calling thread alone.
     is_single_threaded: bool,
+    /// `true` if no call runs on a GPU.
+    is_on_cpu: bool,
     idle: Mutex<Idle>,
 }
 
@@ -36,8 +38,10 @@ impl DetectorPool {
     /// As `lazygrid::Detector::new`.
     pub(crate) fn new(config: Config, is_single_threaded: bool) -> Result<Arc<Self>, Error> {
         let first = PooledDetector::new(&config)?;
-        let idle = Idle { report: first.detector.report(), detectors: vec![first] };
-        Ok(Arc::new(Self { config, is_single_threaded, idle: Mutex::new(idle) }))
+        let report = first.detector.report();
+        let is_on_cpu = report.backend == Backend::Cpu;
+        let idle = Mutex::new(Idle { report, detectors: vec![first] });
+        Ok(Arc::new(Self { config, is_single_threaded, is_on_cpu, idle }))
     }
 
     /// Leases an idle detector, or a new one.
@@ -89,6 +93,11 @@ impl DetectorLease {
             Some(PooledDetector { detector, cancel }) => (detector, cancel),
             None => unreachable!("a detector is returned when its lease ends"),
         }
+    }
+
+    /// Returns `true` if calls run on the CPU.
+    pub(crate) fn is_on_cpu(&self) -> bool {
+        self.pool.is_on_cpu
     }
 
     /// Returns a handle by which another thread ends the search.

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use lazygrid::{Algorithm, Backend};
+use lazygrid_sim::model::transmitter::Schedule;
 use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::model::transmitter::Schedule;
-use lazygrid_sim::{Error, Model, AnySimulation, RunView, State, series};
+use lazygrid_sim::{AnySimulation, Error, Model, RunView, State, series};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
