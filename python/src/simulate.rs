@@ -68,7 +68,7 @@ impl Run {
         let counts = vec![Vec::new(); series::names(&scenario.model).len()];
         let pool = options.threads.map(|threads| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.map_err(|error| error::simulator(Error::ThreadPool { threads, reason: error.to_string() }))
+            pool.map_err(|error| error::simulator(Error::Threads { threads, reason: error.to_string() }))
         });
         let (steps, frames, frames_every) = (Vec::new(), Vec::new(), options.frames_every);
         let pool = pool.transpose()?;
