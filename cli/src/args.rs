@@ -173,7 +173,7 @@ pub(crate) struct Detect {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   lazygrid generate five-sizes -n 1000000 --seed 7 --output five-sizes.npy
-  lazygrid generate transceivers -n 100000 --transceivers 10 --ratio 1000 --output transceivers.npy")]
+  lazygrid generate transceivers -n 100000 --transceivers 10 --size-ratio 1000 --output transceivers.npy")]
 pub(crate) struct Generate {
     /// The scene
     #[arg(value_parser = one_of(Scene::ALL.map(Scene::name)).try_map(|name| name.parse::<Scene>()))]
@@ -186,13 +186,13 @@ pub(crate) struct Generate {
     pub(crate) transceivers: Option<u32>,
     /// How many times as large as a carrier a transceiver is [default: 100]
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub(crate) ratio: Option<u32>,
+    pub(crate) size_ratio: Option<u32>,
     /// The seed of the random numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Move every sphere K times, each time by a tenth of its radius in a random direction
     #[arg(long, value_name = "K", default_value_t = 0)]
-    pub(crate) step: u32,
+    pub(crate) steps: u32,
     /// The file to write, .npy, .csv or .xyz, compressed with .gz or .zst behind that
     #[arg(long, short, value_name = "PATH", value_parser = PathWith(SphereFormat::from_extension, ".npy, .csv or .xyz, with or without .gz or .zst behind it"))]
     pub(crate) output: (PathBuf, SphereFormat),

@@ -1,20 +1,11 @@
 //! The `lazygrid` command as a library, for hosts that bring a command line of their own: [`run`].
 
 mod args;
-mod cache;
-mod calibrate;
-mod check;
-mod detect;
-mod devices;
-mod exclusions;
-mod failure;
-mod generate;
-mod input;
+mod calibration_file;
+mod commands;
+mod error;
 mod progress;
-mod search;
 mod signals;
-mod simulate;
-mod summary;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -22,7 +13,8 @@ use std::io::{self, Write};
 use clap::{CommandFactory, Parser};
 
 use crate::args::{Args, Command};
-use crate::failure::Failure;
+use crate::commands::{calibrate, check, detect, devices, generate, simulate};
+use crate::error::CliError;
 
 /// Does what the arguments say, of which the first is the program's name, and returns the exit code: 0 done, 1 bad input
 /// or failure, 2 wrong usage, 128 and the signal's number for a run that was stopped with a checkpoint.
@@ -44,7 +36,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     match command(args.command) {
         Ok(()) => 0,
         // Whoever reads has read enough, as in `lazygrid … | head -1`.
-        Err(Failure::Stdout(error) | Failure::File(lazygrid_io::Error::Write { source: error, .. }))
+        Err(CliError::Stdout(error) | CliError::File(lazygrid_io::Error::Write { source: error, .. }))
             if error.kind() == io::ErrorKind::BrokenPipe =>
         {
             0
@@ -57,14 +49,14 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-fn command(command: Command) -> Result<(), Failure> {
+fn command(command: Command) -> Result<(), CliError> {
     match command {
-        Command::Detect(args) => signals::end_cleanly().and_then(|()| detect::run(&args)),
-        Command::Generate(args) => signals::end_cleanly().and_then(|()| generate::run(&args)),
+        Command::Detect(args) => signals::install_cleanup_handler().and_then(|()| detect::run(&args)),
+        Command::Generate(args) => signals::install_cleanup_handler().and_then(|()| generate::run(&args)),
         Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
         Command::Calibrate { adapter } => calibrate::run(adapter.as_ref()),
-        Command::Check(args) => signals::end_cleanly().and_then(|()| check::run(&args)),
+        Command::Check(args) => signals::install_cleanup_handler().and_then(|()| check::run(&args)),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);
@@ -74,7 +66,7 @@ fn command(command: Command) -> Result<(), Failure> {
 }
 
 /// Writes to standard output at once, so that a pipe sees each result when it is there.
-fn print(text: impl AsRef<[u8]>) -> Result<(), Failure> {
+fn print(text: impl AsRef<[u8]>) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_ref()).and_then(|()| out.flush()).map_err(Failure::Stdout)
+    out.write_all(text.as_ref()).and_then(|()| out.flush()).map_err(CliError::Stdout)
 }

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 
-use lazygrid_io::write::discard_drafts;
+use lazygrid_io::write::remove_temporaries;
 
-use crate::failure::Failure;
+use crate::error::CliError;
 
 #[cfg(unix)]
 pub(crate) type SignalError = std::io::Error;
@@ -14,9 +14,9 @@ pub(crate) type SignalError = ctrlc::Error;
 
 /// Whether the command was asked to stop.
 #[derive(Clone, Default)]
-pub(crate) struct Asked(Arc<AtomicI32>);
+pub(crate) struct StopSignal(Arc<AtomicI32>);
 
-impl Asked {
+impl StopSignal {
     /// The number of the signal that Ctrl-C sends.
     pub(crate) const CTRL_C: i32 = 2;
 
@@ -27,13 +27,13 @@ impl Asked {
 }
 
 /// From here on a signal ends the process as it would have, and files that are not complete go away first.
-pub(crate) fn end_cleanly() -> Result<(), Failure> {
+pub(crate) fn install_cleanup_handler() -> Result<(), CliError> {
     on_signal(end)
 }
 
 /// From here on the first signal asks the command to stop; the second ends it.
-pub(crate) fn ask_to_stop() -> Result<Asked, Failure> {
-    let asked = Asked::default();
+pub(crate) fn install_stop_handler() -> Result<StopSignal, CliError> {
+    let asked = StopSignal::default();
     let told = asked.clone();
     on_signal(move |signal| {
         if told.0.swap(signal, Ordering::Relaxed) != 0 {
@@ -45,12 +45,12 @@ pub(crate) fn ask_to_stop() -> Result<Asked, Failure> {
 
 /// Calls `handle` with each signal, in a thread of its own. SIGHUP is one of them unless it is ignored, as under `nohup`.
 #[cfg(unix)]
-fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), Failure> {
+fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
 
     let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
-    let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup)).map_err(Failure::Signal)?;
+    let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup)).map_err(CliError::Signal)?;
     std::thread::spawn(move || signals.forever().for_each(handle));
     Ok(())
 }
@@ -67,13 +67,13 @@ fn is_ignored(signal: i32) -> bool {
 
 /// Calls `handle` with each Ctrl-C, in a thread of its own.
 #[cfg(not(unix))]
-fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), Failure> {
-    ctrlc::set_handler(move || handle(Asked::CTRL_C)).map_err(Failure::Signal)
+fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
+    ctrlc::set_handler(move || handle(StopSignal::CTRL_C)).map_err(CliError::Signal)
 }
 
 /// Ends the process by this signal, so that whoever started it sees what ended it.
 fn end(signal: i32) {
-    discard_drafts();
+    remove_temporaries();
     #[cfg(unix)]
     let _ = signal_hook::low_level::emulate_default_handler(signal);
     std::process::exit(128 + signal);

@@ -156,10 +156,10 @@ impl Detector {
     /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns how many were handed over.
     /// Memory stays bounded for any number of pairs. `consume` may stop the search with `ControlFlow::Break`.
     ///
-    /// In canonical order the whole stream is canonical; a result of more than [`Config::max_pairs`] pairs then costs
-    /// one further search per that many pairs. Unordered chunks come as they are found, from any thread, one at a time.
-    /// While `consume` runs, other threads of the search may wait for it: it must not itself wait for work of the same
-    /// rayon pool, as another search inside it would.
+    /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs
+    /// then costs one further search per that many pairs. Unordered chunks come as they are found, one at a time, and with
+    /// several threads from a thread of their own. Threads of the search may wait for `consume`, so `consume` must not wait
+    /// for work of the same rayon pool. A search by a detector with a pool of its own is fine.
     ///
     /// # Errors
     /// See [`count`](Self::count).

@@ -9,16 +9,16 @@ use crate::read::bare;
 
 /// The location of a fault in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// The file, as it was named.
     pub path: Arc<Path>,
     /// The position in the file.
-    pub at: At,
+    pub at: Position,
 }
 
 /// A position in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum At {
+pub enum Position {
     /// The file as a whole.
     File,
     /// A line of a text file; the first is 1.
@@ -27,13 +27,13 @@ pub enum At {
     Row(u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.path.display())?;
         match self.at {
-            At::File => Ok(()),
-            At::Line(line) => write!(f, ", line {line}"),
-            At::Row(row) => write!(f, ", row {row}"),
+            Position::File => Ok(()),
+            Position::Line(line) => write!(f, ", line {line}"),
+            Position::Row(row) => write!(f, ", row {row}"),
         }
     }
 }
@@ -71,7 +71,7 @@ pub enum Error {
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
         /// The location.
-        place: Place,
+        place: Location,
         /// The format's requirement.
         expected: String,
         /// The text of the file.
@@ -81,7 +81,7 @@ pub enum Error {
     #[error("{place}: {column} '{text}' is not a number")]
     Number {
         /// The location.
-        place: Place,
+        place: Location,
         /// The column's name.
         column: String,
         /// The field.
@@ -91,7 +91,7 @@ pub enum Error {
     #[error("{place}: {column} is {value}; {rule}")]
     Value {
         /// The location.
-        place: Place,
+        place: Location,
         /// The column's name.
         column: String,
         /// The number as it is written.
@@ -103,7 +103,7 @@ pub enum Error {
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
     NoRadius {
         /// The location.
-        place: Place,
+        place: Location,
         /// The species, if the file names one.
         species: Option<String>,
     },
@@ -111,7 +111,7 @@ pub enum Error {
     #[error("{place}: the file ends after {found} of {expected} {what}")]
     Truncated {
         /// The end of the file.
-        place: Place,
+        place: Location,
         /// The counted things.
         what: &'static str,
         /// The actual number.
@@ -126,7 +126,7 @@ pub enum Error {
     )]
     BoxEdges {
         /// The location of the box.
-        place: Place,
+        place: Location,
         /// The fault.
         reason: Box<lazygrid::InputError>,
     },
@@ -137,7 +137,7 @@ pub enum Error {
     )]
     BoxLength {
         /// The location of the box.
-        place: Place,
+        place: Location,
         /// The axis.
         axis: &'static str,
         /// The length.
@@ -150,7 +150,7 @@ pub enum Error {
     )]
     RepeatedMolecule {
         /// The location of the repeated molecule.
-        place: Place,
+        place: Location,
         /// Its serial number.
         serial: String,
         /// The line of its first occurrence.
@@ -160,7 +160,7 @@ pub enum Error {
     #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
     LineTooLong {
         /// The location.
-        place: Place,
+        place: Location,
         /// The longest line that is read.
         limit: usize,
     },
@@ -168,7 +168,7 @@ pub enum Error {
     #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
     TooManySpheres {
         /// The location.
-        place: Place,
+        place: Location,
         /// The actual number.
         spheres: u64,
         /// The source of the limit.
@@ -178,7 +178,7 @@ pub enum Error {
 
 impl Error {
     /// The place in the file, where the error has one: for who reads a file in pieces and knows where each begins.
-    pub fn place_mut(&mut self) -> Option<&mut Place> {
+    pub fn location_mut(&mut self) -> Option<&mut Location> {
         match self {
             Self::Read { .. } | Self::Write { .. } | Self::UnknownFormat { .. } => None,
             Self::Syntax { place, .. }

@@ -6,5 +6,7 @@ pub mod scenes;
 pub mod write;
 
 mod error;
+mod system_memory;
 
-pub use error::{At, Error, Place, excerpt, printed};
+pub use error::{Error, Location, Position, excerpt, printed};
+pub use system_memory::{AvailableMemory, MemoryLimit, available_memory};

@@ -142,28 +142,28 @@ impl Scene {
     }
 
     /// The distribution of the centers of `n` spheres.
-    fn cloud(self, n: usize) -> Cloud {
+    fn cloud(self, n: usize) -> CenterDistribution {
         let classes = self.sizes().classes(n);
         match self {
             Self::Equal | Self::FiveSizes | Self::Transceivers(_) => {
                 let cubes: f64 = classes.iter().map(|c| c.count * c.radius.powi(3)).sum();
-                Cloud::Ball { radius: libm::cbrt(cubes / DENSITY) }
+                CenterDistribution::Ball { radius: libm::cbrt(cubes / DENSITY) }
             }
             Self::Burst | Self::BurstLinear => {
-                Cloud::Normal { sigma: expected::sigma_for(&classes, BURST_PAIRS_PER_SPHERE) }
+                CenterDistribution::Normal { sigma: expected::sigma_for(&classes, BURST_PAIRS_PER_SPHERE) }
             }
-            Self::Point => Cloud::Normal { sigma: 0.0 },
+            Self::Point => CenterDistribution::Normal { sigma: 0.0 },
         }
     }
 
     /// Which radii there are, and how often.
-    const fn sizes(self) -> Sizes {
+    const fn sizes(self) -> RadiusMix {
         match self {
-            Self::Equal => Sizes::EquallyOften(&[1.0]),
-            Self::FiveSizes => Sizes::EquallyOften(&FIVE_SIZES),
-            Self::Burst | Self::Point => Sizes::EquallyOften(&TEN_POWERS),
-            Self::BurstLinear => Sizes::EquallyOften(&TEN_TENTHS),
-            Self::Transceivers(mixture) => Sizes::Two(mixture),
+            Self::Equal => RadiusMix::EquallyOften(&[1.0]),
+            Self::FiveSizes => RadiusMix::EquallyOften(&FIVE_SIZES),
+            Self::Burst | Self::Point => RadiusMix::EquallyOften(&TEN_POWERS),
+            Self::BurstLinear => RadiusMix::EquallyOften(&TEN_TENTHS),
+            Self::Transceivers(mixture) => RadiusMix::Two(mixture),
         }
     }
 }
@@ -185,12 +185,12 @@ impl FromStr for Scene {
 
 /// Which radii a scene has.
 #[derive(Clone, Copy, Debug)]
-enum Sizes {
+enum RadiusMix {
     EquallyOften(&'static [f32]),
     Two(Transceivers),
 }
 
-impl Sizes {
+impl RadiusMix {
     /// The radii of `n` spheres, not yet in random order.
     fn radii(self, n: usize) -> Vec<f32> {
         match self {
@@ -204,8 +204,8 @@ impl Sizes {
     }
 
     /// How many of `n` spheres have which of them.
-    fn classes(self, n: usize) -> Vec<Class> {
-        let class = |count: usize, radius: f32| Class { count: count as f64, radius: radius.into() };
+    fn classes(self, n: usize) -> Vec<SizeGroup> {
+        let class = |count: usize, radius: f32| SizeGroup { count: count as f64, radius: radius.into() };
         match self {
             Self::EquallyOften(sizes) => {
                 let share = |k| (n + sizes.len() - 1 - k) / sizes.len();
@@ -221,19 +221,19 @@ impl Sizes {
 
 /// Spheres of one radius.
 #[derive(Clone, Copy, Debug)]
-struct Class {
+struct SizeGroup {
     count: f64,
     radius: f64,
 }
 
 /// A distribution of centres about the origin.
 #[derive(Clone, Copy, Debug)]
-enum Cloud {
+enum CenterDistribution {
     Ball { radius: f64 },
     Normal { sigma: f64 },
 }
 
-impl Cloud {
+impl CenterDistribution {
     fn sample(self, rng: &mut ChaCha8Rng) -> [f32; 3] {
         let (scale, point) = match self {
             Self::Ball { radius } => (radius, UnitBall.sample(rng)),

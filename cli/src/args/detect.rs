@@ -7,16 +7,16 @@ use lazygrid_io::read::{Options, Radii};
 use lazygrid_io::write::{Output, TableFormat};
 
 use super::Detect;
-use crate::cache;
-use crate::failure::Failure;
-use crate::input::STANDARD;
+use crate::calibration_file;
+use crate::commands::detect::input::STANDARD;
+use crate::error::CliError;
 
 impl Detect {
-    pub(crate) fn options(&self) -> Result<Options, Failure> {
+    pub(crate) fn options(&self) -> Result<Options, CliError> {
         let mut radii = Radii::new();
         for (species, radius) in &self.radii {
             if let Some(first) = radii.insert(species.clone(), *radius) {
-                return Err(Failure::RadiusTwice { species: species.clone(), values: [first, *radius] });
+                return Err(CliError::RadiusTwice { species: species.clone(), values: [first, *radius] });
             }
         }
         Ok(Options {
@@ -29,24 +29,24 @@ impl Detect {
     }
 
     /// The space that was given.
-    fn space(&self) -> Result<Option<Space>, Failure> {
+    fn space(&self) -> Result<Option<Space>, CliError> {
         let (Some(space), Some([xy, xz, yz])) = (self.periodic, self.tilt) else { return Ok(self.periodic) };
         let [x, y, z] = space.lengths();
         let [xy, xz, yz] = [xy, xz, yz].map(f64::from);
         let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
         let sheared = Space::triclinic(edges);
-        sheared.map(Some).map_err(|error| Failure::Setting(error.into()))
+        sheared.map(Some).map_err(|error| CliError::Setting(error.into()))
     }
 
     /// The output of pairs.
-    pub(crate) fn output(&self) -> Result<Option<Output>, Failure> {
+    pub(crate) fn output(&self) -> Result<Option<Output>, CliError> {
         let Some(path) = &self.output else { return Ok(None) };
         let to_stdout = path.as_os_str() == STANDARD;
         let by_name = if to_stdout { Some(TableFormat::Csv) } else { TableFormat::from_extension(path) };
         let format = self.output_format.or(by_name);
-        let format = format.ok_or_else(|| Failure::OutputFormat { path: path.clone() })?;
+        let format = format.ok_or_else(|| CliError::OutputFormat { path: path.clone() })?;
         if to_stdout && self.neighbors && format == TableFormat::Npy {
-            return Err(Failure::NeighborsToStdout);
+            return Err(CliError::NeighborsToStdout);
         }
         Ok(Some(Output { path: (!to_stdout).then(|| path.clone()), format }))
     }
@@ -56,7 +56,8 @@ impl Detect {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
         let config = with(config, self.adapter.clone(), Config::adapter);
-        let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
+        let config =
+            if self.backend == Backend::Cpu { config } else { config.calibration(calibration_file::load()) };
         let config = with(config, self.tau, Config::tau);
         let config = with(config, self.cell_ratio, Config::cell_ratio);
         let config = with(config, self.skin, Config::skin);

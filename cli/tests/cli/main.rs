@@ -113,7 +113,7 @@ fn every_scene_goes_through_every_format() {
 fn generate_moves_as_the_benchmarks_do() {
     let scratch = Scratch::new();
     let file = scratch.path("moved.npy");
-    lazygrid(["generate", "equal", "-n", "50", "--seed", "3", "--step", "2", "-o", &file]).succeeds();
+    lazygrid(["generate", "equal", "-n", "50", "--seed", "3", "--steps", "2", "-o", &file]).succeeds();
     let mut spheres = Scene::Equal.spheres(50, 3);
     Scene::advance(&mut spheres, 3, 0);
     Scene::advance(&mut spheres, 3, 1);
@@ -133,16 +133,16 @@ fn generate_makes_as_many_transceivers_as_large_as_asked_for() {
         read(Path::new(&file))
     };
     let scene = |count, ratio| Scene::Transceivers(Transceivers { count, ratio }).spheres(300, 5);
-    assert_eq!(made(&["--transceivers", "4", "--ratio", "1000"]), scene(4, 1000));
+    assert_eq!(made(&["--transceivers", "4", "--size-ratio", "1000"]), scene(4, 1000));
     assert_eq!(made(&["--transceivers", "300"]), scene(300, 100));
-    assert_eq!(made(&["--ratio", "7"]), scene(30, 7));
+    assert_eq!(made(&["--size-ratio", "7"]), scene(30, 7));
 
     for (scene, options, reason) in [
-        ("equal", ["--ratio", "7"], "the scene equal has no transceivers"),
+        ("equal", ["--size-ratio", "7"], "the scene equal has no transceivers"),
         ("burst", ["--transceivers", "7"], "the scene burst has no transceivers"),
         ("transceivers", ["--transceivers", "301"], "--transceivers 301 of 300 spheres"),
         ("transceivers", ["--transceivers", "0"], "0 is not in 1.."),
-        ("transceivers", ["--ratio", "0"], "0 is not in 1..=1000000"),
+        ("transceivers", ["--size-ratio", "0"], "0 is not in 1..=1000000"),
     ] {
         let run = generate(scene, &options);
         assert!(run.code == Some(2) && run.err.contains(reason), "{scene} {options:?}: {}", run.err);

@@ -217,7 +217,7 @@ fn a_run_is_replaced_only_when_that_is_asked_for() {
     let before = files(&out);
     assert!(simulate(&[]).fails().err.contains("holds a run already"));
     assert!(simulate(&["--resume", "--seed", "8"]).fails().err.contains("give --seed 5"));
-    assert!(simulate(&["--resume", "--every", "2"]).fails().err.contains("--every 3"));
+    assert!(simulate(&["--resume", "--series-every", "2"]).fails().err.contains("--series-every 3"));
     let run = lazygrid(["simulate", &scenario, "--output", &out, "--resume", "--steps", "4"]).fails();
     assert!(
         run.err.contains("5 steps are done and the run is to have 4 in all; give --steps 5"),
@@ -317,8 +317,18 @@ fn a_full_disk_shows_before_the_run() {
     fs::create_dir(&out).unwrap();
     std::os::unix::fs::symlink("/dev/full", out.clone() + "/series.csv").unwrap();
     let rare = "100000000";
-    let args =
-        ["simulate", &scenario, "--steps", rare, "--every", rare, "--frames-every", rare, "--output", &out];
+    let args = [
+        "simulate",
+        &scenario,
+        "--steps",
+        rare,
+        "--series-every",
+        rare,
+        "--frames-every",
+        rare,
+        "--output",
+        &out,
+    ];
     let run = lazygrid(args).fails();
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
 }
@@ -352,7 +362,7 @@ impl Drop for Endless {
 /// A run after its first checkpoint.
 #[cfg(unix)]
 fn endless(scenario: &str, out: &str) -> Endless {
-    let rare = ["--steps", "100000000", "--every", "1000000", "--frames-every", "100000000"];
+    let rare = ["--steps", "100000000", "--series-every", "1000000", "--frames-every", "100000000"];
     begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))
 }
 
@@ -391,7 +401,8 @@ fn an_interrupted_run_goes_on() {
         // A few steps further it is where a run without interruption is.
         let steps = (steps + 5).to_string();
         for (out, resume) in [(&out, Some("--resume")), (&whole, None)] {
-            let args = ["simulate", &scenario, "--output", out, "--steps", &steps, "--every", "1000000"];
+            let args =
+                ["simulate", &scenario, "--output", out, "--steps", &steps, "--series-every", "1000000"];
             lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
         }
         assert_eq!(files(&out), files(&whole), "{signal}");

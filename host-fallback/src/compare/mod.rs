@@ -1,8 +1,9 @@
 //! The contact test of two spheres, and its vector code for one sphere and many.
 //!
-//! filter → pair_test → columns → simd → sink → scan: each file uses those before it only.
+//! filter → pair_test → columns → simd → sink → delivery, scan: each file uses those before it only.
 
 mod columns;
+mod delivery;
 mod filter;
 mod pair_test;
 mod scan;
@@ -10,6 +11,7 @@ mod simd;
 mod sink;
 
 pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
+pub(crate) use delivery::deliver_unordered;
 pub use filter::PairFilter;
 pub(crate) use pair_test::{PairTest, SkinMargin, SphereRadii};
 pub(crate) use scan::{COMPARE_NS, HitQueue, scan};

@@ -5,6 +5,7 @@
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid_kernels::Pair;
@@ -133,8 +134,10 @@ pub(crate) struct ChunkedOutput<'c> {
 pub(crate) enum ChunkTarget<'c> {
     /// CandidateListStats in order while they are at most `limit` pairs in all; beyond it only counted.
     List { limit: u64, kept: AtomicU64 },
-    /// Handed over at once, one at a time, by the thread that filled it.
+    /// Handed over at once by the only thread of the search.
     Consumer(Mutex<PairConsumer<'c>>),
+    /// Sent to the thread that runs the consumer.
+    Channel(SyncSender<Vec<Pair>>),
     /// Counted by smaller index.
     Tally(&'c [AtomicU32]),
 }
@@ -183,9 +186,18 @@ impl<'c> ChunkedOutput<'c> {
                         self.stop.store(true, Relaxed);
                     }
                 }
-                // The consumer has panicked in another thread: it must not be called again.
+                // The consumer has panicked: it must not be called again.
                 Err(_) => self.stop.store(true, Relaxed),
             },
+            ChunkTarget::Channel(sender) => {
+                // The thread ends early only if the consumer panicked. An empty chunk would end it.
+                if !chunk.is_empty() && !self.stop.load(Relaxed) {
+                    if sender.send(chunk).is_err() {
+                        self.stop.store(true, Relaxed);
+                    }
+                    return Ok(None);
+                }
+            }
             ChunkTarget::Tally(counts) => {
                 for pair in &chunk {
                     counts[pair.i as usize].fetch_add(1, Relaxed);
@@ -194,6 +206,24 @@ impl<'c> ChunkedOutput<'c> {
         }
         self.put_back(chunk)?;
         Ok(None)
+    }
+
+    /// Hands chunks to `consume` until an empty one comes.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(super) fn consume(
+        &self,
+        chunks: &Receiver<Vec<Pair>>,
+        consume: PairConsumer<'_>,
+    ) -> Result<(), Error> {
+        for chunk in chunks.iter().take_while(|chunk| !chunk.is_empty()) {
+            if !self.stop.load(Relaxed) && consume(&chunk).is_break() {
+                self.stop.store(true, Relaxed);
+            }
+            self.put_back(chunk)?;
+        }
+        Ok(())
     }
 
     /// Keeps a chunk for reuse at its current length, since growing it would clear the new part.

@@ -7,8 +7,9 @@ use lazygrid_kernels::{Algorithm, Pair};
 use super::algorithm_choice::{self, IndexKind};
 use super::finder::{ChunkConsumer, PairSource, ranges};
 use crate::cell_list::CellList;
-use crate::compare::PairConsumer;
-use crate::compare::{ChunkTarget, ChunkedOutput, Columns, Count, Output, PairTest};
+use crate::compare::{
+    ChunkTarget, ChunkedOutput, Columns, Count, Output, PairConsumer, PairTest, deliver_unordered,
+};
 use crate::disjoint_writes::shared;
 use crate::executor::Executor;
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
@@ -220,10 +221,15 @@ impl PairSource for Built<'_> {
 
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error> {
         let Self { state, input } = self;
-        let output = ChunkedOutput::new(
-            ChunkTarget::Consumer(Mutex::new(take)),
-            std::mem::take(&mut state.free_chunks),
-        );
+        let mut free_chunks = std::mem::take(&mut state.free_chunks);
+        if input.executor == Executor::Pool {
+            let delivered = deliver_unordered(take, &mut free_chunks, |output| {
+                state.search(input, output)?.finish().map(drop)
+            });
+            state.free_chunks = free_chunks;
+            return delivered;
+        }
+        let output = ChunkedOutput::new(ChunkTarget::Consumer(Mutex::new(take)), free_chunks);
         state.search(input, &output)?.finish()?;
         state.free_chunks = output.into_free_chunks();
         Ok(())

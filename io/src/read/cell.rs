@@ -2,7 +2,7 @@
 
 use lazygrid::Space;
 
-use crate::error::{Error, Place};
+use crate::error::{Error, Location};
 
 /// A simulation box: three edges, and along which of them it repeats.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ impl Cell {
     ///
     /// # Errors
     /// [`Error::BoxLength`] for a length that no period can have; [`Error::BoxEdges`] for edges that span no box.
-    pub(super) fn space(&self, place: &Place) -> Result<Space, Error> {
+    pub(super) fn space(&self, place: &Location) -> Result<Space, Error> {
         let repeats = self.edges.iter().zip(self.periodic);
         let mut lengths = [None; 3];
         for (edge, _) in repeats.clone().filter(|(_, periodic)| *periodic) {
@@ -38,7 +38,7 @@ impl Cell {
         Ok(Space::periodic(lengths).unwrap_or_default())
     }
 
-    fn sheared(&self, place: &Place) -> Result<Space, Error> {
+    fn sheared(&self, place: &Location) -> Result<Space, Error> {
         let repeats = |k: usize| self.periodic[k].then(|| self.edges[k].map(|x| f64::from(x as f32)));
         Space::triclinic([0, 1, 2].map(repeats))
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
@@ -60,10 +60,10 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::error::At;
+    use crate::error::Position;
 
     fn space(edges: [[f64; 3]; 3], periodic: [bool; 3]) -> Result<[Option<f64>; 3], String> {
-        let place = Place { path: Path::new("a.xyz").into(), at: At::Line(2) };
+        let place = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
         let space = Cell { edges, periodic }.space(&place);
         space.map(|space| space.lengths()).map_err(|error| error.to_string())
     }
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn edges_that_lean_are_taken_as_they_are() {
-        let place = Place { path: Path::new("a.xyz").into(), at: At::Line(2) };
+        let place = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
         let edges = [[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 1.0, 6.0]];
         let space = |periodic| Cell { edges, periodic }.space(&place).unwrap();
         let taken = edges.map(Some);

@@ -1,5 +1,5 @@
 use super::line::Line;
-use super::session::Session;
+use super::read_context::ReadContext;
 use crate::error::{Error, excerpt};
 
 /// The meaning of a table's column.
@@ -81,16 +81,16 @@ impl Columns {
     }
 
     /// Checks that the table has what spheres need and nothing twice; `header` is the line that says so.
-    pub(super) fn check(&self, header: Line<'_>, session: &Session) -> Result<(), Error> {
+    pub(super) fn check(&self, header: Line<'_>, context: &ReadContext) -> Result<(), Error> {
         let found = || format!("columns {}", excerpt(self.names.join(", ").as_bytes()));
-        match self.lacks(session) {
+        match self.lacks(context) {
             Some(expected) => Err(Error::Syntax { place: header.place(), expected, found: found() }),
             None => Ok(()),
         }
     }
 
     /// What a table of spheres has and this one has not.
-    pub(super) fn lacks(&self, session: &Session) -> Option<String> {
+    pub(super) fn lacks(&self, context: &ReadContext) -> Option<String> {
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             if !self.has(Column::Axis(axis)) && !self.has(Column::Scaled(axis)) {
                 return Some(format!("a column `{name}`"));
@@ -102,18 +102,18 @@ impl Columns {
         if axes != [1; 3] || radii > 1 || count(&[Column::Species]) > 1 || count(&[Column::Id]) > 1 {
             return Some("one column each for x, y, z, radius and species".to_owned());
         }
-        let by_species = self.has(Column::Species) && session.species.any_given();
+        let by_species = self.has(Column::Species) && context.species.any_given();
         if radii == 0 && !by_species {
             let remedy =
                 if self.has(Column::Species) { ", or radii by species (--radius SPECIES=R)" } else { "" };
             return Some(format!("a radius column{remedy}"));
         }
-        if session.groups && count(&[Column::Group]) != 1 {
+        if context.groups && count(&[Column::Group]) != 1 {
             return Some(
                 "one column `group`, `molecule` or `mol`, which --exclude-groups asks for".to_owned(),
             );
         }
-        (session.ids && !self.has(Column::Id)).then(|| "a column `id`, which --ids asks for".to_owned())
+        (context.ids && !self.has(Column::Id)).then(|| "a column `id`, which --ids asks for".to_owned())
     }
 
     /// The values of a line whose fields are given.

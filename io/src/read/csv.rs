@@ -7,8 +7,8 @@ use super::Frame;
 use super::columns::{Column, Columns, Row};
 use super::line::Line;
 use super::lines::Lines;
+use super::read_context::ReadContext;
 use super::rows::Table;
-use super::session::Session;
 use super::source::Source;
 use crate::error::Error;
 
@@ -19,16 +19,16 @@ struct Csv {
     separator: u8,
 }
 
-pub(super) fn read(source: Source, session: &mut Session) -> Result<Frame, Error> {
+pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, Error> {
     let mut lines = Lines::new(source);
-    let table = header(&mut lines, session)?;
+    let table = header(&mut lines, context)?;
     let mut frame = Frame::default();
-    lines.all_rows(&table, session, &mut frame)?;
+    lines.all_rows(&table, context, &mut frame)?;
     Ok(frame)
 }
 
 /// The table that the header describes; the next line is the one behind it.
-fn header(lines: &mut Lines, session: &Session) -> Result<Csv, Error> {
+fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
     let mut in_comment = None;
     while let Some(line) = lines.next()? {
         let Some(comment) = commented(line.bytes) else {
@@ -40,13 +40,13 @@ fn header(lines: &mut Lines, session: &Session) -> Result<Csv, Error> {
                 }
                 _ => {
                     let table = table?;
-                    table.columns.check(line, session).map(|()| table)
+                    table.columns.check(line, context).map(|()| table)
                 }
             };
         };
         if is_header(comment) {
             let table = Csv::of(line, comment)?;
-            table.columns.check(line, session)?;
+            table.columns.check(line, context)?;
             in_comment = Some(table);
         }
     }

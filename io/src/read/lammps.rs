@@ -10,11 +10,11 @@ use super::cell::Cell;
 use super::columns::{Column, Columns, Row};
 use super::line::Line;
 use super::lines::Lines;
+use super::read_context::ReadContext;
 use super::rows::Table;
-use super::session::Session;
 use super::source::Source;
 use super::{Frame, RESERVE};
-use crate::error::{Error, Place};
+use crate::error::{Error, Location};
 
 pub(super) struct Lammps {
     pub(super) lines: Lines,
@@ -33,7 +33,7 @@ struct Head {
 struct Bounds {
     corner: [f64; 3],
     cell: Cell,
-    place: Place,
+    place: Location,
 }
 
 impl Lammps {
@@ -41,7 +41,7 @@ impl Lammps {
         Self { lines: Lines::new(source) }
     }
 
-    pub(super) fn next_frame(&mut self, session: &mut Session) -> Result<Option<Frame>, Error> {
+    pub(super) fn next_frame(&mut self, context: &mut ReadContext) -> Result<Option<Frame>, Error> {
         let mut head = Head::default();
         while let Some(line) = self.lines.next()? {
             head.begun = true;
@@ -57,11 +57,11 @@ impl Lammps {
                     let Some(atoms) = head.atoms else {
                         return Err(line.unexpected("ITEM: NUMBER OF ATOMS before the atoms"));
                     };
-                    let columns = columns(line, session)?;
+                    let columns = columns(line, context)?;
                     if columns.has(Column::Scaled(0)) && head.bounds.is_none() {
                         return Err(line.unexpected("ITEM: BOX BOUNDS before scaled coordinates"));
                     }
-                    return self.atoms_of(head, atoms, columns, session).map(Some);
+                    return self.atoms_of(head, atoms, columns, context).map(Some);
                 }
                 _ => return Err(line.unexpected("ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS or ATOMS")),
             }
@@ -82,9 +82,9 @@ impl Lammps {
         head: Head,
         atoms: u64,
         columns: Columns,
-        session: &mut Session,
+        context: &mut ReadContext,
     ) -> Result<Frame, Error> {
-        let space = match (session.space, &head.bounds) {
+        let space = match (context.space, &head.bounds) {
             (Some(given), _) => given,
             (None, Some(bounds)) => bounds.cell.space(&bounds.place)?,
             (None, None) => Space::UNBOUNDED,
@@ -92,7 +92,7 @@ impl Lammps {
         let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE)) };
         let scaled = columns.has(Column::Scaled(0));
         let table = Atoms { columns, scale: head.bounds.filter(|_| scaled) };
-        self.lines.rows(&table, ("atoms", atoms), session, &mut frame)?;
+        self.lines.rows(&table, ("atoms", atoms), context, &mut frame)?;
         Ok(frame)
     }
 
@@ -109,7 +109,7 @@ impl Lammps {
         self.head_line()?.count("the number of atoms")
     }
 
-    fn bounds(&mut self, style: Style, periodic: [bool; 3], place: Place) -> Result<Bounds, Error> {
+    fn bounds(&mut self, style: Style, periodic: [bool; 3], place: Location) -> Result<Bounds, Error> {
         let mut rows = [[0.0; 4]; 3];
         for row in &mut rows {
             let line = self.head_line()?;
@@ -223,7 +223,7 @@ impl Bounds {
 
 /// The columns of `ITEM: ATOMS id type x y z radius`. Where a dump has a value in several forms, the first of
 /// those named at the top of this file is taken.
-fn columns(header: Line<'_>, session: &Session) -> Result<Columns, Error> {
+fn columns(header: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     let names: Vec<_> =
         header.words().skip(2).map(|name| String::from_utf8_lossy(name).into_owned()).collect();
     let has = |wanted: &&str| names.iter().any(|name| name == wanted);
@@ -246,6 +246,6 @@ fn columns(header: Line<'_>, session: &Session) -> Result<Columns, Error> {
         };
         (name.to_owned(), meaning)
     }));
-    columns.check(header, session)?;
+    columns.check(header, context)?;
     Ok(columns)
 }

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use lazygrid::Spheres;
 
-use crate::error::{At, Error, Place, excerpt};
+use crate::error::{Error, Location, Position, excerpt};
 
 /// The longest line that is read. Bounds memory where a file turns out not to be text.
 pub(super) const LONGEST_LINE: usize = 1 << 20;
@@ -20,7 +20,7 @@ impl<'a> Line<'a> {
     /// A line of these bytes, which have no line feed.
     pub(super) fn of(bytes: &'a [u8], number: u64, path: &'a Arc<Path>) -> Result<Self, Error> {
         if bytes.len() > LONGEST_LINE {
-            return Err(too_long(Place { path: path.clone(), at: At::Line(number) }));
+            return Err(too_long(Location { path: path.clone(), at: Position::Line(number) }));
         }
         let mark: &[u8] = if number == 1 { b"\xEF\xBB\xBF" } else { b"" };
         let bytes = bytes.strip_prefix(mark).unwrap_or(bytes);
@@ -36,14 +36,14 @@ impl<'a> Line<'a> {
         self.bytes.trim_ascii().is_empty()
     }
 
-    pub(super) fn place(self) -> Place {
-        Place { path: self.path.clone(), at: At::Line(self.number) }
+    pub(super) fn place(self) -> Location {
+        Location { path: self.path.clone(), at: Position::Line(self.number) }
     }
 
     /// The line is not what the format wants.
     pub(super) fn unexpected(self, expected: impl Into<String>) -> Error {
         let found = match self.is_blank() {
-            true => "a blank line".to_owned(),
+            true => "a defaults line".to_owned(),
             false => format!("'{}'", excerpt(self.bytes)),
         };
         Error::Syntax { place: self.place(), expected: expected.into(), found }
@@ -117,7 +117,7 @@ pub(super) fn group_of(number: i128) -> Option<u32> {
     }
 }
 
-pub(super) fn too_long(place: Place) -> Error {
+pub(super) fn too_long(place: Location) -> Error {
     Error::LineTooLong { place, limit: LONGEST_LINE }
 }
 

@@ -6,7 +6,7 @@ use memchr::{memchr, memchr_iter, memrchr};
 
 use super::line::{LONGEST_LINE, Line, too_long};
 use super::source::Source;
-use crate::error::{At, Error, Place};
+use crate::error::{Error, Location, Position};
 
 /// Bytes read at first. A block is up to four times the one before.
 const FIRST_BLOCK: usize = 1 << 16;
@@ -34,7 +34,7 @@ pub(super) struct Lines {
 
 /// Whole lines, one after the other.
 #[derive(Clone, Copy)]
-pub(super) struct Piece<'a> {
+pub(super) struct LineBlock<'a> {
     bytes: &'a [u8],
     /// The number of its first line.
     first: u64,
@@ -102,9 +102,9 @@ impl Lines {
     }
 
     /// The location of the last line; before the first, the file.
-    pub(super) fn place(&self) -> Place {
-        let at = if self.number == 0 { At::File } else { At::Line(self.number) };
-        Place { path: self.source.path.clone(), at }
+    pub(super) fn place(&self) -> Location {
+        let at = if self.number == 0 { Position::File } else { Position::Line(self.number) };
+        Location { path: self.source.path.clone(), at }
     }
 
     /// Hands whole lines to `parse`, which may share them out among threads, while `meanwhile` is done and the lines
@@ -113,7 +113,7 @@ impl Lines {
     pub(super) fn parse<T: Send>(
         &mut self,
         most: u64,
-        parse: impl FnOnce(&[Piece<'_>]) -> T + Send,
+        parse: impl FnOnce(&[LineBlock<'_>]) -> T + Send,
         meanwhile: impl FnOnce() + Send,
     ) -> Result<(T, u64), Error> {
         loop {
@@ -183,7 +183,7 @@ impl Lines {
         self.buffer.copy_within(self.unread.clone(), 0);
         self.unread = 0..self.unread.len();
         if self.unread.end > LONGEST_LINE && memchr(b'\n', &self.buffer[..self.unread.end]).is_none() {
-            return Err(too_long(self.source.at(At::Line(self.number + 1))));
+            return Err(too_long(self.source.at(Position::Line(self.number + 1))));
         }
         if let Some(error) = self.failed.take() {
             return Err(error);
@@ -210,7 +210,7 @@ struct Text<'a> {
 
 impl<'a> Text<'a> {
     /// Cuts it into pieces of whole lines, `most` at most; how many they are, and how many bytes.
-    fn cut(&self, most: u64) -> (Vec<Piece<'a>>, u64, usize) {
+    fn cut(&self, most: u64) -> (Vec<LineBlock<'a>>, u64, usize) {
         let (mut pieces, mut lines, mut at) = (Vec::new(), 0, 0);
         while lines < most && at < self.bytes.len() {
             let rest = &self.bytes[at..];
@@ -224,7 +224,7 @@ impl<'a> Text<'a> {
                 within = most - lines;
                 end = memchr_iter(b'\n', rest).nth(within as usize - 1).map_or(end, |end| end + 1);
             }
-            pieces.push(Piece { bytes: &rest[..end], first: self.first + lines, path: self.path });
+            pieces.push(LineBlock { bytes: &rest[..end], first: self.first + lines, path: self.path });
             (lines, at) = (lines + within, at + end);
         }
         (pieces, lines, at)
@@ -261,7 +261,7 @@ fn larger(bytes: usize) -> usize {
     (4 * bytes).clamp(FIRST_BLOCK, most)
 }
 
-impl<'a> Piece<'a> {
+impl<'a> LineBlock<'a> {
     /// Its lines, blank ones included, each or why there is none.
     pub(super) fn lines(self) -> impl Iterator<Item = Result<Line<'a>, Error>> {
         let Self { mut bytes, first, path } = self;

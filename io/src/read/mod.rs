@@ -21,8 +21,8 @@ mod line;
 mod lines;
 mod npy;
 mod pairs;
+mod read_context;
 mod rows;
-mod session;
 mod smoldyn;
 mod source;
 mod species;
@@ -40,7 +40,7 @@ use std::str::FromStr;
 use lazygrid::{Space, Sphere, UnknownName};
 use rayon::slice::ParallelSliceMut;
 
-use self::session::Session;
+use self::read_context::ReadContext;
 use self::source::Source;
 use crate::error::Error;
 
@@ -203,12 +203,12 @@ impl Frame {
 pub struct Frames {
     format: Format,
     reader: Reader,
-    session: Session,
+    context: ReadContext,
 }
 
 enum Reader {
     /// A format of one frame per file, not read yet.
-    Single(fn(Source, &mut Session) -> Result<Frame, Error>, Source),
+    Single(fn(Source, &mut ReadContext) -> Result<Frame, Error>, Source),
     Xyz(xyz::Xyz),
     Lammps(lammps::Lammps),
     Ended,
@@ -254,7 +254,7 @@ impl Frames {
             Format::Xyz => Reader::Xyz(xyz::Xyz::new(source)),
             Format::Lammps => Reader::Lammps(lammps::Lammps::new(source)),
         };
-        Ok(Self { format, reader, session: Session::new(options) })
+        Ok(Self { format, reader, context: ReadContext::new(options) })
     }
 
     /// The format that is being read.
@@ -264,7 +264,7 @@ impl Frames {
 
     /// The species met so far.
     pub fn species(&self) -> &Species {
-        &self.session.species
+        &self.context.species
     }
 
     /// Whether there is no further frame: the file has ended, but for blank lines. Waits for what comes where that is
@@ -284,17 +284,17 @@ impl Frames {
     fn read(&mut self) -> Result<Option<Frame>, Error> {
         match std::mem::replace(&mut self.reader, Reader::Ended) {
             Reader::Single(read, source) => {
-                let frame = read(source, &mut self.session)?;
-                let space = self.session.space.unwrap_or_default();
+                let frame = read(source, &mut self.context)?;
+                let space = self.context.space.unwrap_or_default();
                 Ok(Some(Frame { space, ..frame }))
             }
             Reader::Xyz(mut xyz) => {
-                let frame = xyz.next_frame(&mut self.session)?;
+                let frame = xyz.next_frame(&mut self.context)?;
                 self.reader = Reader::Xyz(xyz);
                 Ok(frame)
             }
             Reader::Lammps(mut lammps) => {
-                let frame = lammps.next_frame(&mut self.session)?;
+                let frame = lammps.next_frame(&mut self.context)?;
                 self.reader = Reader::Lammps(lammps);
                 Ok(frame)
             }

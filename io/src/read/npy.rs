@@ -7,18 +7,18 @@
 //! file is read rather than mapped: a mapped file that another program shortens ends this one.
 
 mod dictionary;
+mod dtype;
 mod fields;
 mod header;
-mod kind;
 
 use lazygrid::Sphere;
 
+use self::dtype::Dtype;
 use self::header::{Header, Layout};
-use self::kind::Kind;
 use super::Frame;
-use super::session::Session;
+use super::read_context::ReadContext;
 use super::source::Source;
-use crate::error::{At, Error};
+use crate::error::{Error, Position};
 
 /// The first bytes of every such file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
@@ -26,7 +26,7 @@ pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 const BLOCK: usize = 1 << 15;
 const COLUMNS: [&str; 4] = ["x", "y", "z", "radius"];
 
-pub(super) fn read(mut source: Source, session: &mut Session) -> Result<Frame, Error> {
+pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Frame, Error> {
     let header = Header::read(&mut source)?;
     header.check_length(&source)?;
     let mut frame = Frame::default();
@@ -36,17 +36,17 @@ pub(super) fn read(mut source: Source, session: &mut Session) -> Result<Frame, E
         room.map_err(|_| header.too_many(&source, "memory"))?;
     }
     match &header.layout {
-        Layout::Plain { .. } if session.ids => {
+        Layout::Plain { .. } if context.ids => {
             let expected = "a structured array with a field `id`, which --ids asks for";
             return Err(syntax(&source, expected, "an array of numbers"));
         }
-        Layout::Plain { kind: Kind::NATIVE_F32, fortran: false } => {
+        Layout::Plain { kind: Dtype::NATIVE_F32, fortran: false } => {
             read_rows(&mut source, &header, &mut frame.spheres)?;
         }
         &Layout::Plain { kind, fortran } => {
-            decode(&mut source, (&header, kind, fortran), &mut frame.spheres, session)?;
+            decode(&mut source, (&header, kind, fortran), &mut frame.spheres, context)?;
         }
-        Layout::Structured(fields) => fields.read(&mut source, &header, &mut frame, session)?,
+        Layout::Structured(fields) => fields.read(&mut source, &header, &mut frame, context)?,
     }
     if source.fill(&mut [0])? != 0 {
         return Err(syntax(&source, "the end of the file after the array", "further bytes"));
@@ -82,9 +82,9 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
 /// Values in any other arrangement, one after the other.
 fn decode(
     source: &mut Source,
-    (header, kind, fortran): (&Header, Kind, bool),
+    (header, kind, fortran): (&Header, Dtype, bool),
     spheres: &mut Vec<Sphere>,
-    session: &mut Session,
+    context: &mut ReadContext,
 ) -> Result<(), Error> {
     let width = kind.width;
     let mut bytes = vec![0; BLOCK * width];
@@ -100,7 +100,7 @@ fn decode(
                 if fortran { (next % rows, (next / rows) as usize) } else { (next / 4, (next % 4) as usize) };
             let value = check(source, (row, COLUMNS[column]), column == 3, written)?;
             if f64::from(value) != written {
-                session.warn_of_rounding(source.at(At::Row(row)), COLUMNS[column], written);
+                context.warn_of_rounding(source.at(Position::Row(row)), COLUMNS[column], written);
             }
             if column == 0 {
                 spheres.try_reserve(1).map_err(|_| header.too_many(source, "memory"))?;
@@ -127,13 +127,13 @@ fn check(source: &Source, (row, column): (u64, &str), is_radius: bool, written: 
         return Ok(value);
     };
     let (column, value) = (column.to_owned(), written.to_string());
-    Err(Error::Value { place: source.at(At::Row(row)), column, value, rule })
+    Err(Error::Value { place: source.at(Position::Row(row)), column, value, rule })
 }
 
 fn truncated(source: &Source, found: u64, expected: u64) -> Error {
-    Error::Truncated { place: source.at(At::File), what: "rows", found, expected }
+    Error::Truncated { place: source.at(Position::File), what: "rows", found, expected }
 }
 
 fn syntax(source: &Source, expected: &str, found: &str) -> Error {
-    Error::Syntax { place: source.at(At::File), expected: expected.to_owned(), found: found.to_owned() }
+    Error::Syntax { place: source.at(Position::File), expected: expected.to_owned(), found: found.to_owned() }
 }

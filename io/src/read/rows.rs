@@ -6,11 +6,11 @@ use rayon::prelude::*;
 
 use super::columns::{Columns, Row};
 use super::line::Line;
-use super::lines::{Lines, Piece};
-use super::session::Session;
+use super::lines::{LineBlock, Lines};
+use super::read_context::ReadContext;
 use super::species::Species;
 use super::{Frame, smoldyn};
-use crate::error::{At, Error, Place};
+use crate::error::{Error, Location, Position};
 
 /// The contents of a table's lines.
 pub(super) trait Table: Sync {
@@ -28,7 +28,7 @@ pub(super) trait Table: Sync {
 
 /// The rows that one thread parses of a piece.
 #[derive(Default)]
-struct Part {
+struct ParsedBlock {
     spheres: Vec<Sphere>,
     /// Of each sphere the id of its species in this part.
     kinds: Vec<u32>,
@@ -37,7 +37,7 @@ struct Part {
     groups: Vec<u32>,
     serials: Vec<(smoldyn::Serial, u64)>,
     /// The first number that lost digits: line, column and field.
-    rounded: Option<(Place, usize, String)>,
+    rounded: Option<(Location, usize, String)>,
     /// The reason for which there are no more rows.
     error: Option<Error>,
 }
@@ -48,10 +48,10 @@ impl Lines {
         &mut self,
         table: &impl Table,
         (what, expected): (&'static str, u64),
-        session: &mut Session,
+        context: &mut ReadContext,
         frame: &mut Frame,
     ) -> Result<(), Error> {
-        match self.up_to(expected, table, session, frame)? {
+        match self.up_to(expected, table, context, frame)? {
             found if found < expected => Err(Error::Truncated { place: self.place(), what, found, expected }),
             _ => Ok(()),
         }
@@ -61,10 +61,10 @@ impl Lines {
     pub(super) fn all_rows(
         &mut self,
         table: &impl Table,
-        session: &mut Session,
+        context: &mut ReadContext,
         frame: &mut Frame,
     ) -> Result<(), Error> {
-        self.up_to(u64::MAX, table, session, frame).map(drop)
+        self.up_to(u64::MAX, table, context, frame).map(drop)
     }
 
     /// Adds so many lines of a table, or all; returns how many there were. What threads have made of a block is put
@@ -73,19 +73,20 @@ impl Lines {
         &mut self,
         most: u64,
         table: &impl Table,
-        session: &mut Session,
+        context: &mut ReadContext,
         frame: &mut Frame,
     ) -> Result<u64, Error> {
-        let blank = Blank { species: session.species.anew(), ids: session.ids, groups: session.groups };
-        let parse = |pieces: &[Piece<'_>]| match pieces {
-            [piece] => vec![Part::of(*piece, table, &blank)],
-            _ => pieces.par_iter().map(|piece| Part::of(*piece, table, &blank)).collect::<Vec<_>>(),
+        let defaults =
+            RowDefaults { species: context.species.anew(), ids: context.ids, groups: context.groups };
+        let parse = |pieces: &[LineBlock<'_>]| match pieces {
+            [piece] => vec![ParsedBlock::of(*piece, table, &defaults)],
+            _ => pieces.par_iter().map(|piece| ParsedBlock::of(*piece, table, &defaults)).collect::<Vec<_>>(),
         };
         let (mut parts, mut lines) = (Vec::new(), 0);
         loop {
             let (place, mut added) = (self.place(), Ok(()));
-            let mut add = |parts: Vec<Part>| {
-                parts.into_iter().try_for_each(|part| frame.add(part, table, session, &place))
+            let mut add = |parts: Vec<ParsedBlock>| {
+                parts.into_iter().try_for_each(|part| frame.add(part, table, context, &place))
             };
             if lines == most {
                 return add(parts).map(|()| lines);
@@ -104,22 +105,22 @@ impl Lines {
 }
 
 /// What every part begins with: the radii that were given, and whether ids and groups are wanted.
-struct Blank {
+struct RowDefaults {
     species: Species,
     ids: bool,
     groups: bool,
 }
 
-impl Part {
-    fn of(piece: Piece<'_>, table: &impl Table, blank: &Blank) -> Self {
-        let mut part = Self { species: blank.species.anew(), ..Self::default() };
+impl ParsedBlock {
+    fn of(piece: LineBlock<'_>, table: &impl Table, defaults: &RowDefaults) -> Self {
+        let mut part = Self { species: defaults.species.anew(), ..Self::default() };
         part.spheres.reserve(piece.rows());
-        part.error = piece.lines().try_for_each(|line| part.push(line?, table, blank)).err();
+        part.error = piece.lines().try_for_each(|line| part.push(line?, table, defaults)).err();
         part
     }
 
     /// Adds the sphere of a row, with the radius of its species where one is given, else its own.
-    fn push(&mut self, line: Line<'_>, table: &impl Table, blank: &Blank) -> Result<(), Error> {
+    fn push(&mut self, line: Line<'_>, table: &impl Table, defaults: &RowDefaults) -> Result<(), Error> {
         let Some(row) = table.row(line)? else { return Ok(()) };
         let mut radius = row.radius;
         if let Some(name) = row.species {
@@ -135,11 +136,11 @@ impl Part {
             if table.has_serials() {
                 self.serials.push((smoldyn::serial(line, id)?, line.number));
             }
-            if blank.ids {
+            if defaults.ids {
                 self.ids.push(line.id(id)?);
             }
         }
-        if let Some(group) = row.group.filter(|_| blank.groups) {
+        if let Some(group) = row.group.filter(|_| defaults.groups) {
             self.groups.push(line.group(group)?);
         }
         if let Some((column, field)) = row.rounded.filter(|_| self.rounded.is_none()) {
@@ -154,13 +155,13 @@ impl Frame {
     /// Adds what a thread made of a piece, behind what is there.
     fn add(
         &mut self,
-        part: Part,
+        part: ParsedBlock,
         table: &impl Table,
-        session: &mut Session,
-        last: &Place,
+        context: &mut ReadContext,
+        last: &Location,
     ) -> Result<(), Error> {
         let spheres = (self.spheres.len() + part.spheres.len()) as u64;
-        let file = || Place { at: At::File, ..last.clone() };
+        let file = || Location { at: Position::File, ..last.clone() };
         if spheres > MAX_SPHERES {
             return Err(Error::TooManySpheres { place: file(), spheres, limit: "32-bit indices" });
         }
@@ -168,24 +169,24 @@ impl Frame {
         self.spheres.try_reserve(part.spheres.len()).map_err(no_room)?;
         self.spheres.extend_from_slice(&part.spheres);
         if !part.kinds.is_empty() {
-            let ids = session.species.adopt(&part.species);
+            let ids = context.species.adopt(&part.species);
             let species = self.species.get_or_insert_default();
             species.try_reserve(part.kinds.len()).map_err(no_room)?;
             species.extend(part.kinds.iter().map(|&kind| ids[kind as usize]));
         }
-        if session.ids {
+        if context.ids {
             let ids = self.ids.get_or_insert_default();
             ids.try_reserve(part.ids.len()).map_err(no_room)?;
             ids.extend_from_slice(&part.ids);
         }
-        if session.groups {
+        if context.groups {
             let groups = self.groups.get_or_insert_default();
             groups.try_reserve(part.groups.len()).map_err(no_room)?;
             groups.extend_from_slice(&part.groups);
         }
-        session.listed(&part.serials, last)?;
+        context.listed(&part.serials, last)?;
         if let Some((place, column, text)) = part.rounded {
-            session.warn_of_rounding(place, table.columns().name(column), text);
+            context.warn_of_rounding(place, table.columns().name(column), text);
         }
         part.error.map_or(Ok(()), Err)
     }

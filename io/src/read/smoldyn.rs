@@ -8,8 +8,8 @@ use super::Frame;
 use super::columns::{Column, Columns, Row};
 use super::line::Line;
 use super::lines::Lines;
+use super::read_context::ReadContext;
 use super::rows::Table;
-use super::session::Session;
 use super::source::Source;
 use crate::error::Error;
 
@@ -18,12 +18,12 @@ pub(super) type Serial = (u64, Option<u64>);
 
 struct Listing(Columns);
 
-pub(super) fn read(source: Source, session: &mut Session) -> Result<Frame, Error> {
+pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, Error> {
     let axes = ["x", "y", "z"].into_iter().enumerate().map(|(k, axis)| (axis, Column::Axis(k)));
     let listed = [("name(state)", Column::Species)].into_iter().chain(axes).chain([("serial", Column::Id)]);
     let listing = Listing(Columns::new(listed.map(|(name, meaning)| (name.to_owned(), meaning))));
     let mut frame = Frame::default();
-    Lines::new(source).all_rows(&listing, session, &mut frame)?;
+    Lines::new(source).all_rows(&listing, context, &mut frame)?;
     Ok(frame)
 }
 

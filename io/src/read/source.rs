@@ -6,7 +6,7 @@ use flate2::read::MultiGzDecoder;
 
 use super::Format;
 use super::zstd::ZstdReader;
-use crate::error::{At, Error, Place};
+use crate::error::{Error, Location, Position};
 
 /// Bytes to read, and where they come from.
 pub(super) struct Source {
@@ -82,8 +82,8 @@ impl Source {
         Ok(filled)
     }
 
-    pub(super) fn at(&self, at: At) -> Place {
-        Place { path: self.path.clone(), at }
+    pub(super) fn at(&self, at: Position) -> Location {
+        Location { path: self.path.clone(), at }
     }
 
     #[cfg(test)]

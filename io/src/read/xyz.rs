@@ -9,8 +9,8 @@ use super::columns::{Column, Columns, Row};
 use super::comment::{elements, value_of};
 use super::line::Line;
 use super::lines::Lines;
+use super::read_context::ReadContext;
 use super::rows::Table;
-use super::session::Session;
 use super::source::Source;
 use super::{Frame, RESERVE};
 use crate::error::Error;
@@ -24,18 +24,18 @@ impl Xyz {
         Self { lines: Lines::new(source) }
     }
 
-    pub(super) fn next_frame(&mut self, session: &mut Session) -> Result<Option<Frame>, Error> {
+    pub(super) fn next_frame(&mut self, context: &mut ReadContext) -> Result<Option<Frame>, Error> {
         let Some(line) = self.lines.next()? else { return Ok(None) };
         let count = line.count("the number of spheres of the next frame")?;
         let comment = self.lines.required("lines of the frame's head", 1, 2)?;
-        let columns = columns(comment, session)?;
-        let space = match session.space {
+        let columns = columns(comment, context)?;
+        let space = match context.space {
             Some(given) => given,
             None => space(comment)?,
         };
         let step = value_of(comment.bytes, "Step").and_then(|step| lexical_core::parse(step).ok());
         let mut frame = Frame { step, space, ..Frame::with_capacity(count.min(RESERVE)) };
-        self.lines.rows(&Words(columns), ("spheres", count), session, &mut frame)?;
+        self.lines.rows(&Words(columns), ("spheres", count), context, &mut frame)?;
         Ok(Some(frame))
     }
 }
@@ -53,7 +53,7 @@ impl Table for Words {
     }
 }
 
-fn columns(comment: Line<'_>, session: &Session) -> Result<Columns, Error> {
+fn columns(comment: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     let columns = match value_of(comment.bytes, "Properties") {
         Some(properties) => Columns::new(declared(comment, properties)?),
         None => {
@@ -62,7 +62,7 @@ fn columns(comment: Line<'_>, session: &Session) -> Result<Columns, Error> {
             Columns::new(plain.map(|(name, meaning)| (name.to_owned(), meaning))).open_ended()
         }
     };
-    columns.check(comment, session)?;
+    columns.check(comment, context)?;
     Ok(columns)
 }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-use super::{Class, Cloud};
+use super::{CenterDistribution, SizeGroup};
 
 /// Distribution of the number of overlapping pairs over all seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,21 +24,21 @@ impl PairCount {
 /// Pairs of spheres placed uniformly in a periodic box of volume `volume`, given as `(count, radius)` per size.
 /// Holds where no sum of two radii exceeds half the box's edge.
 pub fn periodic_box_pairs(sizes: &[(u64, f64)], volume: f64) -> PairCount {
-    let classes: Vec<Class> =
-        sizes.iter().map(|&(count, radius)| Class { count: count as f64, radius }).collect();
+    let classes: Vec<SizeGroup> =
+        sizes.iter().map(|&(count, radius)| SizeGroup { count: count as f64, radius }).collect();
     independent(&classes, |reach| 4.0 / 3.0 * PI * reach.powi(3) / volume)
 }
 
 /// Pairs of spheres of these classes with centres from `cloud`.
-pub(super) fn pairs(classes: &[Class], cloud: Cloud) -> PairCount {
+pub(super) fn pairs(classes: &[SizeGroup], cloud: CenterDistribution) -> PairCount {
     let pairs = independent(classes, |reach| cloud.hit(reach));
     PairCount { variance: pairs.variance + shared(classes, cloud), ..pairs }
 }
 
 /// The σ for which spheres of these classes have `per_sphere` pairs per sphere; 0 where they never do.
-pub(super) fn sigma_for(classes: &[Class], per_sphere: f64) -> f64 {
+pub(super) fn sigma_for(classes: &[SizeGroup], per_sphere: f64) -> f64 {
     let wanted = per_sphere * classes.iter().map(|c| c.count).sum::<f64>();
-    let mean = |sigma| independent(classes, |reach| Cloud::Normal { sigma }.hit(reach)).mean;
+    let mean = |sigma| independent(classes, |reach| CenterDistribution::Normal { sigma }.hit(reach)).mean;
     if mean(0.0) <= wanted {
         return 0.0;
     }
@@ -58,7 +58,7 @@ pub(super) fn sigma_for(classes: &[Class], per_sphere: f64) -> f64 {
 }
 
 /// Mean of the number of pairs, and its variance as if pairs were independent of each other.
-fn independent(classes: &[Class], hit: impl Fn(f64) -> f64) -> PairCount {
+fn independent(classes: &[SizeGroup], hit: impl Fn(f64) -> f64) -> PairCount {
     let mut total = PairCount { mean: 0.0, variance: 0.0 };
     for (k, a) in classes.iter().enumerate() {
         for (l, b) in classes.iter().enumerate().take(k + 1) {
@@ -73,7 +73,7 @@ fn independent(classes: &[Class], hit: impl Fn(f64) -> f64) -> PairCount {
 
 /// The covariance of pairs that share a sphere, over all such pairs of pairs: a sphere in the thick of the
 /// cloud has many partners, one at the rim few. It outweighs the independent part by far in the bursts.
-fn shared(classes: &[Class], cloud: Cloud) -> f64 {
+fn shared(classes: &[SizeGroup], cloud: CenterDistribution) -> f64 {
     classes
         .iter()
         .enumerate()
@@ -96,7 +96,7 @@ fn shared(classes: &[Class], cloud: Cloud) -> f64 {
         .sum()
 }
 
-impl Cloud {
+impl CenterDistribution {
     /// The chance that two centres of the cloud are at most `reach` apart.
     fn hit(self, reach: f64) -> f64 {
         match self {
@@ -165,7 +165,8 @@ fn lens(d: f64, a: f64, b: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const CLOUDS: [Cloud; 2] = [Cloud::Ball { radius: 3.0 }, Cloud::Normal { sigma: 1.5 }];
+    const CLOUDS: [CenterDistribution; 2] =
+        [CenterDistribution::Ball { radius: 3.0 }, CenterDistribution::Normal { sigma: 1.5 }];
 
     #[test]
     fn the_chance_about_a_point_averages_to_the_chance_of_a_pair() {
@@ -181,7 +182,7 @@ mod tests {
     fn two_spheres_are_a_coin_toss() {
         for cloud in CLOUDS {
             let p = cloud.hit(2.0);
-            let two = pairs(&[Class { count: 2.0, radius: 1.0 }], cloud);
+            let two = pairs(&[SizeGroup { count: 2.0, radius: 1.0 }], cloud);
             assert!((two.mean - p).abs() < 1e-12 && (two.variance - p * (1.0 - p)).abs() < 1e-12, "{two:?}");
         }
     }

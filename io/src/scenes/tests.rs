@@ -46,16 +46,16 @@ fn sizes_are_as_frequent_as_they_should_be_and_shuffled() {
             let count = spheres.iter().filter(|s| f64::from(s.radius) == class.radius).count();
             assert_eq!(count as f64, class.count, "{scene}: {class:?}");
             let share = n / classes.len();
-            let equally_often = matches!(scene.sizes(), Sizes::EquallyOften(_));
+            let equally_often = matches!(scene.sizes(), RadiusMix::EquallyOften(_));
             assert!(!equally_often || count == share || count == share + 1, "{scene}: {class:?}");
         }
         let in_order = scene.sizes().radii(n);
         let moved = spheres.iter().zip(&in_order).filter(|(s, radius)| s.radius != **radius).count();
         // Of two sizes, the rarer one 30 times, hardly any stands where it stood.
         let enough = match scene.sizes() {
-            Sizes::EquallyOften([_]) => 0,
-            Sizes::EquallyOften(_) => n / 2,
-            Sizes::Two(_) => 50,
+            RadiusMix::EquallyOften([_]) => 0,
+            RadiusMix::EquallyOften(_) => n / 2,
+            RadiusMix::Two(_) => 50,
         };
         assert!(moved >= enough, "{scene}: {moved} not in order");
     }

@@ -22,7 +22,7 @@ pub struct Particle<'a> {
 
 /// The header of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
+pub struct FrameInfo {
     /// The number of the time step.
     pub step: u32,
     /// The time.
@@ -51,17 +51,17 @@ struct Row {
 /// Fails with the message of the system.
 pub fn xyz<'a>(
     out: &mut (impl Write + ?Sized),
-    moment: &Moment,
+    info: &FrameInfo,
     particles: impl ExactSizeIterator<Item = Particle<'a>>,
 ) -> io::Result<()> {
     writeln!(out, "{}", particles.len())?;
-    if let Some(bounds) = moment.bounds {
+    if let Some(bounds) = info.bounds {
         let [a, b, c] = bounds.map(|[low, high]| high - low);
         let [x, y, z] = bounds.map(|[low, _]| low);
         write!(out, "Lattice=\"{a} 0 0 0 {b} 0 0 0 {c}\" Origin=\"{x} {y} {z}\" ")?;
     }
-    let [x, y, z] = moment.periodic.map(|periodic| if periodic { 'T' } else { 'F' });
-    let Moment { step, time, .. } = moment;
+    let [x, y, z] = info.periodic.map(|periodic| if periodic { 'T' } else { 'F' });
+    let FrameInfo { step, time, .. } = info;
     writeln!(
         out,
         "pbc=\"{x} {y} {z}\" Properties=id:I:1:species:S:1:pos:R:3:radius:R:1 Time={time} Step={step}"
@@ -133,14 +133,14 @@ mod tests {
         };
         let ids: Vec<_> = particles().map(|particle| i64::from(particle.id)).collect();
         let kinds: Vec<_> = particles().map(|particle| particle.species).collect();
-        let moment = Moment {
+        let info = FrameInfo {
             step: 40,
             time: 0.5,
             bounds: Some([[-8.0, 8.0], [0.0, 12.5], [-1.0, 1.0]]),
             periodic: [true, true, false],
         };
         let (mut text, mut array) = (Vec::new(), Vec::new());
-        xyz(&mut text, &moment, particles()).unwrap();
+        xyz(&mut text, &info, particles()).unwrap();
         npy(&mut array, particles()).unwrap();
 
         let (frame, names) = read("a.xyz", text);

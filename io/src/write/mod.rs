@@ -1,6 +1,6 @@
 //! Writers of results and scenes. A file appears under its name only when it is complete.
 
-mod draft;
+mod atomic_file;
 mod encoder;
 pub mod frames;
 mod pairs;
@@ -11,10 +11,10 @@ mod text;
 use std::ffi::OsStr;
 use std::path::Path;
 
-pub use draft::Draft;
+pub use atomic_file::AtomicFile;
 pub use pairs::{Output, PairFile, neighbors};
 pub use spheres::{SphereFormat, spheres};
-pub use temporary::discard_drafts;
+pub use temporary::remove_temporaries;
 
 /// The format of a table of whole numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

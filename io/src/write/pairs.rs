@@ -4,10 +4,10 @@ use bytemuck::Pod;
 use lazygrid::{Neighbors, Pair};
 use lexical_core::ToLexical;
 
-use super::draft::STDOUT;
+use super::atomic_file::STDOUT;
 use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{Draft, TableFormat, npy_header, number};
+use super::{AtomicFile, TableFormat, npy_header, number};
 use crate::Error;
 
 /// The output of pairs or neighbors, and its format.
@@ -37,8 +37,8 @@ impl Output {
         self.path.as_deref().unwrap_or(Path::new(STDOUT))
     }
 
-    fn draft(&self) -> Result<Draft, Error> {
-        self.path.as_ref().map_or_else(Draft::stdout, Draft::create)
+    fn file(&self) -> Result<AtomicFile, Error> {
+        self.path.as_ref().map_or_else(AtomicFile::stdout, AtomicFile::create)
     }
 }
 
@@ -57,7 +57,7 @@ fn sibling(path: &Path, part: &str) -> PathBuf {
 /// A table `i,j` of pairs, zero-based, written as they come; or `id_i,id_j` of their ids.
 #[derive(Debug)]
 pub struct PairFile<'a> {
-    draft: Draft,
+    file: AtomicFile,
     format: TableFormat,
     ids: Option<&'a [i64]>,
 }
@@ -68,15 +68,15 @@ impl<'a> PairFile<'a> {
     /// # Errors
     /// [`Error::Write`].
     pub fn create(output: &Output, pairs: u64, ids: Option<&'a [i64]>) -> Result<Self, Error> {
-        let mut draft = output.draft()?;
-        draft.put(|out| match output.format {
+        let mut file = output.file()?;
+        file.write_with(|out| match output.format {
             TableFormat::Csv => out.write_all(header_line(ids.is_some())),
             TableFormat::Npy => {
                 let kind = if ids.is_some() { "i8" } else { "u4" };
                 out.write_all(&npy_header(&number(kind), &format!("({pairs}, 2)")))
             }
         })?;
-        Ok(Self { draft, format: output.format, ids })
+        Ok(Self { file, format: output.format, ids })
     }
 
     /// Adds rows.
@@ -87,24 +87,28 @@ impl<'a> PairFile<'a> {
         match self.ids {
             None => {
                 let rows: &[[u32; 2]] = bytemuck::cast_slice(pairs);
-                add(&mut self.draft, self.format, rows)
+                add(&mut self.file, self.format, rows)
             }
             Some(ids) => pairs.chunks(1 << 16).try_for_each(|pairs| {
                 let of = |pair: &Pair| [ids[pair.i as usize], ids[pair.j as usize]];
                 let rows: Vec<[i64; 2]> = pairs.iter().map(of).collect();
-                add(&mut self.draft, self.format, &rows)
+                add(&mut self.file, self.format, &rows)
             }),
         }
     }
 
     /// The complete file, not published yet.
-    pub fn finish(self) -> Draft {
-        self.draft
+    pub fn finish(self) -> AtomicFile {
+        self.file
     }
 }
 
-fn add<T: Pod + ToLexical>(draft: &mut Draft, format: TableFormat, pairs: &[[T; 2]]) -> Result<(), Error> {
-    draft.put(|out| match format {
+fn add<T: Pod + ToLexical>(
+    file: &mut AtomicFile,
+    format: TableFormat,
+    pairs: &[[T; 2]],
+) -> Result<(), Error> {
+    file.write_with(|out| match format {
         TableFormat::Npy => out.write_all(bytemuck::cast_slice(pairs)),
         TableFormat::Csv => {
             let mut rows = Rows::new(out);
@@ -127,7 +131,11 @@ fn header_line(ids: bool) -> &'static [u8] {
 ///
 /// # Errors
 /// [`Error::Write`].
-pub fn neighbors(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<Vec<Draft>, Error> {
+pub fn neighbors(
+    output: &Output,
+    lists: Neighbors<'_>,
+    ids: Option<&[i64]>,
+) -> Result<Vec<AtomicFile>, Error> {
     let files = output.files(true, ids.is_some());
     match (files.as_slice(), output.format, ids) {
         ([offsets, indices], TableFormat::Npy, _) => {
@@ -142,9 +150,9 @@ pub fn neighbors(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> 
     }
 }
 
-fn table(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<Draft, Error> {
-    let mut draft = output.draft()?;
-    draft.put(|out| {
+fn table(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<AtomicFile, Error> {
+    let mut file = output.file()?;
+    file.write_with(|out| {
         out.write_all(header_line(ids.is_some()))?;
         let mut rows = Rows::new(out);
         for i in 0..lists.len() {
@@ -158,16 +166,16 @@ fn table(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<D
         }
         rows.flush()
     })?;
-    Ok(draft)
+    Ok(file)
 }
 
-fn array<T: Pod>(path: &Path, kind: &str, values: &[T]) -> Result<Draft, Error> {
-    let mut draft = Draft::create(path)?;
-    draft.put(|out| {
+fn array<T: Pod>(path: &Path, kind: &str, values: &[T]) -> Result<AtomicFile, Error> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_with(|out| {
         out.write_all(&npy_header(&number(kind), &format!("({},)", values.len())))?;
         out.write_all(bytemuck::cast_slice(values))
     })?;
-    Ok(draft)
+    Ok(file)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use lazygrid::Sphere;
 
 use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{Draft, npy_header, number};
+use super::{AtomicFile, npy_header, number};
 use crate::Error;
 
 /// The format of spheres.
@@ -37,8 +37,8 @@ impl SphereFormat {
 /// # Errors
 /// [`Error::Write`].
 pub fn spheres(path: &Path, format: SphereFormat, spheres: &[Sphere]) -> Result<(), Error> {
-    let mut draft = Draft::create(path)?;
-    draft.put(|out| match format {
+    let mut file = AtomicFile::create(path)?;
+    file.write_with(|out| match format {
         SphereFormat::Npy => {
             out.write_all(&npy_header(&number("f4"), &format!("({}, 4)", spheres.len())))?;
             out.write_all(bytemuck::cast_slice(spheres))
@@ -52,7 +52,7 @@ pub fn spheres(path: &Path, format: SphereFormat, spheres: &[Sphere]) -> Result<
             rows(out, spheres, b' ')
         }
     })?;
-    draft.publish()
+    file.commit()
 }
 
 fn rows(out: impl Write, spheres: &[Sphere], separator: u8) -> io::Result<()> {

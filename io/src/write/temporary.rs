@@ -73,7 +73,7 @@ impl Drop for Temporary {
 
 /// Removes everything that this process has begun to write and not published. From then on nothing can be begun or
 /// published any more: whoever tries waits for the end of the process, which has to be near. For handlers of signals.
-pub fn discard_drafts() {
+pub fn remove_temporaries() {
     let begun = begun();
     for file in &begun.files {
         // Whatever cannot be removed now will be when the directory is next used.
@@ -82,7 +82,7 @@ pub fn discard_drafts() {
     std::mem::forget(begun);
 }
 
-/// Creates a file that is locked from the first moment at which anybody may rely on it.
+/// Creates a file that is locked from the first moment at which another process may see it.
 fn create_locked(path: &Path) -> io::Result<File> {
     let file = File::options().write(true).create_new(true).open(path)?;
     let taken = io::Error::from(io::ErrorKind::AlreadyExists);

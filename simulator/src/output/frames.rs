@@ -4,7 +4,7 @@
 use std::io::{self, Write};
 
 use lazygrid::Sphere;
-use lazygrid_io::write::frames::{self, Moment, Particle};
+use lazygrid_io::write::frames::{self, FrameInfo, Particle};
 
 use crate::model::boundary::Axis;
 use crate::{Model, Particles, State};
@@ -21,14 +21,14 @@ pub(super) fn xyz(out: &mut impl Write, model: &Model, state: &State) -> io::Res
         Axis::Open => None,
         Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
     });
-    let moment = Moment {
+    let info = FrameInfo {
         step: state.step,
         time: f64::from(state.step) * model.time_step,
         bounds: if let [Some(x), Some(y), Some(z)] = bounds { Some([x, y, z]) } else { None },
         periodic: axes.map(|axis| matches!(axis, Axis::Periodic { .. })),
     };
     let particles = &state.particles;
-    frames::xyz(out, &moment, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
+    frames::xyz(out, &info, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
 }
 
 /// Writes a NumPy file of one frame: a structured array with the fields `id`, `species`, `x`, `y`, `z`, `r`.

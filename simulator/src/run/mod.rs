@@ -310,7 +310,7 @@ impl Run {
                 every => format!("its animation by --animate --animate-every {every}"),
             };
             return refused(format!(
-                "its series goes by --every {rows} and its frames by --frames-every {frames}; {animation}"
+                "its series goes by --series-every {rows} and its frames by --frames-every {frames}; {animation}"
             ));
         }
         if own.steps < state.step {

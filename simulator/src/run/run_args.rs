@@ -27,7 +27,7 @@ pub struct RunArgs {
     pub steps: Option<u32>,
     /// Write a row of the series after every N steps [default: the scenario's]
     #[arg(long, value_name = "N")]
-    pub every: Option<NonZeroU32>,
+    pub series_every: Option<NonZeroU32>,
     /// Write a frame after every N steps [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub frames_every: Option<NonZeroU32>,
@@ -65,7 +65,7 @@ impl RunArgs {
         scenario.change(&Overrides {
             seed: self.seed,
             steps: self.steps,
-            every: self.every,
+            every: self.series_every,
             frames_every: self.frames_every,
             checkpoint_every: self.checkpoint_every,
             animated: self.animate.then_some(self.animate_particles),

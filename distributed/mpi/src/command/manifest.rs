@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lazygrid_io::write::{Draft, TableFormat};
+use lazygrid_io::write::{AtomicFile, TableFormat};
 use serde_json::json;
 
 use super::output::Target;
@@ -36,7 +36,7 @@ pub(crate) fn write(
         "ranks": files.len(),
         "files": of_ranks,
     });
-    let mut draft = Draft::create(target.manifest())?;
-    draft.put(|out| writeln!(out, "{manifest:#}"))?;
-    draft.publish()
+    let mut file = AtomicFile::create(target.manifest())?;
+    file.write_with(|out| writeln!(out, "{manifest:#}"))?;
+    file.commit()
 }

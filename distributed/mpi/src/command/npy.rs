@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use lazygrid_io::At;
+use lazygrid_io::Position;
 use lazygrid_io::read::{Format, Frame, Frames, Options};
 
 /// The longest header that is looked at.
@@ -90,8 +90,8 @@ impl Rows {
         let mut frames =
             Frames::new(path, input, Some(length), options).map_err(|error| error.to_string())?;
         let frame = frames.next().transpose().map_err(|mut error| {
-            if let Some(place) = error.place_mut()
-                && let At::Row(row) = &mut place.at
+            if let Some(place) = error.location_mut()
+                && let Position::Row(row) = &mut place.at
             {
                 *row += first;
             }

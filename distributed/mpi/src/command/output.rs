@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lazygrid_io::write::{Draft, TableFormat};
+use lazygrid_io::write::{AtomicFile, TableFormat};
 use lazygrid_mpi::{Distributed, Error, agree};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
@@ -74,15 +74,15 @@ pub(crate) fn write(
         let mut all = distributed.gather(&pairs)?;
         all.sort_unstable();
         let written = match rank {
-            0 => table(&target.path, target, (&all, wide)).and_then(Draft::publish).map_err(failed),
+            0 => table(&target.path, target, (&all, wide)).and_then(AtomicFile::commit).map_err(failed),
             _ => Ok(()),
         };
         return agree(world, written).map(|()| vec![target.path.clone()]);
     }
     // None gets its name before all are complete.
-    let draft = table(&target.of_rank(rank), target, (&pairs, wide)).map_err(failed);
-    let draft = agree(world, draft)?;
-    agree(world, draft.publish().map_err(failed))?;
+    let file = table(&target.of_rank(rank), target, (&pairs, wide)).map_err(failed);
+    let file = agree(world, file)?;
+    agree(world, file.commit().map_err(failed))?;
     let counts = distributed.gather(&[pairs.len() as u64])?;
     let files: Vec<_> = (0..world.size() as u32).map(|rank| target.of_rank(rank)).collect();
     let written = match rank {
@@ -100,13 +100,13 @@ fn table(
     path: &Path,
     target: &Target,
     (pairs, wide): (&[[u64; 2]], bool),
-) -> Result<Draft, lazygrid_io::Error> {
-    let mut draft = Draft::create(path)?;
+) -> Result<AtomicFile, lazygrid_io::Error> {
+    let mut file = AtomicFile::create(path)?;
     let header = match target.format {
         TableFormat::Csv => b"i,j\n".to_vec(),
         TableFormat::Npy => npy_header(pairs.len(), wide),
     };
-    draft.put(|out| out.write_all(&header))?;
+    file.write_with(|out| out.write_all(&header))?;
     for pairs in pairs.chunks(1 << 16) {
         let bytes = match (target.format, wide) {
             (TableFormat::Csv, _) => {
@@ -118,9 +118,9 @@ fn table(
                 bytemuck::cast_slice(&rows).to_vec()
             }
         };
-        draft.put(|out| out.write_all(&bytes))?;
+        file.write_with(|out| out.write_all(&bytes))?;
     }
-    Ok(draft)
+    Ok(file)
 }
 
 /// A header of version 1 of the NumPy format for this number of pairs: a multiple of 64 bytes with a line break at the end.

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use lazygrid_io::At;
+use lazygrid_io::Position;
 use lazygrid_io::read::{Format, Frame, Frames, Options};
 
 use super::npy::share;
@@ -86,8 +86,8 @@ impl RankLines {
         let mut frames =
             Frames::new(path, input, Some(length), options).map_err(|error| error.to_string())?;
         let frame = frames.next().transpose().map_err(|mut error| {
-            if let Some(place) = error.place_mut()
-                && let At::Line(line) = &mut place.at
+            if let Some(place) = error.location_mut()
+                && let Position::Line(line) = &mut place.at
                 && *line > head
             {
                 *line += before;

@@ -5,26 +5,26 @@ use std::collections::TryReserveError;
 use lazygrid::Sphere;
 
 use super::dictionary::Field;
-use super::kind::{Class, Kind};
-use super::{Header, Session, Source, check, syntax, truncated};
-use crate::error::{At, Error, excerpt};
+use super::dtype::{Dtype, DtypeKind};
+use super::{Header, ReadContext, Source, check, syntax, truncated};
+use crate::error::{Error, Position, excerpt};
 use crate::read::Frame;
 use crate::read::columns::{Column, Columns};
 use crate::read::line::{GROUPS, group_of};
 
 /// The fields of a row that are read.
 pub(super) struct Fields {
-    wanted: Vec<Place>,
+    wanted: Vec<Location>,
     /// All of them, for messages and checks.
     columns: Columns,
     width: usize,
 }
 
 /// A field: what it means, and where in a row it stands.
-struct Place {
+struct Location {
     name: String,
     meaning: Column,
-    kind: Kind,
+    kind: Dtype,
     start: usize,
 }
 
@@ -40,7 +40,7 @@ impl Fields {
                 let found = format!("field {} of type '{}'", excerpt(field.name), excerpt(field.kind));
                 Err(syntax(source, expected, &found))
             };
-            let Some(kind) = Kind::parse(field.kind) else { return refuse("fields of numbers and text") };
+            let Some(kind) = Dtype::parse(field.kind) else { return refuse("fields of numbers and text") };
             let count = field.shape.iter().try_fold(1_u64, |all, &n| all.checked_mul(n));
             let bytes = count.and_then(|count| count.checked_mul(kind.width as u64));
             let Some(bytes) = bytes.filter(|&bytes| bytes <= WIDEST as u64 - start as u64) else {
@@ -48,21 +48,24 @@ impl Fields {
             };
             for (k, (name, meaning)) in meanings(field).into_iter().enumerate() {
                 let start = start + k * kind.width;
-                let is_whole = matches!(kind.class, Class::Signed | Class::Unsigned);
+                let is_whole = matches!(kind.class, DtypeKind::Signed | DtypeKind::Unsigned);
                 // A field of that name may be something else where nobody asks for groups.
                 let meaning = if meaning == Column::Group && !is_whole { Column::Other } else { meaning };
                 match (meaning, kind.class) {
                     (Column::Other, _) => {}
-                    (Column::Species, Class::Signed | Class::Unsigned | Class::Bytes | Class::Text) => {}
+                    (
+                        Column::Species,
+                        DtypeKind::Signed | DtypeKind::Unsigned | DtypeKind::Bytes | DtypeKind::Text,
+                    ) => {}
                     (Column::Species, _) => return refuse("species as whole numbers or text"),
-                    (Column::Id, Class::Signed | Class::Unsigned) => {}
+                    (Column::Id, DtypeKind::Signed | DtypeKind::Unsigned) => {}
                     (Column::Group, _) => {}
                     (Column::Id, _) => return refuse("ids as whole numbers"),
-                    (_, Class::Float) => {}
+                    (_, DtypeKind::Float) => {}
                     _ => return refuse("coordinates and radii of type f4 or f8"),
                 }
                 columns.push((name.clone(), meaning));
-                wanted.push(Place { name, meaning, kind, start });
+                wanted.push(Location { name, meaning, kind, start });
             }
             start += bytes as usize;
         }
@@ -81,10 +84,10 @@ impl Fields {
         source: &mut Source,
         header: &Header,
         frame: &mut Frame,
-        session: &mut Session,
+        context: &mut ReadContext,
     ) -> Result<(), Error> {
         const BLOCK: usize = 1 << 18;
-        if let Some(expected) = self.columns.lacks(session) {
+        if let Some(expected) = self.columns.lacks(context) {
             let found = format!("fields {}", excerpt(self.columns.names().join(", ").as_bytes()));
             return Err(syntax(source, &expected, &found));
         }
@@ -95,10 +98,10 @@ impl Fields {
         while found < rows {
             let block = &mut bytes[..(rows - found).min(most) as usize * self.width];
             let read = source.fill(block)?;
-            self.make_room(read / self.width, frame, session)
+            self.make_room(read / self.width, frame, context)
                 .map_err(|_| header.too_many(source, "memory"))?;
             for row in block[..read].chunks_exact(self.width) {
-                self.push(source, (found, row), frame, session)?;
+                self.push(source, (found, row), frame, context)?;
                 found += 1;
             }
             if read < block.len() {
@@ -109,15 +112,20 @@ impl Fields {
     }
 
     /// Reserves memory for this number of further spheres.
-    fn make_room(&self, rows: usize, frame: &mut Frame, session: &Session) -> Result<(), TryReserveError> {
+    fn make_room(
+        &self,
+        rows: usize,
+        frame: &mut Frame,
+        context: &ReadContext,
+    ) -> Result<(), TryReserveError> {
         frame.spheres.try_reserve(rows)?;
         if self.columns.has(Column::Species) {
             frame.species.get_or_insert_default().try_reserve(rows)?;
         }
-        if session.ids {
+        if context.ids {
             frame.ids.get_or_insert_default().try_reserve(rows)?;
         }
-        if session.groups {
+        if context.groups {
             frame.groups.get_or_insert_default().try_reserve(rows)?;
         }
         Ok(())
@@ -129,16 +137,16 @@ impl Fields {
         source: &Source,
         (number, row): (u64, &[u8]),
         frame: &mut Frame,
-        session: &mut Session,
+        context: &mut ReadContext,
     ) -> Result<(), Error> {
         let (mut sphere, mut radius, mut given) = (Sphere::default(), None, None);
-        for Place { name, meaning, kind, start } in &self.wanted {
+        for Location { name, meaning, kind, start } in &self.wanted {
             let bytes = &row[*start..start + kind.width];
             let mut float = |is_radius| {
                 let written = kind.float(bytes);
                 let value = check(source, (number, name), is_radius, written)?;
                 if f64::from(value) != written {
-                    session.warn_of_rounding(source.at(At::Row(number)), name, written);
+                    context.warn_of_rounding(source.at(Position::Row(number)), name, written);
                 }
                 Ok::<_, Error>(value)
             };
@@ -148,20 +156,20 @@ impl Fields {
                 Column::Diameter => radius = Some(float(true)? * 0.5),
                 Column::Species => {
                     let name = match kind.class {
-                        Class::Signed | Class::Unsigned => kind.whole(bytes).to_string(),
+                        DtypeKind::Signed | DtypeKind::Unsigned => kind.whole(bytes).to_string(),
                         _ => kind.text(bytes),
                     };
-                    let (id, by_species) = session.species.intern(name.as_bytes());
+                    let (id, by_species) = context.species.intern(name.as_bytes());
                     given = by_species;
                     frame.species.get_or_insert_default().push(id);
                 }
-                Column::Id if session.ids => {
+                Column::Id if context.ids => {
                     let id = kind.whole(bytes);
                     let too_large = || syntax(source, "ids below 2^63", &format!("{id} in row {number}"));
                     let id = i64::try_from(id).map_err(|_| too_large())?;
                     frame.ids.get_or_insert_default().push(id);
                 }
-                Column::Group if session.groups => {
+                Column::Group if context.groups => {
                     let group = kind.whole(bytes);
                     let refused = || syntax(source, GROUPS, &format!("{group} in row {number}"));
                     frame.groups.get_or_insert_default().push(group_of(group).ok_or_else(refused)?);
@@ -171,8 +179,8 @@ impl Fields {
         }
         let species = || frame.species.as_ref().and_then(|ids| ids.last());
         sphere.radius = given.or(radius).ok_or_else(|| Error::NoRadius {
-            place: source.at(At::Row(number)),
-            species: species().map(|&id| session.species.names()[id as usize].clone()),
+            place: source.at(Position::Row(number)),
+            species: species().map(|&id| context.species.names()[id as usize].clone()),
         })?;
         frame.spheres.push(sphere);
         Ok(())

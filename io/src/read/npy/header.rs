@@ -1,10 +1,10 @@
 use lazygrid::MAX_SPHERES;
 
 use super::dictionary::{Descr, Dictionary};
+use super::dtype::{Dtype, DtypeKind};
 use super::fields::Fields;
-use super::kind::{Class, Kind};
 use super::{MAGIC, Source, syntax, truncated};
-use crate::error::{At, Error, excerpt};
+use crate::error::{Error, Position, excerpt};
 
 /// The longest header that is read; a longer one does not describe a plain table.
 const LONGEST_HEADER: usize = 1 << 16;
@@ -20,7 +20,7 @@ pub(super) struct Header {
 /// The layout of the spheres.
 pub(super) enum Layout {
     /// Four numbers in a row, or in columns.
-    Plain { kind: Kind, fortran: bool },
+    Plain { kind: Dtype, fortran: bool },
     /// Fields with names.
     Structured(Fields),
 }
@@ -72,7 +72,7 @@ impl Header {
     }
 
     pub(super) fn too_many(&self, source: &Source, limit: &'static str) -> Error {
-        Error::TooManySpheres { place: source.at(At::File), spheres: self.rows, limit }
+        Error::TooManySpheres { place: source.at(Position::File), spheres: self.rows, limit }
     }
 }
 
@@ -85,7 +85,7 @@ fn layout(source: &Source, text: &[u8]) -> Result<(Layout, u64), Error> {
     let found = format!("shape {:?}", said.shape);
     match said.descr {
         Descr::Plain(descr) => {
-            let Some(kind) = Kind::parse(descr).filter(|kind| kind.class == Class::Float) else {
+            let Some(kind) = Dtype::parse(descr).filter(|kind| kind.class == DtypeKind::Float) else {
                 let found = format!("'{}'; convert it with .astype('f4')", excerpt(descr));
                 return Err(syntax(source, "values of type f4 or f8", &found));
             };

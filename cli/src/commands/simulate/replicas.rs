@@ -8,13 +8,13 @@ use lazygrid_sim::run::replicas::{ReplicaResults, Replicas, seed_of};
 use lazygrid_sim::{AnySimulation, RunView};
 
 use super::report::{self, Done};
-use crate::failure::Failure;
-use crate::signals::Asked;
+use crate::error::CliError;
+use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
 /// Does all replicas and says what came of them on average.
-pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), Failure> {
-    let asked = signals::ask_to_stop()?;
+pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
+    let asked = signals::install_stop_handler()?;
     let count = replicas.count.get();
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
     let replicated = replicas.run(|replica, simulation| {
@@ -34,8 +34,8 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), Failure> {
         RunEnd::Finished => Ok(()),
         RunEnd::Stopped => {
             let (scenario, directory) = (replicas.run.path, replicas.run.directory);
-            let signal = asked.signal().unwrap_or(Asked::CTRL_C);
-            Err(Failure::StoppedReplicas {
+            let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
+            Err(CliError::StoppedReplicas {
                 done: replicated.done.len() as u32,
                 count,
                 scenario,

@@ -1,4 +1,4 @@
-//! The measurements of `lazygrid calibrate`, kept for later runs: one JSON file in the user's cache directory
+//! The measurements of `lazygrid calibrate`, stored for later runs: one JSON file in the user's cache directory
 //! (`$XDG_CACHE_HOME/lazygrid/calibration.json` on Linux).
 
 use std::fs;
@@ -6,14 +6,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use lazygrid::gpu::{Calibration, Crossover, SkinCosts};
-use lazygrid_io::write::Draft;
+use lazygrid_io::write::AtomicFile;
 use serde::{Deserialize, Serialize};
 
-use crate::failure::Failure;
+use crate::error::CliError;
 
 /// The file.
 #[derive(Default, Serialize, Deserialize)]
-struct Kept {
+struct CalibrationFile {
     calibrations: Vec<Entry>,
 }
 
@@ -43,11 +43,11 @@ struct Skin {
     call_ns: f32,
 }
 
-/// What was kept. A file that cannot be read or makes no sense is worth a warning, and otherwise as good as none.
+/// Returns the stored calibrations. A file that cannot be read or makes no sense causes a warning, and counts as empty.
 pub(crate) fn load() -> Vec<Calibration> {
     let Some(path) = path() else { return Vec::new() };
     match read(&path).and_then(checked) {
-        Ok(kept) => kept.calibrations.into_iter().filter_map(Entry::calibration).collect(),
+        Ok(file) => file.calibrations.into_iter().filter_map(Entry::calibration).collect(),
         Err(error) => {
             log::warn!(
                 "{}: {error}; nothing of it is used; `lazygrid calibrate` writes it anew",
@@ -59,8 +59,8 @@ pub(crate) fn load() -> Vec<Calibration> {
 }
 
 /// Keeps a calibration in place of an earlier one of the same adapter, and says where.
-pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, Failure> {
-    let path = path().ok_or(Failure::NoCacheDirectory)?;
+pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
+    let path = path().ok_or(CliError::NoCacheDirectory)?;
     if let Some(directory) = path.parent() {
         let failed = |source| lazygrid_io::Error::Write { path: path.clone(), source };
         fs::create_dir_all(directory).map_err(failed)?;
@@ -68,13 +68,13 @@ pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, Failure> {
     let mut all = load();
     all.retain(|known| known.adapter != measured.adapter);
     all.push(measured.clone());
-    let kept = Kept { calibrations: all.into_iter().map(Entry::from).collect() };
-    let mut draft = Draft::create(&path)?;
-    draft.put(|out| {
-        serde_json::to_writer_pretty(&mut *out, &kept)?;
+    let stored = CalibrationFile { calibrations: all.into_iter().map(Entry::from).collect() };
+    let mut file = AtomicFile::create(&path)?;
+    file.write_with(|out| {
+        serde_json::to_writer_pretty(&mut *out, &stored)?;
         out.write_all(b"\n")
     })?;
-    draft.publish()?;
+    file.commit()?;
     Ok(path)
 }
 
@@ -82,18 +82,18 @@ fn path() -> Option<PathBuf> {
     Some(dirs::cache_dir()?.join("lazygrid").join("calibration.json"))
 }
 
-fn read(path: &Path) -> io::Result<Kept> {
+fn read(path: &Path) -> io::Result<CalibrationFile> {
     match fs::read(path) {
         Ok(bytes) => serde_json::from_slice(&bytes).map_err(io::Error::from),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Kept::default()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(CalibrationFile::default()),
         Err(error) => Err(error),
     }
 }
 
 /// Refuses what no calibration can have measured: with it, all pairs of millions of spheres would be tested.
-fn checked(kept: Kept) -> io::Result<Kept> {
+fn checked(file: CalibrationFile) -> io::Result<CalibrationFile> {
     let most = Crossover::MOST;
-    for entry in &kept.calibrations {
+    for entry in &file.calibrations {
         let Entry { adapter, naive_below, per_class, skin, .. } = entry;
         if *naive_below.max(per_class) > most {
             return Err(io::Error::other(format!(
@@ -106,7 +106,7 @@ fn checked(kept: Kept) -> io::Result<Kept> {
             )));
         }
     }
-    Ok(kept)
+    Ok(file)
 }
 
 impl Entry {
@@ -175,9 +175,9 @@ mod tests {
                 device_from,
             };
             let has_skin = entry.skin.is_some();
-            let kept = checked(Kept { calibrations: vec![entry] });
-            assert_eq!(kept.is_ok(), good, "{naive_below}, {per_class}, {has_skin}");
-            let mut read = kept.into_iter().flat_map(|kept| kept.calibrations).filter_map(Entry::calibration);
+            let file = checked(CalibrationFile { calibrations: vec![entry] });
+            assert_eq!(file.is_ok(), good, "{naive_below}, {per_class}, {has_skin}");
+            let mut read = file.into_iter().flat_map(|file| file.calibrations).filter_map(Entry::calibration);
             assert_eq!(read.next().is_some(), good && has_skin, "of an earlier version");
         }
     }

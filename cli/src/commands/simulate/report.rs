@@ -13,7 +13,7 @@ use lazygrid_sim::results::mean::MeanSeries;
 use lazygrid_sim::results::series::Series;
 use lazygrid_sim::run::Run;
 
-use crate::failure::Failure;
+use crate::error::CliError;
 
 /// Runs that are done, of one scenario.
 pub(crate) struct Done<'a> {
@@ -40,7 +40,7 @@ pub(crate) fn command(run: &Run) -> String {
 }
 
 /// The series of one run, as those of replicas.
-pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, Failure> {
+pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     let path = run.directory.join("series.csv");
     let mut mean = MeanSeries::default();
     mean.add(&Series::read(&path)?, &path)?;
@@ -48,7 +48,7 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, Failure> {
 }
 
 /// Writes `report.html` and its plots, and the tables of channels where arrivals were logged.
-pub(crate) fn write(done: &Done<'_>) -> Result<(), Failure> {
+pub(crate) fn write(done: &Done<'_>) -> Result<(), CliError> {
     let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
     let mut channels = None;
     if model.logs_arrivals {
@@ -58,7 +58,7 @@ pub(crate) fn write(done: &Done<'_>) -> Result<(), Failure> {
         channels = Some(found);
     }
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
-    let sections = sections::all(done, channels.as_ref()).map_err(|error| Failure::Report {
+    let sections = sections::all(done, channels.as_ref()).map_err(|error| CliError::Report {
         path: done.run.directory.join("report.html"),
         reason: error.to_string(),
     })?;
@@ -71,7 +71,7 @@ pub(crate) fn write(done: &Done<'_>) -> Result<(), Failure> {
     file(&done.run.directory.join("report.html"), |out| out.write_all(html::page(&document).as_bytes()))
 }
 
-fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), Failure> {
+fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), CliError> {
     file(&directory.join("impulse-response.csv"), |out| channels.write_responses(out, model))?;
     if !channels.interference.is_empty() {
         file(&directory.join("interference.csv"), |out| channels.write_interference(out, model))?;
@@ -82,11 +82,11 @@ fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), Fa
     Ok(())
 }
 
-fn file(path: &Path, content: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> Result<(), Failure> {
+fn file(path: &Path, content: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> Result<(), CliError> {
     let mut bytes = Vec::new();
     content(&mut bytes).and_then(|()| fs::write(path, bytes)).map_err(|source| refused(path, source))
 }
 
-fn refused(path: &Path, source: std::io::Error) -> Failure {
+fn refused(path: &Path, source: std::io::Error) -> CliError {
     lazygrid_sim::Error::Write { path: path.to_owned(), source }.into()
 }

@@ -4,11 +4,11 @@ use std::thread::available_parallelism;
 use lazygrid::gpu::{AdapterSummary, adapters};
 use lazygrid::{Backend, Config, Detector, Simd};
 
-use crate::failure::Failure;
+use crate::error::CliError;
 use crate::print;
 
 /// Says what can run here.
-pub(crate) fn run() -> Result<(), Failure> {
+pub(crate) fn run() -> Result<(), CliError> {
     let mut text = format!("cpu  {}\n", cpu());
     let found = adapters();
     found.iter().enumerate().for_each(|(index, adapter)| text += &described(index, adapter));

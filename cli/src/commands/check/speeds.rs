@@ -10,7 +10,7 @@ use lazygrid_io::scenes::Scene;
 
 use super::report::{Called, Primitive, Report};
 use super::{SPEEDS, Work};
-use crate::failure::Failure;
+use crate::error::CliError;
 
 /// Seconds that one call may take, and all calls of a backend together; with `--full` so many times as long.
 const CALL: f64 = 2.5;
@@ -21,7 +21,7 @@ const FULL_TIMES: f64 = 12.0;
 const ROUNDS: usize = 7;
 
 /// Takes all times, those of the CPU first, which the GPU's counts are held against.
-pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
+pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), CliError> {
     let scenes: &[Scene] = match work.args.effort() {
         Effort::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
         _ => &[Scene::FiveSizes],
@@ -38,7 +38,7 @@ pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
 }
 
 /// Radix sort and scan beside a copy.
-fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
+fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), CliError> {
     work.bar.set_message("speeds: copy, scan and sort");
     let watch = GpuTimer::new(gpu.own.clone(), ROUNDS);
     let measured = catch_panic(|| {
@@ -104,7 +104,12 @@ impl<'a> Race<'a> {
         Self { work, backend, time, from: work.bar.position(), spent: 0.0 }
     }
 
-    fn run(mut self, scenes: &[Scene], algorithms: &[Algorithm], report: &mut Report) -> Result<(), Failure> {
+    fn run(
+        mut self,
+        scenes: &[Scene],
+        algorithms: &[Algorithm],
+        report: &mut Report,
+    ) -> Result<(), CliError> {
         self.work.tell(|| report.speeds_of(self.backend))?;
         let mut sizes = speed::SIZES.to_vec();
         match self.work.args.effort() {
@@ -139,7 +144,7 @@ impl<'a> Race<'a> {
         called: Called,
         spheres: &mut Vec<Sphere>,
         report: &mut Report,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), CliError> {
         let Called { algorithm, scene, spheres: n, .. } = called;
         if runner.is_out {
             return Ok(());

@@ -8,7 +8,7 @@ use crate::signals::SignalError;
 
 /// The failure of the command.
 #[derive(Debug, Error)]
-pub(crate) enum Failure {
+pub(crate) enum CliError {
     #[error(transparent)]
     File(#[from] lazygrid_io::Error),
     #[error("{}, frame {frame}: {source}{}", path.display(), remedy(source))]
@@ -45,7 +45,7 @@ pub(crate) enum Failure {
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
     #[error(
-        "the scene {scene} has no transceivers; leave --transceivers and --ratio out, or generate transceivers"
+        "the scene {scene} has no transceivers; leave --transceivers and --size-ratio out, or generate transceivers"
     )]
     NoTransceivers { scene: Scene },
     #[error(
@@ -75,7 +75,7 @@ pub(crate) enum Failure {
     Stdout(io::Error),
 }
 
-impl Failure {
+impl CliError {
     /// 2 where the options contradict each other, which no other input would mend; 128 and the signal's number, as
     /// shells say, after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> u8 {

@@ -2,13 +2,13 @@ use std::fmt::Write;
 
 use lazygrid::gpu::{self, AdapterId, GpuDevice, SoftwareAdapter};
 
-use crate::failure::Failure;
-use crate::{cache, print};
+use crate::error::CliError;
+use crate::{calibration_file, print};
 
 /// Measures on the GPU that `detect` would take, says what was seen, and keeps it for later runs.
-pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
+pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
     let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
-    let own = own.map_err(Failure::Calibration)?;
+    let own = own.map_err(CliError::Calibration)?;
     print(format!(
         "{}\n{}\n\nsizes  spheres       naive        grid\n",
         own.adapter.name, own.adapter.driver
@@ -27,8 +27,8 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
         }
     });
     printed?;
-    let measured = measured.map_err(Failure::Calibration)?;
-    let path = cache::keep(&measured)?;
+    let measured = measured.map_err(CliError::Calibration)?;
+    let path = calibration_file::keep(&measured)?;
     let gpu::Crossover { naive_below, per_class, .. } = measured.crossover;
     let further = match per_class {
         0 => String::new(),

@@ -9,16 +9,16 @@ use crate::Error;
 
 /// A file that is being written under a temporary name beside its own, compressed where its name ends in `.gz` or
 /// `.zst`. Unless it is published it disappears.
-#[must_use = "a draft that is not published disappears"]
-pub struct Draft {
+#[must_use = "a file that is not published disappears"]
+pub struct AtomicFile {
     path: PathBuf,
     /// None for standard output, and for FIFOs and devices, which cannot be replaced by a file.
     temporary: Option<Temporary>,
     out: Box<dyn Encoder>,
 }
 
-impl Draft {
-    /// An empty draft of the file at `path`. Takes away what killed processes left in the directory. If there is a FIFO or a device
+impl AtomicFile {
+    /// An empty file of the file at `path`. Takes away what killed processes left in the directory. If there is a FIFO or a device
     /// at `path`, everything goes there at once.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Draft {
         Self::at_once(PathBuf::from(STDOUT), Ok(io::stdout()))
     }
 
-    /// A draft that has nothing to publish, as everything goes to `to` at once.
+    /// A file that has nothing to publish, as everything goes to `to` at once.
     fn at_once(path: PathBuf, to: io::Result<impl Write + Send + 'static>) -> Result<Self, Error> {
         match to.and_then(|to| encoder(&path, to)) {
             Ok(out) => Ok(Self { path, temporary: None, out }),
@@ -57,11 +57,11 @@ impl Draft {
         }
     }
 
-    /// Writes to the draft.
+    /// Writes to the file.
     ///
     /// # Errors
     /// [`Error::Write`] with what the system said, such as that the disk is full.
-    pub fn put(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
+    pub fn write_with(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
         write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
     }
 
@@ -69,16 +69,16 @@ impl Draft {
     ///
     /// # Errors
     /// [`Error::Write`] where the last bytes cannot be written or the name cannot be given.
-    pub fn publish(self) -> Result<(), Error> {
+    pub fn commit(self) -> Result<(), Error> {
         let Self { path, temporary, out } = self;
         let published = out.finish().and_then(|()| temporary.map_or(Ok(()), |file| file.rename(&path)));
         published.map_err(|source| Error::Write { path, source })
     }
 }
 
-impl fmt::Debug for Draft {
+impl fmt::Debug for AtomicFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Draft").field("path", &self.path).finish_non_exhaustive()
+        f.debug_struct("AtomicFile").field("path", &self.path).finish_non_exhaustive()
     }
 }
 
@@ -94,12 +94,12 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.csv");
         std::fs::write(&path, "old").unwrap();
-        let mut draft = Draft::create(&path).unwrap();
-        draft.put(|out| out.write_all(b"new")).unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_with(|out| out.write_all(b"new")).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
-        draft.publish().unwrap();
+        file.commit().unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
-        drop(Draft::create(&path).unwrap());
+        drop(AtomicFile::create(&path).unwrap());
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
     }
 
@@ -109,15 +109,15 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("null.csv");
         std::os::unix::fs::symlink("/dev/null", &path).unwrap();
-        let mut draft = Draft::create(&path).unwrap();
-        draft.put(|out| out.write_all(b"new")).unwrap();
-        draft.publish().unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_with(|out| out.write_all(b"new")).unwrap();
+        file.commit().unwrap();
         assert_eq!(fs::read_link(&path).unwrap(), Path::new("/dev/null"));
         let full = directory.path().join("full.csv");
         std::os::unix::fs::symlink("/dev/full", &full).unwrap();
-        let mut draft = Draft::create(&full).unwrap();
-        draft.put(|out| out.write_all(b"fits the buffer")).unwrap();
-        assert!(draft.publish().unwrap_err().to_string().contains("No space left"));
+        let mut file = AtomicFile::create(&full).unwrap();
+        file.write_with(|out| out.write_all(b"fits the buffer")).unwrap();
+        assert!(file.commit().unwrap_err().to_string().contains("No space left"));
     }
 
     #[test]
@@ -128,9 +128,9 @@ mod tests {
         let (_, temporary) = Temporary::create(directory.path()).unwrap();
         let full = File::options().write(true).open("/dev/full").unwrap();
         let out = encoder(&path, full).unwrap();
-        let mut draft = Draft { path: path.clone(), temporary: Some(temporary), out };
-        draft.put(|out| out.write_all(b"fits the buffer")).unwrap();
-        let error = draft.publish().unwrap_err().to_string();
+        let mut file = AtomicFile { path: path.clone(), temporary: Some(temporary), out };
+        file.write_with(|out| out.write_all(b"fits the buffer")).unwrap();
+        let error = file.commit().unwrap_err().to_string();
         assert_eq!(error, format!("{}: cannot write: No space left on device (os error 28)", path.display()));
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
     }

@@ -9,12 +9,12 @@ use lazygrid_sim::run::{Run, RunEnd};
 
 use self::report::Done;
 use crate::args::{ArrivalsFormat, Simulate};
-use crate::failure::Failure;
-use crate::signals::Asked;
+use crate::error::CliError;
+use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
 /// Runs a scenario and says what came of it.
-pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
+pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     let Simulate { backend, algorithm, .. } = *args;
     let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..args.options.read()? };
     run.scenario.output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
@@ -25,8 +25,8 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
 }
 
 /// Does one run.
-fn once(run: Run, reports: bool) -> Result<(), Failure> {
-    let asked = signals::ask_to_stop()?;
+fn once(run: Run, reports: bool) -> Result<(), CliError> {
+    let asked = signals::install_stop_handler()?;
     let bar = progress::running(run.scenario.steps.into());
     let mut started = false;
     let (end, simulation) = run.run(|simulation| {
@@ -52,8 +52,8 @@ fn once(run: Run, reports: bool) -> Result<(), Failure> {
         RunEnd::Finished => Ok(()),
         RunEnd::Stopped => {
             let steps = simulation.step_count();
-            let signal = asked.signal().unwrap_or(Asked::CTRL_C);
-            Err(Failure::Stopped { steps, scenario: run.path, directory: run.directory, signal })
+            let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
+            Err(CliError::Stopped { steps, scenario: run.path, directory: run.directory, signal })
         }
     }
 }

@@ -96,5 +96,5 @@ fn counts_that_differ_are_wrong() {
     assert_eq!(count(Backend::Gpu, 10, 8), 1);
     assert_eq!(count(Backend::Cpu, 10, 6), 2);
     assert_eq!(count(Backend::Cpu, 20, 6), 2);
-    assert!(matches!(report.finish(), Err(Failure::Wrong { failures: 2 })));
+    assert!(matches!(report.finish(), Err(CliError::Wrong { failures: 2 })));
 }

@@ -16,7 +16,7 @@ use lazygrid_check::{DetectorVariant, Gpu, catch_panic};
 
 use self::report::Report;
 use crate::args::{Check, Checked};
-use crate::failure::Failure;
+use crate::error::CliError;
 use crate::progress;
 
 /// Parts of the progress that each stage is; about seconds on a slow machine.
@@ -34,7 +34,7 @@ const TRIES: usize = 1500;
 const ENOUGH: usize = 10;
 
 /// Does all that is asked for, and says at the end whether anything is wrong.
-pub(crate) fn run(args: &Check) -> Result<(), Failure> {
+pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     let gpu = open(args)?;
     let (gpu, skipped) = match gpu {
         Ok(gpu) => (gpu, None),
@@ -69,11 +69,11 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
 }
 
 /// The GPU that is to be checked, if one is; or why there is none, where that is no failure.
-fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
+fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     if args.backend == Checked::Cpu {
         return match &args.adapter {
             Some(adapter) => {
-                Err(Failure::Setting(lazygrid::Error::AdapterOnCpu { adapter: adapter.to_string() }))
+                Err(CliError::Setting(lazygrid::Error::AdapterOnCpu { adapter: adapter.to_string() }))
             }
             None => Ok(Ok(None)),
         };
@@ -87,7 +87,7 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
         Err(error @ Error::NoAdapter { .. }) if args.backend == Checked::All && args.adapter.is_none() => {
             Ok(Err(error.to_string()))
         }
-        Err(error) => Err(Failure::Setting(lazygrid::Error::GpuUnavailable { reason: error.to_string() })),
+        Err(error) => Err(CliError::Setting(lazygrid::Error::GpuUnavailable { reason: error.to_string() })),
     }
 }
 
@@ -127,7 +127,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    fn all(&self, report: &mut Report) -> Result<(), Failure> {
+    fn all(&self, report: &mut Report) -> Result<(), CliError> {
         if let Some(gpu) = &self.gpu {
             self.kernels(gpu, report)?;
         }
@@ -142,7 +142,7 @@ impl Work<'_> {
         self.bar.set_message(what.to_owned());
     }
 
-    fn kernels(&self, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
+    fn kernels(&self, gpu: &Gpu, report: &mut Report) -> Result<(), CliError> {
         let (from, start) = (self.bar.position(), Instant::now());
         for (k, check) in CHECKS.iter().enumerate() {
             self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
@@ -160,7 +160,7 @@ impl Work<'_> {
         self.tell(|| report.kernels(kernels, start.elapsed()))
     }
 
-    fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
+    fn scenes(&self, report: &mut Report) -> Result<(), CliError> {
         let (from, start) = (self.bar.position(), Instant::now());
         let cases = compare::cases(self.args.effort());
         let on_gpu = self
@@ -217,7 +217,7 @@ impl Work<'_> {
         self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len()], &left_out, start.elapsed()))
     }
 
-    fn fuzz(&self, report: &mut Report) -> Result<(), Failure> {
+    fn fuzz(&self, report: &mut Report) -> Result<(), CliError> {
         let Some(time) = self.args.fuzz else { return Ok(()) };
         let (from, start) = (self.bar.position(), Instant::now());
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
@@ -234,7 +234,7 @@ impl Work<'_> {
     }
 
     /// Runs the round and the sequence of calls of a seed. Returns how many of them were wrong.
-    fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> Result<usize, Failure> {
+    fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> Result<usize, CliError> {
         let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
         let round = Round::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES);
         let sequence = Sequence::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES, tally);
@@ -245,14 +245,14 @@ impl Work<'_> {
     }
 
     /// Only one round.
-    fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), Failure> {
+    fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), CliError> {
         let (start, mut tally) = (Instant::now(), Tally::default());
         self.round(seed, &mut tally, report)?;
         self.tell(|| report.fuzz((seed, 1), &tally, start.elapsed()))
     }
 
     /// Says something beside the progress.
-    fn tell(&self, say: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+    fn tell(&self, say: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
         self.bar.suspend(say)
     }
 }

@@ -6,7 +6,7 @@ use lazygrid::{Error, Exclusions, InputError, Query, Spheres};
 use lazygrid_io::read::{self, Frame};
 
 use crate::args::Detect;
-use crate::failure::Failure;
+use crate::error::CliError;
 
 /// The pairs that a file names, by rows or by ids.
 pub(crate) struct Excluded {
@@ -17,14 +17,14 @@ pub(crate) struct Excluded {
 
 impl Excluded {
     /// The exclusions of `--exclude`, if given.
-    pub(crate) fn read(args: &Detect) -> Result<Option<Self>, Failure> {
+    pub(crate) fn read(args: &Detect) -> Result<Option<Self>, CliError> {
         let Some(path) = &args.exclude else { return Ok(None) };
         Ok(Some(Self { path: path.clone(), pairs: read::pairs(path)?, by_id: args.ids }))
     }
 
     /// The same by the rows of a frame, whose ids ascend where it has any. Spheres that the frame has not are in no pair.
-    pub(crate) fn of(&self, frame: &Frame, number: usize) -> Result<Exclusions, Failure> {
-        let refused = |reason: Error| Failure::Excluded {
+    pub(crate) fn of(&self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
+        let refused = |reason: Error| CliError::Excluded {
             path: self.path.clone(),
             frame: number,
             reason: Box::new(reason),

@@ -6,10 +6,10 @@ use lazygrid::Space;
 use super::Options;
 use super::smoldyn::Serial;
 use super::species::Species;
-use crate::error::{At, Error, Place};
+use crate::error::{Error, Location, Position};
 
 /// State that the frames of a file share: the options, and the species and names met so far.
-pub(super) struct Session {
+pub(super) struct ReadContext {
     pub(super) species: Species,
     /// The space that was given.
     pub(super) space: Option<Space>,
@@ -23,14 +23,14 @@ pub(super) struct Session {
     warned: bool,
 }
 
-impl Session {
+impl ReadContext {
     pub(super) fn new(options: Options) -> Self {
         let Options { radii, space, ids, groups, .. } = options;
         Self { species: Species::new(radii), space, ids, groups, serials: HashMap::new(), warned: false }
     }
 
     /// Says, once per file, that numbers have more digits than 32 bits hold.
-    pub(super) fn warn_of_rounding(&mut self, place: Place, column: &str, text: impl Display) {
+    pub(super) fn warn_of_rounding(&mut self, place: Location, column: &str, text: impl Display) {
         if !std::mem::replace(&mut self.warned, true) {
             log::warn!(
                 "{place}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
@@ -40,14 +40,14 @@ impl Session {
     }
 
     /// Notes serial numbers with their lines, and refuses one that came before.
-    pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Place) -> Result<(), Error> {
+    pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
         for &(serial, line) in serials {
             if let Some(first) = self.serials.insert(serial, line) {
                 let serial = match serial {
                     (whole, None) => whole.to_string(),
                     (high, Some(low)) => format!("{high}.{low}"),
                 };
-                let place = Place { at: At::Line(line), ..file.clone() };
+                let place = Location { at: Position::Line(line), ..file.clone() };
                 return Err(Error::RepeatedMolecule { place, serial, first });
             }
         }

@@ -13,8 +13,8 @@ use lazygrid_io::scenes::Scene;
 use serde_json::{Map, Value, json};
 
 use crate::args::Check;
-use crate::failure::Failure;
-use crate::summary::{cost_object, cost_text};
+use crate::commands::detect::summary::{cost_object, cost_text};
+use crate::error::CliError;
 use crate::{devices, print};
 
 /// Counts of a GPU may differ by pairs in tangency: by two, and one in so many.
@@ -57,7 +57,7 @@ pub(super) struct Called {
 }
 
 impl Report {
-    pub(super) fn new(args: &Check, gpu: Option<&Gpu>, skipped: Option<String>) -> Result<Self, Failure> {
+    pub(super) fn new(args: &Check, gpu: Option<&Gpu>, skipped: Option<String>) -> Result<Self, CliError> {
         use clap::ValueEnum;
         let backend = match args.backend.to_possible_value() {
             Some(value) => value.get_name().to_owned().leak(),
@@ -111,7 +111,7 @@ impl Report {
         }
     }
 
-    fn say(&self, text: &str) -> Result<(), Failure> {
+    fn say(&self, text: &str) -> Result<(), CliError> {
         if self.is_json { Ok(()) } else { print(text) }
     }
 
@@ -119,7 +119,7 @@ impl Report {
         self.object.insert(name.to_owned(), value.into());
     }
 
-    pub(super) fn kernels(&mut self, kernels: usize, time: Duration) -> Result<(), Failure> {
+    pub(super) fn kernels(&mut self, kernels: usize, time: Duration) -> Result<(), CliError> {
         self.keep("kernels", json!({ "checked": kernels, "seconds": time.as_secs_f64() }));
         self.say(&format!("kernels    {kernels} against sequential functions, {time:.1?}\n"))
     }
@@ -129,7 +129,7 @@ impl Report {
         [scenes, gpu, cpu]: [usize; 3],
         left_out: &[(String, usize)],
         time: Duration,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), CliError> {
         let searches: Map<String, Value> =
             left_out.iter().map(|(way, searches)| (way.clone(), (*searches).into())).collect();
         self.keep(
@@ -154,7 +154,7 @@ impl Report {
         (seed, rounds): (u64, u64),
         tally: &Tally,
         time: Duration,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), CliError> {
         let Tally { sequences, calls, served, refused } = *tally;
         let of_sequences =
             json!({ "number": sequences, "calls": calls, "served": served, "refused": refused });
@@ -169,7 +169,7 @@ impl Report {
         ))
     }
 
-    pub(super) fn primitives(&mut self, own_clock: bool, rows: Vec<Primitive>) -> Result<(), Failure> {
+    pub(super) fn primitives(&mut self, own_clock: bool, rows: Vec<Primitive>) -> Result<(), CliError> {
         let clock = if own_clock { "the GPU's clock" } else { "wall time" };
         let mut text =
             format!("\n{:<15}{:>11}{:>12}{:>10}   of a copy, {clock}\n", "", "values", "ms", "GB/s");
@@ -196,7 +196,7 @@ impl Report {
         self.say(&text)
     }
 
-    pub(super) fn speeds_of(&mut self, backend: Backend) -> Result<(), Failure> {
+    pub(super) fn speeds_of(&mut self, backend: Backend) -> Result<(), CliError> {
         let busy = if backend == Backend::Gpu { "ms of gpu" } else { "ns/sphere" };
         self.say(&format!(
             "\n{:<15}{:>11}{:>12}{:>10}{busy:>11}   {backend}, stages in ms\n",
@@ -204,7 +204,7 @@ impl Report {
         ))
     }
 
-    pub(super) fn speed(&mut self, called: Called, speed: &Speed) -> Result<(), Failure> {
+    pub(super) fn speed(&mut self, called: Called, speed: &Speed) -> Result<(), CliError> {
         let Called { backend, algorithm, scene, spheres } = called;
         let stages: Map<String, Value> =
             speed.stages.iter().map(|(name, seconds)| ((*name).to_owned(), (*seconds).into())).collect();
@@ -230,7 +230,7 @@ impl Report {
     }
 
     /// Holds a count against the first one of the same spheres.
-    fn compare_count(&mut self, called: Called, pairs: u64) -> Result<(), Failure> {
+    fn compare_count(&mut self, called: Called, pairs: u64) -> Result<(), CliError> {
         let Called { backend, algorithm, scene, spheres } = called;
         let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);
         let Some(&(.., expected)) = known else {
@@ -249,7 +249,7 @@ impl Report {
         self.failure(FailedCase { name, what, scenario: None, options })
     }
 
-    pub(super) fn left_out(&mut self, called: Called, why: &str) -> Result<(), Failure> {
+    pub(super) fn left_out(&mut self, called: Called, why: &str) -> Result<(), CliError> {
         let Called { backend, algorithm, scene, spheres } = called;
         self.left_out.push(json!({
             "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
@@ -259,7 +259,7 @@ impl Report {
     }
 
     /// Says what is wrong, and writes to a file what shows it.
-    pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), Failure> {
+    pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), CliError> {
         let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
         let FailedCase { name, what, scenario, options } = fault;
         let command = self.command(&path, &name, scenario.as_ref(), &options);
@@ -302,7 +302,7 @@ impl Report {
     }
 
     /// Prints the object, and ends as the checks did.
-    pub(super) fn finish(mut self) -> Result<(), Failure> {
+    pub(super) fn finish(mut self) -> Result<(), CliError> {
         let failures = self.failures.len();
         let time = self.start.elapsed();
         let [speeds, left_out, failed] =
@@ -317,7 +317,7 @@ impl Report {
         } else if failures == 0 {
             print(format!("\nall right, {:.0} s\n", time.as_secs_f64()))?;
         }
-        if failures == 0 { Ok(()) } else { Err(Failure::Wrong { failures }) }
+        if failures == 0 { Ok(()) } else { Err(CliError::Wrong { failures }) }
     }
 }
 

@@ -9,7 +9,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use same_file::Handle;
 
 use crate::args::Detect;
-use crate::failure::Failure;
+use crate::error::CliError;
 use crate::progress::Progress;
 
 /// Stands for standard input, and as an output for standard output.
@@ -28,14 +28,14 @@ pub(crate) struct Input {
 }
 
 /// A frame, its number in the file, and how long it took to read.
-pub(crate) struct Numbered {
+pub(crate) struct IndexedFrame {
     pub(crate) number: usize,
     pub(crate) frame: Frame,
     pub(crate) time: Duration,
 }
 
 impl Input {
-    pub(crate) fn open(args: &Detect) -> Result<Self, Failure> {
+    pub(crate) fn open(args: &Detect) -> Result<Self, CliError> {
         let path = name(&args.file).to_owned();
         let (input, length) =
             open(&args.file).map_err(|source| Error::Read { path: path.clone(), source })?;
@@ -51,7 +51,7 @@ impl Input {
     }
 
     /// The next frame that is asked for. Says so if there is none at all.
-    pub(crate) fn next(&mut self) -> Result<Option<Numbered>, Failure> {
+    pub(crate) fn next(&mut self) -> Result<Option<IndexedFrame>, CliError> {
         let start = Instant::now();
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {
             self.progress.say("reading");
@@ -64,23 +64,23 @@ impl Input {
             let number = self.read;
             self.read += 1;
             if self.wanted.is_none_or(|wanted| wanted == number) {
-                return Ok(Some(Numbered { number, frame, time: start.elapsed() }));
+                return Ok(Some(IndexedFrame { number, frame, time: start.elapsed() }));
             }
         }
         self.end()
     }
 
     /// Whether the frame that was read is the last that is asked for.
-    pub(crate) fn is_last(&mut self) -> Result<bool, Failure> {
+    pub(crate) fn is_last(&mut self) -> Result<bool, CliError> {
         Ok(self.wanted.is_some() || self.frames.at_end()?)
     }
 
-    fn end(&self) -> Result<Option<Numbered>, Failure> {
+    fn end(&self) -> Result<Option<IndexedFrame>, CliError> {
         match self.wanted {
             Some(frame) if frame >= self.read => {
-                return Err(Failure::NoFrame { path: self.path.clone(), frame, frames: self.read });
+                return Err(CliError::NoFrame { path: self.path.clone(), frame, frames: self.read });
             }
-            None if self.read == 0 => return Err(Failure::Empty { path: self.path.clone() }),
+            None if self.read == 0 => return Err(CliError::Empty { path: self.path.clone() }),
             _ => {}
         }
         for species in self.frames.species().unused_radii() {

@@ -1,7 +1,7 @@
 /// The type of a stored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Kind {
-    pub(super) class: Class,
+pub(super) struct Dtype {
+    pub(super) class: DtypeKind,
     pub(super) big_endian: bool,
     /// Bytes.
     pub(super) width: usize,
@@ -9,7 +9,7 @@ pub(super) struct Kind {
 
 /// The class of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Class {
+pub(super) enum DtypeKind {
     /// A floating-point number of 32 or 64 bits.
     Float,
     Signed,
@@ -21,9 +21,9 @@ pub(super) enum Class {
     Other,
 }
 
-impl Kind {
+impl Dtype {
     pub(super) const NATIVE_F32: Self =
-        Self { class: Class::Float, big_endian: cfg!(target_endian = "big"), width: 4 };
+        Self { class: DtypeKind::Float, big_endian: cfg!(target_endian = "big"), width: 4 };
 
     /// The kind that NumPy writes as `<f8` or `|S12`.
     pub(super) fn parse(text: &[u8]) -> Option<Self> {
@@ -40,19 +40,19 @@ impl Kind {
         let (count, _): (usize, _) = lexical_core::parse_partial(digits).ok()?;
         let width = if letter == b'U' { count.checked_mul(4)? } else { count };
         let class = match (letter, width) {
-            (b'f', 4 | 8) => Class::Float,
-            (b'i', 1 | 2 | 4 | 8) => Class::Signed,
-            (b'u', 1 | 2 | 4 | 8) => Class::Unsigned,
-            (b'S', _) => Class::Bytes,
-            (b'U', _) => Class::Text,
+            (b'f', 4 | 8) => DtypeKind::Float,
+            (b'i', 1 | 2 | 4 | 8) => DtypeKind::Signed,
+            (b'u', 1 | 2 | 4 | 8) => DtypeKind::Unsigned,
+            (b'S', _) => DtypeKind::Bytes,
+            (b'U', _) => DtypeKind::Text,
             // A reference to a Python object stands for no bytes.
             (b'O', _) => return None,
-            _ => Class::Other,
+            _ => DtypeKind::Other,
         };
         (width <= WIDEST).then_some(Self { class, big_endian, width })
     }
 
-    /// The number in these bytes, of a class that is [`Float`](Class::Float).
+    /// The number in these bytes, of a class that is [`Float`](DtypeKind::Float).
     #[inline]
     pub(super) fn float(self, bytes: &[u8]) -> f64 {
         match self.width {
@@ -61,12 +61,12 @@ impl Kind {
         }
     }
 
-    /// The whole number in these bytes, of a class that is [`Signed`](Class::Signed) or
-    /// [`Unsigned`](Class::Unsigned).
+    /// The whole number in these bytes, of a class that is [`Signed`](DtypeKind::Signed) or
+    /// [`Unsigned`](DtypeKind::Unsigned).
     pub(super) fn whole(self, bytes: &[u8]) -> i128 {
         let (bits, unused) = (self.bits(bytes), 64 - 8 * self.width as u32);
         match self.class {
-            Class::Signed => ((bits << unused) as i64 >> unused).into(),
+            DtypeKind::Signed => ((bits << unused) as i64 >> unused).into(),
             _ => bits.into(),
         }
     }
@@ -74,7 +74,7 @@ impl Kind {
     /// The text in these bytes, without the zeros behind it.
     pub(super) fn text(self, bytes: &[u8]) -> String {
         match self.class {
-            Class::Text => {
+            DtypeKind::Text => {
                 let letters = bytes.chunks_exact(4).map(|letter| self.bits(letter) as u32);
                 let letters = letters.map(|code| char::from_u32(code).unwrap_or(char::REPLACEMENT_CHARACTER));
                 letters.collect::<String>().trim_end_matches('\0').to_owned()
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn values_of_every_kind() {
-        let kind = |text: &str| Kind::parse(text.as_bytes()).unwrap();
+        let kind = |text: &str| Dtype::parse(text.as_bytes()).unwrap();
         assert_eq!(kind(">f8").float(&1.25_f64.to_be_bytes()), 1.25);
         assert_eq!(kind("<f4").float(&1.25_f32.to_le_bytes()), 1.25);
         for (text, bytes, value) in [
@@ -121,7 +121,7 @@ mod tests {
         assert_eq!(kind(">U2").text(&[0, 0, 0, 0xE4, 0, 0, 0, 0]), "ä");
         assert_eq!(kind("<M8[ns]").width, 8);
         for text in ["", "<", "<f", "f4", "|O8", "<U99999999999"] {
-            assert_eq!(Kind::parse(text.as_bytes()), None, "{text}");
+            assert_eq!(Dtype::parse(text.as_bytes()), None, "{text}");
         }
     }
 }

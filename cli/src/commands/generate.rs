@@ -3,19 +3,19 @@ use lazygrid_io::scenes::{Scene, Transceivers};
 use lazygrid_io::write;
 
 use crate::args::Generate;
-use crate::failure::Failure;
+use crate::error::CliError;
 use crate::progress::Progress;
 
 /// Writes a scene after some moves.
-pub(crate) fn run(args: &Generate) -> Result<(), Failure> {
+pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
     let scene = scene(args)?;
     let n = args.spheres as usize;
     // The scene would end the program where memory is refused.
-    Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| Failure::NoMemory { spheres: args.spheres })?;
+    Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| CliError::NoMemory { spheres: args.spheres })?;
     let progress = Progress::new(None);
     progress.say(format!("generating {n} spheres"));
     let mut spheres = scene.spheres(n, args.seed);
-    for step in 0..args.step {
+    for step in 0..args.steps {
         Scene::advance(&mut spheres, args.seed, step);
     }
     let (path, format) = &args.output;
@@ -24,10 +24,10 @@ pub(crate) fn run(args: &Generate) -> Result<(), Failure> {
 }
 
 /// The scene with the parameters that were given.
-fn scene(args: &Generate) -> Result<Scene, Failure> {
-    match (args.scene, args.transceivers, args.ratio) {
+fn scene(args: &Generate) -> Result<Scene, CliError> {
+    match (args.scene, args.transceivers, args.size_ratio) {
         (Scene::Transceivers(_), Some(transceivers), _) if u64::from(transceivers) > args.spheres => {
-            Err(Failure::TooManyTransceivers { transceivers, spheres: args.spheres })
+            Err(CliError::TooManyTransceivers { transceivers, spheres: args.spheres })
         }
         (Scene::Transceivers(Transceivers { count, ratio }), asked, larger) => {
             Ok(Scene::Transceivers(Transceivers {
@@ -36,6 +36,6 @@ fn scene(args: &Generate) -> Result<Scene, Failure> {
             }))
         }
         (scene, None, None) => Ok(scene),
-        (scene, ..) => Err(Failure::NoTransceivers { scene }),
+        (scene, ..) => Err(CliError::NoTransceivers { scene }),
     }
 }

@@ -1,57 +1,64 @@
+//! `lazygrid detect`: the pairs of every frame of a file.
+
+pub(crate) mod exclusions;
+pub(crate) mod input;
+pub(crate) mod search;
+pub(crate) mod summary;
+
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use lazygrid_io::write::{Draft, Output};
+use lazygrid_io::write::{AtomicFile, Output};
 use same_file::Handle;
 
+use self::exclusions::Excluded;
+use self::input::{IndexedFrame, Input};
+use self::search::{FrameDetector, Search};
+use self::summary::Summary;
 use crate::args::Detect;
-use crate::exclusions::{self, Excluded};
-use crate::failure::Failure;
-use crate::input::{self, Input, Numbered};
+use crate::error::CliError;
 use crate::print;
-use crate::search::{Engine, Search};
-use crate::summary::Summary;
 
 /// Stands for the number of the frame in the name of an output.
 const FRAME: &str = "{frame}";
 
 /// Reads frame after frame, finds the pairs of each with one detector, and says what was found.
-pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
+pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let output = args.output()?;
-    let mut engine = Engine::new(args.config())?;
+    let mut engine = FrameDetector::new(args.config())?;
     let excluded = Excluded::read(args)?;
     let mut input = Input::open(args)?;
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
     let own_output = output.as_ref().is_some_and(has_number);
     // The output of a file with one frame keeps its temporary name until it is clear that there is no other.
-    let mut drafts = Vec::new();
-    while let Some(Numbered { number, mut frame, time }) = input.next()? {
+    let mut files = Vec::new();
+    while let Some(IndexedFrame { number, mut frame, time }) = input.next()? {
         // What is written to standard output cannot be taken back.
-        if !drafts.is_empty() || (to_stdout && !input.is_last()?) {
-            return Err(Failure::SeveralFrames { path: input::name(&args.file).to_owned() });
+        if !files.is_empty() || (to_stdout && !input.is_last()?) {
+            return Err(CliError::SeveralFrames { path: input::name(&args.file).to_owned() });
         }
         let output = output.as_ref().map(|output| numbered(output, number));
         output.as_ref().map_or(Ok(()), |output| refuse_input(args, output))?;
         if args.ids {
             let path = || input::name(&args.file).to_owned();
-            frame.sort_by_id().map_err(|id| Failure::IdTwice { path: path(), frame: number, id })?;
+            frame.sort_by_id().map_err(|id| CliError::IdTwice { path: path(), frame: number, id })?;
         }
         let exclusions = excluded.as_ref().map(|excluded| excluded.of(&frame, number)).transpose()?;
         let query = exclusions::query(&frame, exclusions.as_ref());
         let mut search = Search {
             args,
             frame: number,
-            query: query.map_err(|error| Failure::Setting(error.into()))?,
+            query: query.map_err(|error| CliError::Setting(error.into()))?,
             ids: frame.ids.as_deref(),
             detector: engine.detector(frame.space)?,
             progress: &input.progress,
             writing: Duration::ZERO,
         };
-        drafts = search.run(output.as_ref())?;
+        files = search.run(output.as_ref())?;
         let writing = search.writing;
         if own_output || to_stdout {
-            publish(&mut drafts)?;
+            commit(&mut files)?;
         }
         let summary = Summary {
             frame: number,
@@ -67,22 +74,22 @@ pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
         let text = if args.json { summary.json() } else { summary.to_string() };
         input.progress.beside(|| if to_stdout { print_aside(&text) } else { print(text) })?;
     }
-    publish(&mut drafts)
+    commit(&mut files)
 }
 
-fn publish(drafts: &mut Vec<Draft>) -> Result<(), Failure> {
-    drafts.drain(..).try_for_each(|draft| Ok(draft.publish()?))
+fn commit(files: &mut Vec<AtomicFile>) -> Result<(), CliError> {
+    files.drain(..).try_for_each(|file| Ok(file.commit()?))
 }
 
 /// Says on standard error what standard output has no room for.
-fn print_aside(text: &str) -> Result<(), Failure> {
+fn print_aside(text: &str) -> Result<(), CliError> {
     // Where standard error is closed nobody wants to know.
     let _ = io::stderr().write_all(text.as_bytes());
     Ok(())
 }
 
 /// Refuses an output that would replace the input, under whichever name.
-fn refuse_input(args: &Detect, output: &Output) -> Result<(), Failure> {
+fn refuse_input(args: &Detect, output: &Output) -> Result<(), CliError> {
     let Some(read) = input::handle(&args.file) else { return Ok(()) };
     let same = |written: io::Result<Handle>| written.is_ok_and(|written| written == read);
     let refused = match output.path {
@@ -95,7 +102,7 @@ fn refuse_input(args: &Detect, output: &Output) -> Result<(), Failure> {
         }
     };
     let input = || input::name(&args.file).to_owned();
-    refused.map_or(Ok(()), |output| Err(Failure::OutputIsInput { input: input(), output }))
+    refused.map_or(Ok(()), |output| Err(CliError::OutputIsInput { input: input(), output }))
 }
 
 fn has_number(output: &Output) -> bool {

@@ -3,33 +3,33 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use lazygrid::{Config, Detector, Query, Space};
-use lazygrid_io::write::{self, Draft, Output, PairFile};
+use lazygrid_io::write::{self, AtomicFile, Output, PairFile};
 
 use crate::args::Detect;
-use crate::failure::Failure;
-use crate::input::name;
+use crate::commands::detect::input::name;
+use crate::error::CliError;
 use crate::progress::Progress;
 
 /// Pairs per chunk where a result is streamed, 8 MiB.
 const CHUNK: usize = 1 << 20;
 
 /// The detector for the frames of a file, whose box may change from one to the next.
-pub(crate) struct Engine {
+pub(crate) struct FrameDetector {
     config: Config,
     space: Space,
     pub(crate) detector: Detector,
 }
 
-impl Engine {
-    pub(crate) fn new(config: Config) -> Result<Self, Failure> {
-        let detector = Detector::new(config.clone()).map_err(Failure::Setting)?;
+impl FrameDetector {
+    pub(crate) fn new(config: Config) -> Result<Self, CliError> {
+        let detector = Detector::new(config.clone()).map_err(CliError::Setting)?;
         Ok(Self { config, space: Space::UNBOUNDED, detector })
     }
 
     /// The detector for this space; a new one where the last frame's was another.
-    pub(crate) fn detector(&mut self, space: Space) -> Result<&mut Detector, Failure> {
+    pub(crate) fn detector(&mut self, space: Space) -> Result<&mut Detector, CliError> {
         if space != self.space {
-            self.detector = Detector::new(self.config.clone().space(space)).map_err(Failure::Setting)?;
+            self.detector = Detector::new(self.config.clone().space(space)).map_err(CliError::Setting)?;
             self.space = space;
         }
         Ok(&mut self.detector)
@@ -51,7 +51,7 @@ pub(crate) struct Search<'a> {
 
 impl Search<'_> {
     /// Finds what is asked for and writes it to `output`; the files are yet to be published.
-    pub(crate) fn run(&mut self, output: Option<&Output>) -> Result<Vec<Draft>, Failure> {
+    pub(crate) fn run(&mut self, output: Option<&Output>) -> Result<Vec<AtomicFile>, CliError> {
         let failure = failure_in(&self.args.file, self.frame);
         self.progress.say(format!("searching {} spheres", self.query.len()));
         match output {
@@ -86,7 +86,7 @@ impl Search<'_> {
     }
 
     /// Writes more pairs than a list may hold, chunk by chunk.
-    fn stream<'f>(&mut self, mut file: PairFile<'f>, found: u64) -> Result<PairFile<'f>, Failure> {
+    fn stream<'f>(&mut self, mut file: PairFile<'f>, found: u64) -> Result<PairFile<'f>, CliError> {
         let Self { detector, writing, progress, .. } = self;
         let (mut failed, mut written) = (None, 0);
         let streamed = detector.stream(self.query, CHUNK, |pairs| match timed(writing, || file.add(pairs)) {
@@ -113,6 +113,6 @@ fn timed<T>(time: &mut Duration, work: impl FnOnce() -> T) -> T {
     result
 }
 
-fn failure_in(file: &Path, frame: usize) -> impl Fn(lazygrid::Error) -> Failure + Copy {
-    move |source| Failure::Detection { path: name(file).to_owned(), frame, source }
+fn failure_in(file: &Path, frame: usize) -> impl Fn(lazygrid::Error) -> CliError + Copy {
+    move |source| CliError::Detection { path: name(file).to_owned(), frame, source }
 }

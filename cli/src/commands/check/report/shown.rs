@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use lazygrid::{Interaction, Space, Spheres};
 use lazygrid_check::TestInput;
 use lazygrid_io::Error;
-use lazygrid_io::write::Draft;
+use lazygrid_io::write::AtomicFile;
 
 /// The options with which `lazygrid detect` searches a scene that was written to this path; `None` where it has none, for
 /// species and for edges of any direction.
@@ -84,16 +84,16 @@ pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result
         }
         text.push('\n');
     }
-    publish(path, &text)?;
+    commit(path, &text)?;
     let Some(list) = &scenario.excluded else { return Ok(()) };
     let pairs = list.pairs().map(|(i, j)| format!("{i},{j}\n"));
-    publish(&excluded(path), &format!("i,j\n{}", pairs.collect::<String>()))
+    commit(&excluded(path), &format!("i,j\n{}", pairs.collect::<String>()))
 }
 
-fn publish(path: &Path, text: &str) -> Result<(), Error> {
-    let mut draft = Draft::create(path)?;
-    draft.put(|out| out.write_all(text.as_bytes()))?;
-    draft.publish()
+fn commit(path: &Path, text: &str) -> Result<(), Error> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_with(|out| out.write_all(text.as_bytes()))?;
+    file.commit()
 }
 
 /// The same groups as molecules of a file, of which 0 is none.

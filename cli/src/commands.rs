@@ -1,0 +1,8 @@
+//! The subcommands.
+
+pub(crate) mod calibrate;
+pub(crate) mod check;
+pub(crate) mod detect;
+pub(crate) mod devices;
+pub(crate) mod generate;
+pub(crate) mod simulate;

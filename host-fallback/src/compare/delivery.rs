@@ -1,0 +1,58 @@
+//! Delivery of an unordered stream while several threads search.
+//!
+//! # Correctness
+//!
+//! The consumer runs in a thread outside the pool, and the threads that search only send to it. So a consumer may wait for
+//! the pool of another detector: a thread that waits for a pool takes up other work of its own pool, and if the consumer ran
+//! in a thread that searches, that work could wait for the same consumer.
+
+use std::panic::resume_unwind;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+
+use lazygrid_kernels::Pair;
+
+use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
+use crate::Error;
+
+/// Runs `search`, whose output a new thread hands to `consume` in chunks. `free_chunks` are used for them, and come back.
+///
+/// # Errors
+/// [`Error::ThreadPool`] if the thread cannot be started, and those of `search`.
+pub(crate) fn deliver_unordered(
+    consume: PairConsumer<'_>,
+    free_chunks: &mut Vec<Vec<Pair>>,
+    search: impl FnOnce(&ChunkedOutput<'_>) -> Result<(), Error>,
+) -> Result<(), Error> {
+    // One chunk per thread may wait, so no thread waits for a consumer that keeps up.
+    let (sender, receiver) = sync_channel(rayon::current_num_threads());
+    let end = sender.clone();
+    let output = ChunkedOutput::new(ChunkTarget::Channel(sender), std::mem::take(free_chunks));
+    let delivered = thread::scope(|scope| {
+        let thread = thread::Builder::new().name("lazygrid-stream".to_owned());
+        let chunks: Receiver<Vec<Pair>> = receiver;
+        let output = &output;
+        let consumer = thread
+            .spawn_scoped(scope, move || output.consume(&chunks, consume))
+            .map_err(|error| Error::ThreadPool { threads: 1, reason: error.to_string() })?;
+        let end = EndOnDrop(end);
+        let searched = search(output);
+        drop(end);
+        match consumer.join() {
+            Ok(consumed) => searched.and(consumed),
+            Err(panic) => resume_unwind(panic),
+        }
+    });
+    *free_chunks = output.into_free_chunks();
+    delivered
+}
+
+/// Ends the consumer's thread, also if the search panics.
+struct EndOnDrop(SyncSender<Vec<Pair>>);
+
+impl Drop for EndOnDrop {
+    fn drop(&mut self) {
+        // Fails if the consumer panicked, whose thread has ended then.
+        let _ = self.0.send(Vec::new());
+    }
+}
