@@ -229,7 +229,7 @@ static void bad_spheres_are_named(void) {
     uint64_t count = 7;
     CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(pairs == NULL && count == 0);
-    CHECK(says(lazygrid_last_error(detector), "sphere 1 has centre (0, NaN, 0)"));
+    CHECK(says(lazygrid_last_error(detector), "sphere 1 has center (0, NaN, 0)"));
     CHECK(says(lazygrid_last_error(detector), "2 of 3"));
     spheres.count = (size_t)-1;
     CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_INPUT);

@@ -24,7 +24,7 @@ fn rows_that_a_file_names() {
     detect(&file, ["-o", &all]).succeeds();
     assert_eq!(detect(&file, ["--json", "--exclude", &all]).succeeds().json()["pairs"], 0);
     for (text, message) in [
-        ("0 1\n4 5\n", "bonds.txt, frame 0: the excluded pair (4, 5) names a sphere that is none of the 5"),
+        ("0 1\n4 5\n", "bonds.txt, frame 0: the excluded pair (4, 5) is out of range (5 and 5 spheres)"),
         ("0 1\n-1 2\n", "bonds.txt, frame 0: the excluded pair"),
         ("0 1 2\n", "bonds.txt, line 1: expected two whole numbers"),
     ] {

@@ -2,14 +2,14 @@ use thiserror::Error;
 
 use crate::{Algorithm, Backend, MAX_SPHERES};
 
-/// A fault of an input. Every message names the value, the limit and the remedy.
+/// An invalid input. Every message names the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum InputError {
-    /// Some spheres have a centre that is not finite, or a radius that is negative, infinite or NaN.
+    /// Spheres with a center that is not finite, or a radius that is negative, infinite or NaN.
     #[error(
-        "sphere {index} has centre ({x}, {y}, {z}) and radius {r}: {count} of {total} spheres are not finite \
-         or have a negative radius; remove or mend them",
+        "sphere {index} has center ({x}, {y}, {z}) and radius {r}: {count} of {total} spheres are invalid \
+         (non-finite value or negative radius); fix or remove them",
         x = .center[0], y = .center[1], z = .center[2], r = .radius
     )]
     Sphere {
@@ -24,7 +24,7 @@ pub enum InputError {
         /// The number of all spheres.
         total: u64,
     },
-    /// A fault of the second of two sets of spheres.
+    /// An error of the second of two sets of spheres.
     #[error("of the second set, {0}")]
     SecondSet(Box<InputError>),
     /// Columns or ids of different lengths.
@@ -37,8 +37,8 @@ pub enum InputError {
         /// The length of the others.
         expected: usize,
     },
-    /// More spheres than indices.
-    #[error("{count} spheres are more than the {MAX_SPHERES} that 32-bit indices can name; split the input")]
+    /// More spheres than 32-bit indices can name.
+    #[error("{count} spheres exceed the {MAX_SPHERES} that 32-bit indices can name; split the input")]
     TooManySpheres {
         /// The number that was given.
         count: u64,
@@ -49,15 +49,15 @@ pub enum InputError {
         at = .index.map(|i| format!(" of sphere {i}")).unwrap_or_default()
     )]
     SpeciesId {
-        /// The first sphere that has it; `None` where it was an argument.
+        /// The first sphere with this id; `None` for an argument.
         index: Option<u32>,
         /// The id.
         id: u32,
         /// The number of species of the table.
         count: u32,
     },
-    /// Too large an interaction table.
-    #[error("an interaction table for {count} species is above the limit of {limit}; merge species")]
+    /// An interaction table for too many species.
+    #[error("an interaction table for {count} species exceeds the limit of {limit}; merge species")]
     SpeciesCount {
         /// The requested number.
         count: u32,
@@ -69,41 +69,41 @@ pub enum InputError {
         "interactions are set but the spheres have no species ids; add them with `Spheres::with_species`"
     )]
     SpeciesMissing,
-    /// A length of a periodic axis that is no length.
+    /// A length of a periodic axis that is not finite or not above 0.
     #[error(
-        "the length {length} of the periodic axis {axis} must be finite and above 0; leave an unbounded axis out"
+        "the length {length} of the periodic axis {axis} must be finite and above 0; omit the length of an unbounded axis"
     )]
     PeriodicLength {
-        /// Which axis: `x`, `y` or `z`.
+        /// The axis: `x`, `y` or `z`.
         axis: char,
         /// The length given.
         length: f64,
     },
-    /// Edges of a sheared space that span no box.
+    /// Cell vectors that span no box.
     #[error(
-        "the edges {} must be finite and independent, and their box no thinner than 2^-24 of its longest edge; leave out \
-         edges along which space does not repeat",
+        "the cell vectors {} must be finite and independent, and their box at least 2^-24 as thick as its longest vector; omit \
+         vectors along which space is not periodic",
         .vectors.iter().flatten().map(|[x, y, z]| format!("({x}, {y}, {z})")).collect::<Vec<_>>().join(", ")
     )]
     CellVectors {
-        /// The edges given.
+        /// The cell vectors given.
         vectors: Box<[Option<[f64; 3]>; 3]>,
     },
-    /// Too many images of spheres are within reach of another.
+    /// More images of spheres are within the cutoff of others than indices can name.
     #[error(
-        "{images} images of spheres are within the reach {reach} of others, more than the {MAX_SPHERES} that 32-bit indices can \
-         name; make the reach smaller, or the box larger"
+        "{images} images of spheres are within the cutoff {reach} of others, more than the {MAX_SPHERES} that 32-bit indices can \
+         name; choose a smaller cutoff or a larger box"
     )]
     Images {
-        /// The number of images, as far as `f64` can tell it.
+        /// The number of images, rounded to `f64`.
         images: f64,
-        /// The largest reach of two spheres.
+        /// The largest cutoff of two spheres.
         reach: f64,
     },
-    /// A shift that 32 bits do not hold.
+    /// A shift of 2³¹ or more cell vectors.
     #[error(
-        "spheres {i} and {j} are 2^31 or more edges of the space apart, which no 32-bit shift can tell; bring the coordinates \
-         nearer to the box"
+        "spheres {i} and {j} are 2^31 or more cell vectors apart, which a 32-bit shift cannot hold; wrap the coordinates into the \
+         box"
     )]
     Shift {
         /// The sphere.
@@ -111,45 +111,44 @@ pub enum InputError {
         /// Its neighbor.
         j: u32,
     },
-    /// A pair is to be left out of which there is no sphere.
+    /// An excluded pair with an index out of range.
     #[error(
-        "the excluded pair ({i}, {j}) names a sphere that is none of the {first} and {second} there are; give indices of \
-         spheres, from 0 on"
+        "the excluded pair ({i}, {j}) is out of range ({first} and {second} spheres); indices start at 0"
     )]
     ExcludedIndex {
-        /// The first of the two.
+        /// The first index.
         i: u32,
-        /// The second.
+        /// The second index.
         j: u32,
         /// The number of spheres of the first set.
         first: usize,
         /// The number of spheres of the second set.
         second: usize,
     },
-    /// Compressed rows of excluded pairs that are none.
+    /// Invalid offsets of compressed sparse rows of excluded pairs.
     #[error(
-        "offset {at} of the excluded pairs is {offset}; {offsets} offsets must begin with 0, never fall, and end with the \
+        "offset {at} of the excluded pairs is {offset}; the {offsets} offsets must begin with 0, never decrease, and end with the \
          number of indices, {indices}"
     )]
     ExcludedOffsets {
-        /// Which offset is wrong.
+        /// The position of the invalid offset.
         at: usize,
-        /// Its value.
+        /// The invalid offset.
         offset: usize,
-        /// The actual number.
+        /// The number of offsets.
         offsets: usize,
         /// The number of indices.
         indices: usize,
     },
-    /// Excluded pairs were made for other numbers of spheres than the call has.
+    /// Exclusions that were made for other numbers of spheres.
     #[error(
-        "pairs are excluded among {} where the call has {}; make `Exclusions` anew when spheres come or go",
+        "the exclusions were made for {}, but the call has {}; create `Exclusions` again when the number of spheres changes",
         sets(.made_for), sets(.given)
     )]
     ExclusionSizeMismatch {
-        /// The numbers of spheres that they were made for, of one set or of each of two.
+        /// The numbers of spheres of the exclusions, of one set or of both.
         made_for: (usize, Option<usize>),
-        /// The actual number.
+        /// The numbers of spheres of the call.
         given: (usize, Option<usize>),
     },
     /// An interaction distance that is negative or not finite.
@@ -168,7 +167,7 @@ pub enum InputError {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
-    /// The input is refused: not finite, a negative radius, lengths that differ, unknown species.
+    /// An invalid input.
     #[error(transparent)]
     Input(#[from] InputError),
     /// A setting outside its range.
@@ -189,10 +188,9 @@ pub enum Error {
         /// The backend asked for.
         backend: Backend,
     },
-    /// A list would hold more pairs than allowed. The count is exact; nothing was truncated.
+    /// A list would hold more pairs than `max_pairs` allows. The count is exact; nothing was truncated.
     #[error(
-        "{found} pairs are more than the limit of {limit} for a list; ask for the count only, stream the pairs \
-         in chunks, or raise `max_pairs`"
+        "{found} pairs exceed the limit of {limit} for a list; count or stream the pairs, or raise `max_pairs`"
     )]
     TooManyPairs {
         /// The number of pairs.
@@ -200,43 +198,43 @@ pub enum Error {
         /// The limit that was set.
         limit: u64,
     },
-    /// The caller told the search to stop.
-    #[error(
-        "the search was told to stop, by the flag that was given as `stop`; clear it before the next call"
-    )]
+    /// The caller cancelled the search.
+    #[error("the search was cancelled by the caller's cancel flag; clear the flag before the next call")]
     Cancelled,
     /// The system refused memory.
-    #[error("no memory for {what}: {bytes} bytes were refused; use fewer spheres or stream the pairs")]
+    #[error(
+        "out of memory: the system refused {bytes} bytes for {what}; use fewer spheres or stream the pairs"
+    )]
     OutOfMemory {
         /// The purpose of the memory.
         what: &'static str,
         /// The requested bytes.
         bytes: u64,
     },
-    /// The thread pool could not be made.
-    #[error("could not start {threads} threads: {reason}; ask for fewer")]
+    /// The system refused the threads of a thread pool.
+    #[error("could not start {threads} threads: {reason}; request fewer")]
     ThreadPool {
         /// The requested number.
         threads: usize,
-        /// The message of the system.
+        /// The message of the operating system.
         reason: String,
     },
-    /// The GPU was asked for by name and cannot be used. An explicit choice never falls back.
+    /// The requested GPU backend cannot be used. An explicit choice never falls back.
     #[error("the GPU backend is not available: {reason}; choose the `cpu` or `auto` backend")]
     GpuUnavailable {
         /// The reason.
         reason: String,
     },
-    /// This build has no GPU path.
+    /// This build lacks the feature `gpu`.
     #[error("lazygrid was built without its feature `gpu`; enable it, or use the CPU")]
     WithoutGpu,
-    /// An adapter was named, and the CPU asked for.
-    #[error("adapter '{adapter}' and the cpu backend were asked for together; leave one of them out")]
+    /// An adapter and the CPU backend were requested together.
+    #[error("adapter '{adapter}' and the cpu backend exclude each other; omit one of them")]
     AdapterOnCpu {
-        /// The adapter that was named.
+        /// The requested adapter.
         adapter: String,
     },
-    /// No adapter answered.
+    /// No adapter was found.
     #[error(
         "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
     )]
@@ -244,23 +242,23 @@ pub enum Error {
         /// The request and the answer.
         reason: String,
     },
-    /// No adapter, or more than one, is what was asked for.
+    /// The request matches no adapter, or several.
     #[error(
-        "{} by '{requested}'; give the index or a part of one name only: {available}",
+        "{} '{requested}'; give an index or a part of one name only; available: {available}",
         match .matches {
-            0 => "no adapter is meant".to_owned(),
-            several => format!("{several} adapters are meant"),
+            0 => "no adapter matches".to_owned(),
+            several => format!("{several} adapters match"),
         }
     )]
     UnknownAdapter {
-        /// The index or name.
+        /// The requested index or name.
         requested: String,
         /// The number of adapters that match.
         matches: usize,
         /// Index, name and API of each adapter.
         available: String,
     },
-    /// The adapter refused to open a device.
+    /// The adapter refused a device.
     #[error("adapter {adapter} refused a device: {reason}")]
     NoDevice {
         /// The adapter's name.
@@ -268,10 +266,10 @@ pub enum Error {
         /// The message of the device.
         reason: String,
     },
-    /// Something would not fit the device. Nothing was allocated.
-    #[error("{what} needs {needed} where the device's limit is {limit}; {remedy}")]
+    /// A requirement exceeds a limit of the device. Nothing was allocated.
+    #[error("{what} needs {needed}, but the device's limit is {limit}; {remedy}")]
     LimitExceeded {
-        /// Which buffer or number.
+        /// The buffer or number.
         what: &'static str,
         /// The required amount, in bytes unless `what` says otherwise.
         needed: u64,
@@ -282,7 +280,7 @@ pub enum Error {
     },
     /// The device has no memory left.
     #[error(
-        "the device has no room for {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity"
+        "the device is out of memory: {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity"
     )]
     DeviceOutOfMemory {
         /// The purpose of the memory.
@@ -290,14 +288,14 @@ pub enum Error {
         /// The requested bytes.
         bytes: u64,
     },
-    /// The device is gone: unplugged, reset by its driver, or destroyed by its owner.
-    #[error("the device was lost ({reason}); make a new device and a new detector")]
+    /// The device was unplugged, reset by its driver, or destroyed by its owner.
+    #[error("the device was lost ({reason}); create a new device and a new detector")]
     DeviceLost {
         /// The message of the driver.
         reason: String,
     },
-    /// The device refused a call: a fault of this library or of a buffer that was handed over.
-    #[error("the device refused {what}: {reason}")]
+    /// The device rejected a call because of an error of this library or of a given buffer.
+    #[error("the device rejected {what}: {reason}")]
     DeviceRejected {
         /// The operation.
         what: &'static str,
@@ -312,14 +310,16 @@ pub enum Error {
         /// The time limit.
         seconds: u64,
     },
-    /// As many calls are in flight as a session can hold, or the ticket is of a call that failed.
-    #[error("{calls} calls are in flight, or this one failed; finish a call before beginning the next")]
+    /// All call slots of a session are in use, or the ticket is of a failed call.
+    #[error(
+        "all {calls} call slots are in use, or this call failed; finish a call before beginning the next"
+    )]
     TooManyInFlight {
         /// The number of calls that may be in flight.
         calls: usize,
     },
-    /// A buffer that was handed over does not fit what was asked for.
-    #[error("the `{what}` buffer has {size} bytes where {needed} are needed{usage}")]
+    /// A given buffer is too small or lacks a usage.
+    #[error("the `{what}` buffer has {size} bytes, but {needed} are needed{usage}")]
     Buffer {
         /// The buffer.
         what: &'static str,
@@ -330,7 +330,7 @@ pub enum Error {
         /// The usage that is missing, if any.
         usage: &'static str,
     },
-    /// An interaction table is set but no species buffer was given, or the other way round.
+    /// An interaction table without a species buffer, or the reverse.
     #[error("interactions and species ids go together; give both or neither")]
     SpeciesBuffer,
 }
@@ -354,7 +354,7 @@ fn runs_on(backend: Backend) -> String {
     }
 }
 
-/// A name that is none of those known, as a `FromStr` of this library was given it.
+/// An unknown name, as a `FromStr` of this library returns it.
 ///
 /// ```
 /// # use lazygrid_kernels::{Algorithm, UnknownName};
@@ -370,12 +370,12 @@ pub struct UnknownName {
 }
 
 impl UnknownName {
-    /// For a `name` that is no `what`, where these are `known`.
+    /// Creates the error for a `name` that is not among the `known` ones; `what` says what it should name.
     pub fn new(what: &'static str, name: &str, known: &[&str]) -> Self {
         Self { what, name: name.to_owned(), known: known.join(", ") }
     }
 
-    /// The name that was given.
+    /// Returns the unknown name.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -386,7 +386,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_runs_on_a_backend_is_named() {
+    fn not_on_backend_lists_algorithms_of_the_backend() {
         let message = |algorithm, backend| Error::NotOnBackend { algorithm, backend }.to_string();
         assert_eq!(
             message(Algorithm::LazyGrid, Backend::Cpu),
@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_read_back_and_others_refused_by_name() {
+    fn names_parse_and_unknown_names_are_quoted() {
         for backend in Backend::ALL {
             assert_eq!(backend.name().parse(), Ok(backend));
         }

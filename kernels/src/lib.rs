@@ -30,7 +30,7 @@ pub use memory::try_reserve;
 pub use types::exclusions::Exclusions;
 pub use types::image_vector::ImageVector;
 pub use types::interactions::{EffectiveRadius, Interaction, Interactions};
-pub use types::lattice::{Folded, Lattice};
+pub use types::lattice::{Lattice, WrappedPoint};
 pub use types::pair::Pair;
 pub use types::query::Query;
 pub use types::real::{Radii, Real, Strided};

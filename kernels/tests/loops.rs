@@ -1,11 +1,9 @@
 //! Every loop of every kernel has a bound that its text shows, so that it ends on any device and for any data.
-//!
-//! Two kinds are accepted, both with a single comparison as their condition, and with a counter that nothing but the
-//! loop's own update changes:
-//!
-//! * `for (var k = a; k < b; k++)` and its like, down or by a constant step or factor, where `b` does not change while
-//!   the loop runs and the counter cannot pass it by wrapping;
-//! * `for (; bits != 0u; bits &= bits - 1u)`, which clears a bit at each turn.
+//! Two kinds are accepted. Both have a single comparison as condition, and a counter that only the loop's own update
+//! changes:
+//! * `for (var k = a; k < b; k++)` and similar loops, downward or with a constant step or factor, if `b` does not change
+//!   while the loop runs and the counter cannot pass it by wrapping;
+//! * `for (; bits != 0u; bits &= bits - 1u)`, which clears a bit per iteration.
 
 mod texts;
 
@@ -19,7 +17,7 @@ use naga::{
 
 type Value = Handle<Expression>;
 
-/// How many loops a text has, and what is wrong with those that have no bound, each with its line.
+/// Returns the number of loops in a text, and an error with its line for each loop without a bound.
 fn judge(source: &str) -> (usize, Vec<String>) {
     let module =
         naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(source)));
@@ -42,7 +40,7 @@ struct Scope<'a> {
     function: &'a Function,
 }
 
-/// What runs before a loop in its block, its body with the condition in front, its update, and the line it is in.
+/// Receives the statements before a loop in its block, its body beginning with the condition, its update, and its line.
 type Visit<'a> = dyn FnMut(&[Statement], &Block, &Block, &dyn Fn(&str) -> u32) + 'a;
 
 impl Scope<'_> {
@@ -58,7 +56,7 @@ impl Scope<'_> {
     }
 
     /// # Errors
-    /// Why no bound can be seen.
+    /// Returns the reason if no bound is visible.
     fn bound(&self, before: &[Statement], body: &Block, continuing: &Block) -> Result<(), &'static str> {
         let mut head = body.iter().filter(|statement| !matches!(statement, Statement::Emit(_)));
         let Some(Statement::If { condition, accept, reject }) = head.next() else {
@@ -88,7 +86,7 @@ impl Scope<'_> {
         self.ends((*op, *value), counter, &limit, self.start(before, counter))
     }
 
-    /// Whether a counter that is updated so comes to its limit.
+    /// Checks that a counter with this update reaches its limit.
     fn ends(
         &self,
         (op, update): (BinaryOperator, Value),
@@ -144,7 +142,7 @@ impl Scope<'_> {
         }
     }
 
-    /// What the counter has when the loop begins, where that is a constant.
+    /// Returns the initial value of the counter if it is a constant.
     fn start(&self, before: &[Statement], counter: Handle<LocalVariable>) -> Option<u32> {
         let stored = before.iter().rev().find_map(|statement| match statement {
             Statement::Store { pointer, value }
@@ -170,7 +168,7 @@ impl Scope<'_> {
         })
     }
 
-    /// What a pointer points into.
+    /// Returns the variable that a pointer points into.
     fn root(&self, value: Value) -> &Expression {
         match self.of(value) {
             Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => self.root(*base),
@@ -178,8 +176,7 @@ impl Scope<'_> {
         }
     }
 
-    /// Returns `true` if a value stays the same while a loop runs: it was there before, or is made anew of what stays
-    /// the same.
+    /// Returns `true` if a value does not change while a loop runs: it is computed before, or from values that do not change.
     fn is_fixed(&self, value: Value, parts: [&Block; 2]) -> bool {
         let mut made_inside = HashSet::new();
         parts.iter().for_each(|part| collect_made(part, &mut made_inside));
@@ -215,7 +212,7 @@ impl Scope<'_> {
     }
 }
 
-/// What a counter is compared with.
+/// The value that a counter is compared with.
 struct Limit {
     constant: Option<u32>,
     fixed: bool,
@@ -232,7 +229,7 @@ fn blocks_of(statement: &Statement) -> impl Iterator<Item = &Block> {
     two.into_iter().chain(cases.iter().map(|case| &case.body))
 }
 
-/// The values that a block computes at each turn.
+/// Collects the values that a block computes in each iteration.
 fn collect_made(block: &Block, made: &mut HashSet<Value>) {
     for statement in block.iter() {
         match statement {
@@ -262,7 +259,7 @@ fn every_loop_has_a_bound_that_its_text_shows() {
     assert!(loops > 100, "only {loops} loops were seen");
 }
 
-/// The judge itself: a loop in a function that also has a counter `a`, an argument `n`, and buffers.
+/// Judges a loop in a function with a counter `a`, an argument `n`, and buffers.
 fn verdict(of: &str) -> (usize, Vec<String>) {
     judge(&format!(
         "struct Call {{ limit: u32 }}
@@ -308,7 +305,7 @@ fn loops_without_a_bound_are_refused() {
         "for (var k = 0u; k < n; a++) { k += 1u; }",
         "for (var k = 0u; k < n; k++) { k -= 1u; }",
         "for (var k = 0u; k < n; k++) { stepped(&k); }",
-        // By so much it may pass the limit and begin anew.
+        // The counter may pass the limit and wrap.
         "for (var k = 0u; k < n; k += 256u) { a += k; }",
         "for (var k = 0u; k <= n; k++) { a += k; }",
         "for (var k = 0u; k < 0xfffffff0u; k += 32u) { a += k; }",

@@ -1,4 +1,4 @@
-//! Holds the metadata and the Rust layouts against every shader, with naga and without a device.
+//! Compares the metadata and the Rust layouts with every shader, with naga and without a device.
 
 #[path = "../../tests/src/reflection.rs"]
 mod reflection;

@@ -1,5 +1,5 @@
-//! Tint, the compiler of Chromium and Dawn, takes every text; naga takes some that it refuses. It also proves that
-//! barriers are reached by whole workgroups, which naga does not look at.
+//! Tint, the compiler of Chromium and Dawn, accepts every text; it rejects some that naga accepts. It also proves that whole
+//! workgroups reach barriers, which naga does not check.
 //!
 //! `npm ci --prefix kernels/tint` installs it. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
 
@@ -12,7 +12,7 @@ use std::process::Command;
 use lazygrid_kernels::kernel::Kernel;
 
 #[test]
-fn tint_takes_every_text() {
+fn tint_accepts_every_text() {
     let tint = Path::new(env!("CARGO_MANIFEST_DIR")).join("tint");
     if !tint.join("node_modules").exists() && std::env::var_os("LAZYGRID_REQUIRE_TINT").is_none() {
         #[expect(clippy::print_stderr, reason = "a skipped test says why")]
@@ -22,7 +22,7 @@ fn tint_takes_every_text() {
         return;
     }
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wgsl");
-    // Texts of an earlier state are none of ours.
+    // Remove the texts of earlier runs.
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).expect("a folder");
     for text in texts::all(Kernel::strict_wgsl) {

@@ -65,7 +65,7 @@ def test_boxes_that_lean() -> None:
     slab = Detector(backend="cpu", periodic=((5.0, 0.0, 0.0), (2.0, 5.0, 0.0), None)).pairs(rows)
     flat = brute_force_of_edges(rows, edges * [[1], [1], [1e6]])
     np.testing.assert_array_equal(slab, flat)
-    with pytest.raises(lazygrid.InputError, match="edges .*must be finite and independent"):
+    with pytest.raises(lazygrid.InputError, match="cell vectors .*must be finite and independent"):
         Detector(periodic=((1.0, 1.0, 0.0), (2.0, 2.0, 0.0), None))
 
 

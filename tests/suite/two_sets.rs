@@ -155,7 +155,7 @@ fn says_what_is_wrong(variant: DetectorVariant) {
         if matches!(**within, InputError::Sphere { index: 1, total: 2, .. })),
         "{error}"
     );
-    assert!(error.to_string().starts_with("of the second set, sphere 1 has centre (NaN"), "{error}");
+    assert!(error.to_string().starts_with("of the second set, sphere 1 has center (NaN"), "{error}");
     let none: [Sphere; 0] = [];
     assert_eq!(detector.count((&none, &good)).expect("no sphere is none too many"), 0);
 

@@ -283,7 +283,7 @@ fn failures_name_their_remedy() {
     let scratch = Scratch::new();
     let pour = data("lammps-pour.dump");
     let many = lazygrid(["detect", &pour, "--max-pairs", "100"]).fails();
-    assert!(many.err.contains("3072 pairs are more than the limit of 100") && many.err.contains("--count"));
+    assert!(many.err.contains("3072 pairs exceed the limit of 100") && many.err.contains("--count"));
     let nowhere = scratch.path("absent/pairs.npy");
     let run = lazygrid(["detect", &pour, "-o", &nowhere]).fails();
     assert!(run.err.contains("cannot write") && run.err.contains(&nowhere), "{}", run.err);

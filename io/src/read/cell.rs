@@ -100,7 +100,9 @@ mod tests {
         // Two edges along one axis span no box.
         let flat = space([[4.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]).unwrap_err();
         assert!(
-            flat.starts_with("a.xyz, line 2: the box cannot be periodic: the edges (4, 0, 0), (5, 0, 0)"),
+            flat.starts_with(
+                "a.xyz, line 2: the box cannot be periodic: the cell vectors (4, 0, 0), (5, 0, 0)"
+            ),
             "{flat}"
         );
         assert!(flat.contains("--periodic none"), "{flat}");

@@ -2,7 +2,7 @@ use super::*;
 
 /// A kernel's text does not contain conditions that its metadata denies. (Shared includes may use subgroups.)
 #[test]
-fn reduced_variants_have_the_whole_text() {
+fn effective_variant_has_the_whole_text() {
     for kernel in KERNELS {
         for (species, periodic) in [(false, true), (true, false), (true, true)] {
             let variant = Variant { species, periodic, ..Variant::default() };
@@ -16,7 +16,7 @@ fn reduced_variants_have_the_whole_text() {
 }
 
 #[test]
-fn devices_are_given_what_they_have_room_for() {
+fn variant_for_device_fits_its_workgroup_memory() {
     let plain = Variant::default();
     let given = Variant::for_device;
     assert_eq!(given(Some(32), 48 << 10), Variant { subgroups: Some(32), wide_tiles: true, ..plain });

@@ -5,9 +5,9 @@ const WHAT: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
 ///
-/// Given with a query ([`Query::without`](crate::Query::without)). A pair may be named in either
-/// order, or in both, and more than once. Looking one up takes a binary search in a row, and only pairs that touch are
-/// looked up; where whole molecules are to be left out, [groups](crate::Spheres::with_groups) cost less.
+/// A query takes them by [`Query::without`](crate::Query::without). The caller may name a pair in either order, in both, and
+/// more than once. A lookup is a binary search in a row, and only pairs that touch are looked up. To exclude whole molecules,
+/// [groups](crate::Spheres::with_groups) cost less.
 ///
 /// ```
 /// # use lazygrid_kernels::Exclusions;
@@ -18,11 +18,11 @@ const WHAT: &str = "excluded pairs";
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
-    /// The start and the end of each sphere's row.
+    /// The start of each sphere's row, and the end of the last row.
     offsets: Vec<usize>,
-    /// Of one set the larger indices of each pair, of two sets those in the second one; ascending within a row.
+    /// For one set the larger index of each pair, for two sets the index in the second set; ascending within a row.
     others: Vec<u32>,
-    /// The number of spheres of the second set, if there are two.
+    /// The number of spheres of the second set, if two sets were given.
     second: Option<usize>,
 }
 
@@ -30,7 +30,7 @@ impl Exclusions {
     /// Creates exclusions of these pairs among `spheres` spheres. A pair of a sphere with itself is ignored.
     ///
     /// # Errors
-    /// [`InputError::ExcludedIndex`] for the first pair with an index that is none, [`InputError::TooManySpheres`],
+    /// Returns [`InputError::ExcludedIndex`] for the first pair with an index out of range, [`InputError::TooManySpheres`] and
     /// [`Error::OutOfMemory`].
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let mut pairs = checked((spheres, spheres), pairs)?;
@@ -39,10 +39,10 @@ impl Exclusions {
         Self::of((spheres, None), pairs)
     }
 
-    /// These pairs of a sphere of the first set and one of the second, each by its index in its set.
+    /// Creates exclusions of pairs of one sphere of the first set and one of the second, each by its index in its set.
     ///
     /// # Errors
-    /// The same as [`new`](Self::new).
+    /// Returns the errors of [`new`](Self::new).
     pub fn across(
         first: usize,
         second: usize,
@@ -51,12 +51,12 @@ impl Exclusions {
         Self::of((first, Some(second)), checked((first, second), pairs)?)
     }
 
-    /// The pairs of compressed rows, as neighbour lists are stored: sphere `i` and each of
-    /// `indices[offsets[i]..offsets[i + 1]]`, in any order. It is enough that one of the two names the other.
+    /// Creates exclusions from compressed sparse rows, the format of neighbor lists: sphere `i` and each of
+    /// `indices[offsets[i]..offsets[i + 1]]`, in any order. One of the two rows of a pair is enough.
     ///
     /// # Errors
-    /// [`InputError::ExcludedOffsets`] for offsets that do not begin with 0, fall, or do not end with the number of indices;
-    /// otherwise as [`new`](Self::new).
+    /// Returns [`InputError::ExcludedOffsets`] if offsets do not begin with 0, decrease, or do not end with the number of
+    /// indices; otherwise the errors of [`new`](Self::new).
     pub fn from_csr(offsets: &[usize], indices: &[u32]) -> Result<Self, Error> {
         let wrong = |at: usize, offset: usize| {
             let (offsets, indices) = (offsets.len(), indices.len());
@@ -76,7 +76,7 @@ impl Exclusions {
         Self::new(offsets.len() - 1, (0..offsets.len() - 1).flat_map(row))
     }
 
-    /// Rows of these pairs.
+    /// Creates the rows of these pairs.
     fn of((first, second): (usize, Option<usize>), mut pairs: Vec<(u32, u32)>) -> Result<Self, Error> {
         pairs.sort_unstable();
         pairs.dedup();
@@ -94,26 +94,26 @@ impl Exclusions {
         Ok(Self { offsets, others, second })
     }
 
-    /// The numbers of spheres that they were made for: of one set, or of the first and of the second.
+    /// Returns the numbers of spheres that the exclusions were made for: of one set, or of both sets.
     pub fn spheres(&self) -> (usize, Option<usize>) {
         (self.offsets.len() - 1, self.second)
     }
 
-    /// The number of pairs.
+    /// Returns the number of pairs.
     pub fn len(&self) -> usize {
         self.others.len()
     }
 
-    /// Returns `true` if there is none.
+    /// Returns `true` if no pair is excluded.
     pub fn is_empty(&self) -> bool {
         self.others.is_empty()
     }
 
-    /// Returns `true` if this pair is left out: of one set in either order, of two sets with `i` in the first and `j`
+    /// Returns `true` if this pair is excluded. For one set the order does not matter; for two sets, `i` is in the first and `j`
     /// in the second.
     ///
     /// # Panics
-    /// Panics if the row is of no sphere.
+    /// Panics if the row is out of range.
     #[inline]
     pub fn contains(&self, i: u32, j: u32) -> bool {
         let (row, other) = if self.second.is_none() { (i.min(j), i.max(j)) } else { (i, j) };
@@ -122,7 +122,7 @@ impl Exclusions {
     }
 }
 
-/// The pairs, all of whose indices are of spheres.
+/// Returns the pairs if all of their indices are in range.
 fn checked(
     (first, second): (usize, usize),
     pairs: impl IntoIterator<Item = (u32, u32)>,
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pairs_in_any_order_and_more_than_once() {
+    fn pairs_in_any_order_and_repeated_are_found() {
         let bonds = Exclusions::new(5, [(4, 0), (0, 1), (1, 0), (3, 3), (2, 4), (0, 4)]).unwrap();
         let named: Vec<_> =
             (0..5).flat_map(|i| (0..5).map(move |j| (i, j))).filter(|&(i, j)| bonds.contains(i, j)).collect();
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_no_sphere_is_refused() {
+    fn index_out_of_range_is_refused() {
         let error = Exclusions::new(3, [(0, 1), (2, 3)]).unwrap_err();
         assert!(
             matches!(error, Error::Input(InputError::ExcludedIndex { i: 2, j: 3, first: 3, second: 3 })),

@@ -1,20 +1,20 @@
-//! From one point to the nearest image of another, and the contact test that decides on pairs.
+//! The vector to the minimum image, and the exact contact test.
 
 use super::triclinic::shifted;
 use crate::Space;
 
-/// The way from one point to the nearest image of another.
+/// The vector from one point to the minimum image of another.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ImageVector {
-    /// The numbers of edges `S` that lead to the image.
+    /// The multiples `S` of the cell vectors that lead to the image.
     pub shift: [i32; 3],
     /// `(to − from) + (S₁e₁ + S₂e₂ + S₃e₃)`, in the length unit of the spheres.
     pub vector: [f64; 3],
 }
 
 impl ImageVector {
-    /// The length of the vector. Nothing overflows or underflows.
+    /// Returns the length of the vector. Nothing overflows or underflows.
     #[inline]
     pub fn length(&self) -> f64 {
         let root = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
@@ -31,22 +31,22 @@ impl ImageVector {
     }
 }
 
-/// Lengths whose squares, and the roundings of these, are normal numbers.
+/// Lengths whose squares, and the rounding errors of these, are normal numbers.
 const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
-/// Their squares.
+/// Squares of such lengths.
 const PLAIN_SQUARES: std::ops::RangeInclusive<f64> = 1.1e-289..=9.6e288;
-/// Powers of two that bring other lengths there.
+/// Powers of two that scale other lengths into that range.
 const DOWN: f64 = f64::from_bits((1023 - 600) << 52);
 const UP: f64 = f64::from_bits((1023 + 600) << 52);
 
 impl Space {
-    /// The way from a point to the nearest image of another, by the expression with which detectors decide on pairs.
+    /// Returns the vector from a point to the minimum image of another, by the expression of the exact contact test.
     ///
     /// ```
     /// # use lazygrid_kernels::Space;
     /// let space = Space::periodic([Some(10.0), None, None])?;
-    /// let bond = space.minimum_image([0.5, 0.0, 0.0], [9.5, 1.0, 0.0]);
-    /// assert_eq!((bond.shift, bond.vector), ([-1, 0, 0], [-1.0, 1.0, 0.0]));
+    /// let image = space.minimum_image([0.5, 0.0, 0.0], [9.5, 1.0, 0.0]);
+    /// assert_eq!((image.shift, image.vector), ([-1, 0, 0], [-1.0, 1.0, 0.0]));
     /// # Ok::<(), lazygrid_kernels::InputError>(())
     /// ```
     #[inline]
@@ -55,19 +55,19 @@ impl Space {
         ImageVector { shift: shift.map(|count| count as i32), vector }
     }
 
-    /// The exact contact test of the contract: whether nearest images of spheres `a` and `b`, given as `x, y, z, r`, touch,
-    /// or are within a `distance` if there is one. Nothing overflows or underflows.
+    /// The exact contact test: returns `true` if minimum images of the spheres `a` and `b`, given as `x, y, z, r`, touch, or are
+    /// within `distance` if it is given. Nothing overflows or underflows.
     #[inline]
     pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)
     }
 
-    /// The same test of sphere `a` and one image of `b`, the one that this many edges lead to.
+    /// The same test for sphere `a` and the image of `b` at these multiples of the cell vectors.
     pub fn touch_image(&self, a: [f64; 4], b: [f64; 4], shift: [f64; 3], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
     }
 
-    /// `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for the shift `S` and the edges `e`.
+    /// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for the shift `S` and the cell vectors `e`.
     pub fn image(&self, vector: [f64; 3], shift: [f64; 3]) -> [f64; 3] {
         shifted(vector, shift, &self.cell_vectors())
     }
@@ -85,14 +85,14 @@ impl Space {
         if PLAIN.contains(&largest) {
             is_within(vector, reach)
         } else if largest < *PLAIN.start() {
-            // Differences of numbers are whole numbers of the smallest one, so that nothing is lost yet.
+            // Differences are multiples of the smallest number, so that nothing is lost yet.
             is_within(vector.map(|number| number * UP), reach * UP)
         } else {
             self.decide_scaled([a, b], distance, way)
         }
     }
 
-    /// The same of numbers all of which are divided by a power of two, so that no difference or sum overflows.
+    /// Decides with all numbers scaled down by a power of two, so that no difference or sum overflows.
     #[cold]
     fn decide_scaled(
         &self,
@@ -105,7 +105,7 @@ impl Space {
         is_within(way(&self.scaled(DOWN), center(a), center(b)), reach)
     }
 
-    /// The numbers of edges that lead to the nearest image, and the vector to it.
+    /// Returns the multiples of the cell vectors of the minimum image, and the vector to it.
     #[inline]
     fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let apart = apart(from, to);
@@ -122,10 +122,10 @@ impl Space {
     }
 }
 
-/// The number of lengths that leads to the nearest image along an axis, and that image.
+/// Returns the multiple of the length of the minimum image along an axis, and that image.
 #[inline]
 fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
-    // Most are nowhere near half a length, and need no division.
+    // Most differences are far from half a length and need no division.
     if apart.abs() < 0.49 * length {
         return (0.0, apart);
     }
@@ -144,7 +144,7 @@ fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
     [x, y, z]
 }
 
-/// The largest of the numbers that are squared, or infinity if one of them is no number.
+/// Returns the largest of the numbers that are squared, or infinity if one of them is NaN.
 fn largest(vector: [f64; 3], reach: f64) -> f64 {
     let [x, y, z] = vector.map(f64::abs);
     let largest = x.max(y).max(z).max(reach);

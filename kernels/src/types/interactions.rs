@@ -5,21 +5,21 @@ use crate::InputError;
 pub enum Interaction {
     /// Never a pair.
     Never,
-    /// A pair when they overlap or touch: centre distance ≤ `ri + rj`.
+    /// A pair if the spheres overlap or touch: center distance ≤ `ri + rj`.
     #[default]
     Touch,
-    /// A pair when their centres are at most this far apart, for any radii: a reaction's binding radius.
+    /// A pair if the center distance is at most this, for any radii: a reaction's binding radius.
     Within(f64),
 }
 
 impl Interaction {
-    /// The largest distance of the centers of a pair whose radii add up to `radii`; `None` if there are no pairs.
+    /// Returns the cutoff of a pair whose radii add up to `radii`; `None` if the spheres never pair.
     #[inline]
     pub fn cutoff(self, radii: f64) -> Option<f64> {
         self.distance().map(|distance| distance.unwrap_or(radii))
     }
 
-    /// The distance at which spheres pair whatever their radii, if there is one; `None` if they never pair.
+    /// Returns the cutoff that is independent of the radii, if one exists; `None` if the spheres never pair.
     #[inline]
     pub fn distance(self) -> Option<Option<f64>> {
         match self {
@@ -30,10 +30,9 @@ impl Interaction {
     }
 }
 
-/// A symmetric table: for any two species, what makes them a pair.
-///
-/// Reaction radii in reaction–diffusion models are not sums of radii, and most species pairs do not react at
-/// all; both are said here and decided before a pair is emitted.
+/// A symmetric table of the interaction of any two species.
+/// Reaction radii in reaction–diffusion models are not sums of radii, and most species pairs do not react. Detectors apply
+/// the table before they report a pair.
 ///
 /// ```
 /// # use lazygrid_kernels::{Interaction, Interactions};
@@ -47,7 +46,7 @@ impl Interaction {
 pub struct Interactions {
     species: u32,
     table: Vec<Interaction>,
-    /// `true` if all distances that it ever had are `f32` numbers.
+    /// `true` if all distances that were ever set are `f32` numbers.
     is_narrow: bool,
 }
 
@@ -55,10 +54,10 @@ impl Interactions {
     /// The most species a table may have; 4096² entries are 128 MiB.
     pub const MAX_SPECIES: u32 = 4096;
 
-    /// A table for species `0..species` in which every pair of species has the interaction `all`.
+    /// Creates a table for species `0..species` in which every pair of species has the interaction `all`.
     ///
     /// # Errors
-    /// [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`]; [`InputError::Distance`] as for [`Self::set`].
+    /// Returns [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`], and [`InputError::Distance`] as [`Self::set`] does.
     pub fn new(species: u32, all: Interaction) -> Result<Self, InputError> {
         if species > Self::MAX_SPECIES {
             return Err(InputError::SpeciesCount { count: species, limit: Self::MAX_SPECIES });
@@ -71,8 +70,8 @@ impl Interactions {
     /// Sets the interaction of species `a` with species `b`, and of `b` with `a`.
     ///
     /// # Errors
-    /// [`InputError::SpeciesId`] for a species outside the table; [`InputError::Distance`] for a distance that
-    /// is negative or not finite.
+    /// Returns [`InputError::SpeciesId`] for a species outside the table, and [`InputError::Distance`] for a distance that is
+    /// negative or not finite.
     pub fn set(&mut self, a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
         for id in [a, b] {
             if id >= self.species {
@@ -87,7 +86,7 @@ impl Interactions {
         Ok(())
     }
 
-    /// The interaction of species `a` with species `b`.
+    /// Returns the interaction of species `a` with species `b`.
     ///
     /// # Panics
     /// Panics if a species is not in the table.
@@ -96,8 +95,8 @@ impl Interactions {
         self.table[a as usize * self.species as usize + b as usize]
     }
 
-    /// The same with every distance replaced by touching: for spheres as large as their species [effective radius](Self::effective_radius), whose
-    /// pairs are all that this table has and more.
+    /// Returns the table with every distance replaced by contact. Spheres with their
+    /// [effective radius](Self::effective_radius) then have all pairs that this table has, and more.
     pub fn contact_only(&self) -> Self {
         let contact = |interaction: &Interaction| match interaction {
             Interaction::Never => Interaction::Never,
@@ -112,13 +111,12 @@ impl Interactions {
         self.is_narrow
     }
 
-    /// The number of species.
+    /// Returns the number of species.
     pub fn species(&self) -> u32 {
         self.species
     }
 
-    /// Half the largest distance of this species with any other, if it pairs by distance; and whether it ever pairs by
-    /// touching.
+    /// Returns half the largest distance of this species with any other, or 0, and `true` if some pair is decided by contact.
     pub fn largest_half(&self, species: u32) -> (f64, bool) {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
         row.iter().fold((0.0, false), |(half, touches), with| match *with {
@@ -128,7 +126,7 @@ impl Interactions {
         })
     }
 
-    /// The rule for the effective radius of this species; see [`EffectiveRadius`].
+    /// Returns the rule for the effective radius of this species.
     pub fn effective_radius(&self, species: u32) -> EffectiveRadius {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
         row.iter().fold(EffectiveRadius { touches: false, half: 0.0 }, |reach, with| match *with {
@@ -141,25 +139,25 @@ impl Interactions {
     }
 }
 
-/// How far a species' interactions reach: any two spheres that may pair have centres no farther apart than the
-/// sum of their effective radii, so that every culling rule made for plain radii stays valid.
+/// The rule for a species' effective radius: any two spheres that may pair have centers no farther apart than the sum of
+/// their effective radii, so that culling by plain radii stays valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectiveRadius {
-    /// `true` if some pair of this species is decided by touching.
+    /// `true` if some pair of this species is decided by contact.
     pub touches: bool,
     /// Half the largest interaction distance with any species.
     pub half: f32,
 }
 
 impl EffectiveRadius {
-    /// The effective radius of a sphere of this species.
+    /// Returns the effective radius of a sphere of this species with this radius.
     #[inline]
     pub fn for_radius(self, radius: f32) -> f32 {
         if self.touches { self.half.max(radius) } else { self.half }
     }
 }
 
-/// Half of `distance`, rounded up to `f32`, or its largest finite number.
+/// Returns half of `distance`, rounded up to `f32`, or the largest finite number.
 fn half_up(distance: f64) -> f32 {
     let half = (0.5 * distance) as f32;
     let half = if 2.0 * f64::from(half) < distance { half.next_up() } else { half };

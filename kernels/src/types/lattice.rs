@@ -1,37 +1,36 @@
-//! The images of points in a periodic space.
+//! Images of points in a periodic space.
 
 use glam::DVec3;
 
 use super::triclinic::{combination, inverse, power_of_two_below};
 use crate::Space;
 
-/// The vectors along which a space repeats, as short and as orthogonal as they can be, and how far apart images lie.
-///
-/// Its numbers are in a length unit of its own, a power of two times the unit of the spheres, in which no product overflows.
+/// The reduced basis of a periodic space, and the distance between images.
+/// Lengths are in a unit of its own, a power of two times the unit of the spheres, in which no product overflows.
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice {
-    /// The number of vectors along which the space repeats. They are the first ones of the basis.
+    /// The number of periodic vectors, which come first in the basis.
     rank: usize,
     unit: f64,
     basis: [DVec3; 3],
     inverse: [DVec3; 3],
-    /// The number of each edge of the space in each vector of the basis.
+    /// The multiple of each cell vector in each basis vector.
     turns: [[f64; 3]; 3],
 }
 
-/// A point, moved into the box that the vectors of a [`Lattice`] span.
+/// A point, wrapped into the box of the basis vectors of a [`Lattice`].
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Folded {
+pub struct WrappedPoint {
     /// The point in the unit of the lattice.
     pub point: [f64; 3],
-    /// The number of each vector of the basis that was subtracted.
+    /// The multiple of each basis vector that was subtracted.
     pub counts: [f64; 3],
-    /// The part of each vector of the basis that remains, between 0 and 1 up to rounding.
+    /// The fraction of each basis vector that remains, between 0 and 1 up to rounding.
     pub fractions: [f64; 3],
 }
 
 impl Lattice {
-    /// Creates the lattice of a space; `None` if the space does not repeat.
+    /// Creates the lattice of a space; `None` if the space is not periodic.
     pub fn new(space: &Space) -> Option<Self> {
         if let Some(cell) = space.triclinic_cell() {
             return Some(cell.lattice());
@@ -53,27 +52,27 @@ impl Lattice {
         Self { rank, unit, basis, inverse: inverse(&basis), turns }
     }
 
-    /// The number of vectors along which the space repeats.
+    /// Returns the number of periodic vectors.
     pub fn rank(&self) -> usize {
         self.rank
     }
 
-    /// The factor that takes lengths of the spheres to the unit of the lattice, a power of two.
+    /// Returns the factor from lengths of the spheres to the unit of the lattice, a power of two.
     pub fn unit(&self) -> f64 {
         self.unit
     }
 
-    /// The distance between neighboring images of the plane that the other vectors span, for each vector, in the unit of the
-    /// lattice. No image of a point is nearer to it than the smallest of the first [`rank`](Self::rank) ones.
+    /// Returns, for each basis vector, the distance between neighboring images of the plane that the other vectors span, in the
+    /// unit of the lattice. No image of a point is nearer to it than the smallest of the first [`rank`](Self::rank) heights.
     pub fn heights(&self) -> [f64; 3] {
         self.inverse.map(|row| row.length().recip())
     }
 
-    /// Moves a point into the box that the vectors span. Along other directions it stays where it is.
-    pub fn fold(&self, point: [f64; 3]) -> Folded {
+    /// Wraps a point into the box of the basis vectors. It does not move along vectors that are not periodic.
+    pub fn wrap(&self, point: [f64; 3]) -> WrappedPoint {
         let mut folded = DVec3::from(point) * self.unit;
         let mut counts = [0.0; 3];
-        // Far away the first division leaves more than one vector.
+        // Far away, the first division leaves more than one vector.
         for _ in 0..4 {
             let parts =
                 [0, 1, 2].map(|k| if k < self.rank { self.inverse[k].dot(folded).floor() } else { 0.0 });
@@ -84,25 +83,25 @@ impl Lattice {
             folded = DVec3::from(point) * self.unit - combination(&self.basis, counts);
         }
         let fractions = self.inverse.map(|row| row.dot(folded));
-        Folded { point: folded.to_array(), counts, fractions }
+        WrappedPoint { point: folded.to_array(), counts, fractions }
     }
 
-    /// The image of a folded point by this many vectors of the basis, in the unit of the lattice.
-    pub fn image(&self, folded: &Folded, steps: [f64; 3]) -> [f64; 3] {
+    /// Returns the image of a wrapped point at these multiples of the basis vectors, in the unit of the lattice.
+    pub fn image(&self, folded: &WrappedPoint, steps: [f64; 3]) -> [f64; 3] {
         (DVec3::from(folded.point) + combination(&self.basis, steps)).to_array()
     }
 
-    /// The number of each edge of the space in this many vectors of the basis.
+    /// Returns the multiples of the cell vectors in these multiples of the basis vectors.
     pub fn shift(&self, counts: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|edge| (0..3).map(|k| counts[k] * self.turns[k][edge]).sum())
     }
 
-    /// An upper bound for the rounding error, in the unit of the lattice, of vectors between images for which up to this many
-    /// vectors of the basis are added to coordinates of up to `extent` of that unit: in a fold, in [`image`](Self::image), and
-    /// in [`Space::image`].
+    /// Returns an upper bound of the rounding error of vectors between images, in the unit of the lattice, for up to `counts`
+    /// basis vectors added to coordinates of up to `extent`: in [`wrap`](Self::wrap), in [`image`](Self::image), and in
+    /// [`Space::image`].
     pub fn rounding(&self, extent: f64, counts: [f64; 3]) -> f64 {
         const PART: f64 = 1.0 / (1_u64 << 47) as f64;
-        // No edge is longer than 2 in the unit of the lattice.
+        // No cell vector is longer than 2 in the unit of the lattice.
         let edges = |k: usize| 2.0 * self.turns[k].iter().map(|turns| turns.abs()).sum::<f64>();
         PART * (extent + (0..self.rank).map(|k| (counts[k] + 1.0) * edges(k)).sum::<f64>())
     }
@@ -127,7 +126,7 @@ mod tests {
             assert_eq!(lattice.rank(), rank);
             for point in [[0.0; 3], [1.5, -2.25, 3.0], [-41.0, 1e4, 77.0]] {
                 let point = point.map(|number| number / lattice.unit());
-                let folded = lattice.fold(point);
+                let folded = lattice.wrap(point);
                 for fraction in &folded.fractions[..rank] {
                     assert!((-1e-6..1.0 + 1e-6).contains(fraction), "{space:?}: {folded:?}");
                 }

@@ -2,8 +2,8 @@ use bytemuck::{Pod, Zeroable};
 
 /// One overlapping pair of spheres, by their indices in the input; always `i < j`.
 ///
-/// The derived ordering (by `i`, then `j`) is the canonical order of results. The layout is that of `[u32; 2]`,
-/// so a slice of pairs can be handed to C, NumPy or a GPU buffer as it is (`bytemuck::cast_slice`).
+/// The derived ordering (by `i`, then `j`) is the canonical order of results. The layout is that of `[u32; 2]`, so that C,
+/// NumPy or a GPU buffer can take a slice of pairs as it is (`bytemuck::cast_slice`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pair {
@@ -14,7 +14,7 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// The pair of two different indices, in either order.
+    /// Creates the pair of two different indices, in either order.
     #[inline]
     pub fn new(a: u32, b: u32) -> Self {
         debug_assert_ne!(a, b, "a sphere does not pair with itself");

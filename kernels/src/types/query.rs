@@ -1,7 +1,7 @@
 use crate::{Exclusions, InputError, Spheres};
 
-/// A question to a detector: the pairs among one set of spheres, or those of one sphere of each of two sets, without the
-/// excluded ones.
+/// The input of a search: one set of spheres, whose pairs are found, or two sets, across which pairs are found; and the
+/// excluded pairs.
 ///
 /// Every search of a detector takes anything that converts into a query: a set of spheres, a tuple of two sets, or a query
 /// with exclusions.
@@ -29,30 +29,30 @@ impl<'a> Query<'a> {
         of.into()
     }
 
-    /// Excludes these pairs from the result. The search checks that they were made for as many spheres as it is given.
+    /// Excludes these pairs from the result. The search checks that they were made for the same numbers of spheres.
     pub fn without(self, pairs: &'a Exclusions) -> Self {
         Self { exclusions: Some(pairs), ..self }
     }
 
-    /// The only set, or the first of two.
+    /// Returns the only set, or the first of two.
     #[inline]
     pub fn first(&self) -> Spheres<'a> {
         self.first
     }
 
-    /// The second set, if there are two.
+    /// Returns the second set, if the query has two.
     #[inline]
     pub fn second(&self) -> Option<Spheres<'a>> {
         self.second
     }
 
-    /// The excluded pairs, if any were given.
+    /// Returns the excluded pairs, if any were given.
     #[inline]
     pub fn exclusions(&self) -> Option<&'a Exclusions> {
         self.exclusions
     }
 
-    /// The number of spheres of both sets together.
+    /// Returns the number of spheres of both sets together.
     #[inline]
     pub fn len(&self) -> usize {
         self.first.len() + self.second.map_or(0, |second| second.len())
@@ -63,7 +63,7 @@ impl<'a> Query<'a> {
         self.len() == 0
     }
 
-    /// The number of spheres of the first set if there are two. In the numbering of a search the second set follows there.
+    /// Returns the index at which the second set begins in the numbering of a search; `None` for one set.
     #[inline]
     pub fn split(&self) -> Option<usize> {
         self.second.map(|_| self.first.len())
@@ -72,7 +72,7 @@ impl<'a> Query<'a> {
     /// Checks that the exclusions were made for these numbers of spheres.
     ///
     /// # Errors
-    /// [`InputError::ExclusionSizeMismatch`].
+    /// Returns [`InputError::ExclusionSizeMismatch`] if they were made for other numbers.
     pub fn check_exclusions(&self) -> Result<(), InputError> {
         let given = (self.first.len(), self.second.map(|second| second.len()));
         match self.exclusions.map(Exclusions::spheres) {
@@ -81,10 +81,10 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// Runs a check of each set. An error of the second one is an [`InputError::SecondSet`].
+    /// Runs a check on each set. An error of the second set becomes an [`InputError::SecondSet`].
     ///
     /// # Errors
-    /// The errors of `check`.
+    /// Returns the errors of `check`.
     pub fn check_each(
         &self,
         check: impl Fn(Spheres<'a>) -> Result<(), InputError>,

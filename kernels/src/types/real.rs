@@ -1,4 +1,4 @@
-//! Spheres that lie in memory in another form than rows or columns of `f32`: in `f64`, or at regular distances.
+//! Spheres in `f64`, or in strided memory.
 
 use std::mem::MaybeUninit;
 
@@ -13,10 +13,10 @@ impl Real for f64 {}
 pub(crate) mod sealed {
     use super::{Strided, Wide};
 
-    /// What a coordinate type does behind the API.
+    /// The operations of a coordinate type, hidden behind the API.
     #[expect(unnameable_types, reason = "nothing else is a coordinate type")]
     pub trait Sealed: Copy + Into<f64> + Send + Sync + 'static {
-        /// The columns, if they are of `f32`.
+        /// Returns the columns if they are `f32`.
         fn narrow(columns: [&[Self]; 4]) -> Option<[&[f32]; 4]>;
         fn wide(strided: Strided<'_, Self>) -> Wide<'_>;
     }
@@ -46,32 +46,32 @@ pub(crate) mod sealed {
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Radii<'a, T> {
-    /// The same radius for all. Half a cutoff makes pairs of points that are within the cutoff.
+    /// One radius for all. Half a cutoff gives the pairs of points within the cutoff.
     All(T),
     /// One radius per point.
     Each(&'a [T]),
 }
 
-/// Columns with regular distances between values.
+/// Columns in strided memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Strided<'a, T> {
-    /// Each from the value of the first sphere. Between values that are read there may be anything, also padding.
+    /// Each column from the value of the first sphere. Memory between values that are read may be uninitialized.
     axes: [&'a [MaybeUninit<T>]; 3],
-    /// Values from one center to the next.
+    /// The number of values from one center to the next.
     step: usize,
     radii: Source<'a, T>,
     count: usize,
 }
 
-/// Where radii come from.
+/// The radii.
 #[derive(Clone, Copy, Debug)]
 enum Source<'a, T> {
     All(T),
-    /// As `axes`, with the values from one radius to the next.
+    /// As `axes`, with the number of values from one radius to the next.
     Each(&'a [MaybeUninit<T>], usize),
 }
 
-/// Spheres in such memory, of either type.
+/// Strided spheres of either coordinate type.
 #[derive(Clone, Copy, Debug)]
 #[expect(unnameable_types, reason = "behind the sealed `Real`")]
 pub enum Wide<'a> {
@@ -79,7 +79,7 @@ pub enum Wide<'a> {
     F64(Strided<'a, f64>),
 }
 
-/// Initialized values as such that need not be.
+/// Views initialized values as possibly uninitialized ones.
 fn maybe<T>(values: &[T]) -> &[MaybeUninit<T>] {
     // SAFETY: `MaybeUninit<T>` has the layout of `T`, and a shared slice of it cannot be written through.
     unsafe { &*(std::ptr::from_ref(values) as *const [MaybeUninit<T>]) }
@@ -97,16 +97,16 @@ impl<'a, T: Copy> Strided<'a, T> {
         Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
     }
 
-    /// Rows `x, y, z, r`.
+    /// Creates strided spheres from rows `x, y, z, r`.
     pub(crate) fn of_rows(rows: &'a [[T; 4]]) -> Self {
         let [x, y, z, r] = columns_of(rows);
         Self { axes: [x, y, z], step: 4, radii: Source::Each(r, 4), count: rows.len() }
     }
 
-    /// Centers `x, y, z`.
+    /// Creates strided spheres from centers `x, y, z`.
     ///
     /// # Errors
-    /// [`InputError::Lengths`] unless there is one radius per center.
+    /// Returns [`InputError::Lengths`] unless there is one radius per center.
     pub(crate) fn of_points(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
         let radii = match radii {
             Radii::All(radius) => Source::All(radius),
@@ -119,12 +119,12 @@ impl<'a, T: Copy> Strided<'a, T> {
         Ok(Self { axes: columns_of(centers), step: 3, radii, count: centers.len() })
     }
 
-    /// Columns `x, y, z, r` of `count` spheres in memory with gaps: `steps` are the numbers of values from one center and one
-    /// radius to the next; step 0 gives all spheres one radius.
+    /// Creates strided spheres from columns `x, y, z, r` of `count` spheres. `steps` are the numbers of values from one center
+    /// and one radius to the next; a radius step of 0 gives all spheres one radius.
     ///
     /// # Safety
-    /// For every `k` below `count`, value `k * steps[0]` of the first three columns and value `k * steps[1]` of the last one
-    /// are inside the column and initialized.
+    /// For every `k` below `count`, value `k * steps[0]` of the first three columns and value `k * steps[1]` of the last one must
+    /// be inside the column and initialized.
     pub unsafe fn from_parts(columns: [&'a [MaybeUninit<T>]; 4], steps: [usize; 2], count: usize) -> Self {
         let ([x, y, z, r], [step, radius_step]) = (columns, steps);
         Self { axes: [x, y, z], step, radii: Source::Each(r, radius_step), count }
@@ -134,10 +134,10 @@ impl<'a, T: Copy> Strided<'a, T> {
         self.count
     }
 
-    /// Writes the numbers of the spheres from `from` on.
+    /// Copies the spheres at or above `from` into `into`.
     ///
     /// # Panics
-    /// If there are fewer.
+    /// Panics if fewer spheres remain.
     #[inline(always)]
     fn read(&self, from: usize, into: &mut [[f64; 4]])
     where
@@ -145,8 +145,8 @@ impl<'a, T: Copy> Strided<'a, T> {
     {
         assert!(from <= self.count && into.len() <= self.count - from, "spheres of {}", self.count);
         let [x, y, z] = self.axes.map(<[_]>::as_ptr);
-        // SAFETY: the indices are below the number of spheres, whose values are inside their columns and initialized: they are of
-        // initialized slices of these lengths, or by the promise of `from_parts`.
+        // SAFETY: the indices are below the number of spheres, whose values are inside their columns and initialized: the columns
+        // are initialized slices of these lengths, or `from_parts` required it.
         let value = |at: *const MaybeUninit<T>, k: usize| unsafe { (*at.add(k)).assume_init().into() };
         match self.radii {
             Source::All(radius) => {
@@ -165,15 +165,15 @@ impl<'a, T: Copy> Strided<'a, T> {
         }
     }
 
-    /// The numbers of sphere `i`.
+    /// Returns sphere `i`.
     ///
     /// # Panics
-    /// If `i` is not below the number of spheres.
+    /// Panics if `i` is not below the number of spheres.
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [T; 4] {
         assert!(i < self.count, "sphere {i} of {}", self.count);
-        // SAFETY: `i` is below the number of spheres, whose values are initialized: they are of initialized slices, or by the
-        // promise of `from_parts`.
+        // SAFETY: `i` is below the number of spheres, whose values are initialized: the columns are initialized slices, or
+        // `from_parts` required it.
         let value = |values: &[MaybeUninit<T>], step: usize| unsafe { values[i * step].assume_init() };
         let [x, y, z] = self.axes.map(|axis| value(axis, self.step));
         let radius = match self.radii {
@@ -192,7 +192,7 @@ impl Wide<'_> {
         }
     }
 
-    /// Writes the numbers of the spheres from `from` on.
+    /// Copies the spheres at or above `from` into `into`.
     #[inline]
     pub(crate) fn read(&self, from: usize, into: &mut [[f64; 4]]) {
         match self {
@@ -201,7 +201,7 @@ impl Wide<'_> {
         }
     }
 
-    /// The numbers of sphere `i`, not rounded.
+    /// Returns sphere `i`, not rounded.
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [f64; 4] {
         match self {

@@ -3,29 +3,27 @@ use glam::{DVec3, Vec3};
 use super::triclinic::TriclinicCell;
 use crate::InputError;
 
-/// The space that spheres live in: along each axis unbounded, or periodic with some length; or periodic along up to three
-/// edges of any direction, as those of a triclinic cell.
+/// The space of the spheres: along each axis unbounded or periodic with some length, or a triclinic cell with up to three
+/// cell vectors.
 ///
-/// In a periodic space every sphere has images, one length apart, and two spheres are as far apart as their nearest
-/// images: along a periodic axis of length `L` a difference `d` of coordinates counts as `d − L·round(d/L)`. Two
-/// spheres are a pair once if that distance is at most their reach, however many of their images are; a sphere never
-/// pairs with an image of its own. This holds for any radii, those larger than the box included.
-///
-/// The same holds of sheared spaces, where images are whole numbers of edges apart. The nearest ones are found whatever
-/// the edges, also where tilts are longer than half an edge.
-///
-/// Only differences count, so it does not matter where the box begins, and coordinates may lie outside it, as those
-/// of a simulator that unwraps trajectories do.
+/// In a periodic space, the distance of two spheres is that of their minimum images: along a periodic axis of length `L`, a
+/// difference `d` of coordinates counts as `d − L·round(d/L)`. Two spheres are a pair once if that distance is at most their
+/// cutoff, however many of their images are; a sphere never pairs with its own image. This holds for any radii, also for
+/// those larger than the box.
+/// In a triclinic cell, images are at integer multiples of the cell vectors. The minimum image is found at any tilt, also
+/// if tilts are longer than half a cell vector.
+/// Only differences of coordinates count: the box may begin anywhere, and coordinates may lie outside of it, such as those
+/// of unwrapped trajectories.
 ///
 /// ```
 /// # use lazygrid_kernels::Space;
 /// let slab = Space::periodic([Some(10.0), Some(10.0), None])?;
 /// assert_eq!(slab.distance_squared([0.5, 0.0, 0.0].into(), [9.5, 0.0, 3.0].into()), 1.0 + 9.0);
 ///
-/// // A box of 10 × 10 × 10 that leans by 4 along x for every 10 along y.
-/// let edges = [[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
-/// let leaning = Space::triclinic(edges.map(|edge| Some(edge.into())))?;
-/// assert_eq!(leaning.distance_squared([1.0, 0.5, 0.0].into(), [5.0, 9.5, 0.0].into()), 1.0);
+/// A box of 10 × 10 × 10 that is tilted by 4 along x for every 10 along y.
+/// let vectors = [[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
+/// let tilted = Space::triclinic(vectors.map(|vector| Some(vector.into())))?;
+/// assert_eq!(tilted.distance_squared([1.0, 0.5, 0.0].into(), [5.0, 9.5, 0.0].into()), 1.0);
 /// # Ok::<(), lazygrid_kernels::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,10 +36,11 @@ impl Space {
     /// Unbounded along all axes.
     pub const UNBOUNDED: Self = Self { lengths: [None; 3], triclinic: None };
 
-    /// Periodic along those of the axes `x`, `y`, `z` that have a length, in the length unit of the spheres.
+    /// Creates a space that is periodic along those of the axes `x`, `y`, `z` that have a length, in the length unit of the
+    /// spheres.
     ///
     /// # Errors
-    /// [`InputError::PeriodicLength`] for a length that is not finite or not above zero.
+    /// Returns [`InputError::PeriodicLength`] for a length that is not finite or not above zero.
     pub fn periodic(lengths: [Option<f64>; 3]) -> Result<Self, InputError> {
         for (axis, length) in ['x', 'y', 'z'].into_iter().zip(lengths) {
             if let Some(length) = length.filter(|length| !(length.is_finite() && *length > 0.0)) {
@@ -51,21 +50,20 @@ impl Space {
         Ok(Self { lengths, triclinic: None })
     }
 
-    /// The same of lengths that are known to be valid.
+    /// Creates a periodic space with valid lengths.
     pub(crate) fn of_lengths(lengths: [Option<f32>; 3]) -> Self {
         Self { lengths: lengths.map(|length| length.map(f64::from)), triclinic: None }
     }
 
-    /// Periodic along up to three edges, which may have any direction, in the length unit of the spheres. It repeats along
-    /// those that are given; the others, and where the box begins, make no difference.
-    ///
-    /// The box that LAMMPS writes as lengths `lx, ly, lz` and tilts `xy, xz, yz` has the edges `(lx, 0, 0)`, `(xy, ly, 0)`
-    /// and `(xz, yz, lz)`; the cell of ASE has its rows as edges, of which those count that `pbc` names. Where every edge
-    /// lies along an axis of its own, the space is that of [`periodic`](Self::periodic).
+    /// Creates a space that is periodic along up to three cell vectors of any direction, in the length unit of the spheres. Space
+    /// is not periodic along an omitted vector.
+    /// The box that LAMMPS writes as lengths `lx, ly, lz` and tilts `xy, xz, yz` has the cell vectors `(lx, 0, 0)`,
+    /// `(xy, ly, 0)` and `(xz, yz, lz)`. A cell of ASE has its rows as cell vectors; omit those that `pbc` denies. If each cell
+    /// vector lies along an axis of its own, the space is that of [`periodic`](Self::periodic).
     ///
     /// # Errors
-    /// [`InputError::CellVectors`] for edges that are not finite, zero, or so nearly in one line or plane that the box is thinner
-    /// than 2⁻²⁴ of its longest edge; also for boxes thinner than what `f32` can hold.
+    /// Returns [`InputError::CellVectors`] if vectors are not finite, zero, or so nearly in one line or plane that the box is
+    /// thinner than 2⁻²⁴ of its longest vector, or thinner than `f32` can represent.
     pub fn triclinic(cell_vectors: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
         if let Some(lengths) = along_axes(&cell_vectors) {
             return Self::periodic(lengths);
@@ -77,33 +75,32 @@ impl Space {
         })
     }
 
-    /// The length of each periodic axis; of a [sheared](Self::triclinic) space the length of each edge.
+    /// Returns the length of each periodic axis; for a [triclinic](Self::triclinic) cell, the length of each cell vector.
     pub fn lengths(&self) -> [Option<f64>; 3] {
         self.lengths
     }
 
-    /// The lengths rounded to `f32`; exact if the space [is narrow](Self::is_narrow).
+    /// Returns the lengths rounded to `f32`; exact if the space [is narrow](Self::is_narrow).
     pub fn lengths_f32(&self) -> [Option<f32>; 3] {
         self.lengths.map(|length| length.map(|length| length as f32))
     }
 
-    /// The same space in a unit that is `1 / scale` of this one's.
+    /// Returns the space in a unit that is `1 / scale` of this one's.
     pub(crate) fn scaled(&self, scale: f64) -> Self {
         let lengths = self.lengths.map(|length| length.map(|length| length * scale));
         Self { lengths, triclinic: self.triclinic.map(|cell| cell.scaled(scale)) }
     }
 
-    /// Returns `true` if all lengths are `f32` numbers, as those of a space must be in which `f32` spheres are searched
-    /// where they are.
+    /// Returns `true` if all lengths are `f32` numbers. Otherwise, `f32` spheres cannot be searched without conversion.
     pub fn is_narrow(&self) -> bool {
         match &self.triclinic {
             None => self.lengths.iter().flatten().all(|&length| f64::from(length as f32) == length),
-            // Pairs are decided on in `f64`, whatever the numbers of the edges.
+            // The exact test is in `f64` for any cell vectors.
             Some(cell) => cell.is_narrow(),
         }
     }
 
-    /// The edges along which space repeats.
+    /// Returns the cell vectors along which space is periodic.
     pub fn cell_vectors(&self) -> [Option<[f64; 3]>; 3] {
         match &self.triclinic {
             Some(cell) => cell.vectors(),
@@ -113,7 +110,7 @@ impl Space {
         }
     }
 
-    /// What is to be known of the edges where not all lie along the axes.
+    /// Returns the triclinic cell, if not all cell vectors lie along the axes.
     pub fn triclinic_cell(&self) -> Option<&TriclinicCell> {
         self.triclinic.as_ref()
     }
@@ -123,10 +120,10 @@ impl Space {
         self.lengths != [None; 3]
     }
 
-    /// The image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and `L/2`.
+    /// Returns the image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and `L/2`.
     ///
-    /// Exact: the result is a whole number of lengths away, and `f32` can always represent it. Coordinates that are
-    /// not finite give NaN. In a sheared space it is the image with at most half of each edge of a reduced box, rounded.
+    /// Exact: the result is an integer number of lengths away, and `f32` can represent it. Coordinates that are not finite give
+    /// NaN. In a triclinic cell, the result is the image with at most half of each vector of the reduced basis, rounded.
     pub fn wrap(&self, point: Vec3) -> Vec3 {
         if let Some(cell) = &self.triclinic {
             let (_, [x, y, z]) = cell.minimum_image(point.as_dvec3().to_array());
@@ -141,9 +138,9 @@ impl Space {
         wrapped
     }
 
-    /// The squared distance of the nearest images of two points, as the exact test of the CPU path takes it. In a sheared
-    /// space differences of coordinates are folded in `f64`, which for points up to 2²⁰ boxes away is as exact as their
-    /// coordinates are.
+    /// Returns the squared distance of the minimum images of two points, as the exact test of the CPU path computes it. In a
+    /// triclinic cell, differences of coordinates are wrapped in `f64`, which is as exact as the coordinates for points up to
+    /// 2²⁰ boxes away.
     pub fn distance_squared(&self, a: Vec3, b: Vec3) -> f64 {
         if self.triclinic.is_some() || !self.is_narrow() {
             let [x, y, z] = self.minimum_image(a.as_dvec3().to_array(), b.as_dvec3().to_array()).vector;
@@ -162,7 +159,7 @@ impl Space {
     }
 }
 
-/// The length of each axis, where every edge lies along one of its own.
+/// Returns the length of each axis if each cell vector lies along an axis of its own.
 fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     let mut lengths = [None; 3];
     for edge in edges.iter().flatten() {
@@ -176,18 +173,18 @@ fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     Some(lengths)
 }
 
-/// The remainder of `x` of least magnitude.
-///
-/// Why nothing is rounded: a remainder is a multiple of the last place of `length`, or half of that where `x` is less
-/// than `length`, and at most half of `length`, so 24 bits hold it; the whole part and its product with `length` fit
+/// Returns the remainder of `x` of least magnitude.
+/// # Correctness
+/// Nothing is rounded. A remainder is a multiple of the last place of `length`, or half of that if `x` is less than
+/// `length`, and it is at most half of `length`, so that 24 bits hold it. The integer part and its product with `length` fit
 /// the 53 bits of `f64`.
 #[inline(always)]
 fn wrap(x: f32, length: f32) -> f32 {
-    /// Below so many lengths the whole part, off by rounding only next to a tie, gives the exact remainder.
+    /// Below this number of lengths, the integer part gives the exact remainder: it is wrong only next to a tie.
     const NEAR: f64 = (1 << 20) as f64;
     let lengths = f64::from(x) / f64::from(length);
     if lengths.abs() < NEAR {
-        // Not `round`, which is a call where the target lacks it.
+        // `round` is a function call on targets without the instruction.
         let whole = (lengths + 0.5_f64.copysign(lengths)) as i32;
         return (f64::from(x) - f64::from(whole) * f64::from(length)) as f32;
     }
@@ -202,7 +199,7 @@ fn wrap(x: f32, length: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// In units so small that every value is a whole number of them.
+    /// Returns the value in units of 2⁻⁶⁰, of which every tested value is a multiple.
     fn whole(x: f32) -> i128 {
         (f64::from(x) * (1_u64 << 60) as f64) as i128
     }
@@ -239,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn extremes() {
+    fn wrapping_handles_extreme_values() {
         let tiny = f32::from_bits(1);
         assert_eq!(wrap(f32::MAX, f32::MAX), 0.0);
         assert_eq!(wrap(f32::MAX / 2.0, f32::MAX).abs(), f32::MAX / 2.0);
@@ -251,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_that_are_none_are_refused_by_axis() {
+    fn invalid_length_is_refused_with_its_axis() {
         for length in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let Err(InputError::PeriodicLength { axis, .. }) =
                 Space::periodic([None, Some(length), Some(0.0)])

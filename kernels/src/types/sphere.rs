@@ -4,24 +4,24 @@ use glam::Vec3;
 use super::real::{Radii, Real, Strided, Wide};
 use crate::InputError;
 
-/// The most spheres one call can name: indices are `u32` and the last two values are reserved.
+/// The most spheres of one call: indices are `u32`, and the last two values are reserved.
 pub const MAX_SPHERES: u64 = u32::MAX as u64 - 1;
 
-/// A sphere: centre and radius in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
+/// A sphere: center and radius in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
 ///
-/// Any finite centre is allowed, anywhere in space. Radius 0 is a point; a negative, infinite or NaN radius
-/// and a centre that is not finite are refused by the detectors.
+/// Any finite center is allowed, anywhere in space. Radius 0 is a point. Detectors reject a negative, infinite or NaN radius
+/// and a center that is not finite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Sphere {
-    /// Centre.
+    /// Center.
     pub center: Vec3,
     /// Radius, ≥ 0.
     pub radius: f32,
 }
 
 impl Sphere {
-    /// A sphere from anything that converts to a vector, such as `[x, y, z]`.
+    /// Creates a sphere from anything that converts to a vector, such as `[x, y, z]`.
     pub fn new(center: impl Into<Vec3>, radius: f32) -> Self {
         Self { center: center.into(), radius }
     }
@@ -63,17 +63,17 @@ enum Layout<'a> {
 }
 
 impl<'a> Spheres<'a> {
-    /// The group of spheres that are in none: see [`with_groups`](Self::with_groups).
+    /// The group of spheres without a group: see [`with_groups`](Self::with_groups).
     pub const NO_GROUP: u32 = u32::MAX;
 
     fn of(layout: Layout<'a>) -> Self {
         Self { layout, species: None, groups: None }
     }
 
-    /// Spheres stored as structure of arrays: `x`, `y`, `z` and `r`, all of one length.
+    /// Borrows spheres stored as structure of arrays: `x`, `y`, `z` and `r`, all of one length.
     ///
     /// # Errors
-    /// [`InputError::Lengths`] where the lengths differ.
+    /// Returns [`InputError::Lengths`] if the lengths differ.
     pub fn columns<T: Real>(x: &'a [T], y: &'a [T], z: &'a [T], r: &'a [T]) -> Result<Self, InputError> {
         for (what, column) in [("y", y), ("z", z), ("r", r)] {
             if column.len() != x.len() {
@@ -87,15 +87,15 @@ impl<'a> Spheres<'a> {
         }))
     }
 
-    /// Points with one radius for all, or one each.
+    /// Borrows points, with one radius for all, or one each.
     ///
     /// # Errors
-    /// [`InputError::Lengths`] unless there is one radius per point.
+    /// Returns [`InputError::Lengths`] unless there is one radius per point.
     pub fn points<T: Real>(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
         Ok(Self::strided(Strided::of_points(centers, radii)?))
     }
 
-    /// Spheres in strided memory.
+    /// Borrows spheres in strided memory.
     pub fn strided<T: Real>(strided: Strided<'a, T>) -> Self {
         Self::of(Layout::Wide(T::wide(strided)))
     }
@@ -103,7 +103,7 @@ impl<'a> Spheres<'a> {
     /// Adds a species id per sphere, for [`Interactions`](crate::Interactions).
     ///
     /// # Errors
-    /// [`InputError::Lengths`] if there is not one id per sphere.
+    /// Returns [`InputError::Lengths`] unless there is one id per sphere.
     pub fn with_species(mut self, species: &'a [u32]) -> Result<Self, InputError> {
         if species.len() != self.len() {
             let (length, expected) = (species.len(), self.len());
@@ -113,11 +113,11 @@ impl<'a> Spheres<'a> {
         Ok(self)
     }
 
-    /// Adds a group per sphere: a molecule, a rigid body. Two spheres of one group are never a pair, but for those of
-    /// [`NO_GROUP`](Self::NO_GROUP). In a search between two sets groups of both are the same where their numbers are.
+    /// Adds a group per sphere, such as a molecule or a rigid body. Two spheres of one group are never a pair, except those of
+    /// [`NO_GROUP`](Self::NO_GROUP). With two sets, equal numbers mean the same group in both.
     ///
     /// # Errors
-    /// [`InputError::Lengths`] if there is not one group per sphere.
+    /// Returns [`InputError::Lengths`] unless there is one group per sphere.
     pub fn with_groups(mut self, groups: &'a [u32]) -> Result<Self, InputError> {
         if groups.len() != self.len() {
             let (length, expected) = (groups.len(), self.len());
@@ -127,7 +127,7 @@ impl<'a> Spheres<'a> {
         Ok(self)
     }
 
-    /// The number of spheres.
+    /// Returns the number of spheres.
     #[inline]
     pub fn len(&self) -> usize {
         match self.layout {
@@ -142,10 +142,10 @@ impl<'a> Spheres<'a> {
         self.len() == 0
     }
 
-    /// Sphere `i`, rounded to `f32`: see [`get_f64`](Self::get_f64).
+    /// Returns sphere `i`, rounded to `f32`: see [`get_f64`](Self::get_f64).
     ///
     /// # Panics
-    /// If `i` is not below [`len`](Self::len), as indexing a slice does.
+    /// Panics if `i` is not below [`len`](Self::len), as indexing a slice does.
     #[inline]
     pub fn get(&self, i: usize) -> Sphere {
         match self.layout {
@@ -155,10 +155,10 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// The numbers `x, y, z, r` of sphere `i` as given.
+    /// Returns the numbers `x, y, z, r` of sphere `i` as given.
     ///
     /// # Panics
-    /// The same as [`get`](Self::get).
+    /// Panics if `i` is not below [`len`](Self::len).
     #[inline]
     pub fn get_f64(&self, i: usize) -> [f64; 4] {
         match self.layout {
@@ -170,10 +170,10 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Writes the numbers of the spheres from `from` on, as many as there is room for.
+    /// Copies the spheres at or above `from` into `into`, until it is full.
     ///
     /// # Panics
-    /// If there are fewer spheres.
+    /// Panics if fewer spheres remain.
     #[inline]
     pub fn read(&self, from: usize, into: &mut [[f64; 4]]) {
         match self.layout {
@@ -195,12 +195,12 @@ impl<'a> Spheres<'a> {
         matches!(self.layout, Layout::Wide(Wide::F64(_)))
     }
 
-    /// Returns `true` if the spheres lie in memory as rows or columns of `f32`, as searches read them.
+    /// Returns `true` if the spheres are stored as rows or columns of `f32`, as searches read them.
     pub fn is_narrow(&self) -> bool {
         !matches!(self.layout, Layout::Wide(_))
     }
 
-    /// The spheres as one slice where they are stored as rows.
+    /// Returns the spheres as one slice if they are stored as rows.
     #[inline]
     pub fn as_rows(&self) -> Option<&'a [Sphere]> {
         match self.layout {
@@ -209,30 +209,30 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// The species ids, if any were given.
+    /// Returns the species ids, if any were given.
     #[inline]
     pub fn species(&self) -> Option<&'a [u32]> {
         self.species
     }
 
-    /// The groups, if any were given.
+    /// Returns the groups, if any were given.
     #[inline]
     pub fn groups(&self) -> Option<&'a [u32]> {
         self.groups
     }
 
-    /// The same spheres without groups.
+    /// Returns the spheres without groups.
     pub fn without_groups(self) -> Self {
         Self { groups: None, ..self }
     }
 
-    /// All spheres in order.
+    /// Returns all spheres in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Sphere> + '_ {
         (0..self.len()).map(|i| self.get(i))
     }
 }
 
-/// Sphere `i`, rounded. Kept out of line: searches read rows and columns, whose loops it would make longer.
+/// Returns sphere `i`, rounded. Never inlined: it would lengthen the loops of searches, which read rows and columns.
 #[cold]
 #[inline(never)]
 fn rounded(wide: &Wide<'_>, i: usize) -> Sphere {

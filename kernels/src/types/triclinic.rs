@@ -1,57 +1,52 @@
-//! Spaces that repeat along edges which are not the axes: how far apart nearest images are, and the space with
-//! orthogonal edges in which the pairs of such a space are looked for.
+//! Triclinic cells: the minimum image in a tilted periodic box, and the orthogonal space in which its pairs are searched.
 
 use glam::{DVec3, Vec3};
 
 use super::lattice::Lattice;
 use crate::{InputError, Space, Sphere};
 
-/// How much thinner than its longest edge a box may be: less, and `f64` would no longer tell its images apart.
+/// The thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
-/// Swaps and steps of the reduction at most. Boxes that are no thinner than allowed take some hundreds.
+/// The most steps and swaps of the lattice reduction. Boxes of the allowed thickness take some hundreds.
 const MAX_REDUCTION_STEPS: usize = 1 << 16;
-/// Steps in which a vector is folded: each leaves about 2⁻⁵⁰ of what it had.
+/// The most steps that wrap a vector: each leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
-/// What a swap of the reduction has to gain, so that rounding cannot make it go round for ever.
+/// The gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
 const LLL_DELTA: f64 = 0.99;
-/// The part of its coordinates by which a straightened sphere grows: four times what rounding them to `f32` takes, on
-/// three axes.
+/// The growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three axes.
 const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
-/// From how many lengths away on the roundings of `f64` count as well: there they come to as much as those of `f32`.
+/// The inverse of the number of lengths at which the rounding of `f64` reaches that of `f32`.
 const FAR: f64 = 1.0 / (1 << 20) as f64;
-/// What the reach of straightened spheres has to spare: more than the 5 ulp of its square that a GPU may be wrong by.
+/// The growth of orthogonalized radii: more than the 5 ulp of the squared cutoff that a GPU may be wrong by.
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
-/// The edges of a space that are not all along axes.
-///
-/// All images of a sphere are at whole numbers of *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and
-/// Lovász), so that its vectors are about as short, and as orthogonal, as those images allow, however far the edges
-/// lean.
+/// The cell of a space whose cell vectors are not all along axes.
+/// All images of a sphere are at integer multiples of *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and
+/// Lovász), so that its vectors are nearly as short and orthogonal as the images allow, at any tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
-    /// The number of vectors.
+    /// The number of cell vectors.
     rank: usize,
-    /// A power of two by which numbers are multiplied before they meet the basis, so that no product overflows.
+    /// A power of two that scales lengths before they meet the basis, so that no product overflows.
     unit: f64,
-    /// As many vectors, and behind them such of length 1 that are orthogonal to all before.
+    /// The reduced vectors, and after them unit vectors that are orthogonal to all before.
     basis: [DVec3; 3],
-    /// How many of each edge the vectors of the basis are.
+    /// The multiple of each cell vector in each basis vector.
     turns: [[f64; 3]; 3],
-    /// What is orthogonal in each vector to those before it, divided by its squared length.
+    /// The part of each basis vector that is orthogonal to those before it, divided by its squared length.
     steps: [DVec3; 3],
-    /// The fractions of the basis that a vector has: rows of the inverse.
+    /// The rows of the inverse of the basis: they give the fractions of a vector.
     inverse: [DVec3; 3],
-    /// `true` if its straight coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Asked in every call, so found
-    /// once.
+    /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Read in every call, hence stored.
     is_narrow: bool,
 }
 
 impl TriclinicCell {
-    /// The shear of these vectors.
+    /// Creates the cell with these vectors.
     ///
     /// # Errors
-    /// [`InputError::CellVectors`] for edges that are not finite, or span a box far thinner than it is long.
+    /// Returns [`InputError::CellVectors`] if the vectors are not finite, or span a box far thinner than it is long.
     pub(crate) fn new(vectors: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
         let refused = || InputError::CellVectors { vectors: Box::new(vectors) };
         let largest = vectors.iter().flatten().flatten().fold(0.0_f64, |most, number| most.max(number.abs()));
@@ -82,15 +77,15 @@ impl TriclinicCell {
         Ok(cell)
     }
 
-    /// The edges as they were given.
+    /// Returns the cell vectors as they were given.
     pub(crate) fn vectors(&self) -> [Option<[f64; 3]>; 3] {
         self.vectors
     }
 
-    /// The orthogonal space with straight coordinates of this scale.
+    /// Returns the map to the orthogonal space at this scale.
     pub fn orthogonal_space(&self, scale: f64) -> Orthogonalization {
         let heights = heights(&self.inverse);
-        // In a unit that is a power of two too, so that nothing is rounded twice.
+        // In a unit that is a power of two as well, so that nothing is rounded twice.
         let factor = scale / self.unit;
         let lengths = [0, 1, 2].map(|k| match k < self.rank {
             true => f64::from(((heights[k] * factor) as f32).max(f32::MIN_POSITIVE)),
@@ -101,28 +96,28 @@ impl TriclinicCell {
         Orthogonalization { rank: self.rank, unit: self.unit, inverse: self.inverse, lengths, stretch }
     }
 
-    /// The same edges in a unit that is `1 / scale` of this one's.
+    /// Returns the cell in a unit that is `1 / scale` of this one's.
     pub(crate) fn scaled(self, scale: f64) -> Self {
         let vectors = self.vectors.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
         Self { vectors, unit: self.unit / scale, ..self }
     }
 
-    /// Returns `true` if `f32` spheres can be searched in its straight coordinates at [`Orthogonalization::SCALE`].
+    /// Returns `true` if `f32` spheres can be searched in orthogonalized coordinates at [`Orthogonalization::SCALE`].
     pub(crate) fn is_narrow(&self) -> bool {
         self.is_narrow
     }
 
-    /// The reduced basis as a lattice.
+    /// Returns the reduced basis as a lattice.
     pub(crate) fn lattice(&self) -> Lattice {
         let mut basis = self.basis;
         for (vector, turns) in basis.iter_mut().zip(&self.turns).take(self.rank) {
-            // Without the roundings of the reduction.
+            // Without the rounding of the reduction.
             *vector = DVec3::from(shifted([0.0; 3], *turns, &self.vectors)) * self.unit;
         }
         Lattice::from_parts(self.rank, self.unit, basis, self.turns)
     }
 
-    /// The longest edge.
+    /// Returns the length of the longest cell vector.
     pub fn longest(&self) -> f64 {
         self.vectors
             .iter()
@@ -132,23 +127,23 @@ impl TriclinicCell {
             / self.unit
     }
 
-    /// The number of vectors.
+    /// Returns the number of cell vectors.
     pub fn rank(&self) -> usize {
         self.rank
     }
 
-    /// The numbers of edges that, added to a vector, give its nearest image, and that image.
-    ///
-    /// Why nine images are enough: a vector that has at most half of each basis vector is at most
-    /// `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for the nearest image, where `rₖ` is the part of the `k`-th basis
-    /// vector that is orthogonal to those before it. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`, and only
-    /// −1, 0 and 1 times the third vector can lead there from at most half of it. In each of these three planes the
-    /// same holds of the second vector, and along the first one the nearest image is found by rounding.
+    /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image.
+    /// # Correctness
+    /// 1. A vector with at most half of each basis vector is at most `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for the
+    ///    minimum image. `rₖ` is the part of the `k`-th basis vector that is orthogonal to those before it.
+    /// 2. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`.
+    /// 3. Hence only −1, 0 and 1 times the third vector can lead there from at most half of it.
+    /// 4. In each of these three planes the same holds for the second vector. Along the first one, rounding finds the image.
     pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let scaled = DVec3::from(vector) * self.unit;
         let mut counts = [0.0; 3];
         let mut apart = scaled;
-        // Far away the first division leaves more than half of a vector.
+        // Far away, the first division leaves more than half of a vector.
         for _ in 0..MAX_WRAP_STEPS {
             let parts =
                 [0, 1, 2].map(|k| if k < self.rank { -self.inverse[k].dot(apart).round() } else { 0.0 });
@@ -170,7 +165,7 @@ impl TriclinicCell {
         best.map_or(([0.0; 3], vector), |(_, shift, image)| (shift, image))
     }
 
-    /// The numbers of basis vectors of the images that may be nearest, from a folded vector.
+    /// Returns the multiples of the basis vectors of the candidates for the minimum image of a wrapped vector.
     fn images(&self, apart: DVec3, counts: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
         let Self { basis: [_, second, third], steps, rank, .. } = *self;
         let (planes, lines) = (rank > 2, rank > 1);
@@ -186,7 +181,8 @@ impl TriclinicCell {
         })
     }
 
-    /// The image of a vector by numbers of basis vectors: the numbers of vectors, and `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    /// Returns the image of a vector at these multiples of the basis vectors: the multiples `S` of the cell vectors, and
+    /// `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
     fn image(&self, vector: [f64; 3], counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut shift = [0.0; 3];
         for (count, turns) in counts.iter().zip(&self.turns) {
@@ -196,10 +192,10 @@ impl TriclinicCell {
     }
 }
 
-/// `vector + (S₁e₁ + S₂e₂ + S₃e₃)`, component by component from left to right, never fused. What decides on pairs.
-pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], edges: &[Option<[f64; 3]>; 3]) -> [f64; 3] {
+/// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)`, component by component from left to right, never fused: part of the exact test.
+pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], vectors: &[Option<[f64; 3]>; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| {
-        let terms = [0, 1, 2].map(|k| edges[k].map(|edge| shift[k] * edge[axis]));
+        let terms = [0, 1, 2].map(|k| vectors[k].map(|vector| shift[k] * vector[axis]));
         match terms.into_iter().flatten().reduce(|sum, term| sum + term) {
             Some(sum) => vector[axis] + sum,
             None => vector[axis],
@@ -211,7 +207,7 @@ pub(crate) fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
     basis[0] * counts[0] + basis[1] * counts[1] + basis[2] * counts[2]
 }
 
-/// The largest power of two not above a positive number.
+/// Returns the largest power of two that is at most `number`, which is positive.
 pub(crate) fn power_of_two_below(number: f64) -> f64 {
     const FRACTION: u64 = (1 << 52) - 1;
     if number < f64::MIN_POSITIVE {
@@ -220,25 +216,24 @@ pub(crate) fn power_of_two_below(number: f64) -> f64 {
     f64::from_bits(number.to_bits() & !FRACTION)
 }
 
-/// Straight coordinates: the distances from the planes that two of the basis vectors span. In them space repeats along the
-/// axes, and two spheres are nowhere farther apart than `stretch` times their distance.
+/// The map from a triclinic cell to orthogonalized coordinates: the distances from the planes that pairs of basis vectors
+/// span. In them space is periodic along the axes, and no distance grows by more than the factor `stretch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthogonalization {
     rank: usize,
     unit: f64,
     inverse: [DVec3; 3],
-    /// How long each axis is, an `f32` number; for one that does not repeat, its scale.
+    /// The length of each axis, an `f32` number; for an axis that is not periodic, its scale.
     lengths: [f64; 3],
-    /// How much longer than in space a straight distance may be.
+    /// The largest factor by which a distance grows.
     stretch: f64,
 }
 
 impl Orthogonalization {
-    /// The scale of straight coordinates of `f32` spheres, which are up to √3 times as far apart: so that none exceeds what
-    /// `f32` holds.
+    /// The scale of orthogonalized coordinates of `f32` spheres. Distances grow by up to √3, and none may exceed `f32`.
     pub const SCALE: f64 = 0.25;
 
-    /// The space of these coordinates.
+    /// Returns the space of these coordinates.
     pub fn space(&self) -> Space {
         let length = |k: usize| (k < self.rank).then_some(self.lengths[k] as f32);
         Space::of_lengths([0, 1, 2].map(length))
@@ -250,14 +245,14 @@ impl Orthogonalization {
         self.lengths[..self.rank].iter().all(is_normal)
     }
 
-    /// A valid sphere in straight coordinates, as its image nearest to the origin. Any two spheres whose nearest images touch
-    /// touch there too: radii grow by the stretch, and by more than coordinates lose to rounding. By how much hardly
-    /// depends on where the sphere is, so that one that moves keeps its radius. A radius above `limit` is cut there; it must
-    /// be so large that the sphere touches all others.
+    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Any two spheres whose minimum images touch
+    /// also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That growth hardly depends on
+    /// the position, so that a moving sphere keeps its radius. A radius above `limit` becomes `limit`, which must be large enough
+    /// that the sphere touches all others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
-        let mut straight = Vec3::ZERO;
-        // The length scale of all roundings: that of the box, or where the sphere is far away, more.
+        let mut orthogonal = Vec3::ZERO;
+        // The length scale of all rounding: that of the box, or more if the sphere is far away.
         let mut scale = 0.0_f64;
         for k in 0..3 {
             let length = self.lengths[k];
@@ -265,14 +260,14 @@ impl Orthogonalization {
             let from_origin = length * self.inverse[k].abs().dot(center.abs());
             if k < self.rank {
                 let half = 0.5 * length as f32;
-                straight[k] = ((length * (part - part.round())) as f32).clamp(-half, half);
+                orthogonal[k] = ((length * (part - part.round())) as f32).clamp(-half, half);
                 scale = scale.max(length);
             } else {
-                straight[k] = (length * part) as f32;
+                orthogonal[k] = (length * part) as f32;
             }
             scale = scale.max(if k < self.rank { FAR * from_origin } else { from_origin });
         }
-        if !(scale.is_finite() && straight.is_finite()) {
+        if !(scale.is_finite() && orthogonal.is_finite()) {
             return Sphere { center: Vec3::ZERO, radius: limit as f32 };
         }
         let base = self.lengths[..self.rank].iter().fold(0.0, |longest, &length| length.max(longest));
@@ -281,16 +276,16 @@ impl Orthogonalization {
             rounding *= 16.0;
         }
         let radius = (self.stretch * radius + ROUNDING * rounding) * REACH_MARGIN;
-        Sphere { center: straight, radius: (radius.min(limit) as f32).next_up() }
+        Sphere { center: orthogonal, radius: (radius.min(limit) as f32).next_up() }
     }
 }
 
-/// What to try of a basis vector.
+/// Returns the multiples of a basis vector that may lead to the minimum image.
 fn image_offsets(is_there: bool) -> std::slice::Iter<'static, f64> {
     if is_there { [-1.0, 0.0, 1.0].iter() } else { [0.0].iter() }
 }
 
-/// The part of a vector that is orthogonal to those before it.
+/// Returns the part of a vector that is orthogonal to those before it.
 fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
     let mut rest = basis[k];
     for before in 0..k {
@@ -300,7 +295,7 @@ fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
     rest
 }
 
-/// Replaces vectors by shorter ones that lead to the same images. `turns` says how many of each edge they are.
+/// Reduces the basis without changing the images. `turns` has the multiple of each cell vector in each basis vector.
 fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
     let mut k = 1;
     for _ in 0..MAX_REDUCTION_STEPS {
@@ -327,7 +322,7 @@ fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
     }
 }
 
-/// The same with vectors of length 1, orthogonal to the first `rank` and to each other, in place of those behind.
+/// Completes the first `rank` vectors by unit vectors that are orthogonal to them and to each other.
 fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
     match rank {
         1 => (basis[1], basis[2]) = basis[0].normalize().any_orthonormal_pair(),
@@ -337,20 +332,20 @@ fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
     basis
 }
 
-/// The rows of the inverse of the matrix that has these columns.
+/// Returns the rows of the inverse of the matrix with these columns.
 pub(crate) fn inverse([a, b, c]: &[DVec3; 3]) -> [DVec3; 3] {
     let volume = a.dot(b.cross(*c));
     [b.cross(*c) / volume, c.cross(*a) / volume, a.cross(*b) / volume]
 }
 
-/// How far apart the planes are that two of the vectors span and their images.
+/// Returns the distances between neighboring images of the planes that two of the vectors span.
 fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
     inverse.map(|row| row.length().recip())
 }
 
-/// No vector becomes longer by more than this factor when it is multiplied with a matrix of these rows: the largest
-/// singular value, rounded up. With `n` of them, the `p`-th power of a symmetric matrix has a trace between the `p`-th
-/// power of its largest eigenvalue and `n` times as much.
+/// Returns an upper bound of the factor by which a matrix with these rows lengthens a vector: the largest singular value,
+/// rounded up. With `n` rows, the trace of the `p`-th power of a symmetric matrix lies between the `p`-th power of its
+/// largest eigenvalue and `n` times as much.
 fn norm_bound(rows: [DVec3; 3]) -> f64 {
     const DOUBLINGS: i32 = 10;
     let mut products = glam::DMat3::from_cols(rows[0], rows[1], rows[2]);

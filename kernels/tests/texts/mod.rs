@@ -1,5 +1,4 @@
-//! Every WGSL text there is: of this crate in every variant, and of the simulator, whose crate no test of this one can
-//! use.
+//! All WGSL texts: of this crate in every variant, and of the simulator, on which tests of this crate cannot depend.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,13 +8,13 @@ use lazygrid_kernels::wgsl;
 
 /// The whole text of one kernel in one variant.
 pub(crate) struct Text {
-    /// What tells it from all others; fit for the name of a file.
+    /// A unique name that suits a file.
     pub(crate) name: String,
-    /// As `write` gave it.
+    /// The text that `write` returned.
     pub(crate) wgsl: String,
 }
 
-/// The texts of this crate, as `write` gives them, then those of the simulator.
+/// Returns the texts of this crate, as `write` returns them, and those of the simulator.
 pub(crate) fn all(write: fn(&Kernel, Variant) -> String) -> Vec<Text> {
     let own = KERNELS.into_iter().flat_map(|kernel| {
         let text = move |variant| Text { name: name_of(kernel, variant), wgsl: write(kernel, variant) };

@@ -32,7 +32,7 @@ pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
         let refused = |error: Error| {
             let Error::Input { rank, index, ref message } = error else { panic!("{error}") };
             assert_eq!((rank, index), (last, Some(3)));
-            assert!(message.starts_with("sphere 3 has centre (") && message.contains(shown), "{message}");
+            assert!(message.starts_with("sphere 3 has center (") && message.contains(shown), "{message}");
             assert!(message.contains("2 of "), "{message}");
             assert!(error.to_string().starts_with(&format!("rank {last}: sphere 3 has")));
         };

@@ -9,7 +9,7 @@
 //!    ([`Lattice::rounding`]), so that no pair is lost.
 //! 4. The decision uses the given numbers.
 
-use lazygrid_kernels::{Error, Folded, InputError, Lattice, MAX_SPHERES, Query, Spheres};
+use lazygrid_kernels::{Error, InputError, Lattice, MAX_SPHERES, Query, Spheres, WrappedPoint};
 
 use super::ContactTest;
 use crate::memory::{try_extend, try_push, try_resize};
@@ -29,7 +29,7 @@ pub struct PeriodicImages {
     /// The numbers of cell vectors subtracted from each sphere of the first set, and added to each image.
     folds: Vec<[f64; 3]>,
     shifts: Vec<[f64; 3]>,
-    folded: Vec<Folded>,
+    folded: Vec<WrappedPoint>,
     reaches: Vec<f64>,
     /// Steps to the images of one sphere, and their numbers of cell vectors.
     steps: Vec<([f64; 3], [f64; 3])>,
@@ -121,7 +121,7 @@ impl PeriodicImages {
         for (is_first, set) in [(true, query.first()), (false, second)] {
             for k in 0..set.len() {
                 let [x, y, z, _] = set.get_f64(k);
-                let folded = lattice.fold([x, y, z]);
+                let folded = lattice.wrap([x, y, z]);
                 spread.add(&folded, [x, y, z].map(|number| (number * lattice.unit()).abs()), is_first);
                 try_push(&mut self.folded, folded, "folded spheres")?;
                 if is_first {
@@ -192,7 +192,7 @@ impl Default for Spread {
 }
 
 impl Spread {
-    fn add(&mut self, folded: &Folded, point: [f64; 3], is_first: bool) {
+    fn add(&mut self, folded: &WrappedPoint, point: [f64; 3], is_first: bool) {
         self.extent = point.into_iter().fold(self.extent, f64::max);
         for axis in 0..3 {
             self.counts[axis] = self.counts[axis].max(folded.counts[axis].abs());
@@ -213,7 +213,7 @@ impl Spread {
     }
 
     /// The steps along each vector of the basis that lead to images within `reach` of the first set: first and last.
-    fn steps(&self, lattice: &Lattice, folded: &Folded, reach: f64) -> [[f64; 2]; 3] {
+    fn steps(&self, lattice: &Lattice, folded: &WrappedPoint, reach: f64) -> [[f64; 2]; 3] {
         let heights = lattice.heights();
         [0, 1, 2].map(|axis| {
             if axis >= lattice.rank() {

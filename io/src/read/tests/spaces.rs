@@ -100,7 +100,7 @@ fn refusals_name_line_and_remedy() {
         (
             "a.dump",
             flat,
-            "a.dump, line 5: the box cannot be periodic: the edges (10, 0, 0), (20, 0, 0), (0, 0, 9)",
+            "a.dump, line 5: the box cannot be periodic: the cell vectors (10, 0, 0), (20, 0, 0), (0, 0, 9)",
         ),
         (
             "a.dump",
