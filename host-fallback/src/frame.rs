@@ -25,9 +25,8 @@
 //! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the largest reach,
 //!    of which the decision's own rounding takes less than 2⁻⁴⁹.
 
-use std::ops::Range;
-
-use lazygrid_kernels::{Orthogonalization, Query, Space, Sphere, Spheres, TriclinicCell};
+use bytemuck::cast;
+use lazygrid_kernels::{Orthogonalization, Query, Space, Sphere, TriclinicCell};
 
 use crate::executor::Executor;
 
@@ -73,7 +72,8 @@ enum Axes {
 }
 
 impl Bounds {
-    const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], are_valid: true };
+    pub(crate) const EMPTY: Self =
+        Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], are_valid: true };
 
     /// Computes the bounds of all spheres of a query.
     pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
@@ -81,8 +81,15 @@ impl Bounds {
         sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
             let count = set.len();
             let piece = |bounds: Self, piece: usize| {
-                let range = piece * CHUNK_SPHERES..count.min((piece + 1) * CHUNK_SPHERES);
-                Ok(bounds.with_all(set, range))
+                let mut bounds = bounds;
+                let mut block = [[0.0; 4]; BLOCK_SPHERES];
+                let end = count.min((piece + 1) * CHUNK_SPHERES);
+                for from in (piece * CHUNK_SPHERES..end).step_by(BLOCK_SPHERES) {
+                    let block = &mut block[..BLOCK_SPHERES.min(end - from)];
+                    set.read(from, block);
+                    bounds.add(block);
+                }
+                Ok(bounds)
             };
             let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
             let pieces = (count.div_ceil(CHUNK_SPHERES), usize::MAX);
@@ -91,20 +98,17 @@ impl Bounds {
         })
     }
 
-    /// Adds the spheres of a range, in blocks that stay in the first-level cache.
-    fn with_all(mut self, set: Spheres<'_>, range: Range<usize>) -> Self {
-        let mut block = [[0.0; 4]; BLOCK_SPHERES];
+    /// Adds spheres.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, rows: &[[f64; 4]]) {
         let [mut min, mut max, mut zero] = [[f64::INFINITY; 4], [f64::NEG_INFINITY; 4], [0.0; 4]];
-        for from in range.clone().step_by(BLOCK_SPHERES) {
-            let block = &mut block[..BLOCK_SPHERES.min(range.end - from)];
-            set.read(from, block);
-            for numbers in block {
-                for (k, &number) in numbers.iter().enumerate() {
-                    min[k] = if number < min[k] { number } else { min[k] };
-                    max[k] = if number > max[k] { number } else { max[k] };
-                    // NaN after any number that is not finite.
-                    zero[k] += number * 0.0;
-                }
+        for row in rows {
+            // Each line compiles to one vector instruction.
+            for lane in 0..4 {
+                min[lane] = if row[lane] < min[lane] { row[lane] } else { min[lane] };
+                max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };
+                // NaN after any number that is not finite.
+                zero[lane] += row[lane] * 0.0;
             }
         }
         for axis in 0..3 {
@@ -112,10 +116,9 @@ impl Bounds {
             self.max[axis] = self.max[axis].max(max[axis]);
         }
         self.are_valid &= zero == [0.0; 4] && min[3] >= 0.0;
-        self
     }
 
-    fn merge(mut self, other: Self) -> Self {
+    pub(crate) fn merge(mut self, other: Self) -> Self {
         for axis in 0..3 {
             self.min[axis] = self.min[axis].min(other.min[axis]);
             self.max[axis] = self.max[axis].max(other.max[axis]);
@@ -135,31 +138,34 @@ impl Bounds {
 }
 
 impl SearchFrame {
-    /// Returns the frame of spheres within these bounds: the `last` one if they fill it, else a new one.
-    pub(crate) fn of(bounds: &Bounds, space: &Space, last: Option<SearchFrame>) -> Self {
-        let periodic =
-            space.triclinic_cell().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3]);
-        let size = |origin: &[f64; 3]| {
-            let free = |axis: &usize| {
-                !periodic[*axis] && space.triclinic_cell().is_none_or(|shear| shear.rank() < 3)
-            };
-            let extent = (0..3).filter(free).map(|axis| bounds.reach(axis, origin[axis])).fold(0.0, f64::max);
-            let spread =
-                (0..3).map(|axis| 0.5 * bounds.max[axis] - 0.5 * bounds.min[axis]).fold(0.0, f64::max);
-            let box_size = space.triclinic_cell().map_or(0.0, TriclinicCell::longest);
-            let lengths = space.lengths().into_iter().flatten().fold(box_size, f64::max);
-            let spread = if space.is_periodic() { 2.0 * MIN_SPREAD * spread } else { 0.0 };
-            extent.max(lengths).max(spread)
-        };
-        // Radii of `f64` spheres may be more than a narrow frame holds.
-        if let Some(last) = last.filter(|last| !last.is_narrow()) {
-            let filled = size(&last.origin) * last.scale;
-            if (MIN_FILLED..1.0).contains(&filled) {
-                return last;
-            }
-        }
+    /// Creates the frame of spheres within these bounds.
+    pub(crate) fn new(bounds: &Bounds, space: &Space) -> Self {
+        let periodic = Self::periodic_axes(space);
         let origin = [0, 1, 2].map(|axis| if periodic[axis] { 0.0 } else { bounds.middle(axis) });
-        Self::at(origin, scale_of(size(&origin)), space)
+        Self::at(origin, scale_of(Self::size(bounds, space, &origin)), space)
+    }
+
+    /// Returns `true` if the frame serves for spheres within these bounds, which fill it and do not exceed it.
+    pub(crate) fn fits(&self, bounds: &Bounds, space: &Space) -> bool {
+        (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
+    }
+
+    /// The axes along which coordinates are wrapped as given.
+    fn periodic_axes(space: &Space) -> [bool; 3] {
+        space.triclinic_cell().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3])
+    }
+
+    /// The size of a frame with this origin that holds spheres within these bounds.
+    fn size(bounds: &Bounds, space: &Space, origin: &[f64; 3]) -> f64 {
+        let periodic = Self::periodic_axes(space);
+        let free =
+            |axis: &usize| !periodic[*axis] && space.triclinic_cell().is_none_or(|cell| cell.rank() < 3);
+        let extent = (0..3).filter(free).map(|axis| bounds.reach(axis, origin[axis])).fold(0.0, f64::max);
+        let spread = (0..3).map(|axis| 0.5 * bounds.max[axis] - 0.5 * bounds.min[axis]).fold(0.0, f64::max);
+        let box_size = space.triclinic_cell().map_or(0.0, TriclinicCell::longest);
+        let lengths = space.lengths().into_iter().flatten().fold(box_size, f64::max);
+        let spread = if space.is_periodic() { 2.0 * MIN_SPREAD * spread } else { 0.0 };
+        extent.max(lengths).max(spread)
     }
 
     /// Creates the frame of `f32` spheres in a triclinic space.
@@ -212,21 +218,26 @@ impl SearchFrame {
     }
 
     /// Maps spheres, given with effective radii, to the frame. An invalid sphere stays invalid.
-    pub(crate) fn spheres(&self, given: &[[f64; 4]], searched: &mut [Sphere]) {
+    #[inline(always)]
+    pub(crate) fn map(&self, given: &[[f64; 4]], searched: &mut [Sphere]) {
         let all = given.iter().zip(searched);
         match &self.axes {
             Axes::Orthogonal([None, None, None]) => {
-                let ([x0, y0, z0], scale) = (self.origin, self.scale);
-                for (&[x, y, z, r], sphere) in all {
-                    let center = [(x - x0) * scale, (y - y0) * scale, (z - z0) * scale];
-                    *sphere = Sphere::new(center.map(|number| number as f32), searched_radius(r * scale));
+                let lanes = Lanes::new(self, &[None; 3]);
+                all.for_each(|(&row, sphere)| *sphere = cast(lanes.map::<false>(row).0));
+            }
+            Axes::Orthogonal(axes) => {
+                let lanes = Lanes::new(self, axes);
+                for (&row, sphere) in all {
+                    let (mapped, is_near) = lanes.map::<true>(row);
+                    *sphere = if is_near { cast(mapped) } else { self.sphere(row) };
                 }
             }
             _ => all.for_each(|(&given, sphere)| *sphere = self.sphere(given)),
         }
     }
 
-    #[inline]
+    #[inline(never)]
     fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
         let [x0, y0, z0] = self.origin;
         let center = [x - x0, y - y0, z - z0];
@@ -251,6 +262,68 @@ impl SearchFrame {
                 }
             }
         }
+    }
+}
+
+/// The map of an orthogonal frame, with the radius as a fourth lane. It computes the same numbers as
+/// [`SearchFrame::sphere`], for all lanes at once.
+struct Lanes {
+    origin: [f64; 4],
+    scale: f64,
+    /// The length of each axis; infinite for an unbounded one and for the radius.
+    lengths: [f64; 4],
+    /// The largest number in the frame; infinite for coordinates.
+    limit: [f64; 4],
+    /// The factor and the summand by which radii grow.
+    growth: [[f64; 4]; 2],
+    /// Half the period of each axis; infinite for an unbounded one and for the radius.
+    half: [f32; 4],
+}
+
+impl Lanes {
+    #[inline(always)]
+    fn new(frame: &SearchFrame, axes: &[Option<(f64, f32)>; 3]) -> Self {
+        let ([x, y, z], [factor, summand]) = (frame.origin, GROWTH);
+        let mut lanes = Self {
+            origin: [x, y, z, 0.0],
+            scale: frame.scale,
+            lengths: [f64::INFINITY; 4],
+            limit: [f64::INFINITY, f64::INFINITY, f64::INFINITY, MAX_RADIUS],
+            growth: [[1.0, 1.0, 1.0, factor], [0.0, 0.0, 0.0, summand]],
+            half: [f32::INFINITY; 4],
+        };
+        for (axis, &of_axis) in axes.iter().enumerate() {
+            if let Some((length, period)) = of_axis {
+                (lanes.lengths[axis], lanes.half[axis]) = (length, 0.5 * period);
+            }
+        }
+        lanes
+    }
+
+    /// Returns `false` for a sphere that is more than one and a half lengths away from the origin, whose image is wrong.
+    #[inline(always)]
+    fn map<const PERIODIC: bool>(&self, row: [f64; 4]) -> ([f32; 4], bool) {
+        let (mut mapped, mut is_near) = ([0.0_f32; 4], true);
+        for lane in 0..4 {
+            let mut at = row[lane] - self.origin[lane];
+            if PERIODIC {
+                let (away, length) = (at.abs(), self.lengths[lane]);
+                let image = at - length.copysign(at);
+                is_near &= away <= 1.5 * length;
+                at = if away <= 0.5 * length { at } else { image };
+            }
+            at *= self.scale;
+            at = if at < self.limit[lane] { at } else { self.limit[lane] };
+            mapped[lane] = (at * self.growth[0][lane] + self.growth[1][lane]) as f32;
+            if PERIODIC {
+                let half = self.half[lane];
+                mapped[lane] = if mapped[lane] < -half { -half } else { mapped[lane] };
+                mapped[lane] = if mapped[lane] > half { half } else { mapped[lane] };
+            }
+        }
+        // The next larger radius, since this one is positive and finite.
+        mapped[3] = f32::from_bits(mapped[3].to_bits() + 1);
+        (mapped, is_near)
     }
 }
 

@@ -17,10 +17,8 @@ use crate::memory::{self, try_resize};
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, large enough to amortize passing it on.
 const CHUNK: usize = 8192;
-
-/// The smallest number of pairs of a reused chunk that are cleared at once, and the factor by which the number grows.
-const MIN_CLEARED: usize = 64;
-const CLEARED_GROWTH: usize = 4;
+/// The fewest pairs for which a reused buffer is cleared.
+const MIN_CHUNK: usize = 256;
 
 /// The most partly filled chunks of a list per thread, one at each end of a thread's work.
 const PARTLY_FILLED: u64 = 8;
@@ -251,7 +249,7 @@ impl<'c> Output for ChunkedOutput<'c> {
 pub(crate) struct Writer<'o, 'c> {
     output: &'o ChunkedOutput<'c>,
     found: u64,
-    /// Empty, or up to [`CHUNK`] initialized pairs of which `len` are used.
+    /// Empty, or up to [`CHUNK`] pairs of which `len` are used, with a capacity of [`CHUNK`].
     chunk: Vec<Pair>,
     len: usize,
     /// `true` once the list is too long or memory is refused: further pairs are only counted.
@@ -286,21 +284,19 @@ impl Writer<'_, '_> {
         self.chunk[self.len..].first_chunk_mut()
     }
 
-    /// Takes another chunk if this one is full; otherwise clears more of it. Clearing in steps keeps calls with few pairs
-    /// from clearing 64 KiB, which takes longer than their search.
+    /// Extends the chunk, or begins another one. A chunk grows as it fills, so that few pairs clear little memory.
     #[cold]
     #[inline(never)]
     fn renew(&mut self) -> Result<(), Error> {
-        if self.len + MAX_LANES > CHUNK || self.chunk.capacity() == 0 {
+        if self.chunk.is_empty() || self.len + MAX_LANES > CHUNK {
             self.flush()?;
             self.chunk = lock(&self.output.free_chunks).pop().unwrap_or_default();
+            if self.chunk.capacity() < CHUNK {
+                return try_resize(&mut self.chunk, CHUNK, "pairs");
+            }
         }
-        // New memory comes zeroed.
-        let cleared = match self.chunk.capacity() < CHUNK {
-            true => CHUNK,
-            false => (CLEARED_GROWTH * self.chunk.len()).clamp(MIN_CLEARED, CHUNK),
-        };
-        try_resize(&mut self.chunk, cleared, "pairs")
+        let len = (2 * self.len).clamp(MIN_CHUNK, CHUNK).max(self.chunk.len());
+        try_resize(&mut self.chunk, len, "pairs")
     }
 
     #[cold]
@@ -366,12 +362,10 @@ impl Sink for Writer<'_, '_> {
         let Self { found, mut chunks, chunk, len, counting, refused, .. } = later;
         self.found += found;
         self.refused = self.refused.or(refused);
-        let joined = self.len + len + MAX_LANES;
-        if chunks.is_empty() && joined <= CHUNK && self.chunk.capacity() >= CHUNK {
+        if chunks.is_empty() && !self.chunk.is_empty() && self.len + len + MAX_LANES <= CHUNK {
+            let needed = self.chunk.len().max(self.len + len);
+            try_resize(&mut self.chunk, needed, "pairs")?;
             // Without this, the work of many threads leaves many chunks that are nearly empty.
-            if self.chunk.len() < joined {
-                try_resize(&mut self.chunk, joined, "pairs")?;
-            }
             self.chunk[self.len..self.len + len].copy_from_slice(&chunk[..len]);
             self.len += len;
             self.output.put_back(chunk)?;

@@ -46,7 +46,7 @@ impl DetectorState {
         }
         let Self { report, skin, cell_list, .. } = self;
         let is_kept = skin.candidates.input_stats().is_some();
-        let mut advance = || skin.advance(settings.skin, (test, cell_list), executor);
+        let mut advance = || skin.advance(settings, (test, cell_list), executor);
         match is_kept {
             true => report.time("measure", advance),
             // Only a sample is measured.

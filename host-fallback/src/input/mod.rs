@@ -1,8 +1,9 @@
 //! The input of a search: a query is checked, copied where it cannot be searched in place, and measured.
 //!
-//! `query` prepares it, `validate` refuses bad spheres, `stats` measures sizes and bounds, `species_groups` groups species
+//! `query` prepares it with the copies of `copy`, `validate` refuses bad spheres, `stats` measures sizes and bounds, `species_groups` groups species
 //! by their partners, and `search_input` holds all of that for one call.
 
+mod copy;
 mod query;
 mod search_input;
 mod species_groups;

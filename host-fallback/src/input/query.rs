@@ -5,15 +5,13 @@ use std::time::Instant;
 
 use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, Sphere, Spheres};
 
+use super::copy::{LargestHalf, copy, map_to_frame};
 use super::validate::{check_species, check_valid};
 use crate::compare::{PairFilter, PairTest};
 use crate::executor::Executor;
-use crate::frame::{BLOCK_SPHERES, Bounds, SearchFrame};
+use crate::frame::{Bounds, SearchFrame};
 use crate::memory::{try_collect, try_resize};
-use crate::{Error, InputError, PhaseTime, Settings};
-
-/// Spheres per chunk of a copy.
-const CHUNK_SPHERES: usize = 1 << 14;
+use crate::{Error, InputError, PhaseTime, Settings, Simd};
 
 /// Buffers for spheres that cannot be searched in place, and the last frame. They are reused between calls.
 #[derive(Debug, Default)]
@@ -21,8 +19,8 @@ pub struct QueryBuffers {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     frame: Option<SearchFrame>,
-    /// Half the largest distance of each species, and whether it pairs with any species by contact.
-    reaches: Vec<(f64, bool)>,
+    /// Of each species.
+    halves: Vec<LargestHalf>,
 }
 
 /// A query that is ready for a search.
@@ -79,10 +77,9 @@ impl QueryBuffers {
         let start = Instant::now();
         try_resize(&mut self.spheres, query.len(), "copies of spheres")?;
         if is_framed {
-            self.choose_frame(query, (space, !is_f64 && settings.is_narrow()), executor)?;
-            self.fill_frame(query, interactions, executor)?;
+            self.map_to_frame(query, (settings, is_f64), executor)?;
         } else {
-            self.copy(query, is_wrapped.then_some(space), executor);
+            self.copy(query, is_wrapped.then_some(space), (settings.simd, executor));
         }
         let Self { spheres, species, frame, .. } = self;
         let spheres = with_species((spheres, species), query)?;
@@ -91,63 +88,88 @@ impl QueryBuffers {
         Ok(PreparedQuery { spheres, split, frame, filter })
     }
 
-    /// Chooses the frame of a call.
+    /// Maps the spheres to the last frame, if they fit, or else to a new one.
     ///
     /// # Errors
-    /// [`Error::Input`] for spheres that are not valid.
-    fn choose_frame(
+    /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`].
+    fn map_to_frame(
         &mut self,
         query: &Query<'_>,
-        (space, is_narrow): (&Space, bool),
+        (settings, is_f64): (&Settings, bool),
         executor: Executor,
     ) -> Result<(), Error> {
-        self.frame = Some(match space.triclinic_cell().filter(|_| is_narrow) {
-            Some(shear) => {
-                let last = self.frame.take().filter(SearchFrame::is_narrow);
-                last.unwrap_or_else(|| SearchFrame::narrow(shear))
+        let Settings { space, interactions, .. } = settings;
+        if let Some(table) =
+            interactions.as_ref().filter(|table| table.species() as usize != self.halves.len())
+        {
+            self.halves =
+                try_collect((0..table.species()).map(|of| table.largest_half(of)), "radii of species")?;
+        }
+        let last = self.frame.take();
+        let frame = match space.triclinic_cell().filter(|_| !is_f64 && settings.is_narrow()) {
+            Some(cell) => {
+                let last = last.filter(SearchFrame::is_narrow);
+                let frame = last.unwrap_or_else(|| SearchFrame::narrow(cell));
+                self.fill(query, &frame, (settings, executor))?;
+                frame
             }
             None => {
-                let bounds = Bounds::of(query, executor);
-                if !bounds.are_valid {
-                    check_valid(query, executor)?;
+                let check =
+                    |bounds: &Bounds| if bounds.are_valid { Ok(()) } else { check_valid(query, executor) };
+                // Radii of `f64` spheres may be more than a narrow frame holds.
+                let mut bounds = None;
+                let kept = match last.filter(|last| !last.is_narrow()) {
+                    None => None,
+                    Some(last) => {
+                        let given = self.fill(query, &last, (settings, executor))?;
+                        check(&given)?;
+                        bounds = Some(given);
+                        last.fits(&given, space).then_some(last)
+                    }
+                };
+                match kept {
+                    Some(frame) => frame,
+                    None => {
+                        let bounds = bounds.unwrap_or_else(|| Bounds::of(query, executor));
+                        check(&bounds)?;
+                        let frame = SearchFrame::new(&bounds, space);
+                        self.fill(query, &frame, (settings, executor))?;
+                        frame
+                    }
                 }
-                SearchFrame::of(&bounds, space, self.frame.take())
             }
-        });
+        };
+        self.frame = Some(frame);
         Ok(())
     }
 
-    /// Maps the spheres to the frame.
+    /// Writes both sets as they are searched in a frame, and returns the bounds of the given spheres.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    fn fill_frame(
+    fn fill(
         &mut self,
         query: &Query<'_>,
-        table: Option<&Interactions>,
-        executor: Executor,
-    ) -> Result<(), Error> {
-        let Self { spheres, frame, reaches, .. } = self;
-        let Some(frame) = frame else { return Ok(()) };
-        if let Some(table) = table.filter(|table| table.species() as usize != reaches.len()) {
-            *reaches =
-                try_collect((0..table.species()).map(|of| table.largest_half(of)), "reaches of species")?;
-        }
-        let reaches = table.map(|_| &**reaches);
+        frame: &SearchFrame,
+        (settings, executor): (&Settings, Executor),
+    ) -> Result<Bounds, Error> {
+        let Self { spheres, halves, .. } = self;
+        let halves = settings.interactions.as_ref().map(|_| &**halves);
         let (first, second) = spheres.split_at_mut(query.first().len());
-        fill((query.first(), first), frame, reaches, executor);
-        if let Some(set) = query.second() {
-            fill((set, second), frame, reaches, executor);
+        let on = |count: usize| (settings.simd, executor.for_light_work(count));
+        let bounds = map_to_frame((query.first(), first), frame, halves, on(query.first().len()))?;
+        match query.second() {
+            None => Ok(bounds),
+            Some(set) => Ok(bounds.merge(map_to_frame((set, second), frame, halves, on(set.len()))?)),
         }
-        Ok(())
     }
 
     /// Copies both sets, wrapped into `space` if one is given.
-    fn copy(&mut self, query: &Query<'_>, space: Option<&Space>, executor: Executor) {
+    fn copy(&mut self, query: &Query<'_>, space: Option<&Space>, on: (Simd, Executor)) {
         let (first, second) = self.spheres.split_at_mut(query.first().len());
-        copy(query.first(), space, first, executor);
+        copy((query.first(), first), space, on);
         if let Some(set) = query.second() {
-            copy(set, space, second, executor);
+            copy((set, second), space, on);
         }
     }
 }
@@ -189,44 +211,4 @@ pub fn check(query: &Query<'_>, table: Option<&Interactions>, executor: Executor
     check_query(query, table, executor)?;
     query.check_exclusions()?;
     check_valid(query, executor)
-}
-
-/// Copies spheres, wrapped into `space` if one is given.
-fn copy(spheres: Spheres<'_>, space: Option<&Space>, targets: &mut [Sphere], executor: Executor) {
-    executor.for_each_chunk(targets, CHUNK_SPHERES, |piece, targets| {
-        for (target, k) in targets.iter_mut().zip(piece * CHUNK_SPHERES..) {
-            let Sphere { center, radius } = spheres.get(k);
-            *target = Sphere { center: space.map_or(center, |space| space.wrap(center)), radius };
-        }
-    });
-}
-
-/// Maps spheres to a frame, with effective radii by species.
-fn fill(
-    (spheres, targets): (Spheres<'_>, &mut [Sphere]),
-    frame: &SearchFrame,
-    reaches: Option<&[(f64, bool)]>,
-    executor: Executor,
-) {
-    let species = spheres.species().zip(reaches);
-    executor.for_each_chunk(targets, CHUNK_SPHERES, |piece, targets| {
-        let mut block = [[0.0; 4]; BLOCK_SPHERES];
-        for (targets, from) in
-            targets.chunks_mut(BLOCK_SPHERES).zip((piece * CHUNK_SPHERES..).step_by(BLOCK_SPHERES))
-        {
-            let block = &mut block[..targets.len()];
-            spheres.read(from, block);
-            if let Some((species, reaches)) = species {
-                for (numbers, &species) in block.iter_mut().zip(&species[from..]) {
-                    let (half, touches) = reaches[species as usize];
-                    let radius = numbers[3];
-                    // The validity check finds other radii.
-                    if (0.0..f64::INFINITY).contains(&radius) {
-                        numbers[3] = if touches { half.max(radius) } else { half };
-                    }
-                }
-            }
-            frame.spheres(block, targets);
-        }
-    });
 }

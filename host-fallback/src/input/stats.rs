@@ -1,7 +1,5 @@
 //! Statistics of the input in one pass: validity, bounds and size classes.
 
-use std::ops::Range;
-
 use bytemuck::cast;
 use glam::Vec3;
 use lazygrid_kernels::{InputError, Interactions, Spheres};
@@ -15,8 +13,8 @@ use crate::size_class::{SIZE_CLASSES, class_of};
 const CHUNK_SPHERES: usize = 1 << 13;
 /// Tables that count in turn.
 const TABLES: usize = 4;
-/// Number of spheres below which one table counts: clearing and merging four takes longer.
-const FEW_SPHERES: usize = 256;
+/// The fewest spheres that are worth counting in several tables, which must be cleared and merged.
+const MIN_TABLED_SPHERES: usize = 512;
 
 /// Statistics of the input that a detector needs before it plans.
 #[derive(Clone, Debug)]
@@ -29,6 +27,8 @@ pub struct InputStats {
     pub max: Vec3,
     /// Spheres by size: class `k` holds the effective radii with binary exponent `k`; class 0 zero and subnormals.
     pub classes: [SizeClass; SIZE_CLASSES],
+    /// The first class that may have spheres, and the end of those classes.
+    span: [usize; 2],
 }
 
 /// The spheres whose effective radii share a binary exponent.
@@ -64,12 +64,26 @@ impl InputStats {
 
     /// The largest effective radius.
     pub fn largest_radius(&self) -> f32 {
-        self.classes.iter().fold(0.0, |r, class| r.max(class.largest))
+        self.occupied().next().map_or(0.0, |(_, class)| class.largest)
     }
 
     /// The classes with spheres, the largest first.
     pub fn occupied(&self) -> impl Iterator<Item = (usize, SizeClass)> + '_ {
-        self.classes.iter().copied().enumerate().rev().filter(|(_, class)| class.count > 0)
+        let [first, end] = self.span;
+        let classes = self.classes.get(first..end).unwrap_or_default();
+        (first..end).zip(classes.iter().copied()).rev().filter(|(_, class)| class.count > 0)
+    }
+
+    /// Returns the statistics with other sizes: `larger` maps each class to the largest radius of its spheres.
+    pub(crate) fn with_sizes(&self, larger: impl Fn(usize, f32) -> f32) -> Self {
+        let mut stats = Self { spheres: self.spheres, min: self.min, max: self.max, ..Self::empty() };
+        for (class, SizeClass { count, largest }) in self.occupied() {
+            let largest = larger(class, largest);
+            let class = class_of(largest);
+            stats.classes[class].merge(&SizeClass { count, largest });
+            stats.span = [stats.span[0].min(class), stats.span[1].max(class + 1)];
+        }
+        stats
     }
 
     /// Checks and measures spheres whose species ids are checked already.
@@ -91,45 +105,62 @@ impl InputStats {
     pub(crate) fn of(test: &PairTest<'_>, executor: Executor) -> Result<Self, InputError> {
         let spheres = test.spheres();
         let n = spheres.len();
-        let survey = |range: Range<usize>| match (test.plain_rows(), range.len() < FEW_SPHERES) {
-            (Some(rows), false) => {
-                Self::piece::<TABLES>(rows[range].iter().map(|sphere| (cast(*sphere), sphere.radius)))
+        let chunk = |stats: &mut Self, chunk: usize| {
+            let range = chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES);
+            match test.plain_rows() {
+                Some(rows) => {
+                    let rows = &rows[range];
+                    stats.add(rows.len(), rows.iter().map(|sphere| (cast(*sphere), sphere.radius)))
+                }
+                None => {
+                    stats.add(range.len(), range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1)))
+                }
             }
-            (None, false) => {
-                Self::piece::<TABLES>(range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1)))
-            }
-            (_, true) => Self::piece::<1>(range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1))),
         };
-        if n < FEW_SPHERES {
-            let (stats, suspect) = survey(0..n);
-            if suspect {
-                check(spheres, executor)?;
+        let chunks = n.div_ceil(CHUNK_SPHERES);
+        let mut stats = Self::empty();
+        let is_suspect = match executor.for_light_work(n) {
+            // In place: moving the statistics takes longer than adding a few spheres.
+            Executor::Caller => (0..chunks).fold(false, |suspect, k| suspect | chunk(&mut stats, k)),
+            pool => {
+                let step = |(mut stats, suspect): (Self, bool), k| {
+                    let is_suspect = chunk(&mut stats, k);
+                    Ok::<_, InputError>((stats, suspect | is_suspect))
+                };
+                let merge = |(mut a, p): (Self, bool), (b, q): (Self, bool)| {
+                    a.merge(&b);
+                    Ok((a, p | q))
+                };
+                let (all, suspect) =
+                    pool.fold((chunks, usize::MAX), || (Self::empty(), false), step, merge)?;
+                stats = all;
+                suspect
             }
-            return Ok(Self { spheres: n, ..stats });
-        }
-        let piece = |(stats, suspect): (Self, bool), piece: usize| {
-            let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
-            let (own, suspicious) = survey(range);
-            Ok((stats.merge(own), suspect | suspicious))
         };
-        let merge = |(a, p): (Self, bool), (b, q): (Self, bool)| Ok((a.merge(b), p | q));
-        let pieces = (n.div_ceil(CHUNK_SPHERES), usize::MAX);
-        let (stats, suspect) =
-            executor.for_light_work(n).fold(pieces, || (Self::empty(), false), piece, merge)?;
-        if suspect {
+        if is_suspect {
             check(spheres, executor)?;
         }
-        Ok(Self { spheres: n, ..stats })
+        stats.spheres = n;
+        Ok(stats)
     }
 
-    /// Measures one chunk, given as rows `x, y, z, r` with their effective radii. Also returns `true` if a sphere may be
-    /// invalid.
-    fn piece<const TABLES: usize>(spheres: impl Iterator<Item = ([f32; 4], f32)>) -> (Self, bool) {
+    /// Adds `count` spheres, given as rows `x, y, z, r` with their effective radii. Returns `true` if one may be invalid.
+    fn add(&mut self, count: usize, spheres: impl Iterator<Item = ([f32; 4], f32)>) -> bool {
+        match count < MIN_TABLED_SPHERES {
+            true => self.add_in::<1>(spheres),
+            false => self.add_in::<TABLES>(spheres),
+        }
+    }
+
+    /// Adds spheres, counting in `N` tables in turn.
+    #[inline(always)]
+    fn add_in<const N: usize>(&mut self, spheres: impl Iterator<Item = ([f32; 4], f32)>) -> bool {
         let (mut min, mut max) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
+        let (mut smallest, mut largest) = (f32::INFINITY, 0.0_f32);
         // Any number that is not finite makes this NaN, without a branch per sphere.
         let mut poison = [0.0; 4];
         // With one table, equal radii would wait for the same counter.
-        let mut tables = [[SizeClass::default(); SIZE_CLASSES]; TABLES];
+        let mut tables = [[SizeClass::default(); SIZE_CLASSES]; N];
         for (k, (row, radius)) in spheres.enumerate() {
             // Each line compiles to one vector instruction.
             for lane in 0..4 {
@@ -137,28 +168,39 @@ impl InputStats {
                 max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };
                 poison[lane] += row[lane] * 0.0;
             }
-            tables[k % TABLES][Self::class_of(radius)].add(radius);
+            smallest = if radius < smallest { radius } else { smallest };
+            largest = if radius > largest { radius } else { largest };
+            tables[k % N][class_of(radius)].add(radius);
         }
-        let suspect = poison != [0.0; 4] || min[3] < 0.0;
-        let (min, max) = (Vec3::new(min[0], min[1], min[2]), Vec3::new(max[0], max[1], max[2]));
-        let own = Self { spheres: 0, min, max, classes: tables[0] };
-        let stats =
-            tables[1..].iter().fold(own, |all, &classes| all.merge(Self { classes, ..Self::empty() }));
-        (stats, suspect)
+        let is_suspect = poison != [0.0; 4] || min[3] < 0.0;
+        let (first, end) = (class_of(smallest), class_of(largest) + 1);
+        // Not so without spheres or with invalid ones only.
+        if first < end {
+            self.span = [self.span[0].min(first), self.span[1].max(end)];
+            for table in &tables {
+                for (class, with) in self.classes[first..end].iter_mut().zip(&table[first..end]) {
+                    class.merge(with);
+                }
+            }
+        }
+        self.min = self.min.min(Vec3::new(min[0], min[1], min[2]));
+        self.max = self.max.max(Vec3::new(max[0], max[1], max[2]));
+        is_suspect
     }
 
     fn empty() -> Self {
         let (min, max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        Self { spheres: 0, min, max, classes: [SizeClass::default(); SIZE_CLASSES] }
+        let classes = [SizeClass::default(); SIZE_CLASSES];
+        Self { spheres: 0, min, max, classes, span: [SIZE_CLASSES, 0] }
     }
 
-    fn merge(mut self, other: Self) -> Self {
+    fn merge(&mut self, other: &Self) {
         self.min = self.min.min(other.min);
         self.max = self.max.max(other.max);
+        self.span = [self.span[0].min(other.span[0]), self.span[1].max(other.span[1])];
         for (class, with) in self.classes.iter_mut().zip(&other.classes) {
             class.merge(with);
         }
-        self
     }
 }
 

@@ -3,7 +3,6 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use glam::Vec3;
 use lazygrid_kernels::Pair;
 
-use crate::Error;
 use crate::cell_list::{CellList, DensityCache, SortRecord};
 use crate::compare::{
     ChunkTarget, ChunkedOutput, MAX_LANES, Output, PairTest, SimdTask, SimdWidth, Sink, SkinMargin, Xyzr,
@@ -16,6 +15,7 @@ use crate::memory::{try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
 use crate::size_class::{SIZE_CLASSES, class_of};
+use crate::{Error, Simd};
 
 /// The displacement limit of the spheres of each size class.
 pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
@@ -103,7 +103,7 @@ impl CandidateList {
         &mut self,
         test: &PairTest<'_>,
         list: &CellList,
-        executor: Executor,
+        (simd, executor): (Simd, Executor),
     ) -> Option<RebuildReason> {
         let spheres = test.spheres();
         let Some(input_stats) = self.input_stats.take() else { return Some(RebuildReason::NoList) };
@@ -113,7 +113,8 @@ impl CandidateList {
         let then = list.notes();
         let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
         executor.for_each_chunk(&mut self.rows, CHUNK_SPHERES, |piece, rows| {
-            let (part, differs) = advance(test, &then[piece * CHUNK_SPHERES..], rows);
+            let then = &then[piece * CHUNK_SPHERES..];
+            let (part, differs) = simd.run(Advance { test, then, rows }, None);
             // The bits of non-negative numbers are ordered like the numbers.
             farthest.fetch_max(part.to_bits(), Relaxed);
             changed.fetch_or(differs, Relaxed);
@@ -179,7 +180,6 @@ impl CandidateList {
 
         let test = input.test.widened(SkinMargin { by_class: limits, order: Some(&self.order) });
         let widened = wide(test, widened.stats);
-        self.chunks.iter_mut().for_each(Vec::clear);
         let limit = Self::limit(input.stats.spheres as u64, input.settings.max_pairs);
         let kept = ChunkTarget::List { limit, kept: AtomicU64::new(0) };
         let output = ChunkedOutput::new(kept, std::mem::take(&mut self.chunks));
@@ -278,41 +278,84 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
 /// Copies the spheres of this call to their positions in `rows`. `then` holds the center of each at the build, and as its radius
 /// the inverse square of its displacement limit. Returns the square of the largest used fraction of a limit, or infinity if a
 /// sphere is invalid; and `true` if an effective radius has changed.
-fn advance(test: &PairTest<'_>, then: &[SortRecord], rows: &mut [Xyzr]) -> (f32, bool) {
-    let lengths = test.lengths();
-    let periodic = lengths.iter().any(Option::is_some);
-    let (mut farthest, mut changed, mut lost) = (0.0_f32, false, false);
-    let mut step = |row: &mut Xyzr, then: &SortRecord, now: Xyzr| {
-        let mut gone = Vec3::new(now[0], now[1], now[2]) - then.center;
-        if periodic {
-            gone = nearest(gone, lengths);
-        }
-        let part = gone.length_squared() * then.radius;
-        lost |= part.is_nan();
-        farthest = farthest.max(part);
-        changed |= now[3].to_bits() != row[3].to_bits();
-        *row = now;
-    };
-    let then = &then[..rows.len()];
-    match test.plain_rows() {
-        Some(spheres) => {
-            let soon = then.iter().skip(PREFETCH_SPHERES).chain(std::iter::repeat(&then[0]));
-            for ((row, then), soon) in rows.iter_mut().zip(then).zip(soon) {
-                prefetch(spheres, soon.id as usize);
-                step(row, then, bytemuck::cast(spheres[then.id as usize]));
-            }
-        }
-        None => {
-            let mut is_refused = false;
-            for (row, then) in rows.iter_mut().zip(then) {
-                step(row, then, test.row(then.id));
-                // An effective radius that depends on the species alone hides an invalid radius.
-                is_refused |= !test.spheres().get(then.id as usize).is_valid();
-            }
-            lost |= is_refused;
+struct Advance<'a> {
+    test: &'a PairTest<'a>,
+    then: &'a [SortRecord],
+    rows: &'a mut [Xyzr],
+}
+
+impl SimdTask for Advance<'_> {
+    type Result = (f32, bool);
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, _: V) -> (f32, bool) {
+        match self.test.lengths().iter().any(Option::is_some) {
+            true => self.advance::<true>(),
+            false => self.advance::<false>(),
         }
     }
-    (if lost { f32::INFINITY } else { farthest }, changed)
+}
+
+impl Advance<'_> {
+    #[inline(always)]
+    fn advance<const PERIODIC: bool>(self) -> (f32, bool) {
+        let Self { test, then, rows } = self;
+        let [x, y, z] = test.lengths().map(|length| length.unwrap_or(f32::INFINITY));
+        let mut largest = Largest { lengths: [x, y, z, f32::INFINITY], part: 0.0, poison: 0.0, differing: 0 };
+        let then = &then[..rows.len()];
+        let mut is_refused = false;
+        match test.plain_rows() {
+            Some(spheres) => {
+                for (k, row) in rows.iter_mut().enumerate() {
+                    prefetch(spheres, then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
+                    largest.add::<PERIODIC>(row, &then[k], bytemuck::cast(spheres[then[k].id as usize]));
+                }
+            }
+            None => {
+                for (row, then) in rows.iter_mut().zip(then) {
+                    largest.add::<PERIODIC>(row, then, test.row(then.id));
+                    // An effective radius that depends on the species alone hides an invalid radius.
+                    is_refused |= !test.spheres().get(then.id as usize).is_valid();
+                }
+            }
+        }
+        let is_lost = is_refused || largest.poison != 0.0;
+        (if is_lost { f32::INFINITY } else { largest.part }, largest.differing != 0)
+    }
+}
+
+/// The largest displacement of some spheres.
+struct Largest {
+    /// The length of each axis; infinite for an unbounded one.
+    lengths: [f32; 4],
+    /// The square of the largest used fraction of a limit.
+    part: f32,
+    /// NaN after a displacement that is not finite.
+    poison: f32,
+    /// Bits in which effective radii differ.
+    differing: u32,
+}
+
+impl Largest {
+    #[inline(always)]
+    fn add<const PERIODIC: bool>(&mut self, row: &mut Xyzr, then: &SortRecord, now: Xyzr) {
+        let before = [then.center.x, then.center.y, then.center.z, 0.0];
+        let mut squares = [0.0; 4];
+        for lane in 0..4 {
+            let mut apart = now[lane] - before[lane];
+            if PERIODIC {
+                apart = apart.abs();
+                let other = (self.lengths[lane] - apart).abs();
+                apart = if other < apart { other } else { apart };
+            }
+            squares[lane] = apart * apart;
+        }
+        let part = (squares[0] + squares[1] + squares[2]) * then.radius;
+        self.poison += part * 0.0;
+        self.part = if part > self.part { part } else { self.part };
+        self.differing |= now[3].to_bits() ^ row[3].to_bits();
+        *row = now;
+    }
 }
 
 /// Tests some candidates. No branch predictor can tell which of them touch. So testing is separate from handing over: it appends

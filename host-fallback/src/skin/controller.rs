@@ -8,7 +8,7 @@ use crate::compare::PairTest;
 use crate::executor::Executor;
 use crate::input::SearchInput;
 use crate::report::{RebuildReason, Report};
-use crate::{Error, Skin};
+use crate::{Error, Settings, Skin};
 
 /// The candidate list, and the state that decides on the next one.
 #[derive(Debug, Default)]
@@ -25,14 +25,14 @@ impl SkinController {
     /// [`Error::OutOfMemory`].
     pub(crate) fn advance(
         &mut self,
-        skin: Skin,
+        settings: &Settings,
         (test, list): (&PairTest<'_>, &CellList),
         executor: Executor,
     ) -> Result<Option<RebuildReason>, Error> {
-        if skin == Skin::Auto {
+        if settings.skin == Skin::Auto {
             self.tuner.observe(test)?;
         }
-        let lapsed = self.candidates.update_displacements(test, list, executor);
+        let lapsed = self.candidates.update_displacements(test, list, (settings.simd, executor));
         self.tuner.record_age(self.candidates.age(), lapsed);
         Ok(lapsed)
     }

@@ -7,7 +7,7 @@ use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
 use super::displacement::DisplacementGrowth;
 use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
-use crate::size_class::{SIZE_CLASSES, class_of};
+use crate::size_class::SIZE_CLASSES;
 
 /// The skins that are tried, in units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
@@ -126,7 +126,7 @@ pub(super) fn choose(
         if candidates > MAX_CANDIDATES {
             break;
         }
-        let wide = widened(stats, &limits);
+        let wide = stats.with_sizes(|class, largest| largest + limits[class]);
         let find = costs.keep_ns + costs.of_search(&wide, density, candidates);
         let test = costs.measure_ns + costs.test_ns * candidates + costs.call_ns / n;
         let calls = growth.steps(skin).floor();
@@ -139,18 +139,6 @@ pub(super) fn choose(
     let (time, choice) = best?;
     log::debug!("a skin of {} steps, {time:.1} a sphere, {none:.1} without", choice.skin);
     (time < MAX_RELATIVE_COST * none).then_some(choice)
-}
-
-/// The statistics of the spheres with radii larger by their displacement limits.
-fn widened(stats: &InputStats, limits: &DisplacementLimits) -> InputStats {
-    let mut wide = InputStats { classes: [SizeClass::default(); SIZE_CLASSES], ..stats.clone() };
-    for (class, SizeClass { count, largest }) in stats.occupied() {
-        let largest = largest + limits[class];
-        let target = &mut wide.classes[class_of(largest)];
-        target.count += count;
-        target.largest = target.largest.max(largest);
-    }
-    wide
 }
 
 /// The estimated number of candidates per sphere.

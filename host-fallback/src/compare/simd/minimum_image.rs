@@ -1,7 +1,7 @@
 use lazygrid_kernels::{Pair, Space};
 
 use super::super::columns::Columns;
-use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdWidth, Xyzr, scalar};
+use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdWidth, Xyzr};
 use crate::frame::SearchFrame;
 
 /// The lengths of a periodic space in the precision of the filter.
@@ -70,7 +70,7 @@ impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
 
     #[inline(always)]
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
-        scalar::nearest_touching(rows, pairs, &self.periodic)
+        self.vector.minimum_image_touching(rows, pairs, &self.periodic)
     }
 
     #[inline(always)]

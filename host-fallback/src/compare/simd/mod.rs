@@ -199,6 +199,13 @@ pub(crate) trait SimdWidth: Copy {
 
 /// The further operations of a SIMD width for periodic spaces.
 pub(crate) trait PeriodicSimd: SimdWidth {
+    /// Computes [`touching`](SimdWidth::touching) between minimum images.
+    fn minimum_image_touching(
+        self,
+        rows: &[Xyzr],
+        pairs: &[Pair; MAX_LANES],
+        periodic: &PeriodicBox,
+    ) -> [u32; 2];
     /// Computes [`squared_distances`](SimdWidth::squared_distances) between minimum images: with the slack added to the sum of
     /// radii, and with the slack subtracted, but never below zero.
     fn minimum_image_distances(
@@ -294,6 +301,55 @@ mod tests {
         let expected = Simd::Portable.run(Everything, None);
         for simd in [Simd::Avx2, Simd::Avx512] {
             assert_eq!(simd.run(Everything, None), expected, "{simd:?}, on {:?}", Simd::detect());
+        }
+    }
+
+    /// The masks of possible and certain contacts of some pairs.
+    struct Contacts<'c>(&'c [Xyzr], &'c [[Pair; MAX_LANES]]);
+
+    impl SimdTask for Contacts<'_> {
+        type Result = Vec<[u32; 2]>;
+
+        #[inline(always)]
+        fn run<V: SimdWidth>(self, vector: V) -> Vec<[u32; 2]> {
+            self.1.iter().map(|pairs| vector.touching(self.0, pairs)).collect()
+        }
+    }
+
+    #[test]
+    fn every_width_finds_contacts_and_is_certain_of_contacts_only() {
+        let mut random = crate::test_support::Random(9);
+        let rows: Vec<Xyzr> = (0..400)
+            .map(|_| random.point(4.0))
+            .map(|[x, y, z]| [x, y, z, 0.3 + 0.2 * random.unit()])
+            .collect();
+        let pairs: Vec<[Pair; MAX_LANES]> = (0..3000)
+            .map(|_| [(); MAX_LANES].map(|()| [(); 2].map(|()| (200.0 + 199.9 * random.unit()) as u32)))
+            .map(|vector| vector.map(|[i, j]| Pair { i, j }))
+            .collect();
+        for lengths in [[None; 3], [Some(8.0); 3], [Some(8.0), None, Some(9.5)]] {
+            let space = lazygrid_kernels::Space::periodic(lengths).expect("a box");
+            let touch = |pair: &Pair| {
+                let [a, b] = [pair.i, pair.j].map(|at| rows[at as usize].map(f64::from));
+                let apart = [0, 1, 2].map(|axis| {
+                    let apart = (a[axis] - b[axis]).abs();
+                    apart.min((lengths[axis].unwrap_or(f64::INFINITY) - apart).abs())
+                });
+                apart.iter().map(|d| d * d).sum::<f64>() <= (a[3] + b[3]).powi(2)
+            };
+            let mut certain_contacts = 0;
+            for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
+                let found = simd.run(Contacts(&rows, &pairs), PeriodicBox::of(&space));
+                for (pairs, [possible, certain]) in pairs.iter().zip(found) {
+                    for (lane, pair) in pairs.iter().enumerate() {
+                        let [possible, certain] = [possible, certain].map(|mask| mask >> lane & 1 == 1);
+                        assert!(possible || !touch(pair), "{simd:?} {lengths:?}: {pair:?} is lost");
+                        assert!(touch(pair) || !certain, "{simd:?} {lengths:?}: {pair:?} is certain");
+                        certain_contacts += u32::from(certain);
+                    }
+                }
+            }
+            assert!(certain_contacts > 100);
         }
     }
 

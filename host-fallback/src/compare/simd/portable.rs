@@ -76,6 +76,16 @@ impl SimdWidth for Portable {
 
 impl PeriodicSimd for Portable {
     #[inline(always)]
+    fn minimum_image_touching(
+        self,
+        rows: &[Xyzr],
+        pairs: &[Pair; MAX_LANES],
+        periodic: &PeriodicBox,
+    ) -> [u32; 2] {
+        scalar::minimum_image_touching(rows, pairs, periodic)
+    }
+
+    #[inline(always)]
     fn minimum_image_distances(
         self,
         columns: &Columns,

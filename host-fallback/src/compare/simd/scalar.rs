@@ -41,7 +41,11 @@ pub(super) fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
 
 /// Tests pair by pair between minimum images.
 #[inline(always)]
-pub(super) fn nearest_touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES], periodic: &PeriodicBox) -> [u32; 2] {
+pub(super) fn minimum_image_touching(
+    rows: &[Xyzr],
+    pairs: &[Pair; MAX_LANES],
+    periodic: &PeriodicBox,
+) -> [u32; 2] {
     let none = || SquaredDistances { d2: [0.0; MAX_LANES], s2: [0.0; MAX_LANES] };
     let (mut wide, mut narrow) = (none(), none());
     for (k, pair) in pairs.iter().enumerate() {

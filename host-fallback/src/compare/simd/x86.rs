@@ -97,6 +97,53 @@ unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     masks
 }
 
+/// Tests pairs between minimum images, like [`touching`].
+///
+/// # Safety
+/// The processor must have FMA.
+#[inline(always)]
+unsafe fn minimum_image_touching(
+    rows: &[Xyzr],
+    pairs: &[Pair; MAX_LANES],
+    periodic: &PeriodicBox,
+) -> [u32; 2] {
+    // One bounds check for all.
+    let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
+    assert!((last as usize) < rows.len(), "every position has a row");
+    let mut masks = [0; 2];
+    for (k, four) in pairs.chunks_exact(4).enumerate() {
+        // SAFETY: FMA, hence SSE, by the caller's promise; no position is above the last, which has a row.
+        unsafe {
+            let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
+            let [x, y, z] = periodic.lengths;
+            let lengths = _mm_setr_ps(x, y, z, f32::INFINITY);
+            // The distances of the minimum images along each axis, and the sum of the radii.
+            let apart = |pair: &Pair| {
+                let [a, b] = [pair.i, pair.j].map(|at| rows.get_unchecked(at as usize));
+                let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
+                let apart = _mm_andnot_ps(_mm_set1_ps(-0.0), _mm_sub_ps(_mm_loadu_ps(a.as_ptr()), other));
+                // If one operand is NaN, the minimum is the second operand.
+                _mm_min_ps(_mm_sub_ps(lengths, apart), apart)
+            };
+            let [a, b, c, d] = [apart(&four[0]), apart(&four[1]), apart(&four[2]), apart(&four[3])];
+            let (xy, zs) = (_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
+            let (other_xy, other_zs) = (_mm_unpacklo_ps(c, d), _mm_unpackhi_ps(c, d));
+            let (x, y) = (_mm_movelh_ps(xy, other_xy), _mm_movehl_ps(other_xy, xy));
+            let (z, s) = (_mm_movelh_ps(zs, other_zs), _mm_movehl_ps(other_zs, zs));
+            let d2 = _mm_fmadd_ps(x, x, _mm_fmadd_ps(y, y, _mm_mul_ps(z, z)));
+            let slack = _mm_set1_ps(periodic.slack);
+            let wide = _mm_add_ps(s, slack);
+            let narrow = _mm_max_ps(_mm_sub_ps(s, slack), _mm_setzero_ps());
+            let (wide, narrow) = (_mm_mul_ps(wide, wide), _mm_mul_ps(narrow, narrow));
+            let most = _mm_fmadd_ps(wide, _mm_set1_ps(1.0 + BAND), _mm_set1_ps(FLOOR));
+            let least = _mm_fmsub_ps(narrow, _mm_set1_ps(1.0 - BAND), _mm_set1_ps(FLOOR));
+            masks[0] |= (_mm_movemask_ps(_mm_cmple_ps(d2, most)) as u32) << (4 * k);
+            masks[1] |= (_mm_movemask_ps(_mm_cmplt_ps(d2, least)) as u32) << (4 * k);
+        }
+    }
+    masks
+}
+
 impl SimdWidth for Avx512 {
     const LANES: usize = 16;
     type Query = [__m512; 4];
@@ -311,6 +358,17 @@ impl SimdWidth for Avx2 {
 
 impl PeriodicSimd for Avx512 {
     #[inline(always)]
+    fn minimum_image_touching(
+        self,
+        rows: &[Xyzr],
+        pairs: &[Pair; MAX_LANES],
+        periodic: &PeriodicBox,
+    ) -> [u32; 2] {
+        // SAFETY: `self` proves FMA.
+        unsafe { minimum_image_touching(rows, pairs, periodic) }
+    }
+
+    #[inline(always)]
     fn minimum_image_distances(
         self,
         columns: &Columns,
@@ -340,6 +398,17 @@ impl PeriodicSimd for Avx512 {
 }
 
 impl PeriodicSimd for Avx2 {
+    #[inline(always)]
+    fn minimum_image_touching(
+        self,
+        rows: &[Xyzr],
+        pairs: &[Pair; MAX_LANES],
+        periodic: &PeriodicBox,
+    ) -> [u32; 2] {
+        // SAFETY: `self` proves FMA.
+        unsafe { minimum_image_touching(rows, pairs, periodic) }
+    }
+
     #[inline(always)]
     fn minimum_image_distances(
         self,

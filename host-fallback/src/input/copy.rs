@@ -1,0 +1,208 @@
+//! Copies of spheres that cannot be searched in place: wrapped into a periodic space, or mapped to a frame.
+
+use bytemuck::cast;
+use lazygrid_kernels::{Space, Sphere, Spheres};
+
+use crate::Simd;
+use crate::compare::{SimdTask, SimdWidth};
+use crate::executor::Executor;
+use crate::frame::{BLOCK_SPHERES, Bounds, SearchFrame};
+use crate::memory::try_collect;
+use crate::{Error, math};
+
+/// Spheres per chunk of a copy.
+const CHUNK_SPHERES: usize = 1 << 14;
+/// The number of lengths up to which [`Wrapping::wrap`] is exact.
+const NEAR: f64 = (1 << 20) as f64;
+
+/// The half of the largest distance of a species with any other, and `true` if it pairs with any by contact.
+pub(super) type LargestHalf = (f64, bool);
+
+/// Copies spheres, wrapped into an orthogonal `space` if one is given.
+pub(super) fn copy(
+    (spheres, targets): (Spheres<'_>, &mut [Sphere]),
+    space: Option<&Space>,
+    (simd, executor): (Simd, Executor),
+) {
+    let wrapping = space.map(Wrapping::new);
+    executor.for_each_chunk(targets, CHUNK_SPHERES, |chunk, targets| {
+        let from = chunk * CHUNK_SPHERES;
+        match &wrapping {
+            Some(wrapping) => simd.run(WrapChunk { spheres, wrapping, from, targets }, None),
+            None => targets.iter_mut().zip(from..).for_each(|(target, k)| *target = spheres.get(k)),
+        }
+    });
+}
+
+/// The lengths of an orthogonal periodic space, with the radius as a fourth lane.
+struct Wrapping<'s> {
+    space: &'s Space,
+    /// The length of each axis; 0 for an unbounded one.
+    lengths: [f64; 4],
+    /// The inverse of each length; 0 for an unbounded axis.
+    per_length: [f64; 4],
+}
+
+impl<'s> Wrapping<'s> {
+    fn new(space: &'s Space) -> Self {
+        let [x, y, z] = space.lengths_f32().map(|length| length.map_or(0.0, f64::from));
+        let lengths = [x, y, z, 0.0];
+        let per_length = lengths.map(|length| if length > 0.0 { length.recip() } else { 0.0 });
+        Self { space, lengths, per_length }
+    }
+
+    /// Moves a sphere to its image within half a length of the origin. Nothing is rounded.
+    ///
+    /// # Correctness
+    ///
+    /// 1. A coordinate `x` and a length `L` are `f32` numbers. Unless `x / L` is a whole number and a half, it is at least
+    ///    2⁻²⁶ away from one. Below 2²⁰ lengths the product with the inverse is wrong by less than 2⁻³¹, so that it is
+    ///    rounded to a nearest whole number.
+    /// 2. The product of that number, of at most 21 bits, and a length of 24 bits is an `f64` number. The difference from `x`
+    ///    is at most half a length and a multiple of a unit of `x` or `L`, hence an `f32` number.
+    /// 3. Other coordinates, which include those that are not finite, are wrapped by [`Space::wrap`].
+    #[inline(always)]
+    fn wrap(&self, sphere: Sphere) -> Sphere {
+        let row: [f32; 4] = cast(sphere);
+        let (mut wrapped, mut is_near) = (row, true);
+        for lane in 0..4 {
+            let x = f64::from(row[lane]);
+            let lengths = x * self.per_length[lane];
+            wrapped[lane] = (x - math::nearest(lengths) * self.lengths[lane]) as f32;
+            is_near &= lengths.abs() < NEAR;
+        }
+        if is_near { cast(wrapped) } else { Sphere { center: self.space.wrap(sphere.center), ..sphere } }
+    }
+}
+
+struct WrapChunk<'c> {
+    spheres: Spheres<'c>,
+    wrapping: &'c Wrapping<'c>,
+    from: usize,
+    targets: &'c mut [Sphere],
+}
+
+impl SimdTask for WrapChunk<'_> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, _: V) {
+        let Self { spheres, wrapping, from, targets } = self;
+        match spheres.as_rows() {
+            Some(rows) => {
+                targets.iter_mut().zip(&rows[from..]).for_each(|(to, sphere)| *to = wrapping.wrap(*sphere));
+            }
+            None => targets.iter_mut().zip(from..).for_each(|(to, k)| *to = wrapping.wrap(spheres.get(k))),
+        }
+    }
+}
+
+/// Maps spheres to a frame, with effective radii by species, and returns the bounds of the given spheres.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub(super) fn map_to_frame(
+    (spheres, targets): (Spheres<'_>, &mut [Sphere]),
+    frame: &SearchFrame,
+    halves: Option<&[LargestHalf]>,
+    (simd, executor): (Simd, Executor),
+) -> Result<Bounds, Error> {
+    let species = spheres.species().zip(halves);
+    let map = |(chunk, targets): (usize, &mut [Sphere])| {
+        simd.run(FrameChunk { spheres, species, frame, from: chunk * CHUNK_SPHERES, targets }, None)
+    };
+    let chunks = targets.chunks_mut(CHUNK_SPHERES).enumerate();
+    if executor == Executor::Caller {
+        return Ok(chunks.map(map).fold(Bounds::EMPTY, Bounds::merge));
+    }
+    let mut chunks = try_collect(chunks.map(|chunk| (chunk, Bounds::EMPTY)), "chunks of spheres")?;
+    executor.for_each(&mut chunks, |_, ((chunk, targets), bounds)| *bounds = map((*chunk, targets)));
+    Ok(chunks.iter().fold(Bounds::EMPTY, |all, (_, bounds)| all.merge(*bounds)))
+}
+
+struct FrameChunk<'c> {
+    spheres: Spheres<'c>,
+    species: Option<(&'c [u32], &'c [LargestHalf])>,
+    frame: &'c SearchFrame,
+    from: usize,
+    targets: &'c mut [Sphere],
+}
+
+impl SimdTask for FrameChunk<'_> {
+    type Result = Bounds;
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, _: V) -> Bounds {
+        let Self { spheres, species, frame, from, targets } = self;
+        let mut block = [[0.0; 4]; BLOCK_SPHERES];
+        let mut bounds = Bounds::EMPTY;
+        for (targets, from) in targets.chunks_mut(BLOCK_SPHERES).zip((from..).step_by(BLOCK_SPHERES)) {
+            let block = &mut block[..targets.len()];
+            spheres.read(from, block);
+            bounds.add(block);
+            if let Some((species, halves)) = species {
+                for (numbers, &species) in block.iter_mut().zip(&species[from..]) {
+                    let (half, touches) = halves[species as usize];
+                    let radius = numbers[3];
+                    // The validity check finds other radii.
+                    if (0.0..f64::INFINITY).contains(&radius) {
+                        numbers[3] = if touches { half.max(radius) } else { half };
+                    }
+                }
+            }
+            frame.map(block, targets);
+        }
+        bounds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Coordinates near whole and half numbers of lengths, inside the box and far away.
+    #[test]
+    fn wrapping_agrees_with_the_space_at_any_distance() {
+        let mut state = 5_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as u32
+        };
+        for length in [1.0_f32, 0.1, 3.0, 10.0, 1.0 / 3.0, 7.7e-4, 16_777_215.0, 1e-44, f32::MAX] {
+            let space =
+                Space::periodic([Some(f64::from(length)), None, Some(f64::from(length))]).expect("a box");
+            let wrapping = Wrapping::new(&space);
+            let mut spheres: Vec<_> = (0..4000)
+                .map(|k| {
+                    let near = |word: u32| {
+                        let at = (word % 41) as f32 * 0.5 * length;
+                        [at, at.next_up(), at.next_down(), -at][word as usize % 4]
+                    };
+                    let anywhere =
+                        f32::from_bits(random() % 0x7f00_0000) * if k % 2 == 0 { 1.0 } else { -1.0 };
+                    Sphere::new(
+                        [near(random()), anywhere, if k % 5 == 0 { anywhere } else { near(random()) }],
+                        0.5,
+                    )
+                })
+                .collect();
+            spheres.push(Sphere::new([f32::NAN, f32::INFINITY, 0.0], f32::INFINITY));
+            for simd in [Simd::detect(), Simd::Portable] {
+                let mut found = vec![Sphere::default(); spheres.len()];
+                copy(((&spheres).into(), &mut found), Some(&space), (simd, Executor::Caller));
+                for (given, found) in spheres.iter().zip(&found).take(spheres.len() - 1) {
+                    let expected = space.wrap(given.center);
+                    for axis in [0, 2] {
+                        let is_tie = (2.0 * f64::from(expected[axis])).abs() == f64::from(length);
+                        let is_same = found.center[axis] == expected[axis]
+                            || is_tie && found.center[axis] == -expected[axis];
+                        assert!(is_same, "{given:?} in {length:e}: {found:?}, not {expected}");
+                    }
+                    assert_eq!((found.center.y, found.radius), (given.center.y, 0.5));
+                }
+                assert!(!found[spheres.len() - 1].is_valid());
+            }
+            assert!(wrapping.wrap(Sphere::new([length, 0.0, 0.0], 1.0)).center.x == 0.0);
+        }
+    }
+}
