@@ -319,14 +319,14 @@ mod tests {
     #[test]
     fn every_width_finds_contacts_and_is_certain_of_contacts_only() {
         let mut random = crate::test_support::Random(9);
-        let rows: Vec<Xyzr> = (0..400)
-            .map(|_| random.point(4.0))
-            .map(|[x, y, z]| [x, y, z, 0.3 + 0.2 * random.unit()])
-            .collect();
-        let pairs: Vec<[Pair; MAX_LANES]> = (0..3000)
-            .map(|_| [(); MAX_LANES].map(|()| [(); 2].map(|()| (200.0 + 199.9 * random.unit()) as u32)))
-            .map(|vector| vector.map(|[i, j]| Pair { i, j }))
-            .collect();
+        let mut sphere = || {
+            let [x, y, z] = random.point(4.0);
+            [x, y, z, 0.3 + 0.2 * random.unit()]
+        };
+        let rows: Vec<Xyzr> = (0..400).map(|_| sphere()).collect();
+        let mut at = || (200.0 + 199.9 * random.unit()) as u32;
+        let pairs: Vec<[Pair; MAX_LANES]> =
+            (0..3000).map(|_| std::array::from_fn(|_| Pair { i: at(), j: at() })).collect();
         for lengths in [[None; 3], [Some(8.0); 3], [Some(8.0), None, Some(9.5)]] {
             let space = lazygrid_kernels::Space::periodic(lengths).expect("a box");
             let touch = |pair: &Pair| {
