@@ -1,6 +1,7 @@
 //! Writers of results and scenes. A file appears under its name only when it is complete.
 
 mod atomic_file;
+mod base64;
 mod encoder;
 pub mod frames;
 mod pairs;
@@ -12,6 +13,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 pub use atomic_file::AtomicFile;
+pub use base64::base64;
 pub use pairs::{Output, PairFile, neighbors};
 pub use spheres::{SphereFormat, spheres};
 pub use temporary::remove_temporaries;

@@ -12,6 +12,7 @@ use std::io::{self, BufReader, Write};
 use std::num::NonZeroU32;
 use std::path::Path;
 
+use lazygrid_io::write::base64;
 use record::{Frame, Frames};
 pub(crate) use record::{append, bytes_of};
 use scene::Scene;
@@ -84,42 +85,9 @@ fn thinned(mut frame: Frame, shift: u32) -> Frame {
     frame
 }
 
-/// Bytes as letters, four for each three (RFC 4648).
-fn base64(out: &mut impl Write, bytes: &[u8]) -> io::Result<()> {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let word = (0..3).fold(0_u32, |word, k| word << 8 | u32::from(three.get(k).copied().unwrap_or(0)));
-        let letter = |k: usize| LETTERS[(word >> (18 - 6 * k) & 63) as usize];
-        text.extend((0..4).map(|k| if k <= three.len() { letter(k) } else { b'=' }));
-    }
-    out.write_all(&text)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn bytes_become_the_letters_of_the_standard() {
-        // The test vectors of RFC 4648.
-        let known = [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("foobar", "Zm9vYmFy"),
-        ];
-        for (bytes, letters) in known {
-            let mut out = Vec::new();
-            base64(&mut out, bytes.as_bytes()).unwrap();
-            assert_eq!(String::from_utf8(out).unwrap(), letters);
-        }
-        let mut out = Vec::new();
-        base64(&mut out, &[0xFB, 0xFF, 0xBF]).unwrap();
-        assert_eq!(out, b"+/+/");
-    }
 
     #[test]
     fn the_page_has_a_place_for_everything() {
