@@ -11,7 +11,7 @@ pub(crate) mod costs;
 mod detector;
 pub(crate) mod device;
 mod encode;
-pub(crate) mod plan;
+pub mod plan;
 mod session;
 
 pub(crate) use backend::{AutoBackend, GpuBackend};

@@ -2,11 +2,7 @@
 
 use std::ops::Range;
 
-use lazygrid_kernels::Interactions;
-use lazygrid_kernels::layout::SearchParams;
-
 use crate::Error;
-use crate::gpu::config::GpuConfig;
 #[cfg(doc)]
 use crate::gpu::{GpuDetector, Outcome};
 
@@ -14,7 +10,7 @@ use crate::gpu::{GpuDetector, Outcome};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SphereCount<'a> {
-    /// AdapterProfile to the host.
+    /// Known to the host.
     Host(u32),
     /// The first `u32` of a buffer with `STORAGE` usage, read on the GPU.
     Buffer {
@@ -109,23 +105,4 @@ pub(in crate::gpu) fn check_buffer(
         return Err(Error::Buffer { what, size: buffer.size(), needed, usage });
     }
     Ok(())
-}
-
-impl GpuConfig {
-    /// The parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
-    pub(in crate::gpu) fn call(&self, spheres: u32, input: &GpuSpheres<'_>) -> SearchParams {
-        let call = SearchParams {
-            spheres,
-            pair_capacity: self.pair_capacity,
-            species: self.interactions.as_ref().map_or(0, Interactions::species),
-            consumer_workgroup_size: self.consumer_workgroup_size,
-            window_begin: input.window.start,
-            window_end: input.window.end,
-            second_set_start: input.split,
-            tau: self.tau,
-            pairs_in_cell_order: u32::from(self.pairs_in_cell_order),
-            ..SearchParams::default()
-        };
-        call.in_space(self.space)
-    }
 }

@@ -4,7 +4,6 @@ mod capacity;
 mod input;
 mod output;
 mod prepared;
-mod sides;
 mod skin_detector;
 mod tables;
 mod timer;
@@ -13,7 +12,7 @@ use lazygrid_kernels::kernel as k;
 #[cfg(doc)]
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::layout::SearchParams;
-use lazygrid_kernels::{Algorithm, Interactions, Space};
+use lazygrid_kernels::{Algorithm, Space};
 
 pub(crate) use capacity::CapacitySnapshot;
 use capacity::EntryCapacity;
@@ -27,8 +26,8 @@ use timer::Timer;
 use super::config::{GpuConfig, check};
 use super::device::{Pipelines, with_error_scope};
 use super::encode::{Buffers, Recording, SmallCache};
-use super::plan::{CallCost, DeviceLimits, Plan, Request, most_entries, plan};
-use crate::{Error, choice};
+use super::plan::{CallCost, CallSettings, DeviceLimits, Plan, Request, most_entries, plan};
+use crate::Error;
 
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
 ///
@@ -108,7 +107,7 @@ impl GpuDetector {
     }
 
     fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
-        choice::algorithm(algorithm, (spheres, None, 1), (self.settings.crossover, "given"))
+        self.settings.chosen(algorithm, spheres)
     }
 
     /// Changes the space, which must be periodic along the same axes.
@@ -126,11 +125,8 @@ impl GpuDetector {
     }
 
     fn plan_for(&self, spheres: u32, choice: AlgorithmChoice) -> Result<Plan, Error> {
-        let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
-        let (pairs, (algorithm, _)) = (self.settings.pair_capacity, self.chosen(choice.algorithm, spheres));
-        let (entries, periodic) = (self.entry_capacity.of(spheres), self.settings.space.is_periodic());
-        let radix_sort_from = self.settings.radix_sort_from;
-        let request = Request { spheres, pairs, entries, algorithm, species, periodic, radix_sort_from };
+        let (algorithm, _) = self.chosen(choice.algorithm, spheres);
+        let request = Request::new(&self.settings, algorithm, spheres, self.entry_capacity.of(spheres));
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
@@ -301,42 +297,21 @@ impl GpuDetector {
         self.timer.as_ref().map(Timer::ticks)
     }
 
-    /// The parameters of a call that the kernels read.
-    fn call(&self, plan: &Plan, choice: AlgorithmChoice, input: &GpuSpheres<'_>) -> SearchParams {
-        let sides = self.tables.as_ref().map(|tables| &tables.sides);
-        let (side_pairs, interaction) = if input.split == 0 {
-            sides.map_or((SearchParams::FIRST_WITH_ITSELF, SearchParams::TOUCH), |sides| {
-                (sides.side_pairs, sides.interaction)
-            })
-        } else {
-            (SearchParams::FIRST_WITH_SECOND, sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets))
-        };
-        SearchParams {
-            side_pairs,
-            interaction,
-            entry_capacity: plan.entries,
-            key_bits: plan.key_bits,
-            cell_ratio: choice.cell_ratio,
-            search_groups: plan.search_groups,
-            split_policy: plan.split_policy as u32,
-            occupancy_slots: plan.occupancy_slots,
-            tiles_per_submission: self.tiles_per_submission,
-            cells: plan.cells,
-            counters: if plan.tile == 0 { plan.counters } else { 0 },
-            radix_tile: plan.tile,
-            candidates_per_invocation: plan.candidates_per_invocation,
-            overflow_workgroups: plan.overflow_workgroups,
-            ..self.settings.call(plan.spheres, input)
-        }
-    }
-
     fn bind(
         &self,
         prepared: &mut Prepared,
         choice: AlgorithmChoice,
         input: &GpuSpheres<'_>,
     ) -> Result<(), Error> {
-        let key = Key::of(input, self.call(&prepared.plan, choice, input));
+        let settings = CallSettings {
+            config: &self.settings,
+            cell_ratio: choice.cell_ratio,
+            tiles_per_submission: self.tiles_per_submission,
+            window: input.window.clone(),
+            split: input.split,
+            sides: self.tables.as_ref().map(|tables| &tables.bytes.sides),
+        };
+        let key = Key::of(input, prepared.plan.call(&settings));
         prepared.bind(&self.device, &self.pipelines, key, self.tables.as_ref())
     }
 }

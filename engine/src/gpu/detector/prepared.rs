@@ -1,7 +1,6 @@
 //! The buffers of calls of a size, with what was recorded for them.
 
 use lazygrid_kernels::Algorithm;
-use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::SearchParams;
 
 use super::input::{GpuSpheres, SphereCount};
@@ -9,8 +8,8 @@ use super::output::{CellOrder, GpuOutput};
 use super::tables::Tables;
 use crate::Error;
 use crate::gpu::device::{Pipelines, constant_buffer};
-use crate::gpu::encode::{Buffers, Recording, SmallCache, pass_buffers};
-use crate::gpu::plan::{BufferId, Plan, Resource};
+use crate::gpu::encode::{Buffers, Recording, SmallCache};
+use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Plan, Resource};
 
 /// Everything that depends on the size of a call.
 #[derive(Debug)]
@@ -61,23 +60,26 @@ impl Prepared {
     ) -> Result<(), Error> {
         let Self { plan, buffers, recordings } = self;
         recordings.get_or_insert_with(key, |key| {
-            let call = constant_buffer(device, "call", bytemuck::bytes_of(&key.call))?;
-            let passes = pass_buffers(device, &plan.digits())?;
-            let species = tables.is_some();
-            let variant = Variant { species, periodic: plan.periodic, ..pipelines.variant() };
-            let dispatches = plan.dispatches.iter().cloned();
-            Recording::new(device, pipelines, variant, dispatches, |dispatch, binding| {
-                match (plan.resource(dispatch, binding), tables, &key.species) {
-                    (Resource::Own(slot), ..) => buffers.get(slot),
-                    (Resource::Spheres, ..) => &key.spheres,
-                    (Resource::Count, ..) => key.count.as_ref().unwrap_or(&call),
-                    (Resource::RadixPass(pass), ..) => &passes[pass as usize],
-                    (Resource::Species, _, Some(species)) => species,
-                    (Resource::Reach, Some(tables), _) => &tables.reach,
-                    (Resource::Table, Some(tables), _) => &tables.table,
-                    _ => &call,
-                }
-            })
+            let constants = CallConstants {
+                call: key.call,
+                count_in_buffer: key.count.is_some(),
+                tables: tables.map(|tables| &tables.bytes),
+            };
+            let call_plan = plan.call_plan(&constants, pipelines.variant(), &DeviceLimits::of(device));
+            let bound = call_plan.buffers.iter().map(|buffer| {
+                Ok(match (buffer.resource, tables, &key.species, &key.count) {
+                    (Resource::Own(id), ..) => buffers.get(id).clone(),
+                    (Resource::Spheres, ..) => key.spheres.clone(),
+                    (Resource::Species, _, Some(species), _) => species.clone(),
+                    (Resource::Count, _, _, Some(count)) => count.clone(),
+                    (Resource::Reach, Some(tables), ..) => tables.reach.clone(),
+                    (Resource::Table, Some(tables), ..) => tables.table.clone(),
+                    _ => constant_buffer(device, "a constant of a call", buffer.constant())?,
+                })
+            });
+            let bound = bound.collect::<Result<Vec<_>, Error>>()?;
+            let bound: Vec<_> = bound.iter().collect();
+            Recording::from_sequence(device, pipelines, &call_plan.sequence, &bound)
         })
     }
 }

@@ -214,7 +214,7 @@ impl GpuSkinDetector {
                 candidates.insert(Candidates { found, state, parts: SmallCache::NONE })
             }
         };
-        let key = Key::of(input, self.settings.call(spheres, input));
+        let key = Key::of(input, self.settings.call(spheres, &input.window, input.split));
         self.record(buffers, candidates, key)?;
         if let (Some(Parts { before, gate, after }), Some(search)) =
             (candidates.parts.current(), self.search.recording())

@@ -4,7 +4,6 @@ mod primitives;
 mod recording;
 mod small_cache;
 
-pub(crate) use primitives::pass_buffers;
 pub use primitives::{BoundScan, BoundSort, KeyValueBuffers, PrefixScan, RadixSort};
 pub(crate) use recording::{Buffers, Recording};
 pub(crate) use small_cache::SmallCache;

@@ -91,7 +91,7 @@ impl BoundSort {
 }
 
 /// The uniforms of radix passes.
-pub(crate) fn pass_buffers(device: &wgpu::Device, digits: &[RadixPass]) -> Result<Vec<wgpu::Buffer>, Error> {
+fn pass_buffers(device: &wgpu::Device, digits: &[RadixPass]) -> Result<Vec<wgpu::Buffer>, Error> {
     digits.iter().map(|digit| constant_buffer(device, "radix pass", bytemuck::bytes_of(digit))).collect()
 }
 

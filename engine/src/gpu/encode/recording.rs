@@ -1,12 +1,12 @@
 use std::collections::HashMap;
 
-use lazygrid_kernels::kernel::{
-    CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, RUNS_SEARCH_FAR_DISPATCH_ARGS, Variant,
-};
+use lazygrid_kernels::kernel::Variant;
 
 use crate::Error;
 use crate::gpu::device::{Pipelines, with_error_scope};
-use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, GpuPhase, flattened};
+use crate::gpu::plan::{
+    BufferId, DeviceLimits, Dispatch, DispatchSequence, GpuPhase, PlanKernel, Workgroups,
+};
 
 /// The buffers that a detector or a primitive owns.
 #[derive(Debug, Default)]
@@ -16,13 +16,7 @@ impl Buffers {
     pub(crate) fn allocate(device: &wgpu::Device, sizes: &[(BufferId, u64)]) -> Result<Self, Error> {
         let mut buffers = HashMap::new();
         for &(slot, size) in sizes {
-            let mut usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-            if matches!(slot, BufferId::Outcome | BufferId::DispatchArgs | BufferId::DispatchCounts) {
-                usage |= wgpu::BufferUsages::INDIRECT;
-            }
-            if slot == BufferId::Total {
-                usage |= wgpu::BufferUsages::COPY_DST;
-            }
+            let usage = slot.usage().into();
             let label = format!("lazygrid::{slot:?}");
             let descriptor =
                 wgpu::BufferDescriptor { label: Some(&label), size, usage, mapped_at_creation: false };
@@ -81,42 +75,43 @@ impl Recording {
         resolve: impl Fn(&Dispatch, &str) -> &'a wgpu::Buffer,
     ) -> Result<Self, Error> {
         let limits = DeviceLimits::of(device);
-        let mut bound_dispatches = Vec::new();
-        let mut continuation_start = None;
-        for dispatch in dispatches {
-            if dispatch.kernel == &RUNS_SEARCH_FAR_DISPATCH_ARGS
-                || dispatch.kernel == &CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS
-            {
-                continuation_start = Some(bound_dispatches.len());
-            }
-            let compiled = pipelines.get(dispatch.kernel, variant)?;
+        let (sequence, buffers) = DispatchSequence::resolved(dispatches, variant, &limits, resolve);
+        Self::from_sequence(device, pipelines, &sequence, &buffers)
+    }
+
+    /// Binds `buffers` as the dispatches of a plan name them.
+    pub(crate) fn from_sequence(
+        device: &wgpu::Device,
+        pipelines: &Pipelines,
+        sequence: &DispatchSequence,
+        buffers: &[&wgpu::Buffer],
+    ) -> Result<Self, Error> {
+        let mut dispatches = Vec::with_capacity(sequence.dispatches.len());
+        for dispatch in &sequence.dispatches {
+            let PlanKernel { kernel, variant } = sequence.kernels[dispatch.kernel];
+            let compiled = pipelines.get(kernel, variant)?;
             let entries: Vec<_> = (0..)
-                .zip(dispatch.kernel.bindings(variant))
-                .map(|(binding, bound)| wgpu::BindGroupEntry {
+                .zip(&dispatch.buffers)
+                .map(|(binding, &buffer)| wgpu::BindGroupEntry {
                     binding,
-                    resource: resolve(&dispatch, bound.name).as_entire_binding(),
+                    resource: buffers[buffer].as_entire_binding(),
                 })
                 .collect();
-            let bindings = with_error_scope(device, dispatch.kernel.name, 0, || {
+            let bindings = with_error_scope(device, kernel.name, 0, || {
                 device.create_bind_group(&wgpu::BindGroupDescriptor {
-                    label: Some(dispatch.kernel.name),
+                    label: Some(kernel.name),
                     layout: &compiled.layout,
                     entries: &entries,
                 })
             })?;
-            let groups = match dispatch.indirect {
-                false => WorkgroupCount::Fixed(flattened(dispatch.groups, &limits)),
-                true => WorkgroupCount::Indirect(resolve(&dispatch, "dispatch").clone()),
+            let groups = match dispatch.workgroups {
+                Workgroups::Fixed(groups) => WorkgroupCount::Fixed(groups),
+                Workgroups::Indirect(buffer) => WorkgroupCount::Indirect(buffers[buffer].clone()),
             };
-            bound_dispatches.push(BoundDispatch {
-                pipeline: compiled.pipeline,
-                bindings,
-                groups,
-                phase: dispatch.phase,
-            });
+            let pipeline = compiled.pipeline;
+            dispatches.push(BoundDispatch { pipeline, bindings, groups, phase: dispatch.phase });
         }
-        let continuation_start = continuation_start.unwrap_or(bound_dispatches.len());
-        Ok(Self { dispatches: bound_dispatches, continuation_start })
+        Ok(Self { dispatches, continuation_start: sequence.continuation })
     }
 
     /// Records all dispatches in one pass.

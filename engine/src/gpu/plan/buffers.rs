@@ -63,6 +63,75 @@ pub(crate) enum BufferId {
     DispatchCounts,
 }
 
+impl BufferId {
+    /// The usage by the kernels and by readers of results.
+    pub(crate) fn usage(self) -> BufferUsage {
+        BufferUsage {
+            storage: true,
+            copy_src: true,
+            indirect: matches!(self, Self::Outcome | Self::DispatchArgs | Self::DispatchCounts),
+            copy_dst: self == Self::Total,
+            uniform: false,
+        }
+    }
+
+    /// The name in plans, such as `sorted_species`, or `keys_0` for the first of two buffers.
+    pub(crate) fn name(self) -> String {
+        let mut name = String::new();
+        for letter in format!("{self:?}").replace("(false)", "_0").replace("(true)", "_1").chars() {
+            if letter.is_ascii_uppercase() && !name.is_empty() {
+                name.push('_');
+            }
+            name.push(letter.to_ascii_lowercase());
+        }
+        name
+    }
+}
+
+/// The uses of a buffer, as WebGPU names them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "a set of flags")]
+pub struct BufferUsage {
+    /// Kernels bind it as a storage buffer.
+    pub storage: bool,
+    /// Kernels bind it as a uniform buffer.
+    pub uniform: bool,
+    /// It holds the workgroups of a dispatch.
+    pub indirect: bool,
+    /// Copies read it.
+    pub copy_src: bool,
+    /// Copies write it.
+    pub copy_dst: bool,
+}
+
+impl BufferUsage {
+    /// The names of the uses, in lower case.
+    pub fn names(self) -> Vec<&'static str> {
+        let Self { storage, uniform, indirect, copy_src, copy_dst } = self;
+        let all = [
+            (storage, "storage"),
+            (uniform, "uniform"),
+            (indirect, "indirect"),
+            (copy_src, "copy_src"),
+            (copy_dst, "copy_dst"),
+        ];
+        all.into_iter().filter(|(used, _)| *used).map(|(_, name)| name).collect()
+    }
+}
+
+impl From<BufferUsage> for wgpu::BufferUsages {
+    fn from(usage: BufferUsage) -> Self {
+        let BufferUsage { storage, uniform, indirect, copy_src, copy_dst } = usage;
+        let mut usages = Self::empty();
+        usages.set(Self::STORAGE, storage);
+        usages.set(Self::UNIFORM, uniform);
+        usages.set(Self::INDIRECT, indirect);
+        usages.set(Self::COPY_SRC, copy_src);
+        usages.set(Self::COPY_DST, copy_dst);
+        usages
+    }
+}
+
 /// The buffer that a kernel's binding refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Resource {

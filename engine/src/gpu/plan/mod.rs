@@ -1,11 +1,19 @@
-//! The buffers and dispatches of one call. Pure functions of sizes and limits: no device, no allocation.
+//! The buffers and dispatches of one call, as pure functions of sizes, settings and limits, without a device.
+//!
+//! [`Planner`] makes a [`CallPlan`], which any program can execute that compiles WGSL.
 
 mod buffers;
+mod call_plan;
 mod cell_list;
 mod cost;
 mod dispatches;
 mod limits;
+mod planner;
+#[cfg(feature = "serde")]
+mod serialize;
+mod sides;
 pub(super) mod skin;
+mod tables;
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
@@ -13,15 +21,23 @@ use lazygrid_kernels::layout::RadixPass;
 
 use crate::Error;
 
+pub use buffers::BufferUsage;
 pub(super) use buffers::sort_buffers;
 pub(crate) use buffers::{BufferId, Resource};
 use buffers::{bytes_of, call_buffers, cell_buffers, entry_buffers};
+pub(crate) use call_plan::CallConstants;
+pub use call_plan::{
+    BufferSource, CallPlan, DispatchSequence, PlanBuffer, PlanDispatch, PlanKernel, Workgroups,
+};
 pub use cost::CallCost;
 pub(crate) use dispatches::Dispatch;
 pub use dispatches::GpuPhase;
 use dispatches::dispatches;
 pub(super) use dispatches::{flattened, scan_dispatches, sort_dispatches};
 pub use limits::DeviceLimits;
+pub(crate) use planner::CallSettings;
+pub use planner::Planner;
+pub(crate) use tables::TableBytes;
 
 /// Workgroups of the naive search if there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;

@@ -1,0 +1,350 @@
+//! A call as data: the buffers, kernels and dispatches that any host can execute.
+
+use std::sync::Arc;
+
+use lazygrid_kernels::Algorithm;
+use lazygrid_kernels::kernel::{
+    Access, Binding, CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, Kernel, RUNS_SEARCH_FAR_DISPATCH_ARGS, Variant,
+};
+use lazygrid_kernels::layout::{Outcome, SearchParams};
+
+use super::buffers::BufferUsage;
+use super::limits::DeviceLimits;
+use super::tables::TableBytes;
+use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
+
+/// A call without a device: which buffers to create, which kernels to compile, what to bind and to dispatch, and how to
+/// read the result. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
+///
+/// With the feature `serde` a plan can be serialized; `docs/page.md` describes the format.
+///
+/// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline for each kernel,
+/// and record all dispatches in order, in one compute pass. The [`Outcome`] then lies in the buffer
+/// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches from
+/// [`continuation`](DispatchSequence::continuation) again.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct CallPlan {
+    /// The algorithm, never `Auto`.
+    pub algorithm: Algorithm,
+    /// The number of spheres, or the largest number if a buffer holds it.
+    pub spheres: u32,
+    /// Pairs that the pair buffer holds.
+    pub pair_capacity: u32,
+    /// The buffers. Dispatches refer to them by position.
+    pub buffers: Vec<PlanBuffer>,
+    /// The kernels and dispatches.
+    pub sequence: DispatchSequence,
+    /// The position of the buffer with the [`Outcome`].
+    pub outcome: usize,
+    /// The position of the buffer with the pairs, two `u32` indices each.
+    pub pairs: usize,
+    /// The cost of the call.
+    pub cost: CallCost,
+    /// The limits that a device must have.
+    pub requirements: DeviceLimits,
+}
+
+/// A buffer of a plan.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct PlanBuffer {
+    /// A name, unique in the plan.
+    pub name: String,
+    /// The minimum size in bytes.
+    pub size: u64,
+    /// The minimum usage.
+    pub usage: BufferUsage,
+    /// The origin of the contents.
+    pub source: BufferSource,
+    /// The buffer as the detector knows it.
+    pub(crate) resource: Resource,
+}
+
+impl PlanBuffer {
+    /// The bytes of a constant; empty for other buffers.
+    pub fn constant(&self) -> &[u8] {
+        match &self.source {
+            BufferSource::Constant(bytes) => bytes,
+            BufferSource::Input | BufferSource::Working => &[],
+        }
+    }
+}
+
+/// The origin of a buffer's contents.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BufferSource {
+    /// The host: `spheres` (`x, y, z, r` as `f32` rows), `species` (a `u32` per sphere), `count` (a `u32`).
+    Input,
+    /// These bytes, written before the call and never changed.
+    Constant(Arc<[u8]>),
+    /// The kernels. Initial contents have no effect.
+    Working,
+}
+
+/// Kernels and the dispatches that run them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct DispatchSequence {
+    /// The distinct kernels.
+    pub kernels: Vec<PlanKernel>,
+    /// The dispatches in order. Each may read what earlier dispatches wrote.
+    pub dispatches: Vec<PlanDispatch>,
+    /// The first dispatch of a further part of a partial call; the number of dispatches if calls have one part.
+    pub continuation: usize,
+}
+
+/// A kernel in the variant of a plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlanKernel {
+    pub(crate) kernel: &'static Kernel,
+    pub(crate) variant: Variant,
+}
+
+impl PlanKernel {
+    /// The entry point.
+    pub fn entry_point(&self) -> &'static str {
+        self.kernel.name
+    }
+
+    /// Threads per workgroup.
+    pub fn workgroup_size(&self) -> u32 {
+        self.kernel.workgroup_size
+    }
+
+    /// The bindings of group 0, numbered from 0.
+    pub fn bindings(&self) -> impl Iterator<Item = Binding> + use<> {
+        self.kernel.bindings(self.variant)
+    }
+
+    /// The WGSL text by the standard, as browsers, Dawn and wgpu-native compile it.
+    pub fn wgsl(&self) -> String {
+        self.kernel.strict_wgsl(self.variant)
+    }
+
+    /// The same kernel for devices whose smallest subgroup has this size; `None` is for all devices.
+    pub fn with_subgroups(&self, smallest: Option<u32>) -> Self {
+        let variant = Variant { subgroups: smallest, ..self.variant };
+        Self { variant: self.kernel.effective_variant(variant), ..*self }
+    }
+}
+
+/// A dispatch of a plan.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PlanDispatch {
+    /// The position of the kernel in [`DispatchSequence::kernels`].
+    pub kernel: usize,
+    /// The positions of the bound buffers in [`CallPlan::buffers`], by binding number.
+    pub buffers: Vec<usize>,
+    /// The number of workgroups.
+    pub workgroups: Workgroups,
+    /// The part of the call that the dispatch belongs to.
+    pub phase: GpuPhase,
+}
+
+/// The number of workgroups of a dispatch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Workgroups {
+    /// Workgroups along x and y; one along z.
+    Fixed([u32; 2]),
+    /// Three `u32` at the begin of the buffer at this position, which an earlier dispatch writes.
+    Indirect(usize),
+}
+
+impl DispatchSequence {
+    /// Resolves the bindings of `dispatches` by `resolve`, and returns the distinct resources in the order of first use.
+    pub(crate) fn resolved<R: PartialEq>(
+        dispatches: impl IntoIterator<Item = Dispatch>,
+        variant: Variant,
+        limits: &DeviceLimits,
+        resolve: impl Fn(&Dispatch, &str) -> R,
+    ) -> (Self, Vec<R>) {
+        let (mut sequence, mut resources) = (Self::default(), Vec::new());
+        let mut continuation = None;
+        for dispatch in dispatches {
+            if dispatch.kernel == &RUNS_SEARCH_FAR_DISPATCH_ARGS
+                || dispatch.kernel == &CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS
+            {
+                continuation = Some(sequence.dispatches.len());
+            }
+            let kernel =
+                PlanKernel { kernel: dispatch.kernel, variant: dispatch.kernel.effective_variant(variant) };
+            let kernel = position(&mut sequence.kernels, kernel);
+            let mut buffer = |name: &str| position(&mut resources, resolve(&dispatch, name));
+            let buffers = dispatch.kernel.bindings(variant).map(|binding| buffer(binding.name)).collect();
+            let workgroups = match dispatch.indirect {
+                false => Workgroups::Fixed(flattened(dispatch.groups, limits)),
+                true => Workgroups::Indirect(buffer("dispatch")),
+            };
+            sequence.dispatches.push(PlanDispatch { kernel, buffers, workgroups, phase: dispatch.phase });
+        }
+        sequence.continuation = continuation.unwrap_or(sequence.dispatches.len());
+        (sequence, resources)
+    }
+
+    /// The accesses to each of `buffers` buffers.
+    fn accesses(&self, buffers: usize) -> Vec<Vec<Access>> {
+        let mut accesses = vec![Vec::new(); buffers];
+        for dispatch in &self.dispatches {
+            for (&buffer, binding) in dispatch.buffers.iter().zip(self.kernels[dispatch.kernel].bindings()) {
+                accesses[buffer].push(binding.access);
+            }
+        }
+        accesses
+    }
+
+    fn storage_buffers(&self) -> usize {
+        let storage = |kernel: &PlanKernel| kernel.bindings().filter(|b| b.access != Access::Uniform).count();
+        self.kernels.iter().map(storage).max().unwrap_or(0)
+    }
+
+    fn workgroups_per_dimension(&self) -> u32 {
+        let of = |dispatch: &PlanDispatch| match dispatch.workgroups {
+            Workgroups::Fixed([x, y]) => x.max(y),
+            // Kernels write at most so many.
+            Workgroups::Indirect(_) => 65_535,
+        };
+        self.dispatches.iter().map(of).max().unwrap_or(0)
+    }
+}
+
+/// The position of a value in a list, to which it is added if it is missing.
+fn position<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
+    list.iter().position(|known| *known == value).unwrap_or_else(|| {
+        list.push(value);
+        list.len() - 1
+    })
+}
+
+/// The constants of a call, besides those of its plan.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CallConstants<'a> {
+    pub(crate) call: SearchParams,
+    /// `true` if a buffer of the host holds the number of spheres.
+    pub(crate) count_in_buffer: bool,
+    /// The interaction table, if there is one.
+    pub(crate) tables: Option<&'a TableBytes>,
+}
+
+impl Plan {
+    /// Returns the whole call as data.
+    pub(crate) fn call_plan(
+        &self,
+        constants: &CallConstants<'_>,
+        variant: Variant,
+        limits: &DeviceLimits,
+    ) -> CallPlan {
+        let has_species = constants.tables.is_some();
+        let variant = Variant { species: has_species, periodic: self.periodic, ..variant };
+        let (sequence, resources) =
+            DispatchSequence::resolved(self.dispatches.iter().cloned(), variant, limits, |dispatch, name| {
+                match self.resource(dispatch, name) {
+                    Resource::Count if !constants.count_in_buffer => Resource::SearchParams,
+                    resource => resource,
+                }
+            });
+        let accesses = sequence.accesses(resources.len());
+        let mut buffers: Vec<PlanBuffer> =
+            resources.iter().map(|&resource| self.buffer(resource, constants)).collect();
+        for (buffer, accesses) in buffers.iter_mut().zip(accesses) {
+            buffer.usage.uniform = accesses.contains(&Access::Uniform);
+            buffer.usage.storage |= accesses.iter().any(|access| *access != Access::Uniform);
+        }
+        let at = |id| resources.iter().position(|resource| *resource == Resource::Own(id)).unwrap_or(0);
+        let largest = |of: &dyn Fn(&&PlanBuffer) -> bool| {
+            buffers.iter().filter(of).map(|buffer| buffer.size).max().unwrap_or(0)
+        };
+        let requirements = DeviceLimits {
+            storage_binding: largest(&|buffer| buffer.usage.storage),
+            buffer: largest(&|_| true),
+            groups_per_dimension: sequence.workgroups_per_dimension(),
+            storage_buffers: sequence.storage_buffers() as u32,
+            workgroup_memory: variant.workgroup_memory(),
+        };
+        CallPlan {
+            algorithm: self.algorithm,
+            spheres: self.spheres,
+            pair_capacity: self.pairs,
+            outcome: at(BufferId::Outcome),
+            pairs: at(BufferId::Pairs),
+            cost: self.cost(),
+            buffers,
+            sequence,
+            requirements,
+        }
+    }
+
+    /// Describes the buffer of a resource; its usage by the kernels is not known yet.
+    fn buffer(&self, resource: Resource, constants: &CallConstants<'_>) -> PlanBuffer {
+        let input = |bytes: u64| (bytes.max(16), BufferSource::Input);
+        let constant = |bytes: Arc<[u8]>| {
+            ((bytes.len() as u64).max(16).next_multiple_of(16), BufferSource::Constant(bytes))
+        };
+        let table = |of: fn(&TableBytes) -> &Arc<[u8]>| {
+            constants.tables.map_or_else(|| Arc::from([]), |tables| of(tables).clone())
+        };
+        let spheres = u64::from(self.spheres);
+        let (name, (size, source)) = match resource {
+            Resource::Own(id) => {
+                let size = self.buffers.iter().find(|(of, _)| *of == id).map_or(16, |(_, size)| *size);
+                (id.name(), (size, BufferSource::Working))
+            }
+            Resource::Spheres => ("spheres".to_owned(), input(spheres * 16)),
+            Resource::Species => ("species".to_owned(), input(spheres * 4)),
+            Resource::Count => ("count".to_owned(), input(4)),
+            Resource::SearchParams => {
+                ("params".to_owned(), constant(bytemuck::bytes_of(&constants.call).into()))
+            }
+            Resource::RadixPass(pass) => {
+                let digit = self.digits()[pass as usize];
+                (format!("radix_pass_{pass}"), constant(bytemuck::bytes_of(&digit).into()))
+            }
+            Resource::Reach => ("reach".to_owned(), constant(table(|tables| &tables.reach))),
+            Resource::Table => ("table".to_owned(), constant(table(|tables| &tables.table))),
+        };
+        let usage = match resource {
+            Resource::Own(id) => id.usage(),
+            _ => BufferUsage::default(),
+        };
+        PlanBuffer { name, size, usage, source, resource }
+    }
+}
+
+impl CallPlan {
+    /// The offset in bytes of each field of the [`Outcome`], all `u32`.
+    pub const OUTCOME_FIELDS: [(&'static str, usize); 16] = {
+        use std::mem::offset_of;
+        [
+            ("found_lo", offset_of!(Outcome, found_lo)),
+            ("found_hi", offset_of!(Outcome, found_hi)),
+            ("overflow", offset_of!(Outcome, overflow)),
+            ("quarantined", offset_of!(Outcome, quarantined)),
+            ("dispatch_x", offset_of!(Outcome, dispatch_x)),
+            ("dispatch_y", offset_of!(Outcome, dispatch_y)),
+            ("dispatch_z", offset_of!(Outcome, dispatch_z)),
+            ("deferred_blocks", offset_of!(Outcome, deferred_blocks)),
+            ("entries_lo", offset_of!(Outcome, entries_lo)),
+            ("entries_hi", offset_of!(Outcome, entries_hi)),
+            ("spheres", offset_of!(Outcome, spheres)),
+            ("deferred_max_tiles", offset_of!(Outcome, deferred_max_tiles)),
+            ("deferred_begin", offset_of!(Outcome, deferred_begin)),
+            ("deferred_end", offset_of!(Outcome, deferred_end)),
+            ("max_occupancy", offset_of!(Outcome, max_occupancy)),
+            ("pairs_in_cell_order", offset_of!(Outcome, pairs_in_cell_order)),
+        ]
+    };
+
+    /// The names of the bits in the field `overflow` of the [`Outcome`].
+    pub const OVERFLOW_BITS: [(&'static str, u32); 4] = [
+        ("pairs", Outcome::OVERFLOW_PAIRS),
+        ("entries", Outcome::OVERFLOW_ENTRIES),
+        ("spheres", Outcome::OVERFLOW_SPHERES),
+        ("candidates", Outcome::OVERFLOW_CANDIDATES),
+    ];
+
+    /// The subgroup size that the kernels are made for, if they use subgroups: the device's smallest.
+    pub fn subgroups(&self) -> Option<u32> {
+        self.sequence.kernels.iter().find_map(|kernel| kernel.variant.subgroups)
+    }
+}

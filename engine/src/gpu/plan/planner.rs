@@ -1,0 +1,177 @@
+//! From settings to plans, for a detector and for programs without a device.
+
+use std::ops::Range;
+
+use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::layout::SearchParams;
+use lazygrid_kernels::{Algorithm, Interactions};
+
+use super::call_plan::{CallConstants, CallPlan};
+use super::sides::Sides;
+use super::tables::TableBytes;
+use super::{DeviceLimits, Plan, Request, plan};
+use crate::Error;
+use crate::gpu::config::{GpuConfig, check};
+
+/// Plans calls without a device, as a [`GpuDetector`](crate::gpu::GpuDetector) of this configuration plans them on a device
+/// of these limits.
+///
+/// ```
+/// use lazygrid::Algorithm;
+/// use lazygrid::gpu::plan::Planner;
+/// use lazygrid::gpu::{DeviceLimits, GpuConfig, wgpu};
+///
+/// let limits = DeviceLimits::from(&wgpu::Limits::default());
+/// let config = GpuConfig::default().algorithm(Algorithm::CellList);
+/// let plan = Planner::new(config, limits).plan(100_000)?;
+/// assert!(plan.buffers[plan.pairs].size >= 8 * u64::from(plan.pair_capacity));
+/// # Ok::<(), lazygrid::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Planner {
+    config: GpuConfig,
+    limits: DeviceLimits,
+    smallest_subgroup: Option<u32>,
+    min_entries: u32,
+    count_in_buffer: bool,
+}
+
+impl Planner {
+    /// Creates a planner for devices without subgroups.
+    pub fn new(config: GpuConfig, limits: DeviceLimits) -> Self {
+        Self { config, limits, smallest_subgroup: None, min_entries: 0, count_in_buffer: false }
+    }
+
+    /// Sets the device's smallest subgroup size, if it has subgroups. Default: `None`.
+    pub fn subgroups(self, smallest: Option<u32>) -> Self {
+        Self { smallest_subgroup: smallest, ..self }
+    }
+
+    /// Sets the minimum capacity for (cell, sphere) entries. A call that exceeds its capacity sets
+    /// [`Outcome::OVERFLOW_ENTRIES`](crate::gpu::Outcome::OVERFLOW_ENTRIES). Default: 0, which leaves the capacity to the plan.
+    pub fn min_entries(self, min_entries: u32) -> Self {
+        Self { min_entries, ..self }
+    }
+
+    /// Sets whether the number of spheres comes from a buffer. Default: `false`.
+    pub fn count_in_buffer(self, count_in_buffer: bool) -> Self {
+        Self { count_in_buffer, ..self }
+    }
+
+    /// Plans a call of `spheres` spheres, or of at most `spheres` spheres if the number comes from a buffer.
+    ///
+    /// # Errors
+    /// [`Error::LimitExceeded`] if a buffer exceeds the limits; [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for the
+    /// configuration.
+    pub fn plan(&self, spheres: u32) -> Result<CallPlan, Error> {
+        let Self { config, limits, .. } = self;
+        check(config)?;
+        let (algorithm, _) = config.chosen(config.algorithm, spheres);
+        let sized = plan(&Request::new(config, algorithm, spheres, self.min_entries), limits)?;
+        let table = |interactions| TableBytes::new(interactions, limits.storage_binding);
+        let tables = config.interactions.as_ref().map(table).transpose()?;
+        let call = sized.call(&CallSettings {
+            config,
+            cell_ratio: config.cell_ratio,
+            tiles_per_submission: SearchParams::UNLIMITED,
+            window: 0..u32::MAX,
+            split: 0,
+            sides: tables.as_ref().map(|tables| &tables.sides),
+        });
+        let subgroups = self.smallest_subgroup.filter(|_| config.subgroups);
+        let variant = Variant::for_device(subgroups, limits.workgroup_memory);
+        let count_in_buffer = self.count_in_buffer;
+        let constants = CallConstants { call, count_in_buffer, tables: tables.as_ref() };
+        Ok(sized.call_plan(&constants, variant, limits))
+    }
+
+    /// Returns the bytes of workgroup memory that kernels for this smallest subgroup size need at most.
+    pub fn workgroup_memory(smallest_subgroup: Option<u32>) -> u32 {
+        Variant { subgroups: smallest_subgroup, ..Variant::default() }.workgroup_memory()
+    }
+}
+
+impl Request {
+    /// A request by these settings.
+    pub(crate) fn new(config: &GpuConfig, algorithm: Algorithm, spheres: u32, entries: u32) -> Self {
+        Self {
+            spheres,
+            pairs: config.pair_capacity,
+            entries,
+            algorithm,
+            species: config.interactions.as_ref().map_or(0, Interactions::species),
+            periodic: config.space.is_periodic(),
+            radix_sort_from: config.radix_sort_from,
+        }
+    }
+}
+
+/// The settings of a call that its plan does not hold.
+#[derive(Clone, Debug)]
+pub(crate) struct CallSettings<'a> {
+    pub(crate) config: &'a GpuConfig,
+    pub(crate) cell_ratio: f32,
+    /// See [`SearchParams::tiles_per_submission`].
+    pub(crate) tiles_per_submission: u32,
+    /// Only pairs whose smaller index lies in this range are counted and written.
+    pub(crate) window: Range<u32>,
+    /// The number of spheres of the first of two sets; 0 for one set.
+    pub(crate) split: u32,
+    /// The sides of the species, if there is an interaction table.
+    pub(crate) sides: Option<&'a Sides>,
+}
+
+impl Plan {
+    /// The parameters of a call that its kernels read.
+    pub(crate) fn call(&self, settings: &CallSettings<'_>) -> SearchParams {
+        let sides = settings.sides;
+        let (side_pairs, interaction) = if settings.split == 0 {
+            sides.map_or((SearchParams::FIRST_WITH_ITSELF, SearchParams::TOUCH), |sides| {
+                (sides.side_pairs, sides.interaction)
+            })
+        } else {
+            (SearchParams::FIRST_WITH_SECOND, sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets))
+        };
+        SearchParams {
+            side_pairs,
+            interaction,
+            entry_capacity: self.entries,
+            key_bits: self.key_bits,
+            cell_ratio: settings.cell_ratio,
+            search_groups: self.search_groups,
+            split_policy: self.split_policy as u32,
+            occupancy_slots: self.occupancy_slots,
+            tiles_per_submission: settings.tiles_per_submission,
+            cells: self.cells,
+            counters: if self.tile == 0 { self.counters } else { 0 },
+            radix_tile: self.tile,
+            candidates_per_invocation: self.candidates_per_invocation,
+            overflow_workgroups: self.overflow_workgroups,
+            ..settings.config.call(self.spheres, &settings.window, settings.split)
+        }
+    }
+}
+
+impl GpuConfig {
+    /// The parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
+    pub(in crate::gpu) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
+        let call = SearchParams {
+            spheres,
+            pair_capacity: self.pair_capacity,
+            species: self.interactions.as_ref().map_or(0, Interactions::species),
+            consumer_workgroup_size: self.consumer_workgroup_size,
+            window_begin: window.start,
+            window_end: window.end,
+            second_set_start: split,
+            tau: self.tau,
+            pairs_in_cell_order: u32::from(self.pairs_in_cell_order),
+            ..SearchParams::default()
+        };
+        call.in_space(self.space)
+    }
+
+    /// The algorithm that runs for `algorithm` with up to `spheres` spheres, and the reason.
+    pub(in crate::gpu) fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
+        crate::choice::algorithm(algorithm, (spheres, None, 1), (self.crossover, "given"))
+    }
+}

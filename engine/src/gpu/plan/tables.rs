@@ -1,0 +1,55 @@
+//! The interaction table as kernels read it.
+
+use std::sync::Arc;
+
+use lazygrid_kernels::layout::{SearchParams, SpeciesParams};
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
+
+use super::sides::{Side, Sides};
+use crate::Error;
+
+/// The bytes that kernels read about species.
+#[derive(Clone, Debug)]
+pub(crate) struct TableBytes {
+    /// A [`SpeciesParams`] for each species.
+    pub(crate) reach: Arc<[u8]>,
+    /// Per pair of species, a distance or one of the two negative marks.
+    pub(crate) table: Arc<[u8]>,
+    /// The sides of the species.
+    pub(crate) sides: Sides,
+}
+
+impl TableBytes {
+    /// # Errors
+    /// [`Error::LimitExceeded`] if the table is larger than a binding of `storage_binding` bytes.
+    pub(crate) fn new(interactions: &Interactions, storage_binding: u64) -> Result<Self, Error> {
+        let species = interactions.species();
+        let bytes = u64::from(species) * u64::from(species) * 4;
+        if bytes > storage_binding {
+            let (what, remedy) = ("the interaction table", "merge species");
+            return Err(Error::LimitExceeded { what, needed: bytes, limit: storage_binding, remedy });
+        }
+        let sides = Sides::of(interactions);
+        let flags = |side: Side| match side {
+            Side::First => 0,
+            Side::Second => SpeciesParams::SECOND_SIDE,
+            Side::Idle => SpeciesParams::IDLE,
+        };
+        let touches = |reach: EffectiveRadius| if reach.touches { SpeciesParams::TOUCHES } else { 0 };
+        let reach: Vec<SpeciesParams> = (0..species)
+            .zip(&sides.of_species)
+            .map(|(id, &side)| (interactions.effective_radius(id), side))
+            .map(|(reach, side)| SpeciesParams { flags: touches(reach) | flags(side), half: reach.half })
+            .collect();
+        let table: Vec<f32> = (0..species)
+            .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
+            .map(|interaction| match interaction {
+                Interaction::Never => SearchParams::NEVER,
+                Interaction::Touch => SearchParams::TOUCH,
+                Interaction::Within(distance) => distance as f32,
+            })
+            .collect();
+        let [reach, table] = [bytemuck::cast_slice(&reach), bytemuck::cast_slice(&table)].map(Arc::from);
+        Ok(Self { reach, table, sides })
+    }
+}
