@@ -7,9 +7,11 @@
 //! * [`triclinic`]: generators of scenarios in triclinic cells.
 //! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
 //! * [`device`]: a GPU device, if an adapter exists.
+//! * [`browser`]: finds a browser, and decodes its screenshots.
 //! * [`command`]: runs built commands.
 //! * [`hard`]: generators of spheres that are hard on grids, with shrinking.
 
+pub mod browser;
 pub mod command;
 pub mod hard;
 pub mod periodic;
