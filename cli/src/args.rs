@@ -1,4 +1,5 @@
 mod detect;
+mod page;
 mod parsers;
 
 use std::num::{NonZeroU32, NonZeroUsize};
@@ -15,6 +16,7 @@ use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
 use lazygrid_sim::run::run_args::RunArgs;
 
+pub(crate) use page::{PageArgs, PlanArgs};
 use parsers::{PathWith, cell_ratio, one_of, radius, seconds, skin, space, table_format, threads, tilts};
 
 /// All pairs of overlapping spheres.
@@ -49,6 +51,10 @@ pub(crate) enum Command {
     },
     /// See whether all is right on this machine, and how fast it is
     Check(Check),
+    /// Write a page that runs, checks and measures the kernels in a browser with WebGPU
+    Page(PageArgs),
+    /// Write the plan of a GPU call as JSON, for programs that run the kernels themselves
+    Plan(PlanArgs),
     /// Write a completion script for a shell to standard output
     Completions {
         /// The shell

@@ -5,4 +5,5 @@ pub(crate) mod check;
 pub(crate) mod detect;
 pub(crate) mod devices;
 pub(crate) mod generate;
+pub(crate) mod page;
 pub(crate) mod simulate;

@@ -71,6 +71,10 @@ pub(crate) enum CliError {
     StoppedReplicas { done: u32, count: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
     #[error("{}: cannot be drawn: {reason}", path.display())]
     Report { path: PathBuf, reason: String },
+    #[error("the page cannot be made: {what}")]
+    Page { what: String },
+    #[error("cannot write JSON: {0}")]
+    Json(serde_json::Error),
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }

@@ -13,7 +13,7 @@ use std::io::{self, Write};
 use clap::{CommandFactory, Parser};
 
 use crate::args::{Args, Command};
-use crate::commands::{calibrate, check, detect, devices, generate, simulate};
+use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
 
 /// Does what the arguments say, of which the first is the program's name, and returns the exit code: 0 done, 1 bad input
@@ -57,6 +57,8 @@ fn command(command: Command) -> Result<(), CliError> {
         Command::Devices => devices::run(),
         Command::Calibrate { adapter } => calibrate::run(adapter.as_ref()),
         Command::Check(args) => signals::install_cleanup_handler().and_then(|()| check::run(&args)),
+        Command::Page(args) => signals::install_cleanup_handler().and_then(|()| page::run(&args)),
+        Command::Plan(args) => signals::install_cleanup_handler().and_then(|()| page::plan(&args)),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);

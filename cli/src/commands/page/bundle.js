@@ -1,0 +1,52 @@
+"use strict";
+// The plans, kernels and scenes that `lazygrid page` put into the page, as gzipped JSON in base64.
+
+class Bundle {
+  constructor(contents) {
+    Object.assign(this, contents);
+  }
+
+  static async open(base64) {
+    const packed = new Blob([Uint8Array.from(atob(base64.trim()), (letter) => letter.charCodeAt(0))]).stream();
+    return new Bundle(await new Response(packed.pipeThrough(new DecompressionStream("gzip"))).json());
+  }
+
+  // A call as a plan of its own: with its constants, and the kernels for subgroups of the size with this index.
+  plan(call, subgroups) {
+    const { plan, constants } = this.calls[call], skeleton = this.plans[plan];
+    let next = 0;
+    return {
+      ...skeleton,
+      buffers: skeleton.buffers.map((buffer) => (buffer.source === "constant" ? { ...buffer, words: constants[next++] } : buffer)),
+      kernels: skeleton.kernels.map((kernel) => ({ ...kernel, wgsl: this.text(kernel.wgsl[subgroups]) })),
+    };
+  }
+
+  // A kernel, from the runs of lines that kernels share.
+  text(number) {
+    return this.texts[number].map(([at, count]) => this.lines.slice(at, at + count).join("\n")).join("\n");
+  }
+
+  // The first of several calls that a device can run, else the last.
+  fitting(player, calls) {
+    return calls.find((call) => !player.obstacle(this.plans[this.calls[call].plan])) ?? calls.at(-1);
+  }
+
+  // The algorithm that runs in place of `auto`.
+  algorithmOf(size, algorithm) {
+    return algorithm === "auto" ? this.sizes[size].auto : algorithm;
+  }
+
+  // The plan for a size on offer, or `undefined` if none was exported.
+  planFor(player, size, algorithm, portable = false) {
+    const calls = this.sizes[size].calls[this.algorithmOf(size, algorithm)];
+    return calls && this.plan(this.fitting(player, calls), portable ? 0 : player.subgroupTexts(this.subgroups));
+  }
+
+  // The reason why a size is not on offer on this device, or `undefined`.
+  obstacle(player, size, algorithm) {
+    const name = this.algorithmOf(size, algorithm), calls = this.sizes[size].calls[name];
+    if (!calls) return `${name} tests all pairs, which takes too long for this many spheres`;
+    return player.obstacle(this.plans[this.calls[this.fitting(player, calls)].plan]);
+  }
+}

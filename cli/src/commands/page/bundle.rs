@@ -1,0 +1,206 @@
+//! The contents of the page as one JSON object: plans, kernels, scenes and checks. What several plans share stands once.
+
+use std::collections::BTreeMap;
+
+use lazygrid::gpu::plan::{CallPlan, Planner};
+use lazygrid::gpu::{DeviceLimits, GpuConfig, wgpu};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Skin};
+use serde_json::{Map, Value, json};
+
+use super::checks;
+use super::scenes::KINDS;
+use crate::error::CliError;
+
+/// The numbers of spheres on the page.
+const SIZES: [u32; 9] = [1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000];
+/// Above this number of spheres, all pairs take seconds on most GPUs.
+const MOST_NAIVE: u32 = 100_000;
+/// The largest number of spheres of which the CPU counts the pairs for the page's measurements.
+const MOST_COUNTED: u32 = 1_000_000;
+/// Pairs per sphere that a scene can color, and the most in all: 128 MiB, which every device can bind.
+const PAIRS_PER_SPHERE: u32 = 24;
+const MOST_PAIRS: u32 = 1 << 24;
+/// The subgroup sizes for which kernels exist; without subgroups they run everywhere.
+const SUBGROUPS: [Option<u32>; 7] = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
+
+/// Limits that a plan can be made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Limits {
+    /// `true` for 1 GiB per binding, `false` for WebGPU's default of 128 MiB.
+    pub(super) is_large: bool,
+    /// `true` for 32 KiB of workgroup memory, `false` for WebGPU's default of 16 KiB.
+    pub(super) is_wide: bool,
+}
+
+impl Limits {
+    pub(super) const LARGE: Self = Self { is_large: true, is_wide: true };
+    /// From the best to those of every device.
+    const ALL: [Self; 4] = [
+        Self::LARGE,
+        Self { is_large: true, is_wide: false },
+        Self { is_large: false, is_wide: true },
+        Self { is_large: false, is_wide: false },
+    ];
+
+    pub(super) fn of_device(self) -> DeviceLimits {
+        // Plans require the storage buffers that they bind, and are not limited by them here.
+        let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 16, ..wgpu::Limits::default() };
+        if self.is_large {
+            limits.max_storage_buffer_binding_size = 1 << 30;
+            limits.max_buffer_size = 1 << 30;
+        }
+        limits.max_compute_workgroup_storage_size = if self.is_wide { 32 << 10 } else { 16 << 10 };
+        DeviceLimits::from(&limits)
+    }
+}
+
+/// Collects plans, and gives each distinct text and plan a number.
+#[derive(Debug, Default)]
+pub(super) struct Bundle {
+    texts: Texts,
+    plans: Vec<Value>,
+    plan_numbers: BTreeMap<String, usize>,
+    calls: Vec<Value>,
+    call_numbers: BTreeMap<String, usize>,
+}
+
+impl Bundle {
+    /// Adds a plan and returns the number of its call.
+    pub(super) fn add(&mut self, plan: &CallPlan) -> Result<usize, CliError> {
+        let mut form = serde_json::to_value(plan).map_err(CliError::Json)?;
+        let mut constants = Vec::new();
+        for buffer in form["buffers"].as_array_mut().into_iter().flatten() {
+            constants.extend(buffer.as_object_mut().and_then(|buffer| buffer.remove("words")));
+        }
+        for (kernel, form) in
+            plan.sequence.kernels.iter().zip(form["kernels"].as_array_mut().into_iter().flatten())
+        {
+            let texts = SUBGROUPS.map(|size| self.texts.add(kernel.with_subgroups(size).wgsl()));
+            form["wgsl"] = json!(texts);
+        }
+        let plan = numbered(&mut self.plans, &mut self.plan_numbers, form);
+        let call = json!({ "plan": plan, "constants": constants });
+        Ok(numbered(&mut self.calls, &mut self.call_numbers, call))
+    }
+}
+
+/// Kernels as runs of lines that they share: their texts consist of the same pieces, far apart.
+#[derive(Debug, Default)]
+struct Texts {
+    /// The distinct runs of lines, one after another.
+    lines: Vec<String>,
+    /// The positions of each line.
+    positions: BTreeMap<String, Vec<usize>>,
+    /// For each text, the begins and lengths of its runs.
+    runs: Vec<Vec<[usize; 2]>>,
+    numbers: BTreeMap<String, usize>,
+}
+
+impl Texts {
+    /// Adds a text and returns its number.
+    fn add(&mut self, text: String) -> usize {
+        if let Some(&known) = self.numbers.get(&text) {
+            return known;
+        }
+        let lines: Vec<&str> = text.lines().collect();
+        let mut runs: Vec<[usize; 2]> = Vec::new();
+        let mut rest = &lines[..];
+        while let Some(first) = rest.first() {
+            let same = |&at: &usize| {
+                let known = self.lines[at..].iter();
+                [at, known.zip(rest).take_while(|(known, line)| known == line).count()]
+            };
+            let positions = self.positions.get(*first).into_iter().flatten();
+            let run = positions.map(same).max_by_key(|[_, length]| *length).unwrap_or_else(|| {
+                let at = self.lines.len();
+                self.lines.push((*first).to_owned());
+                self.positions.entry((*first).to_owned()).or_default().push(at);
+                [at, 1]
+            });
+            match runs.last_mut() {
+                Some(last) if last[0] + last[1] == run[0] => last[1] += run[1],
+                _ => runs.push(run),
+            }
+            rest = &rest[run[1]..];
+        }
+        self.runs.push(runs);
+        self.numbers.insert(text, self.runs.len() - 1);
+        self.runs.len() - 1
+    }
+}
+
+/// The number of a value among those that differ.
+fn numbered(list: &mut Vec<Value>, numbers: &mut BTreeMap<String, usize>, value: Value) -> usize {
+    *numbers.entry(value.to_string()).or_insert_with(|| {
+        list.push(value);
+        list.len() - 1
+    })
+}
+
+/// Everything that the page shows.
+///
+/// # Errors
+/// Fails if the CPU cannot count the pairs of a scene.
+pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
+    let mut bundle = Bundle::default();
+    let sizes = SIZES.into_iter().map(|spheres| size(&mut bundle, spheres)).collect::<Result<Vec<_>, _>>()?;
+    let checks = checks::scenes(&mut bundle)?;
+    let scenes = KINDS.iter().map(scene).collect::<Result<Vec<_>, _>>()?;
+    let subgroups: Vec<Value> = SUBGROUPS
+        .iter()
+        .map(|&size| json!({ "size": size, "workgroup_memory": Planner::workgroup_memory(size) }))
+        .collect();
+    Ok(json!({
+        "version": version, "commit": commit, "subgroups": subgroups,
+        "algorithms": Algorithm::GPU.iter().map(|algorithm| algorithm.name()).collect::<Vec<_>>(),
+        "sizes": sizes, "scenes": scenes, "checks": checks,
+        "plans": bundle.plans, "calls": bundle.calls, "lines": bundle.texts.lines, "texts": bundle.texts.runs,
+        "wgsl": {
+            "scene": include_str!("scene.wgsl"), "draw": include_str!("draw.wgsl"), "copy": include_str!("copy.wgsl"),
+        },
+    }))
+}
+
+/// The calls for a number of spheres: of each algorithm, for the best limits first.
+fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
+    let pairs = spheres.saturating_mul(PAIRS_PER_SPHERE).min(MOST_PAIRS);
+    let config = |algorithm| GpuConfig::default().algorithm(algorithm).pair_capacity(pairs);
+    let mut calls = Map::new();
+    for &algorithm in Algorithm::GPU {
+        if algorithm == Algorithm::Naive && spheres > MOST_NAIVE {
+            continue;
+        }
+        let mut of_limits = Vec::new();
+        for limits in Limits::ALL {
+            let planner = Planner::new(config(algorithm), limits.of_device()).count_in_buffer(true);
+            match planner.plan(spheres) {
+                Ok(plan) => of_limits.push(bundle.add(&plan)?),
+                // Too large for these limits; larger limits have a plan.
+                Err(Error::LimitExceeded { .. }) => {}
+                Err(error) => return Err(CliError::Setting(error)),
+            }
+        }
+        of_limits.dedup();
+        calls.insert(algorithm.name().to_owned(), of_limits.into());
+    }
+    let auto = Planner::new(config(Algorithm::Auto), Limits::LARGE.of_device())
+        .plan(spheres)
+        .map_err(CliError::Setting)?
+        .algorithm;
+    Ok(json!({ "spheres": spheres, "auto": auto.name(), "calls": calls }))
+}
+
+/// A family of scenes, with the scale for each size and the pairs that the CPU counts.
+fn scene(kind: &super::scenes::Kind) -> Result<Value, CliError> {
+    let config = Config::default().backend(Backend::Cpu).skin(Skin::Off);
+    let mut detector = Detector::new(config).map_err(CliError::Setting)?;
+    let mut pairs = Map::new();
+    for count in SIZES.into_iter().filter(|count| (10_000..=MOST_COUNTED).contains(count)) {
+        let spheres = kind.spheres(count, kind.scale(count));
+        pairs.insert(count.to_string(), detector.count(&spheres).map_err(CliError::Setting)?.into());
+    }
+    let mut form = serde_json::to_value(kind).map_err(CliError::Json)?;
+    form["scales"] = SIZES.map(|count| kind.scale(count)).to_vec().into();
+    form["pairs"] = pairs.into();
+    Ok(form)
+}

@@ -1,0 +1,149 @@
+//! The scenes that the page checks, with the pairs that the CPU finds in them.
+
+use lazygrid::gpu::GpuConfig;
+use lazygrid::gpu::plan::Planner;
+use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Skin, Sphere};
+use lazygrid_check::detectors::compare::{self, SceneCase};
+use lazygrid_check::{Effort, TestInput, Tolerance, checksum};
+use serde_json::{Value, json};
+
+use super::bundle::{Bundle, Limits};
+use super::scenes::KINDS;
+use crate::error::CliError;
+
+/// Spheres of an embedded scene at most: larger ones are cut, as their spheres would fill the page.
+const MOST_EMBEDDED: usize = 160;
+/// Spheres that plans of embedded scenes are made for: one plan serves all of them.
+const CAPACITY: u32 = 256;
+/// Sizes of the scenes that the device makes itself, and the largest of which all pairs are tested.
+const MADE: [u32; 2] = [3000, 50_000];
+const MOST_NAIVE: u32 = 3000;
+/// Radii grow by this factor to find all pairs that may be near tangency.
+const WIDER: f32 = 1.0 + 1e-5;
+
+/// All scenes of the check, with their calls.
+///
+/// # Errors
+/// Fails if a reference or a plan fails.
+pub(super) fn scenes(bundle: &mut Bundle) -> Result<Vec<Value>, CliError> {
+    let mut scenes = Vec::new();
+    for SceneCase { name, scenario } in compare::cases(Effort::Quick) {
+        // Scenes of thousands of random spheres are made on the device.
+        let is_taken = !scenario.is_refined() && (scenario.spheres.len() < 4000);
+        if is_taken {
+            let scenario = scenario.only(|at| at < MOST_EMBEDDED);
+            scenes.push(embedded(bundle, &name, &scenario)?);
+        }
+    }
+    for count in MADE {
+        for (at, kind) in KINDS.iter().enumerate() {
+            let scale = kind.scale(count);
+            let scenario = TestInput::from(kind.spheres(count, scale));
+            let mut scene = expected(&scenario)?;
+            let name = format!("{count} spheres, {}", kind.name);
+            scene["calls"] = calls(bundle, &scenario, count, &scene)?;
+            scenes.push(merged(
+                scene,
+                json!({ "name": name, "count": count, "capacity": count, "kind": at, "scale": scale }),
+            ));
+        }
+    }
+    Ok(scenes)
+}
+
+/// A scene whose spheres stand in the page, as the bits of their numbers.
+fn embedded(bundle: &mut Bundle, name: &str, scenario: &TestInput) -> Result<Value, CliError> {
+    let bits = |sphere: &Sphere| {
+        [sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius].map(f32::to_bits)
+    };
+    let spheres: Vec<u32> = scenario.spheres.iter().flat_map(bits).collect();
+    let mut scene = expected(scenario)?;
+    scene["calls"] = calls(bundle, scenario, CAPACITY, &scene)?;
+    let periodic = scenario.space.is_periodic().then(|| scenario.space.lengths_f32());
+    let species = scenario.mixture.as_ref().map(|mixture| &mixture.species);
+    Ok(merged(
+        scene,
+        json!({
+            "name": name, "count": scenario.spheres.len(), "capacity": CAPACITY, "spheres": spheres,
+            "species": species, "periodic": periodic,
+        }),
+    ))
+}
+
+fn merged(mut scene: Value, more: Value) -> Value {
+    if let (Some(scene), Value::Object(more)) = (scene.as_object_mut(), more) {
+        scene.extend(more);
+    }
+    scene
+}
+
+/// The pairs of a scene: the number and the checksum of those that every device must find, and the pairs near tangency,
+/// which a device may find or miss.
+fn expected(scenario: &TestInput) -> Result<Value, CliError> {
+    let wrong = |what: String| CliError::Page { what };
+    let found = compare::expected(scenario).map_err(wrong)?;
+    // Coincident points are at distance 0 on every device.
+    let apart = |pair: &Pair| scenario.distance_squared(pair.i as usize, pair.j as usize) > 0.0;
+    let is_unsure = |pair: &Pair| Tolerance::Tangent.allows(scenario, *pair) && apart(pair);
+    let unsure: Vec<Pair> = near_pairs(scenario)?.into_iter().filter(is_unsure).collect();
+    let sure: Vec<Pair> = found.iter().filter(|pair| !unsure.contains(pair)).copied().collect();
+    let unsure: Vec<[u32; 2]> = unsure.iter().map(|pair| [pair.i, pair.j]).collect();
+    let checksum = format!("{:016x}", checksum(&sure));
+    Ok(json!({
+        "expected": { "pairs": sure.len(), "checksum": checksum, "unsure": unsure },
+    }))
+}
+
+/// Pairs that touch or nearly do.
+fn near_pairs(scenario: &TestInput) -> Result<Vec<Pair>, CliError> {
+    let count = scenario.spheres.len() as u32;
+    if count as usize <= MOST_EMBEDDED {
+        return Ok((0..count).flat_map(|i| (i + 1..count).map(move |j| Pair { i, j })).collect());
+    }
+    let wider: Vec<Sphere> =
+        scenario.spheres.iter().map(|sphere| Sphere::new(sphere.center, sphere.radius * WIDER)).collect();
+    let config = Config::default().backend(Backend::Cpu).skin(Skin::Off);
+    let mut detector = Detector::new(config).map_err(CliError::Setting)?;
+    detector.pairs(&wider).map_err(CliError::Setting)?;
+    Ok(detector.into_pairs())
+}
+
+/// Every algorithm in every way to sort.
+fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value) -> Result<Value, CliError> {
+    let expected = &scene["expected"];
+    let most =
+        expected["pairs"].as_u64().unwrap_or(0) + expected["unsure"].as_array().map_or(0, Vec::len) as u64;
+    // Few sizes, so that scenes share plans.
+    let pairs =
+        [1 << 12, 1 << 14, 1 << 17].into_iter().find(|&pairs| u64::from(pairs) >= most).unwrap_or(1 << 21);
+    let narrow = Limits { is_wide: false, ..Limits::LARGE };
+    let by_sort: &[_] = &[("wide tiles", Limits::LARGE, 0), ("narrow tiles", narrow, 0)];
+    let mut calls = Vec::new();
+    for &algorithm in Algorithm::GPU {
+        let ways: &[(&str, Limits, u32)] = match algorithm {
+            Algorithm::Naive if capacity > MOST_NAIVE => &[],
+            Algorithm::Naive => &[("all pairs", Limits::LARGE, 0)],
+            Algorithm::CellList => &[
+                ("counting sort", Limits::LARGE, u32::MAX),
+                ("radix sort, wide tiles", Limits::LARGE, 0),
+                ("radix sort, narrow tiles", narrow, 0),
+            ],
+            _ => by_sort,
+        };
+        for &(way, limits, radix_sort_from) in ways {
+            let interactions = scenario.interactions().map_err(|error| CliError::Setting(error.into()))?;
+            let config = GpuConfig::default()
+                .algorithm(algorithm)
+                .space(scenario.space)
+                .interactions(interactions)
+                .pair_capacity(pairs)
+                .radix_sort_from(radix_sort_from);
+            // Eight entries on each of 32 levels are the most that there can be.
+            let planner = Planner::new(config, limits.of_device()).count_in_buffer(true);
+            let planner = if capacity == CAPACITY { planner.min_entries(8 * 32 * CAPACITY) } else { planner };
+            let call = bundle.add(&planner.plan(capacity).map_err(CliError::Setting)?)?;
+            calls.push(json!({ "algorithm": algorithm.name(), "way": way, "call": call }));
+        }
+    }
+    Ok(calls.into())
+}

@@ -1,0 +1,309 @@
+"use strict";
+// Executes call plans of lazygrid through WebGPU: creates the buffers, binds them, dispatches the kernels and reads the
+// outcome. `docs/page.md` describes the format. Needs no page: `replay.mjs` runs this file in Node.
+
+const PLAN_FORMAT = 1;
+
+// A failure with a remedy, for people.
+class PlayerError extends Error {}
+
+// Runs `work` and throws what the device objects to. Both kinds of errors arrive after the call that caused them.
+async function guarded(device, what, work) {
+  device.pushErrorScope("out-of-memory");
+  device.pushErrorScope("validation");
+  let result, thrown;
+  try {
+    result = await work();
+  } catch (error) {
+    thrown = error;
+  }
+  const [invalid, exhausted] = await Promise.all([device.popErrorScope(), device.popErrorScope()]);
+  if (exhausted) throw new PlayerError(`${what}: the GPU is out of memory; choose fewer spheres`);
+  if (invalid) throw new PlayerError(`${what}: ${invalid.message}`);
+  if (thrown) throw thrown;
+  return result;
+}
+
+// The device, and the choices that lazygrid makes from its limits.
+class Player {
+  constructor(adapter, device) {
+    Object.assign(this, { adapter, device, info: adapter.info, pipelines: new Map() });
+    this.timed = device.features.has("timestamp-query");
+    device.lost.then(({ message, reason }) => {
+      this.lost = message || reason;
+    });
+  }
+
+  // Opens the best adapter with the largest limits that plans can use.
+  static async open(gpu) {
+    if (!gpu) {
+      throw new PlayerError(
+        "This browser has no WebGPU. Use a current Chrome, Edge, Safari or Firefox; on Linux, WebGPU may have to be enabled.",
+      );
+    }
+    const adapter = await gpu.requestAdapter({ powerPreference: "high-performance" });
+    if (!adapter) {
+      throw new PlayerError("WebGPU found no GPU. Update the graphics driver, or enable hardware acceleration in the browser.");
+    }
+    const requiredFeatures = ["timestamp-query", "subgroups"].filter((name) => adapter.features.has(name));
+    const names = [
+      "maxBufferSize", "maxStorageBufferBindingSize", "maxStorageBuffersPerShaderStage",
+      "maxComputeWorkgroupStorageSize", "maxComputeWorkgroupsPerDimension",
+    ];
+    const requiredLimits = Object.fromEntries(names.map((name) => [name, adapter.limits[name]]));
+    return new Player(adapter, await adapter.requestDevice({ requiredFeatures, requiredLimits }));
+  }
+
+  // The limit that a plan exceeds on this device, or `undefined`.
+  obstacle({ requires }) {
+    const limits = this.device.limits;
+    const known = {
+      storage_binding: limits.maxStorageBufferBindingSize,
+      buffer: limits.maxBufferSize,
+      storage_buffers: limits.maxStorageBuffersPerShaderStage,
+      workgroup_memory: limits.maxComputeWorkgroupStorageSize,
+      workgroups_per_dimension: limits.maxComputeWorkgroupsPerDimension,
+    };
+    const name = Object.keys(requires).find((name) => requires[name] > known[name]);
+    return name && `${name.replaceAll("_", " ")}: ${requires[name]} needed, this GPU offers ${known[name]}`;
+  }
+
+  // The index of the texts for this device among `subgroups`, the sizes for which a bundle has texts; 0 is portable.
+  subgroupTexts(subgroups) {
+    if (!this.device.features.has("subgroups")) return 0;
+    const memory = this.device.limits.maxComputeWorkgroupStorageSize;
+    const smallest = this.info.subgroupMinSize;
+    return Math.max(0, subgroups.findIndex(({ size, workgroup_memory }) => size === smallest && workgroup_memory <= memory));
+  }
+
+  // Compiles a kernel once. Pipelines compile in parallel, off the main thread.
+  pipeline({ entry_point, bindings, wgsl }) {
+    const known = this.pipelines.get(wgsl);
+    if (known) return known;
+    const { device } = this;
+    const compiled = (async () => {
+      const types = { uniform: "uniform", read: "read-only-storage", read_write: "storage" };
+      const entries = bindings.map(({ access }, binding) => ({
+        binding,
+        visibility: GPUShaderStage.COMPUTE,
+        buffer: { type: types[access] },
+      }));
+      const bindGroupLayout = device.createBindGroupLayout({ label: entry_point, entries });
+      const module = device.createShaderModule({ label: entry_point, code: wgsl });
+      const layout = device.createPipelineLayout({ bindGroupLayouts: [bindGroupLayout] });
+      const pipeline = await device.createComputePipelineAsync({
+        label: entry_point,
+        layout,
+        compute: { module, entryPoint: entry_point },
+      });
+      return { pipeline, bindGroupLayout };
+    })();
+    this.pipelines.set(wgsl, compiled);
+    return compiled;
+  }
+
+  // A buffer with these contents.
+  buffer(label, usage, data) {
+    const size = Math.max(16, Math.ceil(data.byteLength / 16) * 16);
+    const buffer = this.device.createBuffer({ label, size, usage, mappedAtCreation: true });
+    const bytes = new Uint8Array(data.buffer, data.byteOffset, data.byteLength);
+    new Uint8Array(buffer.getMappedRange(), 0, bytes.length).set(bytes);
+    buffer.unmap();
+    return buffer;
+  }
+
+  // Copies a buffer's first `size` bytes to the host.
+  async read(source, size) {
+    const bytes = Math.max(4, Math.ceil(size / 4) * 4);
+    const staging = this.device.createBuffer({ label: "staging", size: bytes, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
+    const encoder = this.device.createCommandEncoder();
+    encoder.copyBufferToBuffer(source, 0, staging, 0, bytes);
+    this.device.queue.submit([encoder.finish()]);
+    await staging.mapAsync(GPUMapMode.READ);
+    const copy = staging.getMappedRange().slice(0, size);
+    staging.destroy();
+    return copy;
+  }
+}
+
+// The counters of a call, from the bytes of its outcome buffer, whose layout the plan tells.
+function outcomeOf({ outcome: { fields, overflow_bits } }, bytes) {
+  const words = new Uint32Array(bytes);
+  const outcome = Object.fromEntries(Object.entries(fields).map(([name, offset]) => [name, words[offset / 4]]));
+  // Up to 2^53, far above what any device counts in a day.
+  outcome.found = outcome.found_hi * 2 ** 32 + outcome.found_lo;
+  outcome.entries = outcome.entries_hi * 2 ** 32 + outcome.entries_lo;
+  outcome.exceeded = Object.keys(overflow_bits).filter((name) => outcome.overflow & overflow_bits[name]);
+  outcome.partial = outcome.deferred_end < outcome.deferred_blocks;
+  return outcome;
+}
+
+// A plan with its buffers, ready to be recorded into any encoder.
+class PlannedCall {
+  // `inputs` holds the caller's buffers by the names of the plan's inputs.
+  static async create(player, plan, inputs) {
+    if (plan.format !== PLAN_FORMAT) throw new PlayerError(`the plan has format ${plan.format}, and this player reads ${PLAN_FORMAT}`);
+    const obstacle = player.obstacle(plan);
+    if (obstacle) throw new PlayerError(`${plan.spheres} spheres by ${plan.algorithm}: ${obstacle}; choose fewer spheres`);
+    const call = new PlannedCall();
+    Object.assign(call, { player, plan, owned: [] });
+    const pipelines = await guarded(player.device, "compiling the kernels", () =>
+      Promise.all(plan.kernels.map((kernel) => player.pipeline(kernel))));
+    try {
+      await guarded(player.device, `the buffers for ${plan.spheres} spheres`, () => call.bind(pipelines, inputs));
+    } catch (error) {
+      call.destroy();
+      throw error;
+    }
+    return call;
+  }
+
+  bind(pipelines, inputs) {
+    const { player, plan } = this;
+    const device = player.device;
+    const usageOf = (names) => names.reduce((usage, name) => usage | GPUBufferUsage[name.toUpperCase()], 0);
+    this.buffers = plan.buffers.map(({ name, size, usage, source, words }) => {
+      if (source === "input") {
+        if (!(inputs[name]?.size >= size)) throw new PlayerError(`the plan needs a buffer "${name}" of ${size} bytes`);
+        return inputs[name];
+      }
+      const made = source === "constant"
+        ? player.buffer(name, usageOf(usage), new Uint32Array(words))
+        : device.createBuffer({ label: name, size, usage: usageOf(usage) });
+      this.owned.push(made);
+      return made;
+    });
+    this.outcome = this.buffers[plan.outcome.buffer];
+    this.pairs = this.buffers[plan.outcome.pairs];
+    this.steps = plan.dispatches.map(({ kernel, phase, buffers, workgroups, indirect }) => {
+      const { pipeline, bindGroupLayout } = pipelines[kernel];
+      const entries = buffers.map((at, binding) => ({ binding, resource: { buffer: this.buffers[at] } }));
+      const bindings = device.createBindGroup({ layout: bindGroupLayout, entries });
+      return { pipeline, bindings, phase, workgroups, indirect };
+    });
+    this.phases = [...new Set(this.steps.map(({ phase }) => phase))];
+  }
+
+  dispatch(pass, steps) {
+    for (const { pipeline, bindings, workgroups, indirect } of steps) {
+      pass.setPipeline(pipeline);
+      pass.setBindGroup(0, bindings);
+      if (indirect) pass.dispatchWorkgroupsIndirect(this.buffers[indirect.buffer], indirect.offset);
+      else pass.dispatchWorkgroups(...workgroups);
+    }
+  }
+
+  // Records the call: in one pass, or with a timer in one pass per phase.
+  encode(encoder, timer) {
+    if (!timer) {
+      const pass = encoder.beginComputePass();
+      this.dispatch(pass, this.steps);
+      pass.end();
+      return;
+    }
+    this.phases.forEach((phase, at) => {
+      const pass = encoder.beginComputePass({ timestampWrites: timer.writes(at) });
+      this.dispatch(pass, this.steps.filter((step) => step.phase === phase));
+      pass.end();
+    });
+    timer.resolve(encoder);
+  }
+
+  // Records a further part of a call whose outcome is partial.
+  encodeContinuation(encoder) {
+    const pass = encoder.beginComputePass();
+    this.dispatch(pass, this.steps.slice(this.plan.continuation));
+    pass.end();
+  }
+
+  // Runs the whole call, in as many submissions as it takes, and returns its outcome.
+  async run() {
+    const { device } = this.player;
+    const submit = (record) => {
+      const encoder = device.createCommandEncoder();
+      record(encoder);
+      device.queue.submit([encoder.finish()]);
+    };
+    submit((encoder) => this.encode(encoder));
+    for (;;) {
+      const outcome = outcomeOf(this.plan, await this.player.read(this.outcome, this.plan.outcome.bytes));
+      if (!outcome.partial) return outcome;
+      submit((encoder) => this.encodeContinuation(encoder));
+    }
+  }
+
+  // The pairs that were written, two indices each.
+  async readPairs({ found }) {
+    const written = Math.min(found, this.plan.pairs);
+    return written === 0 ? new Uint32Array() : new Uint32Array(await this.player.read(this.pairs, written * 8));
+  }
+
+  destroy() {
+    this.owned.forEach((buffer) => buffer.destroy());
+  }
+}
+
+// Timestamps at both ends of each phase.
+class Timer {
+  constructor(player, phases) {
+    const { device } = player;
+    Object.assign(this, { phases, set: device.createQuerySet({ type: "timestamp", count: 2 * phases }) });
+    this.ticks = device.createBuffer({ size: 16 * phases, usage: GPUBufferUsage.QUERY_RESOLVE | GPUBufferUsage.COPY_SRC });
+  }
+
+  writes(phase) {
+    return { querySet: this.set, beginningOfPassWriteIndex: 2 * phase, endOfPassWriteIndex: 2 * phase + 1 };
+  }
+
+  resolve(encoder) {
+    encoder.resolveQuerySet(this.set, 0, 2 * this.phases, this.ticks, 0);
+  }
+
+  // Seconds of each phase, from the bytes of `ticks`.
+  static seconds(bytes) {
+    const ticks = new BigUint64Array(bytes);
+    return Array.from({ length: ticks.length / 2 }, (_, k) => Math.max(0, Number(ticks[2 * k + 1] - ticks[2 * k])) * 1e-9);
+  }
+
+  destroy() {
+    this.set.destroy();
+    this.ticks.destroy();
+  }
+}
+
+// A digest of pairs that does not depend on their order: the sum of SplitMix64's finalizer over (i << 32 | j), as two
+// words. Products of 64 bits are made of four of 16 bits, since BigInt takes fifty times as long.
+class Checksum {
+  constructor() {
+    this.low = this.high = 0;
+  }
+
+  add(i, j) {
+    let [high, low] = [i >>> 0, j >>> 0];
+    [high, low] = Checksum.shifted(high, low, 30);
+    [high, low] = Checksum.times(high, low, 0xbf58476d, 0x1ce4e5b9);
+    [high, low] = Checksum.shifted(high, low, 27);
+    [high, low] = Checksum.times(high, low, 0x94d049bb, 0x133111eb);
+    [high, low] = Checksum.shifted(high, low, 31);
+    const sum = this.low + low;
+    this.low = sum >>> 0;
+    this.high = (this.high + high + (sum > 0xffffffff ? 1 : 0)) >>> 0;
+  }
+
+  static shifted(high, low, by) {
+    return [(high ^ (high >>> by)) >>> 0, (low ^ ((low >>> by) | (high << (32 - by)))) >>> 0];
+  }
+
+  static times(ah, al, bh, bl) {
+    const [a0, a1, b0, b1] = [al & 0xffff, al >>> 16, bl & 0xffff, bl >>> 16];
+    const low = a0 * b0;
+    const middle = a1 * b0 + (low >>> 16);
+    const other = a0 * b1 + (middle & 0xffff);
+    const carry = a1 * b1 + Math.floor(middle / 65536) + Math.floor(other / 65536);
+    return [(carry + Math.imul(ah, bl) + Math.imul(al, bh)) >>> 0, Math.imul(al, bl) >>> 0];
+  }
+
+  text() {
+    return [this.high, this.low].map((word) => word.toString(16).padStart(8, "0")).join("");
+  }
+}

@@ -1,0 +1,263 @@
+//! `lazygrid page` and `lazygrid plan`: the plans on another implementation of WebGPU (Dawn in Node, on SwiftShader), and
+//! the page in a browser.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::LazyLock;
+
+use lazygrid::{Algorithm, Pair, Space, Sphere};
+use lazygrid_check::detectors::compare;
+use lazygrid_check::{TestInput, Tolerance, difference};
+use lazygrid_io::scenes::Scene;
+use lazygrid_tests::browser::{browser, decoded, skipped};
+use lazygrid_tests::command::{Program, Scratch};
+use serde_json::{Value, json};
+
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+/// The Vulkan driver of Debian's Chromium.
+const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
+
+/// The page, written once for all tests of this file.
+static PAGE: LazyLock<PathBuf> = LazyLock::new(|| {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("lazygrid.html");
+    LAZYGRID.run(["page", "--output", path.to_str().unwrap()]).succeeds();
+    path
+});
+
+fn tool(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/page").join(name)
+}
+
+/// Returns `true` if Node with Dawn and SwiftShader's driver are installed. Otherwise prints that a test is skipped.
+fn has_dawn() -> bool {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint/node_modules/webgpu");
+    let missing = if !package.exists() {
+        "the npm package webgpu is not installed; `npm ci --prefix kernels/tint` does that"
+    } else if !Path::new(SWIFTSHADER).exists() {
+        "SwiftShader's Vulkan driver is not installed (Debian: apt-get install chromium-common)"
+    } else {
+        return true;
+    };
+    skipped("LAZYGRID_REQUIRE_TINT", missing);
+    false
+}
+
+/// Runs the page's scripts on Dawn and returns the JSON that they print.
+fn on_dawn(args: &[&str]) -> Value {
+    let output = Command::new("node")
+        .arg(tool("node.mjs"))
+        .args(args)
+        .env("VK_DRIVER_FILES", SWIFTSHADER)
+        .env("VK_ICD_FILENAMES", SWIFTSHADER)
+        .env("XDG_RUNTIME_DIR", std::env::temp_dir())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    parsed(&output)
+}
+
+fn parsed(output: &Output) -> Value {
+    let text = String::from_utf8_lossy(&output.stdout);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}{text}");
+    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {said}{text}"))
+}
+
+/// A plan that was exported for spheres.
+struct Exported {
+    scenario: TestInput,
+    options: Vec<&'static str>,
+    files: Value,
+}
+
+/// Exports a plan for these spheres.
+fn export(scratch: &Scratch, scenario: &TestInput, options: &[&'static str]) -> Exported {
+    let number = fs::read_dir(scratch.path("")).unwrap().count();
+    let [plan, spheres] = ["plan.json", "spheres.bin"].map(|name| scratch.path(&format!("{number}-{name}")));
+    let count = scenario.spheres.len().to_string();
+    let lengths = scenario.space.lengths_f32().map(|l| l.map_or("-".to_owned(), |l| l.to_string())).join(",");
+    let mut args = vec!["plan", "--output", &plan, "--pairs", "65536"];
+    if !options.contains(&"-n") {
+        args.extend(["-n", &count]);
+    }
+    args.extend(options);
+    if scenario.space.is_periodic() {
+        args.extend(["--periodic", &lengths]);
+    }
+    LAZYGRID.run(&args).succeeds();
+    let row = |sphere: &Sphere| [sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius];
+    let bytes: Vec<u8> = scenario.spheres.iter().flat_map(row).flat_map(f32::to_le_bytes).collect();
+    fs::write(&spheres, bytes).unwrap();
+    let files = json!({ "plan": plan, "spheres": spheres, "count": scenario.spheres.len() });
+    Exported { scenario: scenario.clone(), options: options.to_vec(), files }
+}
+
+/// Compares the pairs that Dawn found by a plan with those of the CPU.
+fn assert_pairs(exported: &Exported, replayed: &Value) {
+    let Exported { scenario, options, .. } = exported;
+    let numbers: Vec<u32> =
+        replayed["pairs"].as_array().unwrap().iter().map(|number| number.as_u64().unwrap() as u32).collect();
+    let found: Vec<Pair> = numbers.chunks_exact(2).map(|ij| Pair { i: ij[0], j: ij[1] }).collect();
+    let expected = compare::expected(scenario).unwrap();
+    assert!(!expected.is_empty(), "a scene without pairs shows nothing");
+    let compared = difference(scenario, &found, &expected, Tolerance::Tangent);
+    assert_eq!(compared, Ok(()), "{options:?}: {}", replayed["outcome"]);
+    assert_eq!(replayed["outcome"]["found"], found.len());
+}
+
+#[test]
+fn exported_plans_find_the_pairs_of_the_cpu_on_dawn() {
+    if !has_dawn() {
+        return;
+    }
+    let scratch = Scratch::new();
+    let mixed = TestInput::from(Scene::FiveSizes.spheres(2000, 3));
+    let mut exported = Vec::new();
+    for algorithm in Algorithm::GPU {
+        let with_subgroups =
+            ["--algorithm", algorithm.name(), "--subgroups", "4", "--workgroup-memory", "32"];
+        exported.push(export(&scratch, &mixed, &with_subgroups[..2]));
+        exported.push(export(&scratch, &mixed, &with_subgroups));
+    }
+    let periodic =
+        TestInput { space: Space::periodic([Some(40.0), None, Some(60.0)]).unwrap(), ..mixed.clone() };
+    for algorithm in ["lazy-grid", "cell-list"] {
+        exported.push(export(&scratch, &periodic, &["--algorithm", algorithm]));
+    }
+    // A buffer of the host holds the number of spheres, and the plan is made for more.
+    exported.push(export(&scratch, &mixed, &["--algorithm", "cell-list", "-n", "5000", "--count-in-buffer"]));
+    // Candidates of crowded cells are searched by indirect dispatches.
+    let crowded = TestInput::from(vec![Sphere::new([3.0, -1.0, 7.0], 0.25); 300]);
+    exported.push(export(&scratch, &crowded, &["--algorithm", "lazy-grid"]));
+    let manifest: Value = exported.iter().map(|exported| exported.files.clone()).collect();
+    let manifest = scratch.write("manifest.json", &manifest.to_string());
+    let replayed = on_dawn(&["replay", &manifest]);
+    assert_eq!(replayed.as_array().map(Vec::len), Some(exported.len()));
+    for (exported, replayed) in exported.iter().zip(replayed.as_array().unwrap()) {
+        assert_pairs(exported, replayed);
+    }
+}
+
+#[test]
+fn page_is_one_small_file_that_loads_nothing() {
+    let page = fs::read_to_string(&*PAGE).unwrap();
+    assert!(page.len() <= 600_000, "{} bytes", page.len());
+    assert!(page.contains("default-src 'none'") && !page.contains("://") && !page.contains("{{"));
+}
+
+/// Asserts that a check of the page found no fault and did enough.
+fn assert_right(report: &Value) {
+    assert_eq!(report["wrong"], 0, "{:#}", report["failures"]);
+    assert_eq!(report["ok"], true);
+    assert_eq!(report["left_out"], json!([]));
+    assert!(report["scenes"]["searches"].as_u64().unwrap() > 500, "{}", report["scenes"]);
+}
+
+#[test]
+fn check_of_the_page_finds_no_fault_on_dawn() {
+    if has_dawn() {
+        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap()]));
+    }
+}
+
+/// A page whose expected number of pairs is wrong in one scene.
+#[test]
+fn check_of_the_page_notices_a_wrong_number_of_pairs() {
+    if !has_dawn() {
+        return;
+    }
+    let report = on_dawn(&["check-altered", PAGE.to_str().unwrap()]);
+    let failures = report["failures"].as_array().unwrap();
+    assert!(!failures.is_empty() && report["ok"] == false && report["wrong"] == failures.len());
+    assert!(failures.iter().all(|failure| failure["what"].as_str().unwrap().contains("are expected")));
+}
+
+#[test]
+fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
+    if !has_dawn() {
+        return;
+    }
+    let report = on_dawn(&["measure", PAGE.to_str().unwrap(), "10000"]);
+    assert_eq!((&report["wrong"], &report["ok"]), (&0.into(), &true.into()), "{:#}", report["failures"]);
+    let speeds = report["speeds"].as_array().unwrap();
+    assert!(speeds.len() >= 5 * 4, "{} rows: {:#}", speeds.len(), report["left_out"]);
+    for row in speeds {
+        let [low, high] = [0, 1].map(|at| row["quartiles"]["busy_seconds"][at].as_f64().unwrap());
+        assert!((low..=high).contains(&row["busy_seconds"].as_f64().unwrap()), "{row}");
+        assert!(row["seconds"].as_f64().unwrap() > 0.0 && row["gpu"]["dispatches"].as_u64().unwrap() > 0);
+    }
+}
+
+const SIZE: [usize; 2] = [1100, 700];
+
+/// Opens the page in a browser until `until` is true. Returns the text of `#result`, what the console said, and a picture.
+fn visit(scratch: &Scratch, browser: &str, page: &str, until: &str) -> (String, Vec<String>, Vec<[u8; 3]>) {
+    let (profile, picture) = (scratch.path("profile"), scratch.path("page.png"));
+    let size = SIZE.map(|length| length.to_string());
+    let output = Command::new("node")
+        .arg(tool("browser.mjs"))
+        .args([browser, &profile, &format!("file://{page}"), &size[0], &size[1], until, &picture])
+        .env("XDG_RUNTIME_DIR", std::env::temp_dir())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let visited = parsed(&output);
+    let said = visited["said"].as_array().unwrap().iter().map(|line| line.as_str().unwrap().to_owned());
+    (
+        visited["result"].as_str().unwrap().to_owned(),
+        said.collect(),
+        decoded(&fs::read(picture).unwrap(), SIZE),
+    )
+}
+
+#[test]
+fn check_of_the_page_finds_no_fault_in_a_browser() {
+    let Some(browser) = browser().filter(|_| has_dawn()) else { return };
+    let page = format!("{}#check", PAGE.display());
+    let scratch = Scratch::new();
+    let (result, said, _) =
+        visit(&scratch, browser, &page, "document.getElementById('result').textContent !== ''");
+    assert_right(&serde_json::from_str(&result).unwrap());
+    assert_eq!(said, [""; 0]);
+}
+
+#[test]
+fn overlapping_spheres_have_their_color_in_a_browser() {
+    let Some(browser) = browser().filter(|_| has_dawn()) else { return };
+    let scratch = Scratch::new();
+    // Orange has more red than blue, and the other colors have less.
+    let colors = |filling: u32| {
+        let page = format!("{}#scene=equal&spheres=1000&filling={filling}&pause=4", PAGE.display());
+        let until = "window.page?.scene.paused && !window.page.scene.stage.showing";
+        let (_, said, pixels) = visit(&scratch, browser, &page, until);
+        assert_eq!(said, [""; 0]);
+        let scene = pixels.chunks_exact(SIZE[0]).flat_map(|row| &row[..SIZE[0] - 360]);
+        let (mut orange, mut blue) = (0, 0);
+        for &[r, _, b] in scene {
+            orange += usize::from(i16::from(r) > i16::from(b) + 60);
+            blue += usize::from(i16::from(b) > i16::from(r) + 30);
+        }
+        (orange, blue)
+    };
+    let (few, many) = (colors(1), colors(20));
+    // Of equal spheres 8 % have a neighbor at a filling of 1 %, and 80 % at 20 %.
+    assert!(few.0 > 20 && few.1 > 8 * few.0, "orange and blue pixels: {few:?}");
+    assert!(many.0 > 2 * many.1, "orange and blue pixels: {many:?}");
+}
+
+#[test]
+fn page_without_webgpu_says_what_is_missing() {
+    let Some(browser) = browser().filter(|_| has_dawn()) else { return };
+    let scratch = Scratch::new();
+    let without = scratch.path("without.html");
+    let page = fs::read_to_string(&*PAGE).unwrap();
+    fs::write(&without, page.replacen("Player.open(navigator.gpu)", "Player.open(undefined)", 1)).unwrap();
+    let until = "document.getElementById('result').textContent !== ''";
+    let (result, said, _) = visit(&scratch, browser, &without, until);
+    let report: Value = serde_json::from_str(&result).unwrap();
+    assert_eq!(report["wrong"], 1);
+    assert!(report["failures"][0]["what"].as_str().unwrap().contains("no WebGPU"), "{report}");
+    assert_eq!(said, [""; 0]);
+}
