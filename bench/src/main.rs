@@ -6,6 +6,7 @@ mod command {
     pub(crate) mod compare;
     pub(crate) mod failure;
     pub(crate) mod figures;
+    pub(crate) mod gpu_results;
     pub(crate) mod invocation;
     pub(crate) mod kernels;
 }
@@ -17,7 +18,7 @@ use clap::Parser;
 
 use crate::command::args::{Args, Command};
 use crate::command::failure::Failure;
-use crate::command::{compare, figures, kernels};
+use crate::command::{compare, figures, gpu_results, kernels};
 
 fn main() -> ExitCode {
     let args = Args::parse();
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
     let result = match args.command {
         Command::Figures(args) => figures::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::GpuResults(args) => gpu_results::run(&args),
         Command::Kernels(args) => kernels::run(&args),
         Command::MeasureMemory(args) => figures::measure_memory(&args),
     };

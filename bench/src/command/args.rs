@@ -24,6 +24,8 @@ pub(crate) enum Command {
     Figures(Figures),
     /// List what became slower between two folders of figures
     Compare(Compare),
+    /// Write RESULTS-GPU.md: the times that arithmetic expects of GPUs, and measured ones
+    GpuResults(GpuResults),
     /// Compile the GPU kernels with Vulkan drivers and print the drivers' statistics
     Kernels(Kernels),
     #[command(hide = true)]
@@ -70,6 +72,19 @@ pub(crate) struct Compare {
     pub(crate) old: PathBuf,
     /// Folder of the newer run
     pub(crate) new: PathBuf,
+}
+
+/// Write a document with the times that arithmetic expects of GPUs, and next to them the times of runs.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  lazygrid check --full --json > gpu.json
+  lazygrid-bench gpu-results gpu.json -o RESULTS-GPU.md")]
+pub(crate) struct GpuResults {
+    /// JSON files of `lazygrid check --json`, or of the measurement on the page of `lazygrid page`
+    pub(crate) runs: Vec<PathBuf>,
+    /// The document to write
+    #[arg(long, short, value_name = "PATH", default_value = "RESULTS-GPU.md")]
+    pub(crate) output: PathBuf,
 }
 
 /// Compile each GPU kernel with the Vulkan drivers, as the engine does, and print each driver's statistics of its

@@ -15,6 +15,8 @@ pub(crate) enum Failure {
     )]
     Worse { broken: usize, lost: usize, slower: usize, larger: usize },
     #[error("{0}")]
+    GpuResults(String),
+    #[error("{0}")]
     Kernels(String),
     #[error("drivers rejected {variants} kernel variants")]
     Rejected { variants: usize },

@@ -1,0 +1,335 @@
+//! `RESULTS-GPU.md`: the times that arithmetic expects of GPUs, and next to them those that `lazygrid check --json` or the
+//! page of `lazygrid page` measured.
+
+use std::fmt::Write;
+
+use lazygrid::Algorithm;
+use lazygrid::gpu::plan::Planner;
+use lazygrid::gpu::{CallCost, DeviceLimits, GpuConfig, wgpu};
+use serde::Deserialize;
+
+/// The numbers of spheres of the tables.
+const SIZES: [u32; 5] = [10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+/// Seconds of an empty dispatch that depends on the one before: 1.7 µs on an H200 through Vulkan.
+const DISPATCH_SECONDS: f64 = 1.7e-6;
+
+/// A device of which the bandwidth is known.
+struct Device {
+    name: &'static str,
+    /// Bytes per second, read and written.
+    bandwidth: f64,
+    source: &'static str,
+}
+
+const DEVICES: [Device; 4] = [
+    Device { name: "NVIDIA H200", bandwidth: 4.3e12, source: "a copy kernel, measured" },
+    Device { name: "NVIDIA RTX 4090", bandwidth: 1.01e12, source: "published peak" },
+    Device { name: "AMD RX 7900 XTX", bandwidth: 0.96e12, source: "published peak" },
+    Device { name: "integrated, 90 GB/s", bandwidth: 9e10, source: "two channels of DDR5-5600" },
+];
+
+/// The results of `lazygrid check --json` or of the page's measurement, as far as the report reads them.
+#[derive(Clone, Debug, Deserialize)]
+pub struct GpuRun {
+    version: String,
+    #[serde(default)]
+    commit: Option<String>,
+    gpu: Option<Adapter>,
+    #[serde(default)]
+    primitives: Primitives,
+    #[serde(default)]
+    speeds: Vec<Speed>,
+    #[serde(default)]
+    failures: Vec<serde_json::Value>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct Adapter {
+    name: String,
+    driver: String,
+    api: String,
+    hardware: bool,
+    subgroups: String,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+struct Primitives {
+    #[serde(default)]
+    clock: String,
+    #[serde(default)]
+    rows: Vec<Primitive>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct Primitive {
+    what: String,
+    bytes_per_second: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct Speed {
+    backend: String,
+    algorithm: String,
+    scene: String,
+    spheres: u64,
+    pairs: u64,
+    seconds: f64,
+    busy_seconds: f64,
+    #[serde(default)]
+    quartiles: Option<Quartiles>,
+    gpu: Option<SpeedCost>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct Quartiles {
+    busy_seconds: [f64; 2],
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct SpeedCost {
+    dispatches: f64,
+    traffic_bytes: Option<f64>,
+}
+
+impl GpuRun {
+    /// Reads the JSON of a run.
+    ///
+    /// # Errors
+    /// Fails if the text is not the JSON of a check or of a measurement.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let run: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        if run.gpu.is_none() {
+            return Err("no GPU was measured in this run".to_owned());
+        }
+        Ok(run)
+    }
+
+    /// The bandwidth of the fastest copy.
+    fn bandwidth(&self) -> Option<f64> {
+        let copies = self.primitives.rows.iter().filter(|row| row.what == "copy");
+        copies.map(|row| row.bytes_per_second).reduce(f64::max)
+    }
+}
+
+/// Seconds that a call takes at least: every dispatch waits for the one before, and every byte moves once.
+fn expected(dispatches: f64, traffic_bytes: f64, bandwidth: f64) -> f64 {
+    dispatches * DISPATCH_SECONDS + traffic_bytes / bandwidth
+}
+
+/// The cost of the cell list for a number of spheres.
+fn cost(spheres: u32) -> Option<CallCost> {
+    let limits = wgpu::Limits {
+        max_storage_buffer_binding_size: (1 << 31) - 4,
+        max_buffer_size: 1 << 32,
+        max_compute_workgroup_storage_size: 48 << 10,
+        ..wgpu::Limits::default()
+    };
+    let config = GpuConfig::default().algorithm(Algorithm::CellList);
+    Planner::new(config, DeviceLimits::from(&limits)).plan(spheres).ok().map(|plan| plan.cost)
+}
+
+/// A duration with three digits, in µs or ms.
+fn duration(seconds: f64) -> String {
+    let (number, unit) = if seconds < 1e-3 { (seconds * 1e6, "µs") } else { (seconds * 1e3, "ms") };
+    let digits = (2 - number.max(1e-9).log10().floor() as i32).max(0) as usize;
+    format!("{number:.digits$} {unit}")
+}
+
+fn count(number: u64) -> String {
+    match number {
+        1_000_000.. if number.is_multiple_of(1_000_000) => format!("{} M", number / 1_000_000),
+        1_000.. if number.is_multiple_of(1_000) => format!("{} k", number / 1_000),
+        _ => number.to_string(),
+    }
+}
+
+/// The document: expectations, how to run, and the runs.
+pub fn document(runs: &[GpuRun], commit: &str) -> String {
+    let mut text = format!(
+        "# Results on GPUs\n\n\
+         Written by `lazygrid-bench gpu-results` at commit {commit}. {}\n\n",
+        match runs.iter().filter(|run| run.gpu.as_ref().is_some_and(|gpu| gpu.hardware)).count() {
+            0 => "**No GPU was measured yet: every time in the first section is arithmetic, not a measurement.**".to_owned(),
+            1 => "One GPU was measured; times in the first section are arithmetic.".to_owned(),
+            many => format!("{many} GPUs were measured; times in the first section are arithmetic."),
+        }
+    );
+    expectations(&mut text);
+    text += HOW_TO_RUN;
+    text += "## Measured\n\n";
+    if runs.is_empty() {
+        text += "Nothing yet.\n";
+    }
+    runs.iter().for_each(|run| measured(&mut text, run));
+    text
+}
+
+/// The command of the first real run.
+const HOW_TO_RUN: &str = "\
+## The first run on a GPU
+
+```sh
+cargo run --release -p lazygrid-cli -- check --full --json > gpu.json
+cargo run --release -p lazygrid-bench -- gpu-results gpu.json -o RESULTS-GPU.md
+```
+
+Without a Rust compiler: open the file that `lazygrid page` writes, choose *Measure*, copy the JSON into `gpu.json`, and
+run the second command elsewhere. [docs/page.md](docs/page.md) says more.
+
+";
+
+fn expectations(text: &mut String) {
+    *text += "\
+## Expected by arithmetic
+
+The cell list on five sizes of spheres at a filling of 5 %. The plan of a call says how many dispatches it has and how many bytes
+they read and write; `lazygrid plan` prints it. A call takes at least
+
+    dispatches × 1.7 µs + bytes ÷ bandwidth
+
+The 1.7 µs are an empty dispatch that waits for the one before, measured on an H200 through Vulkan. The bound leaves out
+instructions, of which the search has the most, scattered memory accesses beyond whole sectors, and the pairs.
+
+";
+    // Writing to a string cannot fail.
+    let _ = write!(text, "| spheres | dispatches | bytes per sphere |");
+    for device in &DEVICES {
+        let _ = write!(text, " {} |", device.name);
+    }
+    let _ = writeln!(text, "\n|{}", " ---: |".repeat(3 + DEVICES.len()));
+    for spheres in SIZES {
+        let Some(cost) = cost(spheres) else { continue };
+        let traffic = cost.traffic_bytes.unwrap_or(0) as f64;
+        let (n, per_sphere) = (count(spheres.into()), traffic / f64::from(spheres));
+        let _ = write!(text, "| {n} | {} | {per_sphere:.0} |", cost.dispatches);
+        for device in &DEVICES {
+            let seconds = expected(cost.dispatches.into(), traffic, device.bandwidth);
+            let _ = write!(text, " {} |", duration(seconds));
+        }
+        *text += "\n";
+    }
+    *text += "\nBandwidths: ";
+    let sources =
+        DEVICES.iter().map(|d| format!("{} {:.2} TB/s ({})", d.name, d.bandwidth * 1e-12, d.source));
+    *text += &sources.collect::<Vec<_>>().join("; ");
+    *text += ".\n\n";
+    *text += AUDIT;
+}
+
+/// The audit of the kernels, which counts instructions and latencies too.
+const AUDIT: &str = "\
+An audit of every kernel at commit f2b6809, which also counts instructions, registers and latencies (by reading, ±35 %), expects
+two to three times the bound. Its sums, by the same arithmetic and as little measured:
+
+| device | 10 k | 1 M | 10 M | 100 M |
+| --- | ---: | ---: | ---: | ---: |
+| NVIDIA H200 | 60–95 µs | 0.17–0.22 ms | 1.2–1.7 ms | 14–18 ms |
+| NVIDIA RTX 4090 | 45–80 µs | 0.15–0.2 ms | 2.2–2.8 ms | 25–30 ms |
+| AMD RDNA3 | 70–100 µs | 0.25–0.35 ms | 2.5–3.3 ms | 28–35 ms |
+| integrated, 90 GB/s | 0.2–0.3 ms | 2.5–3.5 ms | 28–40 ms | rarely fits |
+
+A measurement far above these ranges means that a kernel does not run as it was read; the times of the phases say which.
+
+";
+
+fn measured(text: &mut String, run: &GpuRun) {
+    let Some(gpu) = &run.gpu else { return };
+    let kind =
+        if gpu.hardware { "hardware" } else { "**software, runs on the CPU; says nothing about GPUs**" };
+    let commit = run.commit.as_ref().map_or(String::new(), |commit| format!(", commit {commit}"));
+    let _ = writeln!(
+        text,
+        "### {}\n\n{kind}; {}; {}; {}; lazygrid {}{commit}; times by {}.\n",
+        gpu.name, gpu.api, gpu.driver, gpu.subgroups, run.version, run.primitives.clock
+    );
+    if !run.failures.is_empty() {
+        let _ = writeln!(text, "**{} checks of this run failed.**\n", run.failures.len());
+    }
+    let bandwidth = run.bandwidth();
+    if let Some(bandwidth) = bandwidth {
+        let _ = writeln!(text, "A copy reads and writes {:.0} GB/s together.\n", bandwidth * 1e-9);
+    }
+    *text += "| scene | spheres | algorithm | pairs | on the GPU | quartiles | with transfers | ns per sphere | arithmetic | measured ÷ arithmetic |\n";
+    *text += "| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n";
+    for speed in run.speeds.iter().filter(|speed| speed.backend == "gpu") {
+        let bound = || {
+            let cost = speed.gpu.as_ref()?;
+            Some(expected(cost.dispatches, cost.traffic_bytes?, bandwidth?))
+        };
+        let (bound, ratio) = match bound().filter(|_| gpu.hardware) {
+            Some(bound) => (duration(bound), format!("{:.1}", speed.busy_seconds / bound)),
+            None => ("–".to_owned(), "–".to_owned()),
+        };
+        let quartiles = speed
+            .quartiles
+            .as_ref()
+            .map_or("–".to_owned(), |quartiles| quartiles.busy_seconds.map(duration).join(" to "));
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {quartiles} | {} | {:.2} | {bound} | {ratio} |",
+            speed.scene,
+            count(speed.spheres),
+            speed.algorithm,
+            speed.pairs,
+            duration(speed.busy_seconds),
+            duration(speed.seconds),
+            speed.busy_seconds / speed.spheres as f64 * 1e9,
+        );
+    }
+    *text += "\n";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run as `lazygrid check --json` and the page write it.
+    fn run(hardware: bool) -> GpuRun {
+        let json = serde_json::json!({
+            "version": "0.1.0", "cpu": null, "ok": true, "failures": [],
+            "gpu": { "name": "A GPU", "driver": "1", "api": "vulkan", "hardware": hardware, "subgroups": "subgroups of 32", "timestamps": true },
+            "primitives": { "clock": "the GPU's clock", "rows": [
+                { "what": "copy", "values": 1, "seconds": 1.0, "bytes_per_second": 1e12, "of_copy": 1.0 },
+            ] },
+            "speeds": [{
+                "backend": "gpu", "algorithm": "cell-list", "scene": "five-sizes", "spheres": 1_000_000, "pairs": 7,
+                "seconds": 0.002, "busy_seconds": 0.001, "quartiles": { "seconds": [0.001, 0.003], "busy_seconds": [0.0009, 0.0012] },
+                "stages": {}, "rounds": 9, "gpu": { "dispatches": 10, "working_bytes": 1, "pair_bytes": 1, "traffic_bytes": 483_000_000 },
+            }],
+        });
+        GpuRun::parse(&json.to_string()).expect("a run")
+    }
+
+    #[test]
+    fn measured_times_stand_beside_the_arithmetic() {
+        let text = document(&[run(true)], "abc");
+        // 10 × 1.7 µs + 483 MB ÷ 1 TB/s are 0.5 ms.
+        assert!(text.contains("| five-sizes | 1 M | cell-list | 7 | 1.00 ms | 900 µs to 1.20 ms | 2.00 ms | 1.00 | 500 µs | 2.0 |"), "{text}");
+        assert!(text.contains("One GPU was measured") && !text.contains("No GPU was measured"));
+    }
+
+    #[test]
+    fn software_adapters_do_not_count_as_measured_gpus() {
+        let text = document(&[run(false)], "abc");
+        assert!(text.contains("No GPU was measured yet") && text.contains("says nothing about GPUs"));
+        assert!(text.contains("| 1.00 | – | – |"), "{text}");
+    }
+
+    #[test]
+    fn expectations_grow_with_spheres_and_shrink_with_bandwidth() {
+        let seconds = |spheres| {
+            let cost = cost(spheres).expect("a plan");
+            DEVICES.map(|d| {
+                expected(cost.dispatches.into(), cost.traffic_bytes.expect("known") as f64, d.bandwidth)
+            })
+        };
+        let (few, many) = (seconds(10_000), seconds(10_000_000));
+        assert!(few.iter().zip(many).all(|(few, many)| *few < many) && many.is_sorted());
+    }
+
+    #[test]
+    fn runs_without_a_gpu_are_refused() {
+        assert!(GpuRun::parse("{\"version\":\"0.1.0\",\"gpu\":null}").is_err());
+        assert!(GpuRun::parse("[]").is_err());
+    }
+}
