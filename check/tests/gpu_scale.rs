@@ -90,9 +90,8 @@ fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
     let Some(own) = device() else { return };
     let n = 10_000;
     let spheres: Vec<_> = (0..n).map(|k| Sphere::new([1.0, -2.0, 3.0], 0.5_f32.powi(k % 10))).collect();
-    let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid);
+    let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).max_tests_per_dispatch(1 << 27);
     let mut session = GpuSession::new(own, settings).expect("made");
-    session.set_max_tests_per_submission(1 << 27);
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
     let found = session.finish_count(ticket).expect("counted");
     let outcome = session.outcome();

@@ -148,8 +148,8 @@ fn crowded_searches_continue_over_several_submissions() {
         .collect();
     for algorithm in [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid] {
         let settings = GpuConfig::default().algorithm(algorithm).timestamps(true).pair_capacity(500_000);
+        let settings = settings.max_tests_per_dispatch(1 << 17);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        session.set_max_tests_per_submission(1);
         let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");
         for k in [1, 2, 0] {
             let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
@@ -185,9 +185,8 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
     for [first, then] in
         [[Algorithm::LazyGrid, Algorithm::EagerGrid], [Algorithm::EagerGrid, Algorithm::LazyGrid]]
     {
-        let settings = GpuConfig::default().algorithm(first);
+        let settings = GpuConfig::default().algorithm(first).max_tests_per_dispatch(1 << 17);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        session.set_max_tests_per_submission(1);
         let before = session.begin(Spheres::from(&spheres)).expect("begun");
         session.set_algorithm(then).expect("on the GPU");
         let next = session.begin(Spheres::from(&other)).expect("begun");

@@ -31,6 +31,8 @@ struct Entry {
     skin: Option<Skin>,
     #[serde(default)]
     device_from: Option<u32>,
+    #[serde(default)]
+    tests_per_second: Option<f64>,
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -94,7 +96,12 @@ fn read(path: &Path) -> io::Result<CalibrationFile> {
 fn checked(file: CalibrationFile) -> io::Result<CalibrationFile> {
     let most = Crossover::MOST;
     for entry in &file.calibrations {
-        let Entry { adapter, naive_below, per_class, skin, .. } = entry;
+        let Entry { adapter, naive_below, per_class, skin, tests_per_second, .. } = entry;
+        if tests_per_second.is_some_and(|rate| !(rate.is_finite() && rate > 0.0)) {
+            return Err(io::Error::other(format!(
+                "the tests per second of {adapter} must be finite and positive"
+            )));
+        }
         if *naive_below.max(per_class) > most {
             return Err(io::Error::other(format!(
                 "naive_below {naive_below} and per_class {per_class} of {adapter} cannot have been measured, at most {most}"
@@ -115,7 +122,9 @@ impl Entry {
         let crossover = Crossover::new(naive_below, per_class);
         let (radix_sort_from, skin, device_from) =
             (self.radix_sort_from?, self.skin?.into(), self.device_from?);
-        Some(Calibration::new([adapter, driver, version], crossover, radix_sort_from, skin, device_from))
+        let names = [adapter, driver, version];
+        let calibration = Calibration::new(names, crossover, radix_sort_from, skin, device_from);
+        Some(calibration.with_tests_per_second(self.tests_per_second?))
     }
 }
 
@@ -125,7 +134,18 @@ impl From<Calibration> for Entry {
         let Crossover { naive_below, per_class, .. } = crossover;
         let skin = Some(Skin::from(skin));
         let [radix_sort_from, device_from] = [measured.radix_sort_from, measured.device_from].map(Some);
-        Self { adapter, driver, lazygrid, naive_below, per_class, radix_sort_from, skin, device_from }
+        let tests_per_second = Some(measured.tests_per_second);
+        Self {
+            adapter,
+            driver,
+            lazygrid,
+            naive_below,
+            per_class,
+            radix_sort_from,
+            skin,
+            device_from,
+            tests_per_second,
+        }
     }
 }
 
@@ -164,6 +184,7 @@ mod tests {
             let [adapter, driver, lazygrid] = [(); 3].map(|()| String::new());
             let radix_sort_from = Some(1 << 19);
             let device_from = Some(4096);
+            let tests_per_second = Some(1e9);
             let entry = Entry {
                 adapter,
                 driver,
@@ -173,6 +194,7 @@ mod tests {
                 radix_sort_from,
                 skin,
                 device_from,
+                tests_per_second,
             };
             let has_skin = entry.skin.is_some();
             let file = checked(CalibrationFile { calibrations: vec![entry] });

@@ -323,6 +323,7 @@ mod tests {
             radix_sort_from: 1000 * naive_below,
             skin: SkinCosts { call_ns: naive_below as f32, ..SOFTWARE_SKIN_COSTS },
             device_from: 10 * naive_below,
+            tests_per_second: f64::from(1000 * naive_below),
         };
         let version = env!("CARGO_PKG_VERSION");
         let others = [
@@ -346,5 +347,6 @@ mod tests {
         let last = profile_of(&[&others[..], &current].concat(), &adapter);
         assert!(last.crossover.naive_below == 5 && last.skin.call_ns == 5.0, "{last:?}");
         assert_eq!((last.radix_sort_from, last.device_from), (5000, 50));
+        assert_eq!((last.tests_per_second, assumed.tests_per_second), (5e3, 5e8));
     }
 }

@@ -11,7 +11,7 @@ use sizes::{SCAN_ITEMS, SPHERES_PER_THREAD};
 
 pub use sizes::{
     BOUNDS_TILE, CANDIDATES_PER_INVOCATION, DENSITY_TILE, DEPTHS, DIGIT_BITS, MAX_ENTRIES_PER_SPHERE,
-    MAX_ENTRY_OBJECTS, MAX_LOOP_ITERATIONS, NAIVE_ITERATIONS_PER_TILE, NAIVE_TILES, NARROW_TILE,
+    MAX_ENTRY_OBJECTS, MAX_LOOP_ITERATIONS, NAIVE_ITERATIONS_PER_TILE, NAIVE_TILES, NARROW_TILE, NEAR,
     RUN_ITERATIONS_PER_TILE, RUN_TILES, SCAN_TILE, SCANNED_AT_ONCE, WIDE_TILE, WORKGROUP_SIZE,
 };
 
@@ -365,8 +365,9 @@ impl Preprocessor {
         }
     }
 
-    fn constants(&self) -> [(&'static str, u32); 7] {
+    fn constants(&self) -> [(&'static str, u32); 8] {
         [
+            ("NEAR", NEAR),
             ("RUN_TILES", RUN_TILES),
             (
                 "MAX_SUBGROUPS",

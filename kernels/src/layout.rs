@@ -69,6 +69,10 @@ pub struct SearchParams {
     /// The interaction of all spheres of compared sides, if it is the same for all: a distance, or [`Self::TOUCH`]; else
     /// [`Self::BY_SPECIES`].
     pub interaction: f32,
+    /// The number of the first workgroup of a dispatch that takes a part of a kernel's workgroups.
+    pub first_workgroup: u32,
+    /// The most workgroups of each dispatch that tests candidates; 0 without a limit.
+    pub workgroups_per_dispatch: u32,
 }
 
 /// The digit that a radix pass sorts by.
@@ -259,11 +263,13 @@ impl Outcome {
     /// Overflow bit: more candidates than the buffer holds. The number of pairs is a lower bound, and
     /// [`candidates_needed`](Self::candidates_needed) is exact. The caller must raise the capacity and retry.
     pub const OVERFLOW_CANDIDATES: u32 = 8;
+    /// Overflow bit: a further part of the search remains ([`has_remaining_work`](Self::has_remaining_work)); until it ran,
+    /// the number of pairs is a lower bound.
+    pub const OVERFLOW_WORK: u32 = 16;
     /// Offset of the indirect-dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
-    /// Returns `true` if a further submission must search deferred blocks; until then pairs are missing. Never so without a
-    /// limit (see [`SearchParams::UNLIMITED`]), hence not an overflow.
+    /// Returns `true` if a further part of the search must search deferred blocks; until then pairs are missing.
     pub fn has_remaining_work(&self) -> bool {
         self.deferred_end < self.deferred_blocks
     }

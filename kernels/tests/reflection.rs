@@ -121,7 +121,9 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             overflow_workgroups,
             pairs_in_cell_order,
             side_pairs,
-            interaction
+            interaction,
+            first_workgroup,
+            workgroups_per_dispatch
         }),
         layout!(words RadixPass { shift, mask, is_first }),
         layout!(CellListLevel {

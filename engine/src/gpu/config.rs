@@ -23,6 +23,8 @@ pub struct GpuConfig {
     pub(crate) pairs_in_cell_order: bool,
     pub(crate) subgroups: bool,
     pub(crate) timestamps: bool,
+    pub(crate) max_tests_per_dispatch: Option<u64>,
+    pub(crate) deferred_parts: u32,
 }
 
 impl GpuConfig {
@@ -96,6 +98,23 @@ impl GpuConfig {
     pub fn timestamps(self, timestamps: bool) -> Self {
         Self { timestamps, ..self }
     }
+
+    /// Sets the largest number of distance tests of one dispatch, so that no driver's watchdog ends it. A longer search
+    /// is divided into several dispatches ([`CallCost::parts`](super::CallCost::parts)). Default: the tests of 200 ms, at
+    /// 2.5·10¹⁰ tests/s for a GPU with memory of its own, 2.5·10⁹ for one without and 5·10⁸ for a software adapter; no
+    /// GPU has confirmed these rates. A [`Detector`](crate::Detector) uses the measured rate if it has a
+    /// [`Calibration`].
+    pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
+        Self { max_tests_per_dispatch: Some(tests), ..self }
+    }
+
+    /// Sets the number of recorded parts of the search of crowded cells. The size of this search is known to the device
+    /// only. If it exceeds [`max_tests_per_dispatch`](Self::max_tests_per_dispatch) in each recorded part, the outcome
+    /// has [`Outcome::OVERFLOW_WORK`]. Parts without work cost some microseconds each. Default: 1. A
+    /// [`GpuSession`](super::GpuSession) records further parts by itself.
+    pub fn deferred_parts(self, parts: u32) -> Self {
+        Self { deferred_parts: parts, ..self }
+    }
 }
 
 impl GpuConfig {
@@ -126,6 +145,8 @@ impl Default for GpuConfig {
             pairs_in_cell_order: false,
             subgroups: true,
             timestamps: false,
+            max_tests_per_dispatch: None,
+            deferred_parts: 1,
         }
     }
 }

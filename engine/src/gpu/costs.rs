@@ -64,9 +64,19 @@ pub struct Calibration {
     /// The number of spheres in the host's memory at or above which this device is faster than the CPU with a thread
     /// per processor; [`u32::MAX`] if it never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
     pub device_from: u32,
+    /// Distance tests of the device per second, by which long searches are divided into dispatches of at most 200 ms.
+    pub tests_per_second: f64,
 }
 
 impl Calibration {
+    /// The assumed distance tests per second of a GPU with memory of its own: the rate at which candidates are tested,
+    /// which is bound by memory. No GPU has confirmed it.
+    pub const TESTS_PER_SECOND: f64 = 2.5e10;
+    /// The assumed distance tests per second of a GPU that shares the memory of the CPU. No GPU has confirmed it.
+    pub const INTEGRATED_TESTS_PER_SECOND: f64 = 2.5e9;
+    /// The assumed distance tests per second of a software adapter.
+    pub const SOFTWARE_TESTS_PER_SECOND: f64 = 5e8;
+
     /// Assumed of a GPU with memory of its own that was not measured: a round trip with spheres from the host takes about
     /// 0.15 ms, in which a thread of the CPU finds the pairs of some 4000 spheres. No GPU has confirmed it.
     pub const DEVICE_FROM: u32 = 4096;
@@ -91,7 +101,22 @@ impl Calibration {
         skin: SkinCosts,
         device_from: u32,
     ) -> Self {
-        Self { adapter, driver, version, crossover, radix_sort_from, skin, device_from }
+        let tests_per_second = Self::TESTS_PER_SECOND;
+        Self { adapter, driver, version, crossover, radix_sort_from, skin, device_from, tests_per_second }
+    }
+
+    /// Sets the measured distance tests per second, which must be positive.
+    pub fn with_tests_per_second(self, tests_per_second: f64) -> Self {
+        Self { tests_per_second, ..self }
+    }
+
+    /// Returns the assumed distance tests per second of a device.
+    pub(crate) const fn assumed_tests_per_second(is_hardware: bool, is_integrated: bool) -> f64 {
+        match (is_hardware, is_integrated) {
+            (false, _) => Self::SOFTWARE_TESTS_PER_SECOND,
+            (true, true) => Self::INTEGRATED_TESTS_PER_SECOND,
+            (true, false) => Self::TESTS_PER_SECOND,
+        }
     }
 
     /// Returns `true` if it was measured on this adapter, with this driver and by this version.
@@ -112,6 +137,8 @@ pub(crate) struct AdapterProfile {
     pub(crate) skin: SkinCosts,
     /// The number of spheres at or above which the device is faster than the CPU.
     pub(crate) device_from: u32,
+    /// Distance tests per second.
+    pub(crate) tests_per_second: f64,
     /// The source of these numbers, for reasons in reports.
     pub(crate) how: &'static str,
 }
@@ -137,7 +164,9 @@ impl AdapterProfile {
                 "assumed of a software adapter, not measured on this one",
             ),
         };
-        Self { crossover, radix_sort_from, skin, device_from, how }
+        let tests_per_second =
+            Calibration::assumed_tests_per_second(adapter.is_hardware, adapter.is_integrated);
+        Self { crossover, radix_sort_from, skin, device_from, tests_per_second, how }
     }
 }
 
@@ -145,8 +174,15 @@ impl AdapterProfile {
 pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary) -> AdapterProfile {
     let same = |known: &&Calibration| known.is_of(adapter);
     match calibrations.iter().rev().find(same) {
-        Some(&Calibration { crossover, radix_sort_from, skin, device_from, .. }) => {
-            AdapterProfile { crossover, radix_sort_from, skin, device_from, how: "measured on this adapter" }
+        Some(&Calibration { crossover, radix_sort_from, skin, device_from, tests_per_second, .. }) => {
+            AdapterProfile {
+                crossover,
+                radix_sort_from,
+                skin,
+                device_from,
+                tests_per_second,
+                how: "measured on this adapter",
+            }
         }
         None => AdapterProfile::assumed(adapter),
     }

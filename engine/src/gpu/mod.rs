@@ -28,5 +28,5 @@ pub use lazygrid_kernels::kernel::Access;
 pub use lazygrid_kernels::layout::{Outcome, SkinState};
 pub use lazygrid_kernels::wgsl;
 pub use plan::{CallCost, DeviceLimits, GpuPhase};
-pub use session::{GpuSession, Ticket};
+pub use session::{GpuSession, SubmissionCounts, Ticket};
 pub use wgpu;

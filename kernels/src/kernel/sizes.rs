@@ -32,6 +32,9 @@ pub const NAIVE_TILES: u32 = MAX_LOOP_ITERATIONS / NAIVE_ITERATIONS_PER_TILE;
 /// The most tiles that one workgroup of `runs_search_far` compares with, after it searched for the end of a run.
 pub const RUN_TILES: u32 = (MAX_LOOP_ITERATIONS - u32::BITS) / RUN_ITERATIONS_PER_TILE;
 
+/// The most positions between two entries of a run that `runs_search_near` tests.
+pub const NEAR: u32 = 256;
+
 /// The candidates of one sphere of a cell list that one invocation tests.
 pub const CANDIDATES_PER_INVOCATION: u32 = 2048;
 

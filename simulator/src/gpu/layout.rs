@@ -177,6 +177,7 @@ impl ControlHeader {
     pub(super) const TOO_MANY_SURFACES: u32 = 16;
     pub(super) const TOO_MANY_REQUESTS: u32 = 32;
     pub(super) const TOO_MANY_REQUERIES: u32 = 64;
+    pub(super) const UNFINISHED_SEARCH: u32 = 128;
 
     /// The needed capacity.
     pub(super) fn missing(&self) -> u64 {

@@ -14,7 +14,7 @@ use crate::config::Config;
 use crate::gpu::config::GpuConfig;
 use crate::gpu::costs::{AdapterProfile, profile_of};
 use crate::gpu::device::GpuDevice;
-use crate::gpu::plan::DeviceLimits;
+use crate::gpu::plan::{DeviceLimits, tests_within_limit};
 use crate::gpu::session::GpuSession;
 use crate::report::Report;
 use crate::{Backend, Error, choice};
@@ -54,6 +54,7 @@ impl GpuBackend {
             .algorithm(settings.algorithm)
             .crossover(known.crossover)
             .radix_sort_from(known.radix_sort_from)
+            .max_tests_per_dispatch(tests_within_limit(known.tests_per_second))
             .cell_ratio(cell_ratio(config.cell_ratio)?)
             .tau(config.tau.unwrap_or(GpuConfig::TAU))
             .interactions(interactions.clone())

@@ -41,16 +41,19 @@ pub struct CrossoverSample {
 /// # Errors
 /// Fails if the device fails.
 pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Result<Calibration, Error> {
-    let [one, five] = CLASSES.map(|classes| -> Result<u32, Error> {
+    let [one, five] = CLASSES.map(|classes| -> Result<Vec<(u32, [Duration; 2])>, Error> {
         let [mut naive, mut grid] = [session(gpu, Algorithm::Naive)?, session(gpu, LARGE_INPUT_ALGORITHM)?];
         let times = |scene: &[Sphere]| Ok([time(&mut naive, scene)?, time(&mut grid, scene)?]);
         let goes_on = |spheres, [naive, grid]: [Duration; 2]| {
             seen(&CrossoverSample { classes, spheres, naive, grid });
             true
         };
-        Ok(crossing(&race((&SIZES, classes), ROUNDS, times, goes_on)?, Crossover::MOST))
+        race((&SIZES, classes), ROUNDS, times, goes_on)
     });
     let (one, five) = (one?, five?);
+    let tests_per_second = naive_rate(&one)
+        .unwrap_or(Calibration::assumed_tests_per_second(gpu.adapter.is_hardware, gpu.adapter.is_integrated));
+    let [one, five] = [one, five].map(|samples| crossing(&samples, Crossover::MOST));
     let radix_sort_from = sort::radix_sort_from(gpu)?;
     let per_class = five.saturating_sub(one) / (CLASSES[1] - CLASSES[0]) as u32;
     let crossover = Crossover { naive_below: one, per_class };
@@ -62,10 +65,37 @@ pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Res
         radix_sort_from,
         skin: skin::measure(gpu)?,
         device_from: host::device_from(gpu, crossover, radix_sort_from)?,
+        tests_per_second,
     })
 }
 
 fn session(gpu: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
     // Timed, as the calls of a `Detector` are.
     GpuSession::new(gpu.clone(), GpuConfig::default().algorithm(algorithm).timestamps(true))
+}
+
+/// Returns the distance tests per second of the naive search, by the difference of the last and the first sample; `None`
+/// if it cannot be told from the cost of a submission.
+fn naive_rate(samples: &[(u32, [Duration; 2])]) -> Option<f64> {
+    let (first, last) = (samples.first()?, samples.last()?);
+    let tests = |(spheres, _): &(u32, [Duration; 2])| f64::from(*spheres).powi(2) / 2.0;
+    let time = last.1[0].saturating_sub(first.1[0]).as_secs_f64();
+    let rate = (tests(last) - tests(first)) / time;
+    (rate.is_finite() && rate > 0.0).then_some(rate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn naive_rate_is_free_of_the_cost_of_a_submission() {
+        let sample = |spheres: u32, micros| (spheres, [Duration::from_micros(micros), Duration::ZERO]);
+        // 1.5·10⁶ tests more in 150 µs more.
+        let rate = naive_rate(&[sample(1000, 1050), sample(2000, 1200)]).expect("times differ");
+        assert!((rate / 1e10 - 1.0).abs() < 1e-9, "{rate}");
+        for samples in [vec![], vec![sample(1000, 50)], vec![sample(1000, 50), sample(2000, 50)]] {
+            assert_eq!(naive_rate(&samples), None);
+        }
+    }
 }

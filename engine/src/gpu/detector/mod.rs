@@ -8,10 +8,7 @@ mod skin_detector;
 mod tables;
 mod timer;
 
-use lazygrid_kernels::kernel as k;
-#[cfg(doc)]
 use lazygrid_kernels::layout::Outcome;
-use lazygrid_kernels::layout::SearchParams;
 use lazygrid_kernels::{Algorithm, Space};
 
 pub(crate) use capacity::CapacitySnapshot;
@@ -24,9 +21,12 @@ use tables::Tables;
 use timer::Timer;
 
 use super::config::{GpuConfig, check};
+use super::costs::Calibration;
 use super::device::{Pipelines, with_error_scope};
 use super::encode::{Buffers, Recording, SmallCache};
-use super::plan::{CallCost, CallSettings, DeviceLimits, Plan, Request, most_entries, plan};
+use super::plan::{
+    CallCost, CallSettings, DeviceLimits, Plan, Request, WorkBudget, most_entries, plan, tests_within_limit,
+};
 use crate::Error;
 
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
@@ -39,8 +39,6 @@ pub struct GpuDetector {
     device: wgpu::Device,
     settings: GpuConfig,
     entry_capacity: EntryCapacity,
-    /// See [`SearchParams::tiles_per_submission`].
-    tiles_per_submission: u32,
     pipelines: Pipelines,
     tables: Option<Tables>,
     prepared: Option<Prepared>,
@@ -73,6 +71,15 @@ impl GpuDetector {
         let timer = (settings.timestamps && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
             .then(|| with_error_scope(device, "timestamps", 0, || Timer::new(device)))
             .transpose()?;
+        let max_tests = settings.max_tests_per_dispatch.unwrap_or_else(|| {
+            let kind = device.adapter_info().device_type;
+            let is_integrated = kind == wgpu::DeviceType::IntegratedGpu;
+            tests_within_limit(Calibration::assumed_tests_per_second(
+                kind != wgpu::DeviceType::Cpu,
+                is_integrated,
+            ))
+        });
+        let settings = settings.max_tests_per_dispatch(max_tests);
         Ok(Self {
             device: device.clone(),
             pipelines: if settings.subgroups { pipelines } else { pipelines.without_subgroups() },
@@ -81,7 +88,6 @@ impl GpuDetector {
             timer,
             settings,
             entry_capacity: EntryCapacity::NONE,
-            tiles_per_submission: SearchParams::UNLIMITED,
         })
     }
 
@@ -146,7 +152,10 @@ impl GpuDetector {
         // Old buffers are released first, so that old and new need not fit at once. Larger buffers serve smaller calls,
         // and buffers of a grid serve naive calls.
         let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
-        if let Some(prepared) = kept {
+        if let Some(mut prepared) = kept {
+            if prepared.plan.deferred_parts != plan.deferred_parts {
+                prepared.recordings = SmallCache::NONE;
+            }
             return Ok(Prepared { plan, ..prepared });
         }
         let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
@@ -202,15 +211,20 @@ impl GpuDetector {
         self.settings.pair_capacity = room.pairs;
     }
 
-    /// Limits the distance tests of crowded cells in later calls: [`encode_continuation`](Self::encode_continuation)
-    /// records a further part while the outcome has remaining work.
-    pub(crate) fn set_max_tests_per_submission(&mut self, tests: u64) {
-        let tile = u64::from(k::WORKGROUP_SIZE) * u64::from(k::WORKGROUP_SIZE);
-        self.tiles_per_submission = u32::try_from(tests / tile).unwrap_or(SearchParams::UNLIMITED);
+    /// Changes the recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
+    pub fn set_deferred_parts(&mut self, parts: u32) {
+        self.settings.deferred_parts = parts;
     }
 
-    /// Records a further part of the last recorded call, whose search it is timed as.
-    pub(crate) fn encode_continuation(&self, encoder: &mut wgpu::CommandEncoder) {
+    /// Returns the recorded parts that the search of crowded cells needs, by the outcome of the last recorded call.
+    pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
+        self.plan().map_or(1, |plan| plan.deferred_parts_for(outcome)).max(1)
+    }
+
+    /// Records a further part of the search of the last recorded call, for an outcome with
+    /// [`Outcome::has_remaining_work`]. The output then has the pairs of all parts so far. Its time replaces that of the
+    /// search.
+    pub fn encode_continuation(&self, encoder: &mut wgpu::CommandEncoder) {
         if let Some(recording) = self.recording() {
             recording.encode_continuation(encoder, self.timer.as_ref().map(Timer::queries));
             if let Some(timer) = &self.timer {
@@ -228,42 +242,48 @@ impl GpuDetector {
         check(&self.settings).inspect_err(|_| self.settings.cell_ratio = before)
     }
 
-    /// Records the detection, all of it in this encoder however crowded the spheres are: where a submission must end
-    /// within a watchdog's time, [`GpuSession`](super::GpuSession) splits it. Nothing is submitted, polled or read
-    /// back; after the first call of a size nothing of that size is allocated. The buffers that come back are those of
-    /// the call before, unless this one is larger.
+    /// Records the detection in this encoder. No dispatch has more distance tests than
+    /// [`GpuConfig::max_tests_per_dispatch`]. Nothing is submitted, polled or read back; after the first call of a size,
+    /// nothing of that size is allocated. The returned buffers are those of the previous call, unless this call is
+    /// larger.
     ///
     /// # Errors
-    /// [`Error::Buffer`] and [`Error::SpeciesBuffer`] for what was handed over, and as [`reserve`](Self::reserve).
+    /// [`Error::Buffer`] and [`Error::SpeciesBuffer`] for the input; otherwise as for [`reserve`](Self::reserve).
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuOutput, Error> {
-        self.encode_as(self.algorithm_choice(), encoder, input)
-    }
-
-    /// Records the detection with another algorithm or cell ratio.
-    pub(crate) fn encode_as(
-        &mut self,
-        choice: AlgorithmChoice,
-        encoder: &mut wgpu::CommandEncoder,
-        input: &GpuSpheres<'_>,
-    ) -> Result<GpuOutput, Error> {
-        let output = self.bind_as(choice, input)?;
-        if let Some(recording) = self.recording() {
-            match &self.timer {
-                None => recording.encode(encoder),
-                Some(timer) => {
-                    recording.encode_timed(encoder, timer.queries());
-                    timer.resolve(encoder);
-                }
-            }
-        }
+        let output = self.bind(input)?;
+        (0..self.parts()).for_each(|part| self.encode_part(encoder, part));
         Ok(output)
     }
 
-    /// Binds all dispatches of a call without encoding them.
+    /// Binds a call without recording it. [`encode_part`](Self::encode_part) records its parts, in one encoder or in
+    /// several that are submitted one after the other.
+    ///
+    /// # Errors
+    /// See [`encode`](Self::encode).
+    pub fn bind(&mut self, input: &GpuSpheres<'_>) -> Result<GpuOutput, Error> {
+        self.bind_as(self.algorithm_choice(), input)
+    }
+
+    /// Returns the number of parts of the bound call; 0 before the first call.
+    pub fn parts(&self) -> u32 {
+        self.recording().map_or(0, Recording::parts)
+    }
+
+    /// Records part `part` of the bound call, from 0 to [`parts`](Self::parts). Parts must run in ascending order.
+    pub fn encode_part(&self, encoder: &mut wgpu::CommandEncoder, part: u32) {
+        if let Some(recording) = self.recording() {
+            recording.encode_part(encoder, part, self.timer.as_ref().map(Timer::queries));
+            if let Some(timer) = self.timer.as_ref().filter(|_| part + 1 == recording.parts()) {
+                timer.resolve(encoder);
+            }
+        }
+    }
+
+    /// Binds all dispatches of a call with another algorithm or cell ratio.
     pub(crate) fn bind_as(
         &mut self,
         choice: AlgorithmChoice,
@@ -271,7 +291,7 @@ impl GpuDetector {
     ) -> Result<GpuOutput, Error> {
         let spheres = input.check(self.tables.is_some())?;
         let mut prepared = self.prepare(spheres, choice)?;
-        let bound = self.bind(&mut prepared, choice, input);
+        let bound = self.bind_prepared(&mut prepared, choice, input);
         let output = self.prepared.insert(prepared).output();
         bound.map(|()| output)
     }
@@ -279,6 +299,11 @@ impl GpuDetector {
     /// Returns the current recording.
     pub(crate) fn recording(&self) -> Option<&Recording> {
         self.prepared.as_ref().and_then(|prepared| prepared.recordings.current())
+    }
+
+    /// Returns the limits of one dispatch.
+    pub(crate) fn budget(&self) -> WorkBudget {
+        WorkBudget::new(&self.settings, &DeviceLimits::of(&self.device))
     }
 
     /// Returns the plan of the last recorded call.
@@ -297,7 +322,7 @@ impl GpuDetector {
         self.timer.as_ref().map(Timer::ticks)
     }
 
-    fn bind(
+    fn bind_prepared(
         &self,
         prepared: &mut Prepared,
         choice: AlgorithmChoice,
@@ -306,7 +331,6 @@ impl GpuDetector {
         let settings = CallSettings {
             config: &self.settings,
             cell_ratio: choice.cell_ratio,
-            tiles_per_submission: self.tiles_per_submission,
             window: input.window.clone(),
             split: input.split,
             sides: self.tables.as_ref().map(|tables| &tables.bytes.sides),

@@ -1,5 +1,7 @@
 //! The buffers of calls of a size, with what was recorded for them.
 
+use std::collections::{BTreeSet, HashMap};
+
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::layout::SearchParams;
 
@@ -9,7 +11,7 @@ use super::tables::Tables;
 use crate::Error;
 use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{Buffers, Recording, SmallCache};
-use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Plan, Resource};
+use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Dispatch, Plan, Resource};
 
 /// Everything that depends on the size of a call.
 #[derive(Debug)]
@@ -82,4 +84,19 @@ impl Prepared {
             Recording::from_sequence(device, pipelines, &call_plan.sequence, &bound)
         })
     }
+}
+
+/// Returns the parameters of a call by the first workgroup of a dispatch, 0 included.
+pub(super) fn params_buffers<'a>(
+    device: &wgpu::Device,
+    dispatches: impl IntoIterator<Item = &'a Dispatch>,
+    call: &SearchParams,
+) -> Result<HashMap<u32, wgpu::Buffer>, Error> {
+    let firsts: BTreeSet<u32> =
+        dispatches.into_iter().map(|dispatch| dispatch.first_group).chain([0]).collect();
+    let buffer = |first_workgroup: u32| {
+        let params = SearchParams { first_workgroup, ..*call };
+        Ok((first_workgroup, constant_buffer(device, "call", bytemuck::bytes_of(&params))?))
+    };
+    firsts.into_iter().map(buffer).collect()
 }

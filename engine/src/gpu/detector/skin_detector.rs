@@ -7,21 +7,22 @@
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::SkinParams;
+use lazygrid_kernels::layout::{SearchParams, SkinParams};
 use lazygrid_kernels::{Interaction, Interactions};
 
 use super::input::GpuSpheres;
 use super::output::GpuOutput;
-use super::prepared::Key;
+use super::prepared::{Key, params_buffers};
 use super::tables::Tables;
 use super::{AlgorithmChoice, GpuDetector};
 use crate::Error;
+use crate::gpu::Outcome;
+#[cfg(doc)]
+use crate::gpu::SkinState;
 use crate::gpu::config::{GpuConfig, check};
 use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, skin};
-#[cfg(doc)]
-use crate::gpu::{Outcome, SkinState};
 
 /// The usable fraction of half the skin: below 1 by more than rounding can hide.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
@@ -50,8 +51,8 @@ pub struct GpuSkinDetector {
 /// The buffers that stay on the device.
 #[derive(Debug)]
 struct Resident {
-    /// The capacities in spheres and in pairs.
-    room: [u32; 2],
+    /// The capacities in spheres and in pairs, and the parts of the test of candidates.
+    capacities: [u32; 3],
     buffers: Buffers,
     candidates: Option<Candidates>,
 }
@@ -70,7 +71,7 @@ struct Candidates {
 struct Parts {
     before: Recording,
     /// The workgroup counts of the search's dispatches.
-    gate: Buffers,
+    counts: Buffers,
     after: Recording,
 }
 
@@ -112,9 +113,9 @@ impl GpuSkinDetector {
         check_skin(skin)?;
         if self.tables.is_some() {
             // Distances of species grow by the skin.
-            let room = self.search.pair_capacity();
+            let capacity = self.search.pair_capacity();
             self.search = search(&self.device, self.pipelines.clone(), &self.settings, skin)?;
-            self.search.set_pair_capacity(room);
+            self.search.set_pair_capacity(capacity);
         }
         if let Some(resident) = &mut self.resident {
             resident.candidates = None;
@@ -127,6 +128,17 @@ impl GpuSkinDetector {
     /// ([`Outcome::OVERFLOW_CANDIDATES`]), [`Outcome::candidates_needed`] is the number of candidates.
     pub fn set_candidate_capacity(&mut self, candidates: u32) {
         self.search.set_pair_capacity(candidates);
+    }
+
+    /// Changes the recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
+    pub fn set_deferred_parts(&mut self, parts: u32) {
+        self.search.set_deferred_parts(parts);
+    }
+
+    /// Returns the recorded parts that the search of crowded cells needs, by an outcome of the last recorded call with
+    /// [`Outcome::OVERFLOW_WORK`].
+    pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
+        self.search.needed_deferred_parts(outcome)
     }
 
     pub(crate) fn candidate_capacity(&self) -> u32 {
@@ -149,8 +161,9 @@ impl GpuSkinDetector {
     /// # Errors
     /// See [`GpuDetector::memory_for`].
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
-        let gpu = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
-        Ok(self.search.memory_for(spheres)? + gpu.iter().map(|(_, bytes)| bytes).sum::<u64>())
+        let (parts, _) = skin::candidate_parts(self.search.pair_capacity(), self.search.budget());
+        let buffers = skin::buffers([spheres, self.settings.pair_capacity, parts], self.tables.is_some());
+        Ok(self.search.memory_for(spheres)? + buffers.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
     /// Returns the used fraction of the displacement limit, from the bits of a squared displacement.
@@ -191,10 +204,11 @@ impl GpuSkinDetector {
     ) -> Result<GpuOutput, Error> {
         let spheres = input.check(self.tables.is_some())?;
         let pairs = self.settings.pair_capacity;
-        let has_room = |had: &Resident| had.room[0] >= spheres && had.room[1] == pairs;
+        let (parts, _) = skin::candidate_parts(self.search.pair_capacity(), self.search.budget());
+        let has_room = |had: &Resident| had.capacities[0] >= spheres && had.capacities[1..] == [pairs, parts];
         let mut resident = match self.resident.take().filter(has_room) {
             Some(resident) => resident,
-            None => self.allocate([spheres, pairs])?,
+            None => self.allocate([spheres, pairs, parts])?,
         };
         let Resident { buffers, candidates, .. } = &mut resident;
         // Candidates serve any window, and one set or two.
@@ -216,11 +230,11 @@ impl GpuSkinDetector {
         };
         let key = Key::of(input, self.settings.call(spheres, &input.window, input.split));
         self.record(buffers, candidates, key)?;
-        if let (Some(Parts { before, gate, after }), Some(search)) =
+        if let (Some(Parts { before, counts, after }), Some(search)) =
             (candidates.parts.current(), self.search.recording())
         {
             before.encode(encoder);
-            search.encode_indirect(encoder, gate.get(BufferId::DispatchCounts));
+            search.encode_indirect(encoder, counts.get(BufferId::DispatchCounts));
             after.encode(encoder);
         }
         let [pairs, outcome] = [BufferId::Pairs, BufferId::Outcome].map(|slot| buffers.get(slot).clone());
@@ -228,12 +242,11 @@ impl GpuSkinDetector {
         Ok(GpuOutput { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
     }
 
-    fn allocate(&self, room: [u32; 2]) -> Result<Resident, Error> {
-        let [spheres, pairs] = room;
-        let buffers = skin::buffers(spheres, pairs, self.tables.is_some());
+    fn allocate(&self, capacities: [u32; 3]) -> Result<Resident, Error> {
+        let buffers = skin::buffers(capacities, self.tables.is_some());
         check_buffers(&buffers, &DeviceLimits::of(&self.device))?;
         let buffers = Buffers::allocate(&self.device, &buffers)?;
-        Ok(Resident { room, buffers, candidates: None })
+        Ok(Resident { capacities, buffers, candidates: None })
     }
 
     /// Binds all dispatches of such a call, unless they are bound.
@@ -245,39 +258,44 @@ impl GpuSkinDetector {
             let half = self.skin / 2.0;
             let limit_squared = (half * USABLE).powi(2);
             let skin = SkinParams { half_skin: half, limit_squared, candidate_capacity: found.capacity };
-            let call = constant_buffer(&self.device, "call", bytemuck::bytes_of(&key.call))?;
+            let division = skin::candidate_parts(found.capacity, self.search.budget());
+            let dispatches = skin::dispatches(key.call.spheres, division);
+            // Without a division the device may use several rows of workgroups.
+            let workgroups_per_dispatch = if division.0 > 1 { division.1 } else { 0 };
+            let call = SearchParams { workgroups_per_dispatch, ..key.call };
+            let params = params_buffers(&self.device, dispatches.iter().flatten(), &call)?;
             let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;
             let full = constant_buffer(&self.device, "workgroups", bytemuck::cast_slice(groups))?;
-            let gate = Buffers::allocate(&self.device, &[(BufferId::DispatchCounts, full.size())])?;
-            let gpu = |slot| buffers.get(slot);
+            let counts = Buffers::allocate(&self.device, &[(BufferId::DispatchCounts, full.size())])?;
+            let own = |id| buffers.get(id);
             let resolve = |dispatch: &Dispatch, binding: &str| match (binding, &self.tables, &key.species) {
                 ("skin", ..) => &skin,
-                ("count_source", ..) => key.count.as_ref().unwrap_or(&call),
+                ("count_source", ..) => key.count.as_ref().unwrap_or(&params[&0]),
                 ("spheres", ..) => &key.spheres,
                 ("species", _, Some(species)) => species,
                 ("table", Some(tables), _) => &tables.table,
-                ("reference", ..) => gpu(BufferId::ReferenceSpheres),
-                ("reference_species", Some(_), _) => gpu(BufferId::ReferenceSpecies),
+                ("reference", ..) => own(BufferId::ReferenceSpheres),
+                ("reference_species", Some(_), _) => own(BufferId::ReferenceSpecies),
                 ("state", ..) => state.get(BufferId::SkinState),
                 ("full_counts", ..) => &full,
-                ("dispatch_counts", ..) => gate.get(BufferId::DispatchCounts),
+                ("dispatch_counts", ..) => counts.get(BufferId::DispatchCounts),
                 // The indirect arguments of the search if it has any; else a buffer that nothing reads.
                 ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => {
-                    search.and_then(Recording::indirect_args).unwrap_or(gpu(BufferId::DispatchArgs))
+                    search.and_then(Recording::indirect_args).unwrap_or(own(BufferId::DispatchArgs))
                 }
-                ("dispatch", ..) => gpu(BufferId::DispatchArgs),
+                ("dispatch", ..) => own(BufferId::DispatchArgs),
                 ("candidates", ..) => &found.pairs,
                 ("found", ..) => &found.outcome,
-                ("outcome", ..) => gpu(BufferId::Outcome),
-                ("pairs", ..) => gpu(BufferId::Pairs),
-                _ => &call,
+                ("outcome", ..) => own(BufferId::Outcome),
+                ("pairs", ..) => own(BufferId::Pairs),
+                _ => &params[&dispatch.first_group],
             };
             let periodic = self.settings.space.is_periodic();
             let variant = Variant { species: self.tables.is_some(), periodic, ..self.pipelines.variant() };
-            let [before, after] = skin::dispatches(key.call.spheres).map(|dispatches| {
+            let [before, after] = dispatches.map(|dispatches| {
                 Recording::new(&self.device, &self.pipelines, variant, dispatches, resolve)
             });
-            Ok(Parts { before: before?, gate, after: after? })
+            Ok(Parts { before: before?, counts, after: after? })
         })
     }
 }

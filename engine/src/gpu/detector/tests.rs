@@ -101,8 +101,7 @@ fn a_further_part_is_timed_as_a_search() {
         return;
     }
     let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid).timestamps(true);
-    let mut detector = detector(&gpu, settings);
-    detector.set_max_tests_per_submission(1 << 20);
+    let mut detector = detector(&gpu, settings.max_tests_per_dispatch(1 << 20));
     let given = upload(&gpu, &[Sphere::new([1.0; 3], 0.5); 3000]);
     // The ticks, by phase.
     let ticks = |detector: &GpuDetector, encoder| -> Vec<[u64; 2]> {

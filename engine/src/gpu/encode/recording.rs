@@ -47,6 +47,8 @@ pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
     /// The first dispatch of a continuation; the number of dispatches if the call has none.
     continuation_start: usize,
+    /// The first dispatch of each part after the first.
+    part_starts: Vec<usize>,
 }
 
 #[derive(Debug)]
@@ -61,8 +63,8 @@ struct BoundDispatch {
 #[derive(Debug)]
 enum WorkgroupCount {
     Fixed([u32; 2]),
-    /// The number that this buffer holds when the dispatch runs.
-    Indirect(wgpu::Buffer),
+    /// The number that this buffer holds at this offset when the dispatch runs.
+    Indirect(wgpu::Buffer, u64),
 }
 
 impl Recording {
@@ -106,12 +108,15 @@ impl Recording {
             })?;
             let groups = match dispatch.workgroups {
                 Workgroups::Fixed(groups) => WorkgroupCount::Fixed(groups),
-                Workgroups::Indirect(buffer) => WorkgroupCount::Indirect(buffers[buffer].clone()),
+                Workgroups::Indirect { buffer, offset } => {
+                    WorkgroupCount::Indirect(buffers[buffer].clone(), offset)
+                }
             };
             let pipeline = compiled.pipeline;
             dispatches.push(BoundDispatch { pipeline, bindings, groups, phase: dispatch.phase });
         }
-        Ok(Self { dispatches, continuation_start: sequence.continuation })
+        let (continuation_start, part_starts) = (sequence.continuation, sequence.part_starts.clone());
+        Ok(Self { dispatches, continuation_start, part_starts })
     }
 
     /// Records all dispatches in one pass.
@@ -125,7 +130,7 @@ impl Recording {
     pub(crate) fn workgroup_counts(&self) -> Vec<u32> {
         let of = |dispatch: &BoundDispatch| match dispatch.groups {
             WorkgroupCount::Fixed([x, y]) => [x, y, 1],
-            WorkgroupCount::Indirect(_) => [0; 3],
+            WorkgroupCount::Indirect(..) => [0; 3],
         };
         self.dispatches.iter().flat_map(of).collect()
     }
@@ -134,21 +139,21 @@ impl Recording {
     pub(crate) fn indirect_args(&self) -> Option<&wgpu::Buffer> {
         self.dispatches.iter().find_map(|dispatch| match &dispatch.groups {
             WorkgroupCount::Fixed(_) => None,
-            WorkgroupCount::Indirect(buffer) => Some(buffer),
+            WorkgroupCount::Indirect(buffer, _) => Some(buffer),
         })
     }
 
-    /// Records all dispatches in one pass, each with as many workgroups as `gate` says by then, where it has
-    /// [`groups`](Self::groups) or zeros.
-    pub(crate) fn encode_indirect(&self, encoder: &mut wgpu::CommandEncoder, gate: &wgpu::Buffer) {
+    /// Records all dispatches in one pass, each with the workgroups that `counts` holds by then: those of
+    /// [`workgroup_counts`](Self::workgroup_counts), or zeros.
+    pub(crate) fn encode_indirect(&self, encoder: &mut wgpu::CommandEncoder, counts: &wgpu::Buffer) {
         let descriptor =
-            wgpu::ComputePassDescriptor { label: Some("lazygrid gated"), timestamp_writes: None };
+            wgpu::ComputePassDescriptor { label: Some("lazygrid indirect"), timestamp_writes: None };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         for (offset, dispatch) in (0..).step_by(12).zip(&self.dispatches) {
             dispatch.bind(&mut pass);
             match &dispatch.groups {
-                WorkgroupCount::Fixed(_) => pass.dispatch_workgroups_indirect(gate, offset),
-                WorkgroupCount::Indirect(found) => pass.dispatch_workgroups_indirect(found, 0),
+                WorkgroupCount::Fixed(_) => pass.dispatch_workgroups_indirect(counts, offset),
+                WorkgroupCount::Indirect(found, at) => pass.dispatch_workgroups_indirect(found, *at),
             }
         }
     }
@@ -162,35 +167,68 @@ impl Recording {
     ) {
         let descriptor = wgpu::ComputePassDescriptor {
             label: Some("lazygrid continuation"),
-            timestamp_writes: queries.map(|queries| ends_of(GpuPhase::Search, queries)),
+            timestamp_writes: queries.and_then(|queries| ends_of(GpuPhase::Search, queries, [true; 2])),
         };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         self.dispatches[self.continuation_start..].iter().for_each(|dispatch| dispatch.record(&mut pass));
     }
 
-    /// Records a pass for each phase with a timestamp at either end.
-    pub(crate) fn encode_timed(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
+    /// Returns the number of parts of the call.
+    pub(crate) fn parts(&self) -> u32 {
+        1 + self.part_starts.len() as u32
+    }
+
+    /// Records one part of the call; with queries in a pass per phase, with timestamps at the ends of each phase.
+    pub(crate) fn encode_part(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        part: u32,
+        queries: Option<&wgpu::QuerySet>,
+    ) {
+        let start_of = |part: u32| match part {
+            0 => 0,
+            part => self.part_starts.get(part as usize - 1).copied().unwrap_or(self.dispatches.len()),
+        };
+        let dispatches = &self.dispatches[start_of(part)..start_of(part + 1)];
+        let Some(queries) = queries else {
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass));
+            return;
+        };
+        // Only the search is divided.
+        let is_last = part + 1 == self.parts();
         for phase in GpuPhase::ALL {
+            let ends = match phase {
+                GpuPhase::Search => [part == 0, is_last],
+                _ => [part == 0; 2],
+            };
+            let of_phase = || dispatches.iter().filter(|dispatch| dispatch.phase == phase);
+            if part > 0 && of_phase().next().is_none() {
+                continue;
+            }
             let descriptor = wgpu::ComputePassDescriptor {
                 label: Some(phase.name()),
-                timestamp_writes: Some(ends_of(phase, queries)),
+                timestamp_writes: ends_of(phase, queries, ends),
             };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            self.dispatches
-                .iter()
-                .filter(|dispatch| dispatch.phase == phase)
-                .for_each(|dispatch| dispatch.record(&mut pass));
+            of_phase().for_each(|dispatch| dispatch.record(&mut pass));
         }
     }
 }
 
-/// Has a pass write the times at which it begins and ends, as those of a phase.
-fn ends_of(phase: GpuPhase, queries: &wgpu::QuerySet) -> wgpu::ComputePassTimestampWrites<'_> {
-    wgpu::ComputePassTimestampWrites {
+/// Returns the timestamps that a pass writes as the begin, the end or both of a phase.
+fn ends_of(
+    phase: GpuPhase,
+    queries: &wgpu::QuerySet,
+    [begins, ends]: [bool; 2],
+) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+    let first = 2 * phase as u32;
+    (begins || ends).then_some(wgpu::ComputePassTimestampWrites {
         query_set: queries,
-        beginning_of_pass_write_index: Some(2 * phase as u32),
-        end_of_pass_write_index: Some(2 * phase as u32 + 1),
-    }
+        beginning_of_pass_write_index: begins.then_some(first),
+        end_of_pass_write_index: ends.then_some(first + 1),
+    })
 }
 
 impl BoundDispatch {
@@ -203,7 +241,7 @@ impl BoundDispatch {
         self.bind(pass);
         match &self.groups {
             WorkgroupCount::Fixed([x, y]) => pass.dispatch_workgroups(*x, *y, 1),
-            WorkgroupCount::Indirect(buffer) => pass.dispatch_workgroups_indirect(buffer, 0),
+            WorkgroupCount::Indirect(buffer, at) => pass.dispatch_workgroups_indirect(buffer, *at),
         }
     }
 }

@@ -143,8 +143,8 @@ pub(crate) enum Resource {
     Count,
     /// Species ids, from the caller.
     Species,
-    /// The uniform of this call.
-    SearchParams,
+    /// The uniform of this call, for dispatches with this first workgroup.
+    SearchParams(u32),
     /// The uniform of a radix pass.
     RadixPass(u32),
     /// Effective radii by species.

@@ -92,6 +92,9 @@ pub struct DispatchSequence {
     pub dispatches: Vec<PlanDispatch>,
     /// The first dispatch of a further part of a partial call; the number of dispatches if calls have one part.
     pub continuation: usize,
+    /// The first dispatch of each part after the first. No part has more than about 200 ms of work at the planned rate, so
+    /// that parts may be submitted separately where a watchdog limits submissions.
+    pub part_starts: Vec<usize>,
 }
 
 /// A kernel in the variant of a plan.
@@ -148,8 +151,13 @@ pub struct PlanDispatch {
 pub enum Workgroups {
     /// Workgroups along x and y; one along z.
     Fixed([u32; 2]),
-    /// Three `u32` at the begin of the buffer at this position, which an earlier dispatch writes.
-    Indirect(usize),
+    /// Three `u32` that an earlier dispatch writes.
+    Indirect {
+        /// The position of their buffer.
+        buffer: usize,
+        /// Their offset in bytes.
+        offset: u64,
+    },
 }
 
 impl DispatchSequence {
@@ -168,6 +176,9 @@ impl DispatchSequence {
             {
                 continuation = Some(sequence.dispatches.len());
             }
+            if dispatch.first_group > 0 {
+                sequence.part_starts.push(sequence.dispatches.len());
+            }
             let kernel =
                 PlanKernel { kernel: dispatch.kernel, variant: dispatch.kernel.effective_variant(variant) };
             let kernel = position(&mut sequence.kernels, kernel);
@@ -175,7 +186,10 @@ impl DispatchSequence {
             let buffers = dispatch.kernel.bindings(variant).map(|binding| buffer(binding.name)).collect();
             let workgroups = match dispatch.indirect {
                 false => Workgroups::Fixed(flattened(dispatch.groups, limits)),
-                true => Workgroups::Indirect(buffer("dispatch")),
+                true => {
+                    let offset = 12 * u64::from(dispatch.args_index);
+                    Workgroups::Indirect { buffer: buffer("dispatch"), offset }
+                }
             };
             sequence.dispatches.push(PlanDispatch { kernel, buffers, workgroups, phase: dispatch.phase });
         }
@@ -203,7 +217,7 @@ impl DispatchSequence {
         let of = |dispatch: &PlanDispatch| match dispatch.workgroups {
             Workgroups::Fixed([x, y]) => x.max(y),
             // Kernels write at most so many.
-            Workgroups::Indirect(_) => 65_535,
+            Workgroups::Indirect { .. } => 65_535,
         };
         self.dispatches.iter().map(of).max().unwrap_or(0)
     }
@@ -240,7 +254,7 @@ impl Plan {
         let (sequence, resources) =
             DispatchSequence::resolved(self.dispatches.iter().cloned(), variant, limits, |dispatch, name| {
                 match self.resource(dispatch, name) {
-                    Resource::Count if !constants.count_in_buffer => Resource::SearchParams,
+                    Resource::Count if !constants.count_in_buffer => Resource::SearchParams(0),
                     resource => resource,
                 }
             });
@@ -293,8 +307,13 @@ impl Plan {
             Resource::Spheres => ("spheres".to_owned(), input(spheres * 16)),
             Resource::Species => ("species".to_owned(), input(spheres * 4)),
             Resource::Count => ("count".to_owned(), input(4)),
-            Resource::SearchParams => {
-                ("params".to_owned(), constant(bytemuck::bytes_of(&constants.call).into()))
+            Resource::SearchParams(first_workgroup) => {
+                let params = SearchParams { first_workgroup, ..constants.call };
+                let name = match first_workgroup {
+                    0 => "params".to_owned(),
+                    first => format!("params_{first}"),
+                };
+                (name, constant(bytemuck::bytes_of(&params).into()))
             }
             Resource::RadixPass(pass) => {
                 let digit = self.digits()[pass as usize];
@@ -336,11 +355,12 @@ impl CallPlan {
     };
 
     /// The names of the bits in the field `overflow` of the [`Outcome`].
-    pub const OVERFLOW_BITS: [(&'static str, u32); 4] = [
+    pub const OVERFLOW_BITS: [(&'static str, u32); 5] = [
         ("pairs", Outcome::OVERFLOW_PAIRS),
         ("entries", Outcome::OVERFLOW_ENTRIES),
         ("spheres", Outcome::OVERFLOW_SPHERES),
         ("candidates", Outcome::OVERFLOW_CANDIDATES),
+        ("work", Outcome::OVERFLOW_WORK),
     ];
 
     /// The subgroup size that the kernels are made for, if they use subgroups: the device's smallest.

@@ -5,7 +5,7 @@ use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{CellListLayout, InputStats, SortCounts};
 
 use super::buffers::{BufferId, bytes_of, sort_buffers};
-use super::dispatches::{Dispatch, GpuPhase, scan_dispatches, sort_dispatches};
+use super::dispatches::{Dispatch, GpuPhase, deferred, scan_dispatches, sort_dispatches};
 use super::limits::DeviceLimits;
 use super::{Plan, Request};
 
@@ -116,17 +116,17 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         dispatches.push(sorted(&k::CELL_STARTS_FIND, plan.counters.div_ceil(INDEX_BLOCK)));
         dispatches.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
-    dispatches.push(dispatch(&k::CELL_LIST_SEARCH, per_sphere, GpuPhase::Search));
-    // One share holds all candidates of very few spheres.
+    let tests_per_group = u64::from(k::WORKGROUP_SIZE * plan.candidates_per_invocation.min(plan.spheres));
+    let search = dispatch(&k::CELL_LIST_SEARCH, per_sphere, GpuPhase::Search);
+    dispatches.extend(plan.budget.divide(search, tests_per_group));
+    // One invocation tests all candidates of a sphere if the spheres are few.
     if plan.overflow_workgroups > 0 {
-        dispatches.push(dispatch(
-            &k::CELL_LIST_SEARCH_OVERFLOW,
-            per_sphere * plan.overflow_workgroups,
-            GpuPhase::Search,
-        ));
+        let groups = per_sphere * plan.overflow_workgroups;
+        let overflow = dispatch(&k::CELL_LIST_SEARCH_OVERFLOW, groups, GpuPhase::Search);
+        dispatches.extend(plan.budget.divide(overflow, tests_per_group));
     } else if plan.spheres > plan.candidates_per_invocation {
-        dispatches.push(dispatch(&k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, 1, GpuPhase::Search));
-        dispatches.push(Dispatch::indirect(&k::CELL_LIST_SEARCH_OVERFLOW, GpuPhase::Search));
+        let args = &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS;
+        dispatches.extend(deferred(plan, args, &k::CELL_LIST_SEARCH_OVERFLOW));
     }
     dispatches
 }

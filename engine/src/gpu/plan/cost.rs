@@ -15,6 +15,9 @@ pub struct CallCost {
     pub spheres: u32,
     /// Dispatches.
     pub dispatches: u32,
+    /// Parts into which the call is divided so that no dispatch has more than
+    /// [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch) distance tests.
+    pub parts: u32,
     /// Bytes of device memory that the call works in, besides spheres and pairs.
     pub working_bytes: u64,
     /// Bytes of device memory for pairs.
@@ -33,6 +36,7 @@ impl Plan {
             algorithm: self.algorithm,
             spheres: self.spheres,
             dispatches: self.dispatches.len() as u32,
+            parts: self.parts(),
             working_bytes: self.bytes() - pair_bytes,
             pair_bytes,
             traffic_bytes: self.dispatches.iter().map(|dispatch| self.traffic_of(dispatch)).sum(),

@@ -44,6 +44,10 @@ pub(crate) struct Dispatch {
     pub(crate) groups: u32,
     /// `true` if their number is instead found on the device, in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
     pub(crate) indirect: bool,
+    /// The number of its first workgroup among those of the kernel, if it is a part of a division.
+    pub(crate) first_group: u32,
+    /// The position of its triple of indirect arguments.
+    pub(crate) args_index: u32,
     /// The phase of the call.
     pub(crate) phase: GpuPhase,
     /// The radix pass; 0 outside the sort.
@@ -53,7 +57,7 @@ pub(crate) struct Dispatch {
 impl Dispatch {
     /// Creates a dispatch of a fixed number of workgroups outside the sort.
     pub(crate) const fn new(kernel: &'static Kernel, groups: u32, phase: GpuPhase) -> Self {
-        Self { kernel, groups, indirect: false, phase, pass: 0 }
+        Self { kernel, groups, indirect: false, first_group: 0, args_index: 0, phase, pass: 0 }
     }
 
     /// Creates a dispatch of a fixed number of workgroups in a radix pass.
@@ -78,7 +82,8 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         dispatch(&k::GRID_CONFIGURE, 1, GpuPhase::Survey),
     ];
     if plan.algorithm == Algorithm::Naive {
-        dispatches.push(dispatch(&k::NAIVE_SEARCH, plan.search_groups, GpuPhase::Search));
+        let search = dispatch(&k::NAIVE_SEARCH, plan.search_groups, GpuPhase::Search);
+        dispatches.extend(plan.budget.divide(search, plan.naive_tests_per_group()));
     } else if plan.algorithm == Algorithm::CellList {
         dispatches = cell_list::dispatches(plan);
     } else {
@@ -96,17 +101,25 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         dispatches.push(dispatch(&k::ENTRIES_EMIT, per_sphere, GpuPhase::Entries));
         dispatches.push(dispatch(&k::ENTRIES_FINISH, 1, GpuPhase::Entries));
         dispatches.extend(sort_dispatches(plan.entries, plan.tile, plan.passes()));
-        dispatches.push(dispatch(
-            &k::RUNS_SEARCH_NEAR,
-            plan.entries.div_ceil(k::WORKGROUP_SIZE),
-            GpuPhase::Search,
-        ));
-        dispatches.push(dispatch(&k::RUNS_SEARCH_FAR_DISPATCH_ARGS, 1, GpuPhase::Search));
-        dispatches.push(Dispatch::indirect(&k::RUNS_SEARCH_FAR, GpuPhase::Search));
+        let blocks = plan.entries.div_ceil(k::WORKGROUP_SIZE);
+        let near = dispatch(&k::RUNS_SEARCH_NEAR, blocks, GpuPhase::Search);
+        dispatches.extend(plan.budget.divide(near, u64::from(k::WORKGROUP_SIZE * k::NEAR)));
+        dispatches.extend(deferred(plan, &k::RUNS_SEARCH_FAR_DISPATCH_ARGS, &k::RUNS_SEARCH_FAR));
     }
     dispatches.push(dispatch(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
     dispatches.retain(|dispatch| dispatch.groups > 0);
     dispatches
+}
+
+/// Returns the recorded parts of a deferred search: each computes its dispatch arguments and searches.
+pub(super) fn deferred(
+    plan: &Plan,
+    args: &'static Kernel,
+    search: &'static Kernel,
+) -> impl Iterator<Item = Dispatch> {
+    (0..plan.deferred_parts).flat_map(move |_| {
+        [Dispatch::new(args, 1, GpuPhase::Search), Dispatch::indirect(search, GpuPhase::Search)]
+    })
 }
 
 /// Workgroups laid out over two dimensions. The last row may be longer than needed; kernels end early there.

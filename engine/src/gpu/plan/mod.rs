@@ -14,10 +14,11 @@ mod serialize;
 mod sides;
 pub(super) mod skin;
 mod tables;
+mod work_budget;
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::RadixPass;
+use lazygrid_kernels::layout::{Outcome, RadixPass};
 
 use crate::Error;
 
@@ -38,6 +39,7 @@ pub use limits::DeviceLimits;
 pub(crate) use planner::CallSettings;
 pub use planner::Planner;
 pub(crate) use tables::TableBytes;
+pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
 /// Workgroups of the naive search if there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
@@ -65,6 +67,10 @@ pub(crate) struct Request {
     pub(crate) periodic: bool,
     /// The number of spheres at or above which a cell list is sorted by radix instead of by counting.
     pub(crate) radix_sort_from: u32,
+    /// The most distance tests of one dispatch.
+    pub(crate) max_tests: u64,
+    /// Parts of the deferred search that a recording holds, at least 1.
+    pub(crate) deferred_parts: u32,
 }
 
 /// The cells that pass smaller spheres to the next level.
@@ -110,6 +116,10 @@ pub(crate) struct Plan {
     pub(crate) overflow_workgroups: u32,
     /// Workgroups of the naive search; 0 without it.
     pub(crate) search_groups: u32,
+    /// The limits of one dispatch.
+    pub(crate) budget: WorkBudget,
+    /// Recorded parts of the deferred search.
+    pub(crate) deferred_parts: u32,
     /// The buffers and their bytes.
     pub(crate) buffers: Vec<(BufferId, u64)>,
     /// The dispatches, in order.
@@ -144,6 +154,8 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
         overflow_workgroups: 0,
         search_groups: 0,
+        budget: WorkBudget { tests: request.max_tests, row: limits.groups_per_dimension },
+        deferred_parts: request.deferred_parts.max(1),
         buffers: call_buffers(request.pairs).to_vec(),
         dispatches: Vec::new(),
     };
@@ -175,6 +187,28 @@ impl Plan {
         self.buffers.iter().map(|(_, bytes)| bytes).sum()
     }
 
+    /// Returns the most distance tests of a workgroup of the naive search.
+    fn naive_tests_per_group(&self) -> u64 {
+        let blocks = u64::from(self.spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
+        let shares = (u64::from(self.search_groups) / blocks).clamp(1, blocks);
+        blocks.div_ceil(shares) * u64::from(k::WORKGROUP_SIZE).pow(2)
+    }
+
+    /// Returns the number of parts of a call: each has at most one divided dispatch.
+    pub(crate) fn parts(&self) -> u32 {
+        1 + self.dispatches.iter().filter(|dispatch| dispatch.first_group > 0).count() as u32
+    }
+
+    /// Returns the recorded parts that a deferred search needs, by the outcome of a call.
+    pub(crate) fn deferred_parts_for(&self, outcome: &Outcome) -> u32 {
+        let tiles = match self.algorithm {
+            Algorithm::CellList => self.candidates_per_invocation / k::WORKGROUP_SIZE,
+            _ => 1,
+        };
+        let tiles_per_block = outcome.deferred_max_tiles.max(1).saturating_mul(tiles);
+        outcome.deferred_blocks.div_ceil((self.budget.tiles() / tiles_per_block).max(1))
+    }
+
     /// Radix passes of the sort.
     pub(crate) fn passes(&self) -> u32 {
         self.key_bits.div_ceil(k::DIGIT_BITS)
@@ -200,7 +234,7 @@ impl Plan {
             GpuPhase::Survey | GpuPhase::Entries => false,
         };
         Resource::Own(match binding {
-            "params" => return Resource::SearchParams,
+            "params" => return Resource::SearchParams(dispatch.first_group),
             "count_source" => return Resource::Count,
             "digit_pass" => return Resource::RadixPass(dispatch.pass),
             "given" => return Resource::Spheres,

@@ -9,9 +9,11 @@ use lazygrid_kernels::{Algorithm, Interactions};
 use super::call_plan::{CallConstants, CallPlan};
 use super::sides::Sides;
 use super::tables::TableBytes;
+use super::work_budget::{WorkBudget, tests_within_limit};
 use super::{DeviceLimits, Plan, Request, plan};
 use crate::Error;
 use crate::gpu::config::{GpuConfig, check};
+use crate::gpu::costs::Calibration;
 
 /// Plans calls without a device, as a [`GpuDetector`](crate::gpu::GpuDetector) of this configuration plans them on a device
 /// of these limits.
@@ -73,7 +75,6 @@ impl Planner {
         let call = sized.call(&CallSettings {
             config,
             cell_ratio: config.cell_ratio,
-            tiles_per_submission: SearchParams::UNLIMITED,
             window: 0..u32::MAX,
             split: 0,
             sides: tables.as_ref().map(|tables| &tables.sides),
@@ -102,7 +103,21 @@ impl Request {
             species: config.interactions.as_ref().map_or(0, Interactions::species),
             periodic: config.space.is_periodic(),
             radix_sort_from: config.radix_sort_from,
+            max_tests: max_tests(config),
+            deferred_parts: config.deferred_parts,
         }
+    }
+}
+
+/// Returns the most distance tests of one dispatch: by the configuration, else by the rate of a GPU with memory of its own.
+fn max_tests(config: &GpuConfig) -> u64 {
+    config.max_tests_per_dispatch.unwrap_or_else(|| tests_within_limit(Calibration::TESTS_PER_SECOND))
+}
+
+impl WorkBudget {
+    /// Returns the limits of one dispatch on a device.
+    pub(crate) fn new(config: &GpuConfig, limits: &DeviceLimits) -> Self {
+        Self { tests: max_tests(config), row: limits.groups_per_dimension }
     }
 }
 
@@ -111,8 +126,6 @@ impl Request {
 pub(crate) struct CallSettings<'a> {
     pub(crate) config: &'a GpuConfig,
     pub(crate) cell_ratio: f32,
-    /// See [`SearchParams::tiles_per_submission`].
-    pub(crate) tiles_per_submission: u32,
     /// Only pairs whose smaller index lies in this range are counted and written.
     pub(crate) window: Range<u32>,
     /// The number of spheres of the first of two sets; 0 for one set.
@@ -141,7 +154,7 @@ impl Plan {
             search_groups: self.search_groups,
             split_policy: self.split_policy as u32,
             occupancy_slots: self.occupancy_slots,
-            tiles_per_submission: settings.tiles_per_submission,
+            tiles_per_submission: self.budget.tiles(),
             cells: self.cells,
             counters: if self.tile == 0 { self.counters } else { 0 },
             radix_tile: self.tile,

@@ -22,6 +22,7 @@ struct PlanForm<'a> {
     kernels: Vec<KernelForm>,
     dispatches: Vec<DispatchForm<'a>>,
     continuation: usize,
+    part_starts: &'a [usize],
     outcome: OutcomeForm,
     requires: BTreeMap<&'static str, u64>,
     cost: CostForm,
@@ -99,6 +100,7 @@ impl Serialize for CallPlan {
             kernels: self.sequence.kernels.iter().map(kernel).collect(),
             dispatches: self.sequence.dispatches.iter().map(dispatch).collect(),
             continuation: self.sequence.continuation,
+            part_starts: &self.sequence.part_starts,
             outcome: OutcomeForm {
                 buffer: self.outcome,
                 pairs: self.pairs,
@@ -156,7 +158,7 @@ fn kernel(kernel: &PlanKernel) -> KernelForm {
 fn dispatch(dispatch: &PlanDispatch) -> DispatchForm<'_> {
     let (workgroups, indirect) = match dispatch.workgroups {
         Workgroups::Fixed([x, y]) => (Some([x, y, 1]), None),
-        Workgroups::Indirect(buffer) => (None, Some(IndirectForm { buffer, offset: 0 })),
+        Workgroups::Indirect { buffer, offset } => (None, Some(IndirectForm { buffer, offset })),
     };
     let (kernel, phase) = (dispatch.kernel, dispatch.phase.name());
     DispatchForm { kernel, phase, buffers: &dispatch.buffers, workgroups, indirect }

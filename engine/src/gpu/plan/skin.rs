@@ -5,15 +5,23 @@ use lazygrid_kernels::layout::{Outcome, SkinState};
 
 use super::buffers::{BufferId, bytes_of};
 use super::dispatches::{Dispatch, GpuPhase};
+use super::work_budget::WorkBudget;
 
 /// The state of candidates, which is new whenever they are.
 pub(in crate::gpu) const STATE: (BufferId, u64) = (BufferId::SkinState, size_of::<SkinState>() as u64);
 
-/// The buffers for these numbers of spheres and pairs.
-pub(in crate::gpu) fn buffers(spheres: u32, pairs: u32, species: bool) -> Vec<(BufferId, u64)> {
+/// Returns the parts of the test of `candidates` candidates, and the most workgroups of each.
+pub(in crate::gpu) fn candidate_parts(candidates: u32, budget: WorkBudget) -> (u32, u32) {
+    let groups = candidates.div_ceil(k::WORKGROUP_SIZE).max(1);
+    let per_dispatch = budget.groups_per_dispatch(groups, k::WORKGROUP_SIZE.into());
+    (groups.div_ceil(per_dispatch), per_dispatch)
+}
+
+/// The buffers for these numbers of spheres and pairs, and of parts of the test of candidates.
+pub(in crate::gpu) fn buffers([spheres, pairs, parts]: [u32; 3], species: bool) -> Vec<(BufferId, u64)> {
     let mut buffers = vec![
         (BufferId::ReferenceSpheres, bytes_of(spheres, 16)),
-        (BufferId::DispatchArgs, 16),
+        (BufferId::DispatchArgs, bytes_of(parts, 12)),
         (BufferId::Outcome, size_of::<Outcome>() as u64),
         (BufferId::Pairs, bytes_of(pairs, 8)),
     ];
@@ -24,17 +32,20 @@ pub(in crate::gpu) fn buffers(spheres: u32, pairs: u32, species: bool) -> Vec<(B
 }
 
 /// Returns the dispatches before and after the search for candidates.
-pub(in crate::gpu) fn dispatches(spheres: u32) -> [Vec<Dispatch>; 2] {
+pub(in crate::gpu) fn dispatches(spheres: u32, (parts, per_dispatch): (u32, u32)) -> [Vec<Dispatch>; 2] {
     let per_sphere = spheres.div_ceil(k::WORKGROUP_SIZE);
     let before = vec![
         Dispatch::new(&k::SKIN_DISPLACEMENT, per_sphere, GpuPhase::Survey),
         Dispatch::new(&k::SKIN_CHECK, 1, GpuPhase::Survey),
         Dispatch::new(&k::SKIN_STORE_REFERENCE, per_sphere, GpuPhase::Survey),
     ];
-    let after = vec![
-        Dispatch::new(&k::CANDIDATES_TEST_DISPATCH_ARGS, 1, GpuPhase::Search),
-        Dispatch::indirect(&k::CANDIDATES_TEST, GpuPhase::Search),
-        Dispatch::new(&k::OUTCOME_FINISH, 1, GpuPhase::Search),
-    ];
+    let test = |part: u32| Dispatch {
+        args_index: part,
+        first_group: part * per_dispatch,
+        ..Dispatch::indirect(&k::CANDIDATES_TEST, GpuPhase::Search)
+    };
+    let mut after = vec![Dispatch::new(&k::CANDIDATES_TEST_DISPATCH_ARGS, 1, GpuPhase::Search)];
+    after.extend((0..parts).map(test));
+    after.push(Dispatch::new(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
     [before, after]
 }

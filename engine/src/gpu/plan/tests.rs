@@ -19,6 +19,8 @@ fn request(spheres: u32, pairs: u32) -> Request {
         species: 0,
         periodic: false,
         radix_sort_from: 1 << 19,
+        max_tests: u64::MAX,
+        deferred_parts: 1,
     }
 }
 
@@ -250,4 +252,67 @@ fn a_cell_list_has_counters_for_all_cells_that_the_device_may_take() {
         }
     }
     assert!(rounded > 0, "no number is rounded");
+}
+
+#[test]
+fn tiny_budgets_divide_each_search_and_nothing_else() {
+    for &algorithm in Algorithm::GPU {
+        // A cell list of many spheres and one of few, which dispatches a fixed number of overflow workgroups.
+        for spheres in [10_000, 100_000] {
+            let request = Request { algorithm, ..request(spheres, 1) };
+            let whole = plan(&request, &LAVAPIPE).expect("fits");
+            assert_eq!(whole.parts(), 1, "{algorithm}, {spheres}");
+            let max_tests = 1 << 22;
+            let parted = plan(&Request { max_tests, ..request }, &LAVAPIPE).expect("fits");
+            assert!(parted.parts() > 2, "{algorithm}, {spheres}: {} parts", parted.parts());
+            let mut groups = Vec::new();
+            for dispatch in &parted.dispatches {
+                match dispatch.first_group {
+                    0 => groups.push((dispatch.kernel.name, dispatch.groups)),
+                    first => {
+                        let (name, before) = groups.last_mut().expect("a first part");
+                        assert_eq!((*name, *before), (dispatch.kernel.name, first), "{algorithm}");
+                        assert_eq!(dispatch.phase, GpuPhase::Search, "{algorithm}");
+                        *before += dispatch.groups;
+                    }
+                }
+            }
+            let expected: Vec<_> = whole.dispatches.iter().map(|d| (d.kernel.name, d.groups)).collect();
+            assert_eq!(groups, expected, "{algorithm}, {spheres}");
+        }
+    }
+}
+
+#[test]
+fn deferred_parts_follow_the_outcome() {
+    let request = Request { algorithm: Algorithm::CellList, max_tests: 1 << 27, ..request(1 << 20, 1) };
+    let list = plan(&request, &H200).expect("fits");
+    let outcome = |deferred_blocks, deferred_max_tiles| Outcome {
+        deferred_blocks,
+        deferred_max_tiles,
+        ..Outcome::default()
+    };
+    // A part has 2¹¹ tiles. A chunk of 2048 candidates has eight.
+    for (blocks, chunks, parts) in [(0, 0, 0), (1, 1, 1), (256, 1, 1), (257, 1, 2), (4096, 512, 4096)] {
+        assert_eq!(list.deferred_parts_for(&outcome(blocks, chunks)), parts, "{blocks}, {chunks}");
+    }
+    let request = Request { algorithm: Algorithm::ArrayGrid, deferred_parts: 3, ..request };
+    let grid = plan(&request, &H200).expect("fits");
+    assert_eq!(grid.deferred_parts_for(&outcome(4096, 1)), 2);
+    let searches = grid.dispatches.iter().filter(|dispatch| dispatch.kernel == &k::RUNS_SEARCH_FAR).count();
+    assert_eq!(searches, 3);
+}
+
+#[test]
+fn candidates_are_tested_in_rows_within_the_budget() {
+    let budget = |tests| WorkBudget { tests, row: 65_535 };
+    assert_eq!(skin::candidate_parts(1 << 22, budget(5_000_000_000)), (1, 1 << 14));
+    assert_eq!(skin::candidate_parts(1 << 22, budget(1 << 20)), (4, 1 << 12));
+    assert_eq!(skin::candidate_parts(0, budget(1)), (1, 1));
+    let [_, after] = skin::dispatches(10, (3, 100));
+    let parts: Vec<_> = after.iter().filter(|dispatch| dispatch.indirect).collect();
+    assert_eq!(
+        parts.iter().map(|part| (part.args_index, part.first_group)).collect::<Vec<_>>(),
+        [(0, 0), (1, 100), (2, 200)]
+    );
 }

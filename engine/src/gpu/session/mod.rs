@@ -14,7 +14,7 @@ use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, try_reserve};
 
 use super::config::{GpuConfig, check_algorithm};
-use super::detector::{AlgorithmChoice, GpuDetector, GpuSpheres};
+use super::detector::{AlgorithmChoice, GpuDetector, GpuOutput, GpuSpheres};
 use super::device::{AdapterSummary, GpuDevice, Wait};
 use super::plan::{CallCost, DeviceLimits, Plan, most_spheres};
 use crate::Error;
@@ -26,8 +26,6 @@ use submission::{PendingReadback, Submission};
 const MAX_IN_FLIGHT: usize = 2;
 /// Pairs that the first call reads back together with their number.
 const FIRST_PAIRS: u64 = 1 << 12;
-/// Distance tests of crowded cells in one submission, by default.
-const MAX_TESTS_PER_SUBMISSION: u64 = 1 << 34;
 
 /// Host in, host out: uploads, detects, reads back, and repeats what did not fit.
 ///
@@ -48,8 +46,8 @@ pub struct GpuSession {
     /// The settings of the call in each slot.
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
-    /// The call whose work is in the detector's buffers, if any is.
-    submitted: Option<u64>,
+    /// The call whose work is in the detector's buffers, and its output, if any is.
+    submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
     tickets: [Weak<()>; MAX_IN_FLIGHT],
     expected: u64,
@@ -58,6 +56,21 @@ pub struct GpuSession {
     gathered: Vec<Pair>,
     timings: Vec<PhaseTime>,
     last: Outcome,
+    /// The submissions of the call in each slot, and of the last finished call.
+    counts: [SubmissionCounts; MAX_IN_FLIGHT],
+    last_counts: SubmissionCounts,
+}
+
+/// The submissions of a call.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SubmissionCounts {
+    /// Searches. A retry searches again.
+    pub searches: u32,
+    /// Command buffers of searches and their continuations. Long searches are divided into several.
+    pub parts: u32,
+    /// Copies of pairs that a search had left on the device.
+    pub copies: u32,
 }
 
 /// The settings of a call.
@@ -97,9 +110,8 @@ impl GpuSession {
         gpu.probe()?;
         // The session hides the cell order, so pairs must hold input indices.
         let settings = settings.pairs_in_cell_order(false);
-        let mut detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
+        let detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
             .map_err(|error| gpu.reason(error))?;
-        detector.set_max_tests_per_submission(MAX_TESTS_PER_SUBMISSION);
         let asked = detector.algorithm_choice();
         Ok(Self {
             asked,
@@ -119,6 +131,8 @@ impl GpuSession {
             gathered: Vec::new(),
             timings: Vec::new(),
             last: Outcome::default(),
+            counts: Default::default(),
+            last_counts: SubmissionCounts::default(),
         })
     }
 
@@ -150,12 +164,6 @@ impl GpuSession {
     /// Sets the time limit of a call, after which it fails with [`Error::Timeout`]. Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
-    }
-
-    /// Sets the largest number of distance tests per submission. A longer search is split over several submissions, so
-    /// that none exceeds a driver's watchdog. Default: 2³⁴, some tens of milliseconds of a large GPU.
-    pub fn set_max_tests_per_submission(&mut self, tests: u64) {
-        self.detector.set_max_tests_per_submission(tests);
     }
 
     /// Returns the adapter.
@@ -190,6 +198,11 @@ impl GpuSession {
             (Some(skin), Some(_)) => skin.detector.plan(),
             _ => self.detector.plan(),
         }
+    }
+
+    /// Returns the submissions of the last finished call.
+    pub fn submissions(&self) -> SubmissionCounts {
+        self.last_counts
     }
 
     /// Returns the outcome of the last finished call.
@@ -275,6 +288,7 @@ impl GpuSession {
         self.slots[slot_of(number)].upload(&self.gpu, spheres).map_err(|error| self.gpu.reason(error))?;
         let window = call.window.clone();
         self.calls[slot_of(number)] = call;
+        self.counts[slot_of(number)] = SubmissionCounts::default();
         self.submit(number, Submission::Full(window))?;
         self.begun = number + 1;
         let held = Arc::new(());
@@ -333,13 +347,14 @@ impl GpuSession {
             self.window_of(&ticket),
             Wait::Blocking,
         ))?;
-        if outcome.found() == self.pairs.len() as u64 {
+        let found = outcome.found();
+        let is_read = found == self.pairs.len() as u64
+            || pollster::block_on(self.copy_pairs(ticket.number, found, Wait::Blocking))?;
+        if is_read {
             let _ = consume(&mut self.pairs);
             return Ok(());
         }
-        pollster::block_on(
-            self.read_windows(ticket.number, outcome.found(), Wait::Blocking, |pairs| consume(pairs)),
-        )
+        pollster::block_on(self.read_windows(ticket.number, found, Wait::Blocking, |pairs| consume(pairs)))
     }
 
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), Error> {
@@ -350,7 +365,7 @@ impl GpuSession {
             self.pairs.clear();
             return Err(Error::TooManyPairs { found, limit });
         }
-        if found == self.pairs.len() as u64 {
+        if found == self.pairs.len() as u64 || self.copy_pairs(number, found, wait).await? {
             return Ok(());
         }
         if found <= self.largest_capacity().max(self.capacity().into()) {
@@ -402,3 +417,6 @@ impl GpuSession {
         std::mem::swap(&mut self.pairs, pairs);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,7 +10,7 @@ use super::submission::Submission;
 use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
 use crate::gpu::config::GpuConfig;
-use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot};
+use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
@@ -41,6 +41,7 @@ impl GpuSession {
                 self.pending[number as usize % MAX_IN_FLIGHT].as_ref().is_some_and(|flight| flight.is_kept);
             let outcome = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
             self.last = outcome;
+            self.last_counts = self.counts[number as usize % MAX_IN_FLIGHT];
             if is_kept && outcome.overflow & !Outcome::OVERFLOW_PAIRS != 0 {
                 self.pairs.clear();
                 self.repeat_for_candidates(number, window.clone(), &outcome)?;
@@ -52,7 +53,7 @@ impl GpuSession {
             } else {
                 // The last part delivers the pairs of all parts.
                 self.pairs.clear();
-                let work = match self.submitted == Some(number) {
+                let work = match self.is_submitted(number) {
                     true => Submission::Continuation,
                     // The call begun since has used the same buffers.
                     false => Submission::Full(window.clone()),
@@ -60,6 +61,27 @@ impl GpuSession {
                 self.submit(number, work)?;
             }
         }
+    }
+
+    /// Returns `true` if the detector's buffers hold the work of this call.
+    fn is_submitted(&self, number: u64) -> bool {
+        self.submitted.as_ref().is_some_and(|(submitted, _)| *submitted == number)
+    }
+
+    /// Reads back all pairs of a finished call if its output still holds them. Returns `false` if it does not.
+    pub(super) async fn copy_pairs(&mut self, number: u64, found: u64, wait: Wait) -> Result<bool, Error> {
+        let holds_all = |(submitted, output): &(u64, GpuOutput)| {
+            *submitted == number && found <= u64::from(output.capacity)
+        };
+        if !self.submitted.as_ref().is_some_and(holds_all) {
+            return Ok(false);
+        }
+        self.pairs.clear();
+        let expected = std::mem::replace(&mut self.expected, found.next_power_of_two());
+        self.submit(number, Submission::Copy).inspect_err(|_| self.expected = expected)?;
+        self.last = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
+        self.last_counts = self.counts[number as usize % MAX_IN_FLIGHT];
+        Ok(true)
     }
 
     fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
@@ -174,9 +196,9 @@ mod tests {
     fn times_are_those_of_all_submissions_of_a_call() {
         const BEFORE: Duration = Duration::from_secs(1 << 30);
         let Some(gpu) = device_or_skip() else { return };
-        let settings = GpuConfig::default().algorithm(ArrayGrid).timestamps(true);
+        let settings =
+            GpuConfig::default().algorithm(ArrayGrid).timestamps(true).max_tests_per_dispatch(1 << 18);
         let mut session = GpuSession::new(gpu, settings).expect("made");
-        session.set_max_tests_per_submission(1 << 18);
         let spheres = vec![Sphere::new([1.0; 3], 0.5); 1500];
         let search = |session: &GpuSession| {
             session.timings().iter().find(|timing| timing.name == "search").map_or(Duration::ZERO, |t| t.time)

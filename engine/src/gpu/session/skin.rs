@@ -12,6 +12,8 @@ use crate::gpu::detector::GpuSkinDetector;
 
 /// Calls without a list after a list that did not fit. An attempt costs about as much as one of these calls.
 const PAUSE: u64 = 16;
+/// The most parts of the search for candidates in crowded cells. A list of more has too many candidates to pay.
+const MAX_DEFERRED_PARTS: u32 = 4096;
 
 /// A detector with a candidate list, and the history of the list.
 #[derive(Debug)]
@@ -127,6 +129,12 @@ impl GpuSession {
     ) -> Result<(), Error> {
         let (largest, needed) = (self.largest_capacity(), outcome.entries_needed());
         let Some(skin) = &mut self.skin else { return self.submit(number, Submission::Full(window)) };
+        let parts = skin.detector.needed_deferred_parts(outcome);
+        if outcome.overflow & Outcome::OVERFLOW_WORK != 0 && parts <= MAX_DEFERRED_PARTS {
+            log::info!("the search for candidates exceeds a dispatch: repeating it in {parts} parts");
+            skin.detector.set_deferred_parts(parts);
+            return self.submit(number, Submission::Full(window));
+        }
         let before = skin.detector.candidate_capacity();
         if outcome.overflow & !Outcome::OVERFLOW_PAIRS == Outcome::OVERFLOW_CANDIDATES && needed <= largest {
             // Below 2³² by the largest capacity.

@@ -9,10 +9,10 @@ use super::call_buffers::{Readback, copy_to_staging, staged_pairs};
 use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
 use crate::gpu::detector::GpuSpheres;
-use crate::gpu::device::{Mapping, Wait, with_error_scope};
+use crate::gpu::device::{GpuDevice, Mapping, Wait, with_error_scope};
 use crate::gpu::plan::GpuPhase;
 
-/// Submission on its way back.
+/// A submission whose readback is pending.
 #[derive(Debug)]
 pub(super) struct PendingReadback {
     pub(super) number: u64,
@@ -35,6 +35,8 @@ pub(super) enum Submission {
     Full(Range<u32>),
     /// A continuation of the last submitted call.
     Continuation,
+    /// A copy of the output of the last submitted call.
+    Copy,
 }
 
 impl Drop for PendingReadback {
@@ -64,45 +66,66 @@ impl GpuSession {
     fn try_submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let at = number as usize % MAX_IN_FLIGHT;
         let keeps = self.uses_candidates(number);
-        let Self { gpu, detector, skin, slots, calls, expected, .. } = self;
+        let Self { gpu, detector, skin, slots, calls, expected, counts, .. } = self;
+        let count = &mut counts[at];
         let (choice, split) = (calls[at].choice, calls[at].split);
         let slot = &mut slots[at];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
         let staging = slot.staging(gpu, staged)?;
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
-        let mut encoder = with_error_scope(&gpu.device, "an encoder", 0, || {
-            gpu.device.create_command_encoder(&Default::default())
-        })?;
+        let mut encoder = new_encoder(gpu)?;
         let skin = skin.as_mut().filter(|_| keeps).map(|skin| &mut skin.detector);
         let timed: &[GpuPhase] = match work {
             _ if detector.ticks().is_none() || skin.is_some() => &[],
             Submission::Full(_) => &GpuPhase::ALL,
             Submission::Continuation => &[GpuPhase::Search],
+            Submission::Copy => &[],
         };
-        let is_kept = skin.is_some();
+        let is_kept = skin.is_some() && !matches!(work, Submission::Copy);
         // From here no continuation of an earlier call is possible, even after an error.
-        self.submitted = None;
+        let before = self.submitted.take();
         let (found, details) = match (work, skin) {
             (Submission::Full(window), skin) => {
                 let species = slot.species.as_ref().filter(|_| detector.has_interactions());
                 let input = GpuSpheres { species, window, split, ..GpuSpheres::new(&spheres, slot.count) };
+                count.searches += 1;
                 match skin {
                     Some(skin) => {
                         skin.set_pair_capacity(capacity);
                         let found = skin.encode_as(choice, &mut encoder, &input)?;
+                        count.parts += 1;
                         (Some(found), skin.state())
                     }
-                    None => (Some(detector.encode_as(choice, &mut encoder, &input)?), detector.ticks()),
+                    None => {
+                        let found = detector.bind_as(choice, &input)?;
+                        for part in 0..detector.parts() {
+                            if part > 0 {
+                                // A submission of its own, so that none is long.
+                                let full = std::mem::replace(&mut encoder, new_encoder(gpu)?);
+                                with_error_scope(&gpu.device, "a part of a call", 0, || {
+                                    gpu.queue.submit([full.finish()])
+                                })?;
+                            }
+                            detector.encode_part(&mut encoder, part);
+                            count.parts += 1;
+                        }
+                        (Some(found), detector.ticks())
+                    }
                 }
             }
             (Submission::Continuation, _) => {
                 detector.encode_continuation(&mut encoder);
+                count.parts += 1;
                 (detector.output(), detector.ticks())
+            }
+            (Submission::Copy, _) => {
+                count.copies += 1;
+                (before.map(|(_, output)| output), None)
             }
         };
         let staged = staged.min(staged_pairs(&staging));
-        if let Some(found) = found {
+        if let Some(found) = &found {
             copy_to_staging(
                 &mut encoder,
                 [Some(&found.outcome), details, Some(&found.pairs)],
@@ -126,12 +149,12 @@ impl GpuSession {
             timed,
             is_kept,
         };
-        self.submitted = Some(number);
+        self.submitted = found.map(|found| (number, found));
         self.pending[at] = Some(flight);
         Ok(())
     }
 
-    /// Waits for what was submitted and appends its pairs, if all of them came back.
+    /// Waits for a submission and appends its pairs if all were read back.
     pub(super) async fn wait(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
         let flight =
             self.pending[number as usize % MAX_IN_FLIGHT].take().filter(|flight| flight.number == number);
@@ -170,4 +193,8 @@ impl GpuSession {
         self.time("read", start.elapsed());
         Ok(outcome)
     }
+}
+
+fn new_encoder(gpu: &GpuDevice) -> Result<wgpu::CommandEncoder, Error> {
+    with_error_scope(&gpu.device, "an encoder", 0, || gpu.device.create_command_encoder(&Default::default()))
 }

@@ -34,7 +34,7 @@ fn cell_list_search(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let block = workgroup_index(id, groups) * WORKGROUP_SIZE;
+    let block = (params.first_workgroup + workgroup_index(id, groups)) * WORKGROUP_SIZE;
     if (block >= starts[cell_list.cells + 1u]) {
         return;
     }

@@ -48,7 +48,7 @@ fn cell_list_search_overflow(
     var chunk = id.x + 1u;
     if (params.overflow_workgroups != 0u) {
         // The host dispatched a fixed number of workgroups for each block.
-        let number = workgroup_index(id, groups);
+        let number = params.first_workgroup + workgroup_index(id, groups);
         block = number / params.overflow_workgroups;
         chunk = number % params.overflow_workgroups + 1u;
     }

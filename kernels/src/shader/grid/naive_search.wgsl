@@ -31,7 +31,7 @@ fn naive_search(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let group = workgroup_index(id, groups);
+    let group = params.first_workgroup + workgroup_index(id, groups);
     let count = grid.spheres;
     let blocks = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
     // With two sets, the first has the rows and the second the columns.

@@ -67,7 +67,7 @@ fn runs_search_near(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let group = workgroup_index(id, groups);
+    let group = params.first_workgroup + workgroup_index(id, groups);
     let count = sort_counts.items;
     let block = group * WORKGROUP_SIZE;
     if (block >= count) {

@@ -1,6 +1,6 @@
 // In a run, each thread tests partners up to this many positions away; tiles hold the partners after them. NEAR is a
 // block's length, so that at most one run of a block has partners after them.
-const NEAR: u32 = 256u;
+const NEAR: u32 = #{NEAR}u;
 
 fn index_of(object: u32) -> u32 {
     return object & 0x1fffffffu;

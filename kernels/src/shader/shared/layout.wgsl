@@ -49,6 +49,10 @@ struct SearchParams {
     side_pairs: u32,
     // The interaction of all spheres of compared sides, if it is the same for all: a distance, or TOUCH; else BY_SPECIES.
     interaction: f32,
+    // The number of the first workgroup of a dispatch that takes a part of a kernel's workgroups.
+    first_workgroup: u32,
+    // The most workgroups of each dispatch that tests candidates; 0 without a limit.
+    workgroups_per_dispatch: u32,
 }
 
 // Values of interactions that are not distances.

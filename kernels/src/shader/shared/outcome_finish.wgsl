@@ -5,6 +5,9 @@
 @group(0) @binding(1) var<storage, read_write> outcome: Outcome;
 #include dispatch_2d
 
+// Bit of `overflow`: deferred blocks remain.
+const OVERFLOW_WORK: u32 = 16u;
+
 @compute @workgroup_size(1)
 fn outcome_finish() {
     if (params.overflow_workgroups != 0u) {
@@ -13,9 +16,10 @@ fn outcome_finish() {
     }
     let found = atomicLoad(&outcome.found_lo);
     let full = atomicLoad(&outcome.found_hi) != 0u || found > params.pair_capacity;
-    if (full) {
-        atomicOr(&outcome.overflow, 1u);
-    }
+    // A continuation clears the bit of its predecessor.
+    let remains = atomicLoad(&outcome.deferred_end) < atomicLoad(&outcome.deferred_blocks);
+    let others = atomicLoad(&outcome.overflow) & ~OVERFLOW_WORK;
+    atomicStore(&outcome.overflow, others | select(0u, 1u, full) | select(0u, OVERFLOW_WORK, remains));
     let written = select(found, params.pair_capacity, full);
     let groups =
         workgroups_2d(written / params.consumer_workgroup_size + select(0u, 1u, written % params.consumer_workgroup_size != 0u));

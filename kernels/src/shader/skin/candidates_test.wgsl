@@ -38,7 +38,7 @@ fn candidates_test(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let number = workgroup_index(id, groups) * 256u + thread.local_index;
+    let number = (params.first_workgroup + workgroup_index(id, groups)) * 256u + thread.local_index;
     if (thread.local_index == 0u) {
         atomicStore(&group_hits, 0u);
     }

@@ -16,6 +16,7 @@
 // Bits of `overflow`.
 const SPHERES: u32 = 4u;
 const CANDIDATES: u32 = 8u;
+const WORK: u32 = 16u;
 
 @compute @workgroup_size(1)
 fn candidates_test_dispatch_args() {
@@ -27,13 +28,25 @@ fn candidates_test_dispatch_args() {
     let written = select(count, skin.candidate_capacity, full);
     state.is_complete = select(1u, 0u, overflow != 0u);
     state.candidates = written;
-    let groups = workgroups_2d((written + 255u) / 256u);
-    dispatch[0] = groups.x;
-    dispatch[1] = groups.y;
-    dispatch[2] = 1u;
+    var left = (written + 255u) / 256u;
+    let parts = max(arrayLength(&dispatch) / 3u, 1u);
+    for (var part = 0u; part < parts; part++) {
+        // The plan gives parts a limit of one row.
+        let taken = select(min(left, params.workgroups_per_dispatch), left, params.workgroups_per_dispatch == 0u);
+        let groups = workgroups_2d(taken);
+        dispatch[3u * part] = groups.x;
+        dispatch[3u * part + 1u] = groups.y;
+        dispatch[3u * part + 2u] = 1u;
+        left -= taken;
+    }
     outcome_begin(overflow, atomicLoad(&found.quarantined));
     // The number of all candidates, so that the caller can allocate enough.
     atomicStore(&outcome.entries_lo, count);
     atomicStore(&outcome.entries_hi, atomicLoad(&found.found_hi));
     atomicStore(&outcome.max_occupancy, 0u);
+    if ((overflow & WORK) != 0u) {
+        // The size of the unfinished search, so that the caller can record enough parts.
+        atomicStore(&outcome.deferred_blocks, atomicLoad(&found.deferred_blocks));
+        atomicStore(&outcome.deferred_max_tiles, atomicLoad(&found.deferred_max_tiles));
+    }
 }

@@ -24,6 +24,10 @@ fn detector_check() {
         control.halted = NOT_FINITE;
         control.missing_lo = astray;
         control.missing_hi = 0u;
+    } else if ((overflow & 16u) != 0u) {
+        control.halted = UNFINISHED_SEARCH;
+        control.missing_lo = atomicLoad(&outcome[7]);
+        control.missing_hi = atomicLoad(&outcome[11]);
     } else if (overflow != 0u && params.lists_pairs != 0u) {
         control.halted = PAIR_OVERFLOW;
         control.missing_lo = control.found_lo;

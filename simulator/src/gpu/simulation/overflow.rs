@@ -1,6 +1,6 @@
 //! Recovery from a halt: the host enlarges the exceeded capacity and repeats the step.
 
-use lazygrid::gpu::{GpuConfig, GpuDetector};
+use lazygrid::gpu::{GpuConfig, GpuDetector, Outcome};
 
 use super::{GpuSimulation, MAX_ROUNDS};
 use crate::Error;
@@ -41,6 +41,13 @@ impl GpuSimulation {
                 }
                 if let Some(detector) = &mut self.detector {
                     detector.set_cell_ratio(self.cell_ratio).map_err(refused)?;
+                }
+            }
+            ControlHeader::UNFINISHED_SEARCH => {
+                if let Some(detector) = &mut self.detector {
+                    let [deferred_blocks, deferred_max_tiles] = head.missing;
+                    let outcome = Outcome { deferred_blocks, deferred_max_tiles, ..Outcome::default() };
+                    detector.set_deferred_parts(detector.needed_deferred_parts(&outcome));
                 }
             }
             ControlHeader::ROUNDS_LEFT => {

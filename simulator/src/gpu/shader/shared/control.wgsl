@@ -19,7 +19,8 @@ struct Control {
     found_lo: u32,
     found_hi: u32,
     // The needed capacity of a halted run: entries of the detector's grid, particles that are not finite, surfaces near a
-    // particle, requests for the receptors of one receiver, or searches for surfaces by one particle.
+    // particle, requests for the receptors of one receiver, searches for surfaces by one particle, or the blocks and tiles of the
+    // detector's search of crowded cells.
     missing_lo: u32,
     missing_hi: u32,
     // Remaining candidates of the matching, in either list.
@@ -35,6 +36,7 @@ const NOT_FINITE: u32 = 8u;
 const TOO_MANY_SURFACES: u32 = 16u;
 const TOO_MANY_REQUESTS: u32 = 32u;
 const TOO_MANY_REQUERIES: u32 = 64u;
+const UNFINISHED_SEARCH: u32 = 128u;
 
 const WORKGROUP_SIZE: u32 = 256u;
 // No species and no particle.

@@ -1,0 +1,190 @@
+//! Calls in many parts, and the number of submissions of a call.
+
+use std::ops::ControlFlow;
+
+use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
+
+use super::*;
+use crate::gpu::detector::GpuSkinDetector;
+use crate::gpu::device::device_or_skip;
+
+/// A cloud, and a crowd in which each sphere overlaps the next two.
+fn spheres() -> Vec<Sphere> {
+    let mut state = 7_u64;
+    let mut unit = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    };
+    let crowd = (0..2600).map(|k| Sphere::new([0.5 + 1e-4 * k as f32, 0.5, 0.5], 1.1e-4));
+    let mut all: Vec<Sphere> = crowd.collect();
+    all.extend((0..1500).map(|_| Sphere::new([(); 3].map(|()| 10.0 * unit()), 0.2)));
+    all
+}
+
+fn sorted(pairs: &[Pair]) -> Vec<Pair> {
+    let mut pairs = pairs.to_vec();
+    pairs.sort_unstable();
+    pairs
+}
+
+fn finish(session: &mut GpuSession, spheres: &[Sphere]) -> Vec<Pair> {
+    let ticket = session.begin(Spheres::from(spheres)).expect("begun");
+    sorted(session.finish(ticket, u64::MAX).expect("found"))
+}
+
+#[test]
+fn sessions_with_a_tiny_budget_find_equal_pairs_in_many_parts() {
+    let Some(gpu) = device_or_skip() else { return };
+    let spheres = spheres();
+    for &algorithm in Algorithm::GPU {
+        let settings = GpuConfig::default().algorithm(algorithm).timestamps(true);
+        let mut whole = GpuSession::new(gpu.clone(), settings.clone()).expect("made");
+        let mut parted =
+            GpuSession::new(gpu.clone(), settings.max_tests_per_dispatch(1 << 18)).expect("made");
+        let expected = finish(&mut whole, &spheres);
+        assert!(expected.len() > 3000, "{algorithm}: {} pairs", expected.len());
+        assert_eq!(finish(&mut parted, &spheres), expected, "{algorithm}");
+        let counts = parted.submissions();
+        assert!(counts.parts > 9 && counts.parts > whole.submissions().parts, "{algorithm}: {counts:?}");
+        let is_timed = parted.timings().iter().any(|timing| timing.name == "search");
+        assert!(is_timed || !gpu.adapter.has_timestamps, "{:?}", parted.timings());
+    }
+}
+
+#[test]
+fn candidate_lists_with_a_tiny_budget_find_equal_pairs() {
+    let Some(gpu) = device_or_skip() else { return };
+    let mut spheres = spheres();
+    let settings = GpuConfig::default().algorithm(Algorithm::CellList).max_tests_per_dispatch(1 << 18);
+    let mut parted = GpuSession::new(gpu.clone(), settings).expect("made");
+    parted.set_skin(Some(0.05)).expect("valid");
+    let mut whole = GpuSession::new(gpu, GpuConfig::default()).expect("made");
+    for _ in 0..3 {
+        let expected = finish(&mut whole, &spheres);
+        assert_eq!(finish(&mut parted, &spheres), expected);
+        assert!(parted.kept().is_some(), "the list did not fit");
+        spheres[0].center.y += 0.01;
+    }
+}
+
+/// Records all parts in one encoder, then continuations, and returns the outcomes and the pairs.
+fn encode(gpu: &GpuDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -> (Vec<Outcome>, Vec<Pair>) {
+    let mut outcomes = Vec::new();
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let output = detector.encode(&mut encoder, input).expect("recorded");
+    loop {
+        let bytes = read(gpu, encoder, &output.outcome);
+        let outcome = crate::gpu::read_outcome(&bytes).expect("an outcome");
+        outcomes.push(outcome);
+        encoder = gpu.device.create_command_encoder(&Default::default());
+        if !outcome.has_remaining_work() {
+            let bytes = read(gpu, encoder, &output.pairs);
+            let pairs: &[Pair] = bytemuck::cast_slice(&bytes[..outcome.found() as usize * 8]);
+            return (outcomes, sorted(pairs));
+        }
+        assert_ne!(outcome.overflow & Outcome::OVERFLOW_WORK, 0, "{outcome:?}");
+        detector.encode_continuation(&mut encoder);
+    }
+}
+
+fn read(gpu: &GpuDevice, mut encoder: wgpu::CommandEncoder, from: &wgpu::Buffer) -> Vec<u8> {
+    let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("test"),
+        size: from.size(),
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    encoder.copy_buffer_to_buffer(from, 0, &staging, 0, from.size());
+    gpu.queue.submit([encoder.finish()]);
+    staging.map_async(wgpu::MapMode::Read, .., |mapped| mapped.expect("mapped"));
+    gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
+    staging.get_mapped_range(..).expect("mapped").to_vec()
+}
+
+#[test]
+fn encoders_of_the_caller_get_bounded_dispatches_and_continuations() {
+    let Some(gpu) = device_or_skip() else { return };
+    let spheres = spheres();
+    let mut slot = CallBuffers::default();
+    slot.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
+    let buffer = slot.spheres.clone().expect("uploaded");
+    let input = GpuSpheres::new(&buffer, slot.count);
+    for &algorithm in Algorithm::GPU {
+        let settings = GpuConfig::default().algorithm(algorithm).pair_capacity(1 << 16);
+        let mut whole = GpuDetector::new(&gpu.device, settings.clone()).expect("made");
+        let (outcomes, expected) = encode(&gpu, &mut whole, &input);
+        assert_eq!((outcomes.len(), outcomes[0].overflow), (1, 0), "{algorithm}");
+        let settings = settings.max_tests_per_dispatch(1 << 18);
+        let mut parted = GpuDetector::new(&gpu.device, settings).expect("made");
+        let (outcomes, found) = encode(&gpu, &mut parted, &input);
+        assert_eq!(found, expected, "{algorithm}");
+        let cost = parted.cost(slot.count).expect("fits");
+        assert!(cost.parts > 9 && cost.parts == parted.parts(), "{algorithm}: {cost:?}");
+        let last = outcomes.last().expect("one call");
+        assert_eq!(last.overflow, 0, "{algorithm}: {last:?}");
+        // With enough recorded parts no continuation is needed.
+        parted.set_deferred_parts(parted.needed_deferred_parts(last));
+        let (outcomes, found) = encode(&gpu, &mut parted, &input);
+        assert_eq!((outcomes.len(), &found), (1, &expected), "{algorithm}");
+    }
+}
+
+#[test]
+fn candidate_search_of_the_caller_reports_unfinished_work() {
+    let Some(gpu) = device_or_skip() else { return };
+    // All spheres are candidates of each other. Few spheres would have a fixed number of workgroups.
+    let mut spheres = vec![Sphere::new([1.0; 3], 0.1); 2600];
+    spheres.extend((0..32_000).map(|k| Sphere::new([10.0 + k as f32, 0.0, 0.0], 0.1)));
+    let mut slot = CallBuffers::default();
+    slot.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
+    let buffer = slot.spheres.clone().expect("uploaded");
+    let settings = GpuConfig::default().algorithm(Algorithm::CellList).pair_capacity(1 << 22);
+    let mut detector =
+        GpuSkinDetector::new(&gpu.device, settings.max_tests_per_dispatch(1 << 18), 0.01).expect("made");
+    let call = |detector: &mut GpuSkinDetector| {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let output = detector.encode(&mut encoder, &GpuSpheres::new(&buffer, slot.count)).expect("recorded");
+        crate::gpu::read_outcome(&read(&gpu, encoder, &output.outcome)).expect("an outcome")
+    };
+    let outcome = call(&mut detector);
+    assert_ne!(outcome.overflow & Outcome::OVERFLOW_WORK, 0, "{outcome:?}");
+    let parts = detector.needed_deferred_parts(&outcome);
+    assert!(parts > 1, "{outcome:?}");
+    detector.set_deferred_parts(parts);
+    let outcome = call(&mut detector);
+    assert_eq!((outcome.overflow, outcome.found()), (0, 2600 * 2599 / 2), "{outcome:?}");
+}
+
+#[test]
+fn first_answer_above_the_staged_pairs_is_copied_not_searched_again() {
+    let Some(gpu) = device_or_skip() else { return };
+    // 6105 pairs, more than `FIRST_PAIRS`.
+    let spheres = vec![Sphere::new([1.0; 3], 0.5); 111];
+    for skin in [None, Some(0.5)] {
+        let mut session = GpuSession::new(gpu.clone(), GpuConfig::default()).expect("made");
+        session.set_skin(skin).expect("valid");
+        assert_eq!(finish(&mut session, &spheres).len(), 6105);
+        let counts = session.submissions();
+        assert_eq!((counts.searches, counts.copies), (1, 1), "skin {skin:?}");
+        let is_kept = session.kept().is_some_and(|list| list.rebuilt.is_some());
+        assert_eq!(is_kept, skin.is_some());
+        // From the second call on the pairs come back with their number.
+        assert_eq!(finish(&mut session, &spheres).len(), 6105);
+        assert_eq!((session.submissions().searches, session.submissions().copies), (1, 0));
+    }
+    let mut session = GpuSession::new(gpu.clone(), GpuConfig::default()).expect("made");
+    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+    let mut parts = Vec::new();
+    let take = |pairs: &mut Vec<Pair>| {
+        parts.push(pairs.len());
+        ControlFlow::Continue(())
+    };
+    session.finish_in_parts(ticket, take).expect("found");
+    assert_eq!((parts, session.submissions().searches), (vec![6105], 1));
+    // Another call has used the output since: only a search gives the pairs.
+    let mut session = GpuSession::new(gpu, GpuConfig::default()).expect("made");
+    let [first, second] = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
+    assert_eq!(session.finish(first, u64::MAX).map(<[Pair]>::len), Ok(6105));
+    assert_eq!((session.submissions().searches, session.submissions().copies), (2, 0));
+    assert_eq!(session.finish(second, u64::MAX).map(<[Pair]>::len), Ok(6105));
+}
