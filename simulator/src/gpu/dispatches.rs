@@ -25,6 +25,9 @@ pub(super) struct RunBuffers {
     reflects: bool,
     /// Number of receivers if some have receptors, else 0.
     receptors: u32,
+    dissociates: bool,
+    /// The most searches for surfaces per particle and step.
+    pub(super) max_requeries: u32,
     /// Offset in bytes of the lists of receivers.
     cells_at: u64,
     buffers: HashMap<&'static str, wgpu::Buffer>,
@@ -72,6 +75,7 @@ impl RunBuffers {
         keep("params", filled(&own, "params", &tables.params)?);
         keep("species_rows", filled(&own, "species_rows", &tables.species_rows)?);
         keep("event_rows", filled(&own, "event_rows", &tables.event_rows)?);
+        keep("dissociation_rows", filled(&own, "dissociation_rows", &tables.dissociation_rows)?);
         keep("reaction_rows", filled(&own, "reaction_rows", &tables.reaction_rows)?);
         keep("occupancy_rows", filled(&own, "occupancy_rows", &tables.occupancy_rows)?);
         keep("receptors", filled(&own, "receptors", &tables.receptors)?);
@@ -100,6 +104,8 @@ impl RunBuffers {
             counts_inside,
             reflects: tables.reflects,
             receptors: tables.receptors.len() as u32,
+            dissociates: tables.dissociates(),
+            max_requeries: tables.params.max_requeries,
             cells_at,
             buffers,
             pipelines: HashMap::new(),
@@ -177,7 +183,11 @@ pub(super) struct StepDispatches {
 }
 
 /// Buffers that depend on the sizes.
-const SIZED: [&str; 11] = [
+const SIZED: [&str; 15] = [
+    "born",
+    "born_keys0",
+    "born_keys1",
+    "events",
     "spheres",
     "tags",
     "moved",
@@ -218,7 +228,7 @@ impl StepDispatches {
         // Without an order, no kernel reads it.
         buffers.insert("order", order.unwrap_or_else(|| buffers["species_rows"].clone()));
         let (limits, counts_inside) = (run.limits, run.counts_inside);
-        let (reflects, receptors) = (run.reflects, run.receptors);
+        let (reflects, receptors, dissociates) = (run.reflects, run.receptors, run.dissociates);
         let mut stage =
             |kernel: &'static Kernel, groups: Groups| run.stage(kernel, groups, |name| buffers[name].clone());
         let mut before = vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?];
@@ -233,11 +243,16 @@ impl StepDispatches {
             before.push(stage(&k::RECEPTORS_GROUP_REQUESTS, Groups::Particles)?);
             before.push(stage(&k::RECEPTORS_SELECT, Groups::Fixed(receptors))?);
         }
-        let after = vec![
+        let mut after = vec![
             stage(&k::SURVIVORS_COUNT, Groups::Particles)?,
             stage(&k::SURVIVORS_SCAN, Groups::Fixed(1))?,
             stage(&k::SURVIVORS_PLACE, Groups::Particles)?,
         ];
+        if dissociates {
+            after.insert(0, stage(&k::PARTICLES_DISSOCIATE, Groups::Particles)?);
+            after.push(stage(&k::BORN_SORT, Groups::Fixed(1))?);
+            after.push(stage(&k::BORN_PLACE, Groups::Items(sizes.births))?);
+        }
         let census = counts_inside.then(|| stage(&k::RECEIVERS_COUNT, Groups::Particles)).transpose()?;
         let (mut sampling, mut matching) = (Vec::new(), Vec::new());
         if detects {

@@ -35,6 +35,7 @@ kernels! {
     /// Appends a burst.
     BURST_APPEND = "burst_append" [
         Uniform "burst", Write "control", Read "burst_spheres", Read "burst_tags", Write "spheres", Write "tags",
+        Uniform "params",
     ];
     /// Begins a step.
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
@@ -85,24 +86,36 @@ kernels! {
     /// Applies the reactions that won.
     MATCHING_APPLY = "matching_apply" [
         Uniform "params", Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims",
-        Read "left_next", Read "moved",
+        Read "left_next", Write "moved",
     ];
     /// Runs the remaining rounds in one workgroup.
     MATCHING_FINISH = "matching_finish" [
         Uniform "params", Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims",
-        Read "left", Read "moved",
+        Read "left", Write "moved",
     ];
     /// Counts surviving particles.
     SURVIVORS_COUNT = "survivors_count" [
         Uniform "output_order", Write "control", Read "order", Read "moved", Read "tags", Write "claims", Write "ids",
-        Write "sums",
+        Write "sums", Uniform "params", Write "events",
     ];
     /// Scans these counts and commits the step.
     SURVIVORS_SCAN = "survivors_scan" [Uniform "params", Write "control", Write "sums", Write "log"];
     /// Compacts surviving particles.
     SURVIVORS_PLACE = "survivors_place" [
         Uniform "output_order", Read "order", Read "moved", Read "species", Read "ids", Write "claims", Read "sums",
-        Write "spheres", Write "tags",
+        Write "spheres", Write "tags", Uniform "params",
+    ];
+    /// Dissociates particles.
+    PARTICLES_DISSOCIATE = "particles_dissociate" [
+        Uniform "params", Write "control", Write "moved", Read "species", Read "tags", Write "claims",
+        Read "dissociation_rows", Write "born", Write "born_keys0",
+    ];
+    /// Sorts second products of dissociations.
+    BORN_SORT = "born_sort" [Write "control", Write "born_keys0", Write "born_keys1"];
+    /// Appends second products of dissociations.
+    BORN_PLACE = "born_place" [
+        Uniform "params", Write "control", Read "born", Read "born_keys0", Write "spheres", Write "tags",
+        Write "events",
     ];
     /// Counts particles inside transparent receivers.
     RECEIVERS_COUNT = "receivers_count" [
@@ -115,6 +128,7 @@ kernels! {
 const SHARED: &[(&str, &str)] = &[
     ("adsorption", include_str!("shader/shared/adsorption.wgsl")),
     ("apply_reaction", include_str!("shader/shared/apply_reaction.wgsl")),
+    ("born", include_str!("shader/shared/born.wgsl")),
     ("boundary", include_str!("shader/shared/boundary.wgsl")),
     ("candidate", include_str!("shader/shared/candidate.wgsl")),
     ("claims", include_str!("shader/shared/claims.wgsl")),
@@ -133,6 +147,10 @@ const SHARED: &[(&str, &str)] = &[
     ("reflection", include_str!("shader/shared/reflection.wgsl")),
     ("round", include_str!("shader/shared/round.wgsl")),
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
+    ("unit_32", include_str!("shader/shared/unit_32.wgsl")),
+    ("velocity", include_str!("shader/shared/velocity.wgsl")),
+    ("velocity_index", include_str!("shader/shared/velocity_index.wgsl")),
+    ("vessel", include_str!("shader/shared/vessel.wgsl")),
 ];
 
 impl Kernel {
@@ -160,8 +178,8 @@ mod tests {
     use super::reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
     use super::super::layout::{
-        CANDIDATE_BYTES, CLAIM_BYTES, ControlHeader, EventRow, OccupancyRow, Params, ReactionRow,
-        ReceiverCellsHeader, ReceiverRow, SpeciesRow, TrajectoryHeader,
+        BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ControlHeader, DissociationRow, EventRow, OccupancyRow,
+        Params, ReactionRow, ReceiverCellsHeader, ReceiverRow, SpeciesRow, TrajectoryHeader,
     };
     use super::*;
 
@@ -195,9 +213,16 @@ mod tests {
                 max_iterations,
                 lists_pairs,
                 max_requeries,
+                has_velocity,
+                logs_arrivals,
+                time_step,
                 axes,
+                vessel_axis,
                 low,
-                high
+                vessel_radius,
+                high,
+                peak_flow,
+                vessel_center
             }),
             layout!(SpeciesRow {
                 drift,
@@ -209,7 +234,12 @@ mod tests {
                 events_end,
                 bend,
                 reach,
-                cell_lists
+                cell_lists,
+                speed,
+                thermal_speed,
+                tumbles,
+                tumble_threshold,
+                decay_rate
             }),
             layout!(ReceiverCellsHeader { low, cells_per_length, counts }),
             layout!(EventRow {
@@ -223,13 +253,16 @@ mod tests {
                 tally,
                 length,
                 own,
-                unbinding
+                unbinding,
+                share
             }),
             layout!(ReceiverRow { center, displacement }),
             layout!(TrajectoryHeader { first, stride, max_displacement, cells_at, cells }),
             layout!(OccupancyRow { receiver, radius, first, species }),
             layout!(ReactionRow {
                 reaction,
+                next,
+                next_shell,
                 first,
                 threshold,
                 flags,
@@ -238,11 +271,27 @@ mod tests {
                 within,
                 unbinding,
                 share,
-                first_share
+                first_share,
+                speeds,
+                product_speeds,
+                thermal_speeds
+            }),
+            layout!(DissociationRow {
+                threshold,
+                next,
+                tally,
+                is_within,
+                unbinding,
+                share,
+                products,
+                radii,
+                speed,
+                product_speed,
+                thermal_speed
             }),
         ];
         Params::assert_uniform_compat();
-        let sizes = [("Candidate", CANDIDATE_BYTES), ("Claim", CLAIM_BYTES)];
+        let sizes = [("Candidate", CANDIDATE_BYTES), ("Claim", CLAIM_BYTES), ("Born", BORN_BYTES)];
         let mut held = 0;
         for kernel in KERNELS {
             let (module, _) = parse(kernel.name, &kernel.wgsl());

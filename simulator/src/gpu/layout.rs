@@ -24,10 +24,20 @@ pub(super) struct Params {
     pub(super) lists_pairs: u32,
     /// The most searches for surfaces per particle and step.
     pub(super) max_requeries: u32,
+    pub(super) has_velocity: u32,
+    pub(super) logs_arrivals: u32,
+    /// Time step in s.
+    pub(super) time_step: f32,
     /// The boundary of each axis: 0 open, 1 reflecting, 2 periodic.
     pub(super) axes: UVec3,
+    /// 1 plus the axis of the vessel; 0 without a vessel.
+    pub(super) vessel_axis: u32,
     pub(super) low: Vec3,
+    pub(super) vessel_radius: f32,
     pub(super) high: Vec3,
+    /// The displacement of Poiseuille flow on the axis of the vessel in a step.
+    pub(super) peak_flow: f32,
+    pub(super) vessel_center: Vec3,
 }
 
 /// The step of one species.
@@ -46,6 +56,13 @@ pub(super) struct SpeciesRow {
     pub(super) reach: f32,
     /// Index among the species with lists of receivers, or [`NOTHING`].
     pub(super) cell_lists: u32,
+    pub(super) speed: f32,
+    pub(super) thermal_speed: f32,
+    /// 1 if a swimmer tumbles at words up to `tumble_threshold`.
+    pub(super) tumbles: u32,
+    pub(super) tumble_threshold: u32,
+    /// Expected decays in a step.
+    pub(super) decay_rate: f32,
 }
 
 /// The possible events of a particle of one species.
@@ -63,6 +80,8 @@ pub(super) struct EventRow {
     pub(super) length: f32,
     pub(super) own: f32,
     pub(super) unbinding: f32,
+    /// The fraction of the decay rate up to this channel.
+    pub(super) share: f32,
 }
 
 impl EventRow {
@@ -124,11 +143,16 @@ pub(super) struct OccupancyRow {
     pub(super) species: u32,
 }
 
-/// A reaction of two species, as an entry of the table by both.
+/// A reaction of two species. The table begins with the first row of each pair of species; further reactions of a pair follow
+/// after all of these.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct ReactionRow {
     pub(super) reaction: u32,
+    /// The row to try if the draw does not select this one, or [`NOTHING`].
+    pub(super) next: u32,
+    /// The row to try if the pair is farther apart than `within`, or [`NOTHING`].
+    pub(super) next_shell: u32,
     /// Species of the first reactant, or [`NOTHING`].
     pub(super) first: u32,
     pub(super) threshold: u32,
@@ -139,6 +163,30 @@ pub(super) struct ReactionRow {
     pub(super) unbinding: f32,
     pub(super) share: f32,
     pub(super) first_share: f32,
+    /// Speeds of both reactants.
+    pub(super) speeds: Vec2,
+    pub(super) product_speeds: Vec2,
+    pub(super) thermal_speeds: Vec2,
+}
+
+/// A dissociation channel. The table begins with the first channel of each species; further ones follow after all of these.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[repr(C)]
+pub(super) struct DissociationRow {
+    pub(super) threshold: u32,
+    /// The next channel of the species, or [`NOTHING`].
+    pub(super) next: u32,
+    /// [`NOTHING`] if the species does not dissociate.
+    pub(super) tally: u32,
+    /// 1 if the products are anywhere within the unbinding radius.
+    pub(super) is_within: u32,
+    pub(super) unbinding: f32,
+    pub(super) share: f32,
+    pub(super) products: UVec2,
+    pub(super) radii: Vec2,
+    pub(super) speed: f32,
+    pub(super) product_speed: f32,
+    pub(super) thermal_speed: f32,
 }
 
 impl ReactionRow {
@@ -166,7 +214,19 @@ pub(super) struct ControlHeader {
     pub(super) pairs: u32,
     pub(super) found: [u32; 2],
     pub(super) missing: [u32; 2],
+    pub(super) near_surfaces: u32,
+    pub(super) requests: u32,
     pub(super) left: [u32; 2],
+    pub(super) capacity: u32,
+    pub(super) max_births: u32,
+    pub(super) max_events: u32,
+    pub(super) next_id: u32,
+    pub(super) born: u32,
+    pub(super) events: u32,
+    pub(super) committed_events: u32,
+    pub(super) born_at: u32,
+    pub(super) born_id: u32,
+    pub(super) born_event: u32,
 }
 
 impl ControlHeader {
@@ -178,10 +238,24 @@ impl ControlHeader {
     pub(super) const TOO_MANY_REQUESTS: u32 = 32;
     pub(super) const TOO_MANY_REQUERIES: u32 = 64;
     pub(super) const UNFINISHED_SEARCH: u32 = 128;
+    pub(super) const BIRTH_OVERFLOW: u32 = 256;
+    pub(super) const PARTICLE_OVERFLOW: u32 = 512;
+    pub(super) const OUT_OF_IDS: u32 = 1024;
+    pub(super) const EVENT_OVERFLOW: u32 = 2048;
+
+    /// The reason of a halt, or 0. Of several reasons, it is the one of the lowest bit, which does not depend on the order
+    /// of threads.
+    pub(super) fn reason(&self) -> u32 {
+        self.halted & self.halted.wrapping_neg()
+    }
 
     /// The needed capacity.
     pub(super) fn missing(&self) -> u64 {
-        u64::from(self.missing[1]) << 32 | u64::from(self.missing[0])
+        match self.reason() {
+            Self::TOO_MANY_SURFACES => self.near_surfaces.into(),
+            Self::TOO_MANY_REQUESTS => self.requests.into(),
+            _ => u64::from(self.missing[1]) << 32 | u64::from(self.missing[0]),
+        }
     }
 }
 
@@ -189,3 +263,7 @@ impl ControlHeader {
 pub(super) const CANDIDATE_BYTES: u64 = 24;
 /// Bytes of a claim.
 pub(super) const CLAIM_BYTES: u64 = 32;
+/// Bytes of a second product of a dissociation.
+pub(super) const BORN_BYTES: u64 = 32;
+/// Bytes of an entry of the event log.
+pub(super) const EVENT_BYTES: u64 = 16;

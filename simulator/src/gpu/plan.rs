@@ -4,7 +4,7 @@ use lazygrid::Error;
 use lazygrid::gpu::DeviceLimits;
 
 use super::kernel::WORKGROUP_SIZE;
-use super::layout::{CANDIDATE_BYTES, CLAIM_BYTES};
+use super::layout::{BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, EVENT_BYTES};
 
 /// The options of a run on a device. They do not change results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,13 +14,23 @@ pub struct GpuOptions {
     /// Rounds of the matching by the whole device, before one workgroup does the rest. They increase when that workgroup
     /// cannot finish. Default: 3.
     pub rounds: u32,
+    /// Initial capacity for second products of dissociations in a step; it grows when a step has more. Default: 2¹².
+    pub birth_capacity: u32,
+    /// Initial capacity for arrivals between two readbacks; it grows when a step has more. Default: 2¹⁶.
+    pub event_capacity: u32,
     /// The most loop iterations of that workgroup's threads, up to 60,000. Default: 60,000.
     pub max_iterations: u32,
 }
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { pair_capacity: 1 << 16, rounds: 3, max_iterations: MAX_LOOP_ITERATIONS }
+        Self {
+            pair_capacity: 1 << 16,
+            rounds: 3,
+            birth_capacity: 1 << 12,
+            event_capacity: 1 << 16,
+            max_iterations: MAX_LOOP_ITERATIONS,
+        }
     }
 }
 
@@ -33,6 +43,9 @@ const ROUND_GROUPS: u32 = 1024;
 /// The most candidates of one thread in a round, at about twenty loop iterations each.
 const CANDIDATES_PER_THREAD: u32 = 2048;
 
+/// The most second products of dissociations in a step: one workgroup sorts them.
+pub(super) const MAX_BIRTHS: u32 = 1 << 19;
+
 /// Sizes of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sizes {
@@ -40,6 +53,12 @@ pub(super) struct Sizes {
     pub(super) particles: u32,
     /// Capacity for pairs, and so for candidates.
     pub(super) pairs: u32,
+    /// Capacity for second products of dissociations in a step.
+    pub(super) births: u32,
+    /// Capacity of the event log.
+    pub(super) events: u32,
+    /// `true` if particles have velocities.
+    pub(super) has_velocity: bool,
 }
 
 impl Sizes {
@@ -48,14 +67,17 @@ impl Sizes {
     /// # Errors
     /// [`Error::LimitExceeded`] if the device cannot bind it.
     pub(super) fn bytes(self, name: &'static str, limits: &DeviceLimits) -> Result<u64, Error> {
-        let Self { particles, pairs } = self;
+        let Self { particles, pairs, births, events, has_velocity } = self;
         let (items, each) = match name {
-            "spheres" | "moved" => (particles, 16),
+            "spheres" | "moved" => (particles, if has_velocity { 32 } else { 16 }),
             "tags" => (particles, 8),
             "claims" => (particles, CLAIM_BYTES),
             "sums" => (particles.div_ceil(WORKGROUP_SIZE) + 1, 4),
             "candidates" => (pairs, CANDIDATE_BYTES),
             "left0" | "left1" => (pairs, 4),
+            "born" => (births, BORN_BYTES),
+            "born_keys0" | "born_keys1" => (births, 8),
+            "events" => (events, EVENT_BYTES),
             _ => (particles, 4),
         };
         let needed = (u64::from(items) * each).max(64);
@@ -84,9 +106,10 @@ pub(super) fn groups_for(items: u32, limits: &DeviceLimits) -> [u32; 2] {
     [groups.div_ceil(rows), rows]
 }
 
-/// Returns the steps between two readbacks, limited so that no tally exceeds 32 bits: each particle counts once per step.
-pub(super) fn steps_per_readback(particles: u32) -> u32 {
-    (u32::MAX / particles.max(1)).clamp(1, LOG_ROWS)
+/// Returns the steps between two readbacks, limited so that no tally exceeds 32 bits if each particle counts at most
+/// `counts` times per step.
+pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
+    (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }
 
 /// Returns a capacity for `needed` particles, with a reserve so that growth is rare.
@@ -107,7 +130,7 @@ mod tests {
     #[test]
     fn loops_stay_bounded_and_dispatches_cover_all() {
         for shift in 0..29 {
-            let sizes = Sizes { particles: 1 << (shift / 2), pairs: 1 << shift };
+            let sizes = Sizes { particles: 1 << (shift / 2), pairs: 1 << shift, ..Sizes::default() };
             let threads = sizes.round_groups() * WORKGROUP_SIZE;
             assert!(sizes.pairs.div_ceil(threads) <= CANDIDATES_PER_THREAD, "{sizes:?}");
             let [x, y] = groups_for(1 << shift, &limits());
@@ -117,7 +140,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused_with_its_size() {
-        let sizes = Sizes { particles: (1 << 22) + 1, pairs: 1 };
+        let sizes = Sizes { particles: (1 << 22) + 1, pairs: 1, ..Sizes::default() };
         let refused = sizes.bytes("claims", &limits());
         assert!(matches!(refused, Err(Error::LimitExceeded { needed, .. }) if needed == (1 << 27) + 32));
         assert_eq!(sizes.bytes("tags", &limits()), Ok((1 << 25) + 8));
@@ -126,7 +149,7 @@ mod tests {
     #[test]
     fn tallies_stay_within_32_bits() {
         for particles in [0, 1, 1000, 10_000_000, u32::MAX] {
-            let steps = steps_per_readback(particles);
+            let steps = steps_per_readback(particles, 1);
             assert!(steps >= 1 && u64::from(steps) * u64::from(particles) <= u64::from(u32::MAX));
         }
     }

@@ -6,7 +6,7 @@ use super::device::{filled, read, refused, with_error_scope};
 use super::dispatches::{Groups, RunBuffers, Stage, StepDispatches};
 use super::kernel as k;
 use super::layout::{ControlHeader, ReceiverCellsHeader};
-use super::plan::{GpuOptions, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
+use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
 use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
 use super::receiver_trajectory::{ReceiverTrajectory, max_steps};
 use super::tables::{BoundSpecies, Tables, Tallies, check};
@@ -17,13 +17,15 @@ use crate::random::philox::Key;
 use crate::reaction::decay::Decays;
 use crate::reaction::interactions;
 use crate::release::Released;
+use crate::release::origins::{Arrival, Origins};
 use crate::{Error, State, Totals};
 
+mod events;
 mod overflow;
 mod receivers;
 mod transfer;
 use overflow::prepare;
-use transfer::columns;
+use transfer::{columns, velocities};
 
 /// A run whose particles are on a GPU: a model, a seed, and the state.
 ///
@@ -34,6 +36,9 @@ pub struct GpuSimulation {
     key: Key,
     decays: Decays,
     tallies: Tallies,
+    /// The most events of a particle in a step that one tally counts.
+    max_counts: u32,
+    dissociates: bool,
     /// The species that receptors bind.
     bound_species: Vec<BoundSpecies>,
     /// The positions of receivers in the steps recorded last.
@@ -57,6 +62,9 @@ pub struct GpuSimulation {
     totals: Totals,
     inside: Vec<Vec<u64>>,
     pairs: Vec<u64>,
+    /// Origins of the particles, if the model logs arrivals.
+    origins: Origins,
+    arrivals: Vec<Arrival>,
 }
 
 /// The particles that appear before a step.
@@ -107,8 +115,13 @@ impl GpuSimulation {
         let mut buffers = RunBuffers::new(device, &tables, cells_builder.max_words())?;
         let alive = (state.particles.len() + state.bound.len()) as u32;
         let lists = !model.reactions.is_empty();
-        let sizes =
-            Sizes { particles: grown(alive), pairs: if lists { options.pair_capacity.max(1) } else { 0 } };
+        let sizes = Sizes {
+            particles: grown(alive),
+            pairs: if lists { options.pair_capacity.max(1) } else { 0 },
+            births: if tables.dissociates() { options.birth_capacity.clamp(1, MAX_BIRTHS) } else { 0 },
+            events: if model.logs_arrivals { options.event_capacity.max(1) } else { 0 },
+            has_velocity: model.has_velocity(),
+        };
         let mut detector = detector(&buffers, &model, sizes)?;
         let steps = prepare(&mut buffers, sizes, options.rounds, detector.as_mut())?;
         // Moving receivers are listed for each of their paths.
@@ -120,6 +133,8 @@ impl GpuSimulation {
             key,
             decays: Decays::new(&model),
             tallies: tables.tallies,
+            max_counts: tables.max_counts,
+            dissociates: tables.dissociates(),
             bound_species: tables.bound_species(),
             trajectory: ReceiverTrajectory::new(&model, key, &state.centers, state.step, 0),
             cells: receiver_cells.head,
@@ -137,6 +152,8 @@ impl GpuSimulation {
             totals: state.totals.clone(),
             inside: Vec::new(),
             pairs: Vec::new(),
+            origins: state.origins.clone(),
+            arrivals: Vec::new(),
             model,
         };
         simulation.buffers.upload_trajectory(&simulation.trajectory, simulation.cells)?;
@@ -170,6 +187,12 @@ impl GpuSimulation {
         &self.pairs
     }
 
+    /// The particles that arrived in the steps of the last [`run`](Self::run), in the order of steps and ids, in a model
+    /// that logs arrivals.
+    pub fn arrivals(&self) -> &[Arrival] {
+        &self.arrivals
+    }
+
     /// The counts of each receiver by species: arrivals so far, or the number inside a transparent receiver.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
@@ -189,10 +212,16 @@ impl GpuSimulation {
     /// The run is then at the beginning of the step that failed.
     pub fn run(&mut self, steps: u32) -> Result<(), Error> {
         self.pairs.clear();
+        self.arrivals.clear();
         let end = self.step.saturating_add(steps);
         while self.step < end {
-            let most = (end - self.step).min(max_steps(&self.model));
-            let bursts = self.bursts(most.min(steps_per_readback(self.steps.sizes.particles)))?;
+            let most = (end - self.step).min(max_steps(&self.model)).min(self.steps_per_readback());
+            let bursts = self.bursts(most)?;
+            // Dissociations change the ids of later releases.
+            let most = match bursts.first() {
+                Some(burst) if self.dissociates => burst.step - self.step,
+                _ => most,
+            };
             let added =
                 bursts.iter().map(|burst| burst.released.particles.len()).sum::<usize>() + self.due.len();
             let step = self.step;
@@ -201,7 +230,8 @@ impl GpuSimulation {
                 other => other,
             };
             self.reserve(self.alive.saturating_add(added as u32)).map_err(at_step)?;
-            let head = self.submit(most.min(steps_per_readback(self.steps.sizes.particles)), &bursts)?;
+            // More capacity leaves fewer steps until a tally may overflow.
+            let head = self.submit(most.min(self.steps_per_readback()), &bursts)?;
             self.recover(head).map_err(at_step)?;
         }
         Ok(())
@@ -209,6 +239,11 @@ impl GpuSimulation {
 
     fn encoder(&self) -> wgpu::CommandEncoder {
         self.buffers.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    /// Returns the most steps between two readbacks.
+    fn steps_per_readback(&self) -> u32 {
+        steps_per_readback(self.steps.sizes.particles, self.max_counts)
     }
 
     /// Returns the particles that appear after each of the next steps.
@@ -244,6 +279,10 @@ impl GpuSimulation {
             let burst = burst.filter(|particles| !particles.is_empty());
             particles += burst.map_or(0, Particles::len) as u32;
             let burst = burst.map(|burst| self.append(burst)).transpose()?;
+            if self.dissociates {
+                // The number of particles grows on the device.
+                particles = self.steps.sizes.particles;
+            }
             self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
             if let Some(detector) = &mut self.detector {
                 let at_most = self.steps.sizes.particles;
@@ -267,8 +306,11 @@ impl GpuSimulation {
 
     /// Returns the stage that appends a burst.
     fn append(&mut self, particles: &Particles) -> Result<Stage, Error> {
-        let (spheres, tags) = columns(particles);
+        let (mut spheres, tags) = columns(particles);
         let count = spheres.len() as u32;
+        if self.model.has_velocity() {
+            spheres.extend(velocities(particles));
+        }
         let burst = filled(&self.buffers.own, "burst", &[count, 0, 0, 0])?;
         let spheres = filled(&self.buffers.own, "burst_spheres", &spheres)?;
         let tags = filled(&self.buffers.own, "burst_tags", &tags)?;
@@ -302,9 +344,10 @@ impl GpuSimulation {
         let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&read[0][head_bytes + 4 * tallies..]);
         let inside: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
         let log: Vec<u64> = bytemuck::pod_collect_to_vec(&read[2]);
+        let events = self.read_events(head.committed_events)?;
         self.alive = head.alive;
         self.centers = self.trajectory.centers_at(head.done).to_vec();
-        self.record_bursts(bursts, head.done);
+        self.record_steps(bursts, head, &events)?;
         self.add_tallies(&counts);
         self.inside = inside
             .chunks(self.tallies.species.max(1))
@@ -320,6 +363,13 @@ impl GpuSimulation {
         let queue = &self.buffers.own.queue;
         with_error_scope(&self.buffers.own, "counts", 0, || {
             queue.write_buffer(control, std::mem::offset_of!(ControlHeader, logged) as u64, &[0; 4]);
+            queue.write_buffer(
+                control,
+                std::mem::offset_of!(ControlHeader, committed_events) as u64,
+                &[0; 4],
+            );
+            let next_id = self.next_id.to_le_bytes();
+            queue.write_buffer(control, std::mem::offset_of!(ControlHeader, next_id) as u64, &next_id);
             queue.write_buffer(control, (head_bytes + 4 * tallies) as u64, bytemuck::cast_slice(&zeros));
         })?;
         Ok(head)
@@ -331,8 +381,10 @@ impl GpuSimulation {
         let count = |at: usize| u64::from(counts[at]);
         // A species may appear and disappear in any order between readbacks; only the final count cannot be negative.
         let present = &mut totals.present;
-        let mut turn = |from: u32, to: Option<u32>, count: u64| {
-            present[from as usize] = present[from as usize].wrapping_sub(count);
+        let mut turn = |from: Option<u32>, to: Option<u32>, count: u64| {
+            if let Some(from) = from {
+                present[from as usize] = present[from as usize].wrapping_sub(count);
+            }
             if let Some(to) = to {
                 present[to as usize] = present[to as usize].wrapping_add(count);
             }
@@ -340,13 +392,14 @@ impl GpuSimulation {
         for (k, decay) in model.decays.iter().enumerate() {
             let count = count(tallies.decay(k));
             totals.decayed[k] += count;
-            turn(decay.reactant, decay.products[0], count);
+            turn(Some(decay.reactant), decay.products[0], count);
+            turn(None, decay.products[1], count);
         }
         for (k, reaction) in model.reactions.iter().enumerate() {
             let count = count(tallies.reaction(k));
             totals.reacted[k] += count;
             for (from, to) in reaction.reactants.into_iter().zip(reaction.products) {
-                turn(from, to, count);
+                turn(Some(from), to, count);
             }
         }
         for receiver in 0..tallies.receivers {
@@ -357,24 +410,9 @@ impl GpuSimulation {
                 let count = if holds { i64::from(word as i32) as u64 } else { word.into() };
                 let arrived = &mut totals.arrived[receiver][species];
                 *arrived = arrived.wrapping_add(count);
-                turn(species as u32, None, count);
+                turn(Some(species as u32), None, count);
             }
         }
-    }
-
-    /// Records that the first `done` steps of the run are done, with the particles released until then.
-    fn record_bursts(&mut self, bursts: &[Burst], done: u32) {
-        if done > self.step {
-            self.due = Particles::default();
-        }
-        for burst in bursts.iter().take_while(|burst| burst.step <= done) {
-            self.next_id = burst.released.next_id;
-            self.totals.enter(&burst.released);
-            if burst.step == done {
-                self.due = burst.released.particles.clone();
-            }
-        }
-        self.step = done;
     }
 }
 

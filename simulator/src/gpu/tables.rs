@@ -1,15 +1,19 @@
 //! A model as the tables that kernels read. Pure functions.
 
-use super::layout::{EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow};
+use super::layout::{
+    DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
+};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::receiver_trajectory::max_rows;
 use crate::model::receiver::{Adsorption, ReceiverKind, Receptors};
-use crate::model::{Contact, Decay, Model};
+use crate::model::{Contact, Decay, Model, Unbinding};
 use crate::motion::propagate::{Propagator, SpeciesStep};
+use crate::motion::vessel_flow::FlowStep;
 use crate::motion::{adsorption, path_hit};
 use crate::random::philox::Key;
-use crate::reaction::Reactions;
-use crate::{Axis, Boundary, Error, Receiver};
+use crate::reaction::dissociation::Dissociation;
+use crate::reaction::{ReactionRule, Reactions};
+use crate::{Axis, Error, Receiver};
 
 /// The tables of a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +29,10 @@ pub(super) struct Tables {
     /// The most rows of the table of positions of receivers.
     pub(super) receiver_rows: usize,
     pub(super) reaction_rows: Vec<ReactionRow>,
+    /// Empty if no species dissociates.
+    pub(super) dissociation_rows: Vec<DissociationRow>,
+    /// The most events of a particle in a step that one tally counts.
+    pub(super) max_counts: u32,
     pub(super) tallies: Tallies,
 }
 
@@ -55,8 +63,21 @@ impl Tallies {
     }
 }
 
-/// The part of a lifetime that a step may take where a particle decays once in a step at most.
-const MAX_CHAINED_DECAY: f64 = 0.02;
+/// The most decays of a particle in a step, as in `decay.wgsl`.
+const MAX_DECAYS: u32 = 64;
+/// The most expected decays of a particle in a step: with a mean of 16, more than [`MAX_DECAYS`] have a probability of 10⁻¹⁷.
+const MAX_DECAY_RATE: f64 = 16.0;
+/// The most receivers whose index a particle that arrives can carry, as in `decay.wgsl`.
+const MAX_LOGGED_RECEIVERS: usize = (1 << 17) - 2;
+
+/// Returns the decays whose products decay as well.
+fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
+    let after = |first: &Decay| {
+        let product = first.products[0];
+        model.decays.iter().filter(move |second| Some(second.reactant) == product)
+    };
+    model.decays.iter().flat_map(move |first| after(first).map(move |second| (first, second)))
+}
 
 /// Refuses models without kernels.
 ///
@@ -69,53 +90,35 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         Contact::Elastic => return rejected("elastic contact".to_owned()),
         Contact::Ignore | Contact::Count => {}
     }
-    if let Some(species) = model.species.iter().find(|species| species.thermal_speed > 0.0) {
-        return rejected(format!("velocities, which species {} has", species.name));
-    }
-    if let Some(species) = model.species.iter().find(|species| species.speed > 0.0) {
-        return rejected(format!("swimmers, such as {}", species.name));
-    }
-    if model.logs_arrivals {
-        return rejected("a log of arrivals, of which it has the counts only".to_owned());
-    }
-    if model.boundary.vessel.is_some() {
-        return rejected("a cylinder".to_owned());
-    }
-    if let Some(decay) = model.decays.iter().find(|decay| decay.splits()) {
-        return rejected(format!("'{}', where one particle becomes two", decay.name));
-    }
-    let decays = |species: u32| model.decays.iter().filter(move |decay| decay.reactant == species);
-    for first in &model.decays {
-        // Short steps notice what decays twice in the next one.
-        let is_fast = |second: &&Decay| second.rate * model.time_step > MAX_CHAINED_DECAY;
-        if let Some(second) = first.products[0].and_then(|product| decays(product).find(is_fast)) {
+    for (first, second) in chained_decays(model) {
+        let expected = second.rate * model.time_step;
+        if expected > MAX_DECAY_RATE {
             return rejected(format!(
-                "'{}' behind '{}' in one step; time-step = {:.2e} would do",
+                "'{}' after '{}' at {expected:.1} expected decays per step; set time-step to {:.2e} or less",
                 second.name,
                 first.name,
-                MAX_CHAINED_DECAY / second.rate
+                MAX_DECAY_RATE / second.rate
             ));
         }
     }
-    let reactions = Reactions::new(model);
-    let pairs = (0..model.species.len() as u32).flat_map(|a| (0..=a).map(move |b| [a, b]));
-    for [a, b] in pairs {
-        if let Err(names) = reactions.only(a, b) {
-            return rejected(format!("several reactions of the same reactants ({})", names.join("; ")));
-        }
+    if model.logs_arrivals && model.receivers.len() > MAX_LOGGED_RECEIVERS {
+        let count = model.receivers.len();
+        return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
+    let carriers: Vec<Carried> =
+        (0..steps.len()).map(|species| Carried::new(model, &steps, species)).collect();
     // Others count ends of steps only, or nothing.
     let by_path = |r: &&Receiver| r.kind == ReceiverKind::Absorbing || r.kind.reflects() && r.kind.absorbs();
     let binds = |r: &&Receiver| matches!(r.kind, ReceiverKind::Receptors(_));
     for receiver in model.receivers.iter().filter(|r| by_path(r) || binds(r)) {
         let seen = (0..steps.len()).filter(|&species| receiver.sees[species]);
-        let passed = |&s: &usize| drifts_past((receiver, model.time_step), &steps[s], &model.boundary);
+        let passed = |&s: &usize| carriers[s].drifts_past(receiver, model);
         if let Some(species) = seen.into_iter().find(passed) {
             return rejected(format!(
-                "the way of {} past receiver {}, by which its drift may carry it within a step; steps of a sixteenth \
-                 of the receiver's radius would do",
+                "{}, whose drift may carry it past receiver {} within a step; shorten the time step until the drift of a \
+                 step is a sixteenth of the receiver's radius",
                 model.species[species].name, receiver.name
             ));
         }
@@ -158,27 +161,72 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     }
 }
 
-/// Returns `true` if the ends of a step do not decide whether a receiver was hit: drift may carry a diffusing particle past
-/// it, and a straight path may involve a wall or another image of the receiver.
-fn drifts_past((receiver, time_step): (&Receiver, f64), step: &SpeciesStep, boundary: &Boundary) -> bool {
-    let own = receiver.velocity.map(|v| (v * time_step) as f32);
-    let drift: [f32; 3] = std::array::from_fn(|k| step.drift[k] - own[k]);
-    let diffusion = step.diffusion + (receiver.diffusion * time_step) as f32;
-    if diffusion > 0.0 {
-        let length = drift.iter().map(|d| d * d).sum::<f32>().sqrt();
-        return path_hit::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
+/// Bounds of the displacement of a species in a step that is no diffusion.
+struct Carried {
+    /// By flow and drift, in µm.
+    drift: [f32; 3],
+    /// By Poiseuille flow, along the vessel, and by its own velocity in any direction, in µm.
+    flow: f32,
+    own: f32,
+    diffusion: f32,
+}
+
+/// Velocities of thermal particles exceed this many standard deviations once in 10⁹ draws of a component.
+const MAX_THERMAL: f32 = 6.0;
+
+impl Carried {
+    fn new(model: &Model, steps: &[SpeciesStep], species: usize) -> Self {
+        let SpeciesStep { drift, diffusion, .. } = steps[species];
+        let kind = &model.species[species];
+        let speed = if kind.speed > 0.0 {
+            kind.speed as f32
+        } else {
+            MAX_THERMAL * 3f32.sqrt() * kind.thermal_speed as f32
+        };
+        let flow = FlowStep::new(model).map_or(0.0, |flow| flow.fastest as f32);
+        // A product keeps the velocity of a reactant with the same speed.
+        let hottest = model.species.iter().map(|species| species.thermal_speed).fold(0.0, f64::max);
+        let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);
+        Self { drift, flow, own: speed * model.time_step as f32, diffusion }
     }
-    (0..3).filter(|&k| drift[k] != 0.0).any(|k| {
-        let (center, reach) = (receiver.center[k], receiver.radius + step.drift[k].abs());
-        match boundary.axes[k] {
-            Axis::Open => false,
-            Axis::Reflecting { .. } if step.drift[k] == 0.0 => false,
-            // A moving receiver reaches a wall eventually.
-            Axis::Reflecting { .. } if own[k] != 0.0 => true,
-            Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
-            Axis::Periodic { low, high } => 2.0 * (receiver.radius + drift[k].abs()) > high - low,
+
+    /// A bound of the length of the displacement.
+    fn length(&self) -> f32 {
+        self.drift.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own
+    }
+
+    /// Returns `true` if the ends of a step do not decide whether a receiver was hit: drift may carry a diffusing particle
+    /// past it, and a straight path may involve a wall or another image of the receiver.
+    fn drifts_past(&self, receiver: &Receiver, model: &Model) -> bool {
+        let (time_step, boundary) = (model.time_step, &model.boundary);
+        let own = receiver.velocity.map(|v| (v * time_step) as f32);
+        let diffusion = self.diffusion + (receiver.diffusion * time_step) as f32;
+        let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
+        if diffusion > 0.0 {
+            let length = relative.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own;
+            return path_hit::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
         }
-    })
+        let along = |k: usize| {
+            let vessel = boundary.vessel.filter(|vessel| vessel.along == k);
+            self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
+        };
+        // The wall of a vessel reflects what moves across it.
+        let across = |k: usize| boundary.vessel.is_some_and(|vessel| vessel.along != k);
+        (0..3).filter(|&k| relative[k] != 0.0 || along(k) > 0.0).any(|k| {
+            let moved = self.drift[k].abs() + along(k);
+            let (center, reach) = (receiver.center[k], receiver.radius + moved);
+            match boundary.axes[k] {
+                Axis::Open => across(k),
+                Axis::Reflecting { .. } if moved == 0.0 => false,
+                // A moving receiver reaches a wall eventually.
+                Axis::Reflecting { .. } if own[k] != 0.0 => true,
+                Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
+                Axis::Periodic { low, high } => {
+                    2.0 * (receiver.radius + relative[k].abs() + along(k)) > high - low
+                }
+            }
+        })
+    }
 }
 
 impl Tables {
@@ -203,8 +251,15 @@ impl Tables {
             reflects: model.receivers.iter().any(|receiver| receiver.kind.reflects()),
             receiver_rows: max_rows(model),
             reaction_rows: reaction_rows(model),
+            dissociation_rows: dissociation_rows(model, &tallies),
+            max_counts: if chained_decays(model).next().is_some() { MAX_DECAYS } else { 1 },
             tallies,
         }
+    }
+
+    /// Returns `true` if some species dissociate.
+    pub(super) fn dissociates(&self) -> bool {
+        !self.dissociation_rows.is_empty()
     }
 
     /// Returns the events of receptors, with species and receiver.
@@ -251,8 +306,17 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
         is_open: model.boundary.is_unbounded().into(),
         max_iterations,
         lists_pairs: u32::from(!model.reactions.is_empty()),
+        has_velocity: model.has_velocity().into(),
+        logs_arrivals: model.logs_arrivals.into(),
+        time_step: model.time_step as f32,
         ..Params::default()
     };
+    if let Some(FlowStep { vessel, fastest }) = FlowStep::new(model) {
+        params.vessel_axis = 1 + vessel.along as u32;
+        params.vessel_radius = vessel.radius;
+        params.vessel_center = vessel.center.into();
+        params.peak_flow = fastest as f32;
+    }
     for (k, axis) in model.boundary.axes.into_iter().enumerate() {
         let (kind, walls) = match axis {
             // Unused, but no division by zero.
@@ -291,6 +355,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             threshold: channel.up_to,
             product: channel.product.unwrap_or(NOTHING),
             tally: tallies.decay(channel.decay as usize) as u32,
+            share: channel.share as f32,
             ..EventRow::default()
         }));
         species_rows.push(SpeciesRow {
@@ -302,8 +367,13 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             decays_begin,
             events_end: event_rows.len() as u32,
             bend: step.bend,
-            reach: reach(&step),
+            reach: reach(&step, &Carried::new(model, &motion.steps, id)),
             cell_lists: if is_listed { listed } else { NOTHING },
+            speed: species.speed as f32,
+            thermal_speed: species.thermal_speed as f32,
+            tumbles: step.tumbles.is_some().into(),
+            tumble_threshold: step.tumbles.map_or(0, |(threshold, _)| threshold),
+            decay_rate: (motion.decays.rate(id as u32) * model.time_step) as f32,
         });
         listed += u32::from(is_listed);
     }
@@ -311,9 +381,8 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
 }
 
 /// Returns the distance that all but one in ten million particles stay within in a step, including the reach of receivers.
-fn reach(step: &SpeciesStep) -> f32 {
-    let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
-    1.01 * (6.0 * step.length + drift) + step.bend
+fn reach(step: &SpeciesStep, carried: &Carried) -> f32 {
+    1.01 * (6.0 * step.length + carried.length()) + step.bend
 }
 
 /// Returns the effect of a receiver's surface on a species, or `None` for a transparent one.
@@ -363,31 +432,103 @@ fn occupancy_rows(model: &Model, tallies: &Tallies) -> Vec<OccupancyRow> {
 
 fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
     let reactions = Reactions::new(model);
-    let radius = |product: Option<u32>| product.map_or(0.0, |species| model.species[species as usize].radius);
-    let entry = |[a, b]: [u32; 2]| {
-        // Several were rejected before.
-        let Ok(Some((rule, within))) = reactions.only(a, b) else {
-            return ReactionRow { first: NOTHING, ..ReactionRow::default() };
-        };
-        let reaction = &model.reactions[rule.reaction as usize];
-        let [share, first_share] = reactions.shares_of(rule.reaction);
-        let parts = reaction.unbinding_radius > 0.0 && reaction.products.iter().all(Option::is_some);
-        let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
-        flags |= if within.is_some() { ReactionRow::NARROWER } else { 0 };
-        flags |= if parts { ReactionRow::APART } else { 0 };
-        ReactionRow {
-            reaction: rule.reaction,
-            first: rule.first,
-            threshold: rule.up_to,
-            flags,
-            products: reaction.products.map(|product| product.unwrap_or(NOTHING)).into(),
-            radii: reaction.products.map(radius).into(),
-            within: within.unwrap_or(0.0),
-            unbinding: reaction.unbinding_radius,
-            share,
-            first_share,
-        }
-    };
     let species = model.species.len() as u32;
-    (0..species).flat_map(|a| (0..species).map(move |b| [a, b])).map(entry).collect()
+    let mut rows =
+        vec![ReactionRow { first: NOTHING, ..ReactionRow::default() }; (species * species) as usize];
+    for [a, b] in (0..species).flat_map(|a| (0..species).map(move |b| [a, b])) {
+        let head = (a * species + b) as usize;
+        let shells = reactions.shells(a, b).iter().enumerate();
+        let all: Vec<_> =
+            shells.flat_map(|(k, shell)| shell.rules().map(move |rule| (k, rule, shell.within))).collect();
+        // The first row stands in the place of the pair, the others at the end.
+        let begin = rows.len();
+        let index = |i: usize| if i == 0 { head as u32 } else { (begin + i - 1) as u32 };
+        for (i, &(k, rule, within)) in all.iter().enumerate() {
+            let next = all.get(i + 1).filter(|next| next.0 == k).map_or(NOTHING, |_| index(i + 1));
+            let next_shell = all.iter().position(|other| other.0 == k + 1).map_or(NOTHING, index);
+            let row = ReactionRow { next, next_shell, ..reaction_row(model, &reactions, rule, within) };
+            match i {
+                0 => rows[head] = row,
+                _ => rows.push(row),
+            }
+        }
+    }
+    rows
+}
+
+fn reaction_row(
+    model: &Model,
+    reactions: &Reactions,
+    rule: &ReactionRule,
+    within: Option<f32>,
+) -> ReactionRow {
+    let of = |product: Option<u32>| product.map(|species| &model.species[species as usize]);
+    let radius = |product: Option<u32>| of(product).map_or(0.0, |species| species.radius);
+    let speed = |product: Option<u32>| of(product).map_or(0.0, |species| species.speed as f32);
+    let thermal = |product: Option<u32>| of(product).map_or(0.0, |species| species.thermal_speed as f32);
+    let reaction = &model.reactions[rule.reaction as usize];
+    let [share, first_share] = reactions.shares_of(rule.reaction);
+    let parts = reaction.unbinding_radius > 0.0 && reaction.products.iter().all(Option::is_some);
+    let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
+    flags |= if within.is_some() { ReactionRow::NARROWER } else { 0 };
+    flags |= if parts { ReactionRow::APART } else { 0 };
+    ReactionRow {
+        reaction: rule.reaction,
+        next: NOTHING,
+        next_shell: NOTHING,
+        first: rule.first,
+        threshold: rule.up_to,
+        flags,
+        products: reaction.products.map(|product| product.unwrap_or(NOTHING)).into(),
+        radii: reaction.products.map(radius).into(),
+        within: within.unwrap_or(0.0),
+        unbinding: reaction.unbinding_radius,
+        share,
+        first_share,
+        speeds: reaction.reactants.map(|species| speed(Some(species))).into(),
+        product_speeds: reaction.products.map(speed).into(),
+        thermal_speeds: reaction.products.map(thermal).into(),
+    }
+}
+
+fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
+    let dissociation = Dissociation::new(model);
+    if dissociation.is_empty() {
+        return Vec::new();
+    }
+    let species = model.species.len();
+    let mut rows = vec![DissociationRow { tally: NOTHING, ..DissociationRow::default() }; species];
+    let speed = |species: u32| model.species[species as usize].speed as f32;
+    for reactant in 0..species {
+        let channels = dissociation.channels(reactant as u32);
+        for (k, &(threshold, ref channel)) in channels.iter().enumerate() {
+            let next = if k + 1 < channels.len() { rows.len() as u32 + u32::from(k > 0) } else { NOTHING };
+            let products =
+                channel.products.map(|product| product.map(|product| (product.species, product.radius)));
+            let (is_within, unbinding) = match channel.unbinding {
+                Unbinding::Apart(radius) => (0, radius),
+                Unbinding::Within(radius) => (1, radius),
+            };
+            let first = products[0].map(|(species, _)| species);
+            let row = DissociationRow {
+                threshold,
+                next,
+                tally: tallies.decay(channel.decay as usize) as u32,
+                is_within,
+                unbinding,
+                share: channel.share,
+                products: products.map(|product| product.map_or(NOTHING, |(species, _)| species)).into(),
+                radii: products.map(|product| product.map_or(0.0, |(_, radius)| radius)).into(),
+                speed: speed(reactant as u32),
+                product_speed: first.map_or(0.0, speed),
+                thermal_speed: first
+                    .map_or(0.0, |species| model.species[species as usize].thermal_speed as f32),
+            };
+            match k {
+                0 => rows[reactant] = row,
+                _ => rows.push(row),
+            }
+        }
+    }
+    rows
 }

@@ -3,7 +3,9 @@
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
+mod births;
 mod surfaces;
+mod vessels;
 
 use adapter::or_skip;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
@@ -166,7 +168,7 @@ fn matched(
 ) -> (u32, Vec<Option<f32>>) {
     let tables = Tables::new(&model(), Key::new(1), max_iterations);
     let mut buffers = RunBuffers::new(own.clone(), &tables, 0).expect("buffers");
-    let sizes = Sizes { particles, pairs: all.len().max(1) as u32 };
+    let sizes = Sizes { particles, pairs: all.len().max(1) as u32, ..Sizes::default() };
     let table = crate::reaction::interactions(&model()).expect("interactions");
     let settings = lazygrid::gpu::GpuConfig::default().interactions(table);
     let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
@@ -249,7 +251,7 @@ fn survivors_are_compacted_in_output_order() {
         let product = |k: u32| if word(k) % 7 == 2 { crate::gpu::layout::NOTHING } else { 5 };
         let claim = |k: u32| [0, 0, u32::from(word(k) % 7 < 3), product(k), k, 1, 2, 3];
         let claims: Vec<[u32; 8]> = (0..count).map(claim).collect();
-        let head = ControlHeader { count, halted, ..ControlHeader::default() };
+        let head = ControlHeader { count, halted, capacity: count, ..ControlHeader::default() };
         let with = |name, bytes: &[u8]| written(&own, name, bytes);
         let made: std::collections::HashMap<&str, wgpu::Buffer> = [
             ("order", with("order", bytemuck::cast_slice(&order))),
@@ -259,6 +261,7 @@ fn survivors_are_compacted_in_output_order() {
             ("claims", with("claims", bytemuck::cast_slice(&claims))),
             ("spheres", with("spheres", &vec![0; 16 * count as usize])),
             ("ids", with("ids", &vec![0; 4 * count as usize])),
+            ("events", with("events", &[0; 64])),
             ("sums", with("sums", &vec![0; 4 * (count as usize / 256 + 2)])),
             ("output_order", with("output_order", bytemuck::cast_slice(&[is_cell_order, 0, 0, 0]))),
         ]
@@ -280,8 +283,16 @@ fn survivors_are_compacted_in_output_order() {
             buffers.stage(kernel, Groups::Fixed(groups), find).expect("a stage").encode(&mut encoder, groups);
         }
         let n = u64::from(count);
-        let read = read(&own, encoder, &[(&made["spheres"], 16 * n), (&made["tags"], 8 * n), (&control, 64)])
-            .expect("read");
+        let read = read(
+            &own,
+            encoder,
+            &[
+                (&made["spheres"], 16 * n),
+                (&made["tags"], 8 * n),
+                (&control, size_of::<ControlHeader>() as u64),
+            ],
+        )
+        .expect("read");
         let head: ControlHeader = bytemuck::pod_read_unaligned(&read[2][..size_of::<ControlHeader>()]);
         let found: Vec<([u32; 4], [u32; 2])> = bytemuck::pod_collect_to_vec::<u8, [u32; 4]>(&read[0])
             .into_iter()

@@ -51,7 +51,7 @@ pub(crate) struct SpeciesStep {
     /// By how far diffusion bends its way, beside a receiver that diffuses as well, in µm.
     pub(crate) bend: f32,
     /// The largest word at which a swimmer tumbles, and its speed in µm/s.
-    tumbles: Option<(u32, f32)>,
+    pub(crate) tumbles: Option<(u32, f32)>,
 }
 
 /// Particles that one task moves.

@@ -9,7 +9,7 @@ use crate::model::{Flow, Model};
 pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
     /// The displacement of Poiseuille flow in one step on the axis, in µm.
-    fastest: f64,
+    pub(crate) fastest: f64,
 }
 
 /// The end of a step in a flow.

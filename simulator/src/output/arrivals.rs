@@ -2,6 +2,7 @@
 //! that is released.
 
 use std::io::{self, Write};
+use std::ops::RangeInclusive;
 
 use super::series::moment;
 use crate::random::philox::Key;
@@ -12,14 +13,14 @@ pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,receiver,species,id,transmitter,released")
 }
 
-/// Who arrived in the last step: when that ended, where, as which species, under which id, from which transmitter, and
-/// when it was released there; the last two are empty for particles that were placed by hand.
+/// Writes the arrivals of the steps that were done last: step, time, receiver, species, id, transmitter and time of release.
+/// The last two are empty for particles that the caller placed.
 pub(super) fn rows(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     let model = simulation.model();
     for arrival in simulation.arrivals() {
         let receiver = &model.receivers[arrival.receiver as usize].name;
         let species = &model.species[arrival.species as usize].name;
-        let moment = moment(simulation.step_count(), model);
+        let moment = moment(arrival.step, model);
         write!(out, "{moment},{receiver},{species},{},", arrival.id)?;
         match arrival.origin {
             None => writeln!(out, ",")?,
@@ -37,12 +38,19 @@ pub(super) fn header_of_releases(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,transmitter,species,count")
 }
 
-/// The releases at the beginning of the next step.
-pub(super) fn rows_of_releases(out: &mut impl Write, simulation: &impl RunView, seed: u64) -> io::Result<()> {
-    let (model, step) = (simulation.model(), simulation.step_count());
-    for (from, species, count) in model.releases(step, Key::new(seed)).filter(|&(_, _, count)| count > 0) {
-        let species = &model.species[species as usize].name;
-        writeln!(out, "{},{},{species},{count}", moment(step, model), transmitter(model, from))?;
+/// Writes the releases at the beginnings of these steps.
+pub(super) fn rows_of_releases(
+    out: &mut impl Write,
+    model: &Model,
+    seed: u64,
+    steps: RangeInclusive<u32>,
+) -> io::Result<()> {
+    for step in steps {
+        for (from, species, count) in model.releases(step, Key::new(seed)).filter(|&(_, _, count)| count > 0)
+        {
+            let species = &model.species[species as usize].name;
+            writeln!(out, "{},{},{species},{count}", moment(step, model), transmitter(model, from))?;
+        }
     }
     Ok(())
 }

@@ -55,6 +55,8 @@ struct Logs {
     arrivals: Growing,
     releases: Growing,
     seed: u64,
+    /// The first step whose releases are not logged.
+    next_step: u32,
 }
 
 impl Files {
@@ -73,7 +75,7 @@ impl Files {
                 [Growing::create(directory.join(ARRIVALS))?, Growing::create(directory.join(RELEASES))?];
             arrivals.put(arrivals::header)?;
             releases.put(arrivals::header_of_releases)?;
-            logs = Some(Logs { arrivals, releases, seed });
+            logs = Some(Logs { arrivals, releases, seed, next_step: 0 });
         }
         let animated = output.animation.is_some();
         let animation = animated.then(|| Growing::create(directory.join(ANIMATED))).transpose()?;
@@ -93,7 +95,7 @@ impl Files {
         directory: &Path,
         output: Output,
         (model, seed): (&Model, u64),
-        records: &[FileRecord],
+        (records, done): (&[FileRecord], u32),
         lock: Lock,
     ) -> Result<Self, Error> {
         let reopen = |name: &str| {
@@ -110,7 +112,7 @@ impl Files {
         let mut logs = None;
         if model.logs_arrivals {
             let [arrivals, releases] = [reopen(ARRIVALS)?, reopen(RELEASES)?];
-            logs = Some(Logs { arrivals, releases, seed });
+            logs = Some(Logs { arrivals, releases, seed, next_step: done + 1 });
         }
         let animation = output.animation.is_some().then(|| reopen(ANIMATED)).transpose()?;
         let directory = directory.to_owned();
@@ -132,9 +134,10 @@ impl Files {
         if step.is_multiple_of(self.output.every) {
             self.series.put(|out| series::row(out, simulation))?;
         }
-        if let Some(Logs { arrivals, releases, seed }) = &mut self.logs {
+        if let Some(Logs { arrivals, releases, seed, next_step }) = &mut self.logs {
             arrivals.put(|out| arrivals::rows(out, simulation))?;
-            releases.put(|out| arrivals::rows_of_releases(out, simulation, *seed))?;
+            let steps = std::mem::replace(next_step, step + 1)..=step;
+            releases.put(|out| arrivals::rows_of_releases(out, simulation.model(), *seed, steps))?;
         }
         if let (Some(animation), Some(frames)) = (self.output.animated(step), &mut self.animation) {
             let state = simulation.state()?;

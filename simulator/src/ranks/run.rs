@@ -6,12 +6,12 @@ use lazygrid::Backend;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::{RankSimulation, Share, Wanted};
-use crate::Error;
 use crate::output::{self, Files, Lock};
 use crate::run::checkpoint::Checkpoint;
 use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::run::{ReplicaSlot, Run, RunEnd};
 use crate::scenario::Scenario;
+use crate::{Error, RunView};
 
 impl Run {
     /// Does all steps, as [`run`](Self::run), together with the other ranks of a communicator, each of which calls this with the
@@ -129,7 +129,13 @@ impl Run {
         let standing = simulation.look(Wanted::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            Files::reopen(&self.directory, own.output, (&own.model, own.seed), &records, lock)
+            Files::reopen(
+                &self.directory,
+                own.output,
+                (&own.model, own.seed),
+                (&records, standing.step_count()),
+                lock,
+            )
         };
         let files = lock.map(reopen).transpose();
         let files = simulation.agree(files)?;

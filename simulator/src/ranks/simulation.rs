@@ -242,6 +242,7 @@ impl<C: Communicator> RankSimulation<C> {
                 receiver,
                 species,
                 id,
+                step: run.state.step,
                 origin: origins.of(id),
             }));
             arrivals.sort_unstable_by_key(|arrival| arrival.id);

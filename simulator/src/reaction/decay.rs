@@ -27,7 +27,7 @@ pub(crate) struct Channel {
     /// The largest word at which it decays so within a step.
     pub(crate) up_to: u32,
     /// Its part of the rate and that of the channels before.
-    share: f64,
+    pub(crate) share: f64,
     /// Its place in the model.
     pub(crate) decay: u32,
     /// The outcome.
@@ -54,6 +54,12 @@ impl Decays {
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[Channel] {
         &self.kinds[species as usize].channels
+    }
+
+    /// The sum of the rates of a species' channels, in 1/s.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn rate(&self, species: u32) -> f64 {
+        self.kinds[species as usize].rate
     }
 
     /// Calls `tell` with the place in the model and the product of each decay of a particle in a step.

@@ -21,18 +21,18 @@ pub struct Dissociation {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Channel {
-    decay: u32,
-    products: [Option<Product>; 2],
-    unbinding: Unbinding,
+pub(crate) struct Channel {
+    pub(crate) decay: u32,
+    pub(crate) products: [Option<Product>; 2],
+    pub(crate) unbinding: Unbinding,
     /// The part of the separation that the first product moves.
-    share: f32,
+    pub(crate) share: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Product {
-    species: u32,
-    radius: f32,
+pub(crate) struct Product {
+    pub(crate) species: u32,
+    pub(crate) radius: f32,
     /// The region of its center.
     domain: Boundary,
 }
@@ -97,6 +97,12 @@ impl Dissociation {
     /// Returns `true` if nothing comes apart.
     pub fn is_empty(&self) -> bool {
         !self.any
+    }
+
+    /// The channels of a species, each with the largest word at which it happens.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn channels(&self, species: u32) -> &[(u32, Channel)] {
+        &self.channels[species as usize]
     }
 
     /// What comes apart in a step, by place, but for what is `taken`, ascending places.

@@ -35,12 +35,19 @@ pub struct Reactions {
 
 /// A possible reaction of a pair that is near enough.
 #[derive(Clone, Debug)]
-struct ReactionShell {
+pub(crate) struct ReactionShell {
     /// The largest distance, if the detector looks farther than that.
-    within: Option<f32>,
+    pub(crate) within: Option<f32>,
     /// One, and what else may happen: the one with the lowest largest word comes first.
     rule: ReactionRule,
     others: Vec<ReactionRule>,
+}
+
+impl ReactionShell {
+    /// The rules in the order of their thresholds.
+    pub(crate) fn rules(&self) -> impl Iterator<Item = &ReactionRule> {
+        std::iter::once(&self.rule).chain(&self.others)
+    }
 }
 
 /// The data that decide about a pair.
@@ -123,7 +130,7 @@ impl Reactions {
         };
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
         let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
-        let rule = std::iter::once(&zone.rule).chain(&zone.others).find(|rule| chance <= rule.up_to)?;
+        let rule = zone.rules().find(|rule| chance <= rule.up_to)?;
         // Among equals the lower id comes first.
         let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
         let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
@@ -175,23 +182,10 @@ impl Reactions {
         chosen.flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
-    /// What may happen to two species at any distance at which the detector finds them, where that is one thing at
-    /// most.
-    ///
-    /// # Errors
-    /// The reactions, where they are several.
+    /// The reactions of two species by distance, from the innermost shell outwards.
     #[cfg(feature = "gpu")]
-    pub(crate) fn only(&self, a: u32, b: u32) -> Result<Option<(ReactionRule, Option<f32>)>, Vec<&str>> {
-        match self.table[a as usize * self.species + b as usize].as_slice() {
-            [] => Ok(None),
-            [ReactionShell { within, rule, others }] if others.is_empty() => Ok(Some((*rule, *within))),
-            zones => Err(zones
-                .iter()
-                .take(1)
-                .flat_map(|zone| std::iter::once(&zone.rule).chain(&zone.others))
-                .map(|rule| self.reactions[rule.reaction as usize].name.as_str())
-                .collect()),
-        }
+    pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
+        &self.table[a as usize * self.species + b as usize]
     }
 
     /// See [`Self::shares`].

@@ -23,6 +23,8 @@ pub struct Arrival {
     pub species: u32,
     /// Its id.
     pub id: u32,
+    /// Number of completed steps, including the one in which it arrived.
+    pub step: u32,
     /// Origin; `None` for particles that the caller placed.
     pub origin: Option<Origin>,
 }

@@ -116,12 +116,11 @@ impl RunView for AnySimulation {
         }
     }
 
-    /// A GPU refuses a model that logs arrivals.
     fn arrivals(&self) -> &[Arrival] {
         match self {
             Self::Cpu(run) => run.arrivals(),
             #[cfg(feature = "gpu")]
-            Self::Gpu(_) => &[],
+            Self::Gpu(run) => run.arrivals(),
         }
     }
 

@@ -267,7 +267,8 @@ impl Run {
             self.warn_of_backends(done, &backend, simulation.backend());
         }
         self.check_disk_space(&simulation, beside)?;
-        let files = Files::reopen(&self.directory, own.output, (&own.model, own.seed), &records, lock)?;
+        let files =
+            Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;
         Ok((simulation, files))
     }
 

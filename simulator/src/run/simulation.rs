@@ -190,7 +190,8 @@ impl Simulation {
                     if self.model.logs_arrivals {
                         let id = self.state.particles.id[at as usize];
                         let origin = self.state.origins.of(id);
-                        self.arrivals.push(Arrival { receiver, species, id, origin });
+                        let step = self.state.step + 1;
+                        self.arrivals.push(Arrival { receiver, species, id, step, origin });
                     }
                     self.transform(at, None, &mut gone);
                 }

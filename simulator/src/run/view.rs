@@ -24,7 +24,8 @@ pub trait RunView {
     /// transparent one.
     fn received(&self) -> Vec<Vec<u64>>;
 
-    /// The particles that arrived in the last step, in the order of ids, in a model that logs arrivals.
+    /// The particles that arrived in the steps that were done last, in the order of steps and ids, in a model that logs
+    /// arrivals.
     fn arrivals(&self) -> &[Arrival];
 
     /// Where the run stands, brought here where it is elsewhere.

@@ -13,7 +13,7 @@ use super::models::{brownian, by_id, cpu, gpu, species};
 
 /// All counts are the same, and all places but for what rounding adds up to.
 #[track_caller]
-fn assert_close(a: &State, b: &State, tolerance: f32) {
+pub(super) fn assert_close(a: &State, b: &State, tolerance: f32) {
     assert_eq!((a.step, a.next_id), (b.step, b.next_id));
     assert_eq!(a.totals, b.totals);
     let near = |a: [f32; 3], b: [f32; 3]| a.into_iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
@@ -22,6 +22,8 @@ fn assert_close(a: &State, b: &State, tolerance: f32) {
     for (a, b) in ours.into_iter().zip(theirs) {
         assert_eq!((a.id, a.species, a.radius), (b.id, b.species, b.radius));
         assert!(near(a.position, b.position), "{a:?} {b:?}");
+        let speed = b.velocity.map(f32::abs).into_iter().fold(1.0, f32::max);
+        assert!(near(a.velocity.map(|v| v / speed), b.velocity.map(|v| v / speed)), "{a:?} {b:?}");
     }
     let [held, expected] = [a, b].map(|state| {
         let mut bound = state.bound.clone();
@@ -36,12 +38,12 @@ fn assert_close(a: &State, b: &State, tolerance: f32) {
     assert_eq!(a.centers, b.centers);
 }
 
-fn receiver(name: &str, center: [f32; 3], radius: f32, kind: ReceiverKind) -> Receiver {
+pub(super) fn receiver(name: &str, center: [f32; 3], radius: f32, kind: ReceiverKind) -> Receiver {
     Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
 }
 
 /// Every kind of surface among A and B that diffuse and annihilate.
-fn surfaces() -> Model {
+pub(super) fn surfaces() -> Model {
     let receptors =
         |count| ReceiverKind::Receptors(Receptors { count, binding_rate: 40.0, unbinding_rate: 60.0 });
     Model {
@@ -70,7 +72,7 @@ fn bodies() -> Model {
     model
 }
 
-fn compare(model: &Model, seed: u64, steps: u32) -> State {
+pub(super) fn compare(model: &Model, seed: u64, steps: u32) -> State {
     let Some(own) = device() else { return State::default() };
     let (mut there, mut here) = (gpu(&own, model, seed, GpuOptions::default()), cpu(model, seed));
     for _ in 0..steps {
@@ -221,7 +223,7 @@ fn what_is_thrown_beyond_what_it_can_look_at_is_an_error() {
     model.receivers.extend((0..24_000).map(|k| Receiver { sees: vec![true], ..far(k) }));
     let mut run = gpu(&own, &model, 17, GpuOptions::default());
     let error = run.run(1).expect_err("an error").to_string();
-    assert!(error.contains("how often a particle looks around"), "{error}");
+    assert!(error.contains("searches for moving surfaces"), "{error}");
     assert_eq!(run.state().expect("a state").step, 0);
 }
 

@@ -9,7 +9,7 @@
 
 @compute @workgroup_size(1)
 fn detector_check() {
-    if (control.halted != 0u) {
+    if (atomicLoad(&control.halted) != 0u) {
         return;
     }
     let overflow = atomicLoad(&outcome[2]);
@@ -17,19 +17,19 @@ fn detector_check() {
     control.found_lo = atomicLoad(&outcome[0]);
     control.found_hi = atomicLoad(&outcome[1]);
     if ((overflow & 2u) != 0u) {
-        control.halted = ENTRY_OVERFLOW;
+        atomicStore(&control.halted, ENTRY_OVERFLOW);
         control.missing_lo = atomicLoad(&outcome[8]);
         control.missing_hi = atomicLoad(&outcome[9]);
     } else if (astray != 0u) {
-        control.halted = NOT_FINITE;
+        atomicStore(&control.halted, NOT_FINITE);
         control.missing_lo = astray;
         control.missing_hi = 0u;
     } else if ((overflow & 16u) != 0u) {
-        control.halted = UNFINISHED_SEARCH;
+        atomicStore(&control.halted, UNFINISHED_SEARCH);
         control.missing_lo = atomicLoad(&outcome[7]);
         control.missing_hi = atomicLoad(&outcome[11]);
     } else if (overflow != 0u && params.lists_pairs != 0u) {
-        control.halted = PAIR_OVERFLOW;
+        atomicStore(&control.halted, PAIR_OVERFLOW);
         control.missing_lo = control.found_lo;
         control.missing_hi = control.found_hi;
     } else {

@@ -3,6 +3,7 @@
 #include params
 #include philox
 #include normal
+#include velocity
 #include boundary
 #include candidate
 #include round
@@ -14,7 +15,7 @@
 @group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
 @group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(6) var<storage, read> left_next: array<u32>;
-@group(0) @binding(7) var<storage, read> moved: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> moved: array<vec4<f32>>;
 
 #include apply_reaction
 

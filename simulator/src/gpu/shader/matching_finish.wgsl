@@ -5,6 +5,7 @@
 #include params
 #include philox
 #include normal
+#include velocity
 #include boundary
 #include candidate
 #include round
@@ -16,7 +17,7 @@
 @group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
 @group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(6) var<storage, read> left: array<u32>;
-@group(0) @binding(7) var<storage, read> moved: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> moved: array<vec4<f32>>;
 
 #include claims
 #include apply_reaction
@@ -88,6 +89,6 @@ fn matching_finish(@builtin(local_invocation_index) local_index: u32) {
         synchronize();
     }
     if (local_index == 0u) {
-        control.halted = ROUNDS_LEFT;
+        atomicOr(&control.halted, ROUNDS_LEFT);
     }
 }

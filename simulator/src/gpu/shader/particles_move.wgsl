@@ -4,6 +4,8 @@
 #include params
 #include philox
 #include normal
+#include unit_32
+#include velocity
 #include boundary
 #include event
 
@@ -18,6 +20,7 @@
 @group(0) @binding(8) var<storage, read> event_rows: array<EventRow>;
 @group(0) @binding(9) var<storage, read> receiver_rows: array<vec4<u32>>;
 
+#include velocity_index
 #include receiver_cells
 #include path_hit
 #include decay
@@ -32,25 +35,28 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let before = spheres[at];
     let tag = tags[at];
     let kind = species_rows[tag.x];
-    let path = path_of(before.xyz, kind, tag.y);
-    var here = Moved(vec4(path.after, before.w), tag.x);
+    let path = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
+    var here = Moved(vec4(path.after, before.w), tag.x, path.velocity);
     var arrives = false;
     let near_receivers = receivers_near(kind, before.xyz, reach_of(path) + kind.bend + trajectory.max_displacement);
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let event = event_rows[event_at(near_receivers, k)];
         if (meets(event, receiver_at(event.receiver, control.step), path, kind.diffusion, tag.y)) {
             atomicAdd(&control.tallies[event.tally], 1u);
-            here.sphere.w = -1.0;
+            here.sphere.w = radius_of_arrived(event.receiver);
             arrives = true;
             break;
         }
     }
     if (!arrives) {
-        here = decay(here.sphere, tag.x, tag.y);
+        here = decay(here, tag.y);
     }
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);
     }
     moved[at] = here.sphere;
     species[at] = here.species;
+    if (params.has_velocity != 0u) {
+        moved[velocity_at(at)] = vec4(here.velocity, 0.0);
+    }
 }

@@ -4,6 +4,8 @@
 #include params
 #include philox
 #include normal
+#include unit_32
+#include velocity
 #include boundary
 #include candidate
 #include event
@@ -22,6 +24,7 @@
 @group(0) @binding(10) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(11) var<storage, read_write> receptors: array<Receptors>;
 
+#include velocity_index
 #include receiver_cells
 #include path_hit
 #include decay
@@ -44,7 +47,7 @@ fn adsorbs(event: EventRow, distances: f32, word: u32) -> bool {
     if (event.kind == RECEPTORS) {
         own *= f32(free_receptors(event.receiver));
     }
-    return fine_unit(word) < adsorption_probability(surface_of(own, event.length, event.radius), distances);
+    return unit_32(word) < adsorption_probability(surface_of(own, event.length, event.radius), distances);
 }
 
 // Requests a receptor, with the direction from the center to the point of contact.
@@ -85,15 +88,12 @@ fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
 fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32) -> Moved {
     let reflected = reflect_path(kind, path);
     if (near_count > NEAR) {
-        control.missing_lo = near_count;
-        control.missing_hi = 0u;
-        control.halted = TOO_MANY_SURFACES;
+        atomicMax(&control.near_surfaces, near_count);
+        atomicOr(&control.halted, TOO_MANY_SURFACES);
     } else if (left_region) {
-        control.missing_lo = params.max_requeries + 1u;
-        control.missing_hi = 0u;
-        control.halted = TOO_MANY_REQUERIES;
+        atomicOr(&control.halted, TOO_MANY_REQUERIES);
     }
-    var here = Moved(vec4(reflected.after, radius), tag.x);
+    var here = Moved(vec4(reflected.after, radius), tag.x, reflected.velocity);
     let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
     let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
@@ -105,18 +105,18 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
         if (event.kind == REFLECTING || leaves) {
             continue;
         }
-        var displacement = path;
+        var taken = path;
         if (reflected.first != event.receiver) {
             // Another surface reflected the path first.
-            displacement.end = reflected.end;
-            displacement.after = reflected.after;
+            taken.end = reflected.end;
+            taken.after = reflected.after;
         }
-        if (!meets(event, receiver, displacement, kind.diffusion, tag.y)) {
+        if (!meets(event, receiver, taken, kind.diffusion, tag.y)) {
             continue;
         }
         if (event.kind > REFLECTING) {
-            let a = abs(signed_distance(event.radius, receiver.center, displacement.before));
-            let b = abs(signed_distance(event.radius, receiver.center + receiver.displacement, displacement.after));
+            let a = abs(signed_distance(event.radius, receiver.center, taken.before));
+            let b = abs(signed_distance(event.radius, receiver.center + receiver.displacement, taken.after));
             let words = philox(vec4(tag.y, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
             if (!adsorbs(event, a + b, words.y)) {
                 continue;
@@ -126,16 +126,16 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
                 if (a + b > 0.0) {
                     time = a / (a + b);
                 }
-                let touching = displacement.before + time * (displacement.end - displacement.before);
+                let touching = taken.before + time * (taken.end - taken.before);
                 request_binding(at, place, touching, receiver.center + time * receiver.displacement, words.z);
                 return here;
             }
         }
         atomicAdd(&control.tallies[event.tally], 1u);
-        here.sphere.w = -1.0;
+        here.sphere.w = radius_of_arrived(event.receiver);
         return here;
     }
-    return decay(here.sphere, tag.x, tag.y);
+    return decay(here, tag.y);
 }
 
 @compute @workgroup_size(256)
@@ -148,15 +148,21 @@ fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(n
     let before = spheres[at];
     let tag = tags[at];
     let kind = species_rows[tag.x];
-    var here = Moved(before, tag.x);
+    var here = Moved(before, tag.x, vec3(0.0));
     if (before.w <= BOUND_RADIUS) {
         here.sphere = unbind(before, tag.y, kind);
+        if (params.has_velocity != 0u && here.sphere.w >= 0.0) {
+            here.velocity = drawn_velocity(kind.speed, kind.thermal_speed, tag.y, VELOCITY_OF_UNBOUND);
+        }
     } else {
-        here = move_free(at, path_of(before.xyz, kind, tag.y), kind, tag, before.w);
+        here = move_free(at, path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), kind, tag, before.w);
     }
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);
     }
     moved[at] = here.sphere;
     species[at] = here.species;
+    if (params.has_velocity != 0u) {
+        moved[velocity_at(at)] = vec4(here.velocity, 0.0);
+    }
 }

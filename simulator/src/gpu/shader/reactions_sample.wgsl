@@ -19,31 +19,38 @@
 fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                    @builtin(local_invocation_index) local_index: u32) {
     let index = global_index(group, groups, local_index);
-    if (control.halted != 0u || index >= control.pairs) {
+    if (atomicLoad(&control.halted) != 0u || index >= control.pairs) {
         return;
     }
     let pair = pairs[index];
-    let species_rows = vec2(species[pair.x], species[pair.y]);
-    let place = species_rows.x * params.species + species_rows.y;
-    let rule = reaction_rows[place];
-    if (rule.first == NOTHING) {
+    let kinds = vec2(species[pair.x], species[pair.y]);
+    var row = kinds.x * params.species + kinds.y;
+    if (reaction_rows[row].first == NOTHING) {
         return;
     }
-    if ((rule.flags & 4u) != 0u) {
-        let d = minimum_image(moved[pair.y].xyz - moved[pair.x].xyz);
-        if (dot(d, d) > rule.within * rule.within) {
-            return;
-        }
-    }
+    let d = minimum_image(moved[pair.y].xyz - moved[pair.x].xyz);
+    let apart = dot(d, d);
     let own = vec2(tags[pair.x].y, tags[pair.y].y);
     let words = philox(vec4(min(own.x, own.y), max(own.x, own.y), control.step, PURPOSE_PAIR), params.key);
-    if (words.y > rule.threshold) {
+    // The innermost shell that contains the pair, then the reaction of it that the draw selects. Each row is visited once.
+    for (var k = 0u; k < arrayLength(&reaction_rows) && row != NOTHING; k++) {
+        let rule = reaction_rows[row];
+        if ((rule.flags & 4u) != 0u && apart > rule.within * rule.within) {
+            row = rule.next_shell;
+        } else if (words.y > rule.threshold) {
+            row = rule.next;
+        } else {
+            break;
+        }
+    }
+    if (row == NOTHING) {
         return;
     }
+    let rule = reaction_rows[row];
     // Of two equal species, the lower id is the first reactant.
-    let in_order = select(species_rows.x == rule.first, own.x < own.y, species_rows.x == species_rows.y);
+    let in_order = select(kinds.x == rule.first, own.x < own.y, kinds.x == kinds.y);
     let slot = atomicAdd(&control.left[0], 1u);
     candidates[slot] =
-        Candidate(select(pair.yx, pair, in_order), select(own.yx, own, in_order), place, words.x);
+        Candidate(select(pair.yx, pair, in_order), select(own.yx, own, in_order), row, words.x);
     left[slot] = slot;
 }

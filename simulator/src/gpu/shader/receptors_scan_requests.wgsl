@@ -20,9 +20,8 @@ fn receptors_scan_requests(@builtin(local_invocation_index) local_index: u32) {
         let requests = atomicLoad(&receptors[k].requests);
         own += requests;
         if (requests > MAX_REQUESTS) {
-            control.missing_lo = requests;
-            control.missing_hi = 0u;
-            control.halted = TOO_MANY_REQUESTS;
+            atomicMax(&control.requests, requests);
+            atomicOr(&control.halted, TOO_MANY_REQUESTS);
         }
     }
     var before = running_sum(own, local_index) - own;

@@ -79,7 +79,7 @@ fn receptors_select(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
         let count = receptors[receiver].count;
         let free = count - min(count, atomicLoad(&receptors[receiver].bound));
         // No requests if the run is halted.
-        let requests = select(0u, atomicLoad(&receptors[receiver].requests), control.halted == 0u);
+        let requests = select(0u, atomicLoad(&receptors[receiver].requests), atomicLoad(&control.halted) == 0u);
         numbers = vec3(requests, free, receptors[receiver].first);
     }
     let all_numbers = workgroupUniformLoad(&numbers);

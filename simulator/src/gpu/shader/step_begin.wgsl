@@ -16,12 +16,14 @@ fn step_begin(@builtin(local_invocation_index) local_index: u32) {
     if (local_index != 0u) {
         return;
     }
-    control.count = select(0u, control.alive + control.incoming, control.halted == 0u);
+    control.count = select(0u, control.alive + control.incoming, atomicLoad(&control.halted) == 0u);
     control.incoming = 0u;
     control.step = control.done;
     control.pairs = 0u;
     control.found_lo = 0u;
     control.found_hi = 0u;
+    atomicStore(&control.born, 0u);
+    atomicStore(&control.events, control.committed_events);
     atomicStore(&control.removed, 0u);
     atomicStore(&control.left[0], 0u);
     atomicStore(&control.left[1], 0u);

@@ -1,5 +1,6 @@
 // Counts the surviving particles of each workgroup, in output order.
 #include control
+#include params
 #include candidate
 #include running_sum
 
@@ -11,9 +12,26 @@
 @group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(6) var<storage, read_write> ids: array<u32>;
 @group(0) @binding(7) var<storage, read_write> sums: array<u32>;
+@group(0) @binding(8) var<uniform> params: Params;
+// The event log: step, receiver, species and id of an arrival; step, NOTHING, rank and id of the parent of a second
+// product.
+@group(0) @binding(9) var<storage, read_write> events: array<vec4<u32>>;
 
 #include output_order
 #include compaction
+
+// Logs a particle that a receiver removed in this step; see radius_of_arrived.
+fn log_arrival(at: u32) {
+    let radius = moved[at].w;
+    if (radius >= -1.0 || radius <= -2.0 || atomicLoad(&control.halted) != 0u) {
+        return;
+    }
+    let receiver = u32((-1.0 - radius) * 0x1p17 + 0.5) - 1u;
+    let slot = atomicAdd(&control.events, 1u);
+    if (slot < arrayLength(&events)) {
+        events[slot] = vec4(control.step, receiver, tags[at].x, tags[at].y);
+    }
+}
 
 @compute @workgroup_size(256)
 fn survivors_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -25,6 +43,9 @@ fn survivors_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     if (at < count) {
         // survivors_place writes tags in output order, so ids are copied before.
         ids[k] = tags[at].y;
+        if (params.logs_arrivals != 0u) {
+            log_arrival(at);
+        }
     }
     if (local_index == WORKGROUP_SIZE - 1u && k - local_index < count) {
         sums[1u + k / WORKGROUP_SIZE] = sum;

@@ -1,5 +1,6 @@
 // Compacts the surviving particles, in output order, with the products of their reactions.
 #include control
+#include params
 #include candidate
 #include running_sum
 
@@ -12,7 +13,9 @@
 @group(0) @binding(6) var<storage, read> sums: array<u32>;
 @group(0) @binding(7) var<storage, read_write> spheres: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> tags: array<vec2<u32>>;
+@group(0) @binding(9) var<uniform> params: Params;
 
+#include velocity_index
 #include output_order
 #include compaction
 
@@ -30,6 +33,9 @@ fn survivors_place(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     }
     if (adsorbs) {
         let to = sums[1u + k / WORKGROUP_SIZE] + rank - 1u;
+        if (params.has_velocity != 0u) {
+            spheres[velocity_at(to)] = moved[velocity_at(at)];
+        }
         if (atomicLoad(&claims[at].is_taken) == 0u) {
             spheres[to] = moved[at];
             tags[to] = vec2(species[at], ids[k]);

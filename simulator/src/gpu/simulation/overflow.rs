@@ -7,7 +7,7 @@ use crate::Error;
 use crate::gpu::device::{refused, with_error_scope};
 use crate::gpu::dispatches::{RunBuffers, StepDispatches};
 use crate::gpu::layout::ControlHeader;
-use crate::gpu::plan::{Sizes, grown};
+use crate::gpu::plan::{MAX_BIRTHS, Sizes, grown};
 
 /// The most surfaces near one particle, as in `reflection.wgsl`.
 const NEAR: u64 = 16;
@@ -20,7 +20,7 @@ impl GpuSimulation {
         let step = self.step;
         let failed = |source| Err(refused(source));
         let mut sizes = self.steps.sizes;
-        match head.halted {
+        match head.reason() {
             0 => return Ok(()),
             ControlHeader::PAIR_OVERFLOW => {
                 let limit = 1u64 << 28;
@@ -59,7 +59,7 @@ impl GpuSimulation {
                 }
             }
             ControlHeader::TOO_MANY_SURFACES | ControlHeader::TOO_MANY_REQUESTS => {
-                let (what, limit) = match head.halted {
+                let (what, limit) = match head.reason() {
                     ControlHeader::TOO_MANY_SURFACES => {
                         ("the number of surfaces within reach of a particle's step", NEAR)
                     }
@@ -70,8 +70,26 @@ impl GpuSimulation {
             }
             ControlHeader::TOO_MANY_REQUERIES => {
                 let what = "the number of searches for moving surfaces near a particle in a step";
-                let (needed, remedy) = (head.missing(), "shorten the time step, or choose the CPU");
-                return failed(lazygrid::Error::LimitExceeded { what, needed, limit: needed - 1, remedy });
+                let limit = u64::from(self.buffers.max_requeries);
+                let remedy = "shorten the time step, or choose the CPU";
+                return failed(lazygrid::Error::LimitExceeded { what, needed: limit + 1, limit, remedy });
+            }
+            ControlHeader::BIRTH_OVERFLOW => {
+                let (needed, limit) = (head.missing(), MAX_BIRTHS.into());
+                if needed > limit {
+                    let what = "the number of particles that dissociate into two in a step";
+                    let remedy = "shorten the time step, or choose the CPU";
+                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
+                }
+                sizes.births = (needed + needed / 4).min(limit) as u32;
+            }
+            ControlHeader::PARTICLE_OVERFLOW => sizes.particles = grown(head.missing() as u32),
+            ControlHeader::OUT_OF_IDS => {
+                return Err(Error::OutOfIds { released: u64::from(self.next_id) + head.missing() });
+            }
+            // A readback empties the log, so it overflows only if the arrivals of one step exceed it.
+            ControlHeader::EVENT_OVERFLOW => {
+                sizes.events = sizes.events.max(grown(head.missing().min(u32::MAX.into()) as u32));
             }
             ControlHeader::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.missing() }),
             other => {
@@ -81,7 +99,7 @@ impl GpuSimulation {
         }
         log::info!(
             "step {step}: repeated with more capacity (reason {}, {} needed)",
-            head.halted,
+            head.reason(),
             head.missing()
         );
         self.rebuild(sizes)?;
@@ -105,21 +123,41 @@ impl GpuSimulation {
         }
     }
 
+    /// Uploads the capacities that kernels check.
+    pub(super) fn upload_capacities(&self) -> Result<(), Error> {
+        let Sizes { particles, births, events, .. } = self.steps.sizes;
+        let at = std::mem::offset_of!(ControlHeader, capacity) as u64;
+        let control = self.buffers.buffer("control");
+        let words = [particles, births, events];
+        with_error_scope(&self.buffers.own, "capacities", 0, || {
+            self.buffers.own.queue.write_buffer(control, at, bytemuck::cast_slice(&words));
+        })
+    }
+
     /// Changes sizes. Particles stay on the device; all other buffers are new.
     pub(super) fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
         let steps = prepare(&mut self.buffers, sizes, self.options.rounds, self.detector.as_mut())?;
         let mut encoder = self.encoder();
-        for (name, bytes) in [("spheres", 16), ("tags", 8)] {
-            let bytes = bytes * u64::from(self.alive);
+        let alive = u64::from(self.alive);
+        // Velocities are in the second half.
+        let halves = if sizes.has_velocity {
+            [self.steps.sizes, sizes].map(|sizes| 16 * u64::from(sizes.particles))
+        } else {
+            [0; 2]
+        };
+        for (name, bytes, [from, to]) in
+            [("spheres", 16, [0; 2]), ("spheres", 16, halves), ("tags", 8, [0; 2])]
+        {
+            let bytes = bytes * alive;
             if bytes > 0 {
-                encoder.copy_buffer_to_buffer(self.steps.buffer(name), 0, steps.buffer(name), 0, bytes);
+                encoder.copy_buffer_to_buffer(self.steps.buffer(name), from, steps.buffer(name), to, bytes);
             }
         }
         with_error_scope(&self.buffers.own, "new sizes", 0, || {
             self.buffers.own.queue.submit([encoder.finish()])
         })?;
         self.steps = steps;
-        Ok(())
+        self.upload_capacities()
     }
 }
 

@@ -17,18 +17,25 @@ impl GpuSimulation {
     /// [`Error::Detection`] if the device fails.
     pub fn state(&self) -> Result<State, Error> {
         let n = u64::from(self.alive);
-        let parts = [(self.steps.buffer("spheres"), 16 * n), (self.steps.buffer("tags"), 8 * n)];
+        let sizes = self.steps.sizes;
+        let half = 16 * u64::from(sizes.particles);
+        let spheres = if sizes.has_velocity { half + 16 * n } else { 16 * n };
+        let parts = [(self.steps.buffer("spheres"), spheres), (self.steps.buffer("tags"), 8 * n)];
         let read = read(&self.buffers.own, self.encoder(), &parts)?;
-        let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
+        let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0][..16 * n as usize]);
+        let velocities: Vec<[f32; 4]> = match sizes.has_velocity {
+            true => bytemuck::pod_collect_to_vec(&read[0][half as usize..]),
+            false => vec![[0.0; 4]; spheres.len()],
+        };
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
         // The device keeps them in the order of cells, which depends on the scheduling of threads.
-        let mut rows: Vec<_> = spheres.into_iter().zip(tags).collect();
+        let mut rows: Vec<_> = spheres.into_iter().zip(velocities).zip(tags).collect();
         rows.sort_unstable_by_key(|&(_, [_, id])| id);
         let (mut particles, mut bound) = (Particles::default(), Vec::new());
-        for ([x, y, z, radius], [species, id]) in rows {
+        for (([x, y, z, radius], [u, v, w, _]), [species, id]) in rows {
             if radius >= 0.0 {
-                let position = [x, y, z];
-                particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
+                let (position, velocity) = ([x, y, z], [u, v, w]);
+                particles.push(Particle { position, velocity, radius, species, id }, sizes.has_velocity);
                 continue;
             }
             let event = (BOUND_RADIUS - radius) as u32;
@@ -40,16 +47,27 @@ impl GpuSimulation {
             let receiver = self.bound_species[at].receiver;
             bound.push(Bound { id, species, receiver, direction: [x, y, z] });
         }
-        (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
+        (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), sizes.has_velocity));
         let Self { step, next_id, .. } = *self;
         let (totals, centers) = (self.totals.clone(), self.centers.clone());
-        Ok(State { particles, step, next_id, totals, centers, bound, ..State::default() })
+        let origins = self.origins.clone();
+        Ok(State { particles, step, next_id, totals, centers, bound, origins })
     }
 
     pub(super) fn upload(&self, state: &State) -> Result<(), Error> {
-        let head =
-            ControlHeader { alive: self.alive, done: self.step, step: self.step, ..ControlHeader::default() };
+        let sizes = self.steps.sizes;
+        let head = ControlHeader {
+            alive: self.alive,
+            done: self.step,
+            step: self.step,
+            capacity: sizes.particles,
+            max_births: sizes.births,
+            max_events: sizes.events,
+            next_id: self.next_id,
+            ..ControlHeader::default()
+        };
         let (mut spheres, mut tags) = columns(&state.particles);
+        let velocities = velocities(&state.particles);
         for &Bound { id, species, receiver, direction: [x, y, z] } in &state.bound {
             let found =
                 self.bound_species.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
@@ -65,6 +83,10 @@ impl GpuSimulation {
         with_error_scope(&self.buffers.own, "the particles", 0, || {
             queue.write_buffer(self.buffers.buffer("control"), 0, bytemuck::bytes_of(&head));
             queue.write_buffer(self.steps.buffer("spheres"), 0, bytemuck::cast_slice(&spheres));
+            if sizes.has_velocity {
+                let half = 16 * u64::from(sizes.particles);
+                queue.write_buffer(self.steps.buffer("spheres"), half, bytemuck::cast_slice(&velocities));
+            }
             queue.write_buffer(self.steps.buffer("tags"), 0, bytemuck::cast_slice(&tags));
         })
     }
@@ -78,4 +100,13 @@ pub(super) fn columns(particles: &Particles) -> (Vec<[f32; 4]>, Vec<[u32; 2]>) {
     };
     let n = particles.len();
     ((0..n).map(sphere).collect(), (0..n).map(|at| [particles.species[at], particles.id[at]]).collect())
+}
+
+/// Returns the velocities of particles in the layout of the device.
+pub(super) fn velocities(particles: &Particles) -> Vec<[f32; 4]> {
+    let velocity = |at: usize| {
+        let [u, v, w] = particles.get(at).velocity;
+        [u, v, w, 0.0]
+    };
+    (0..particles.len()).map(velocity).collect()
 }

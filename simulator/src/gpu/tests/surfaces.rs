@@ -17,7 +17,7 @@ use crate::random::philox::{Draws, open_unit};
 #[test]
 fn adsorption_and_unbinding_equal_those_of_the_cpu() {
     let Some(own) = device() else { return };
-    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include adsorption";
+    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include unit_32\n#include adsorption";
     let body = "let length = ldexp(1.0, i32((k / 24u) % 8u) - 6);
         let surface = surface_of(ldexp(1.0, i32(k % 24u) - 16), length, 0.5);
         params.key = vec2(5u, 6u);
@@ -94,9 +94,9 @@ var<private> receiver_rows: array<vec4<u32>, 6>;
                 let more = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
                 let before = 4.0 * vec3(open_unit(words.x), open_unit(words.y), open_unit(words.z)) - 2.0;
                 let end = before + 4.0 * (vec3(open_unit(more.x), open_unit(more.y), open_unit(more.z)) - 0.5);
-                trajectory.max_displacement = 0.6; params.max_requeries = 8u;
-                let kind = SpeciesRow(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING);
-                let reflected = reflect_path(kind, Path(before, end, confined(end, 0.0)));
+                trajectory.max_displacement = 0.6; params.time_step = 1.0; params.max_requeries = 8u;
+                let kind = SpeciesRow(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING, 0.0, 0.0, 0u, 0u, 0.0);
+                let reflected = reflect_path(kind, Path(before, end, confined(end, 0.0), vec3(0.0)));
                 out[k] = vec4(bitcast<vec3<u32>>(reflected.after), reflected.first + 1u);",
                 u32::from(axes == 0)
             );

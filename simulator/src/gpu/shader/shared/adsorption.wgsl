@@ -16,11 +16,6 @@ fn erfcx(x: f32) -> f32 {
     return 2.0 / (2.0 + x) * exp(low);
 }
 
-// A uniform number in (0, 1) with all 32 bits, rounded.
-fn fine_unit(word: u32) -> f32 {
-    return (f32(word) + 0.5) * 0x1p-32;
-}
-
 // A reactive surface: kappa sqrt(dt / D), the same with the effect of curvature, sqrt(D dt), and the radius.
 struct Surface {
     own: f32,
@@ -90,7 +85,7 @@ fn word_of(draws: ptr<function, Draws>) -> u32 {
 }
 
 fn unit_of(draws: ptr<function, Draws>) -> f32 {
-    return fine_unit(word_of(draws));
+    return unit_32(word_of(draws));
 }
 
 // Draws the height above the surface at the end of the step in which a particle unbinds.

@@ -1,8 +1,8 @@
-// Confines the center of a sphere of this radius, axis by axis, as boundary.rs does.
-fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
-    if (params.is_open != 0u) {
-        return x;
-    }
+// Walls, periodic images and vessels, as in boundary.rs and vessel.rs.
+#include vessel
+
+// Confines a coordinate vector, axis by axis, for spheres of this radius.
+fn confined_axes(x: vec3<f32>, radius: f32) -> vec3<f32> {
     let inset = select(vec3(0.0), vec3(radius), params.axes == vec3(1u));
     let low = params.low + inset;
     let high = params.high - inset;
@@ -16,6 +16,28 @@ fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
     let repeated = select(wrapped, x, (x >= low) & (x < high));
     let axes = params.axes;
     return select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u));
+}
+
+// Confines the center of a sphere of this radius.
+fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
+    if (params.is_open != 0u) {
+        return x;
+    }
+    let p = confined_axes(x, radius);
+    if (params.vessel_axis == NO_VESSEL) {
+        return p;
+    }
+    return confined_in_vessel(p, params.vessel_radius - radius);
+}
+
+// Returns by axis if walls reverse the direction of a particle that would end at x without walls.
+fn reversed_axes(x: vec3<f32>, radius: f32) -> vec3<bool> {
+    let low = params.low + radius;
+    let high = params.high - radius;
+    let length = high - low;
+    let y = x - low;
+    let rest = y - 2.0 * length * floor(y / (2.0 * length));
+    return (params.axes == vec3(1u)) & ((x < low) | (x > high)) & (rest > length);
 }
 
 // Returns the minimum image of a difference of two positions.

@@ -21,9 +21,14 @@ struct Claim {
     sphere: vec4<f32>,
 }
 
-// A reaction of two species, as an entry of the table by both. Two entries of the table describe the same reaction.
+// A reaction of two species. The table begins with the first row of each pair of species, for both orders of the pair;
+// further reactions of the pair follow after all of these.
 struct ReactionRow {
     reaction: u32,
+    // The row to try if the draw does not select this one, and if the pair is farther apart than `within`; NOTHING at the
+    // end.
+    next: u32,
+    next_shell: u32,
     // Species of the first reactant, or NOTHING if the species do not react.
     first: u32,
     threshold: u32,
@@ -37,6 +42,10 @@ struct ReactionRow {
     // The first reactant's fraction of the distance to the meeting point, and the first product's of `unbinding`.
     share: f32,
     first_share: f32,
+    // Speeds of both reactants, and speeds and thermal speeds of both products.
+    speeds: vec2<f32>,
+    product_speeds: vec2<f32>,
+    thermal_speeds: vec2<f32>,
 }
 
 fn claims_it(rule: ReactionRow, side: u32) -> bool {

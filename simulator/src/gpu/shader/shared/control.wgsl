@@ -5,8 +5,8 @@ struct Control {
     // Particles at the beginning of the step, without those of a burst.
     alive: u32,
     incoming: u32,
-    // The reason why the run is halted; 0 while it is not.
-    halted: u32,
+    // The reasons why the run is halted, as bits; 0 while it is not. Several threads may halt it for several reasons.
+    halted: atomic<u32>,
     // The current step, and the number of finished steps.
     step: u32,
     done: u32,
@@ -18,13 +18,30 @@ struct Control {
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // The needed capacity of a halted run: entries of the detector's grid, particles that are not finite, surfaces near a
-    // particle, requests for the receptors of one receiver, searches for surfaces by one particle, or the blocks and tiles of the
-    // detector's search of crowded cells.
+    // The needed capacity, from the stages of one thread: entries of the detector's grid, pairs, particles, the number of
+    // particles that are not finite, or the blocks and tiles of the detector's search of crowded cells.
     missing_lo: u32,
     missing_hi: u32,
+    // The most surfaces near a particle that exceeded NEAR, and the most requests that exceeded MAX_REQUESTS.
+    near_surfaces: atomic<u32>,
+    requests: atomic<u32>,
     // Remaining candidates of the matching, in either list.
     left: array<atomic<u32>, 2>,
+    // Capacities for particles, second products of a step, and entries of the event log.
+    capacity: u32,
+    max_births: u32,
+    max_events: u32,
+    // The id of the next new particle.
+    next_id: u32,
+    // Second products of dissociations in this step.
+    born: atomic<u32>,
+    // Entries of the event log with those of this step, and without.
+    events: atomic<u32>,
+    committed_events: u32,
+    // Where compaction put the first second product of this step, its id, and its entry of the event log.
+    born_at: u32,
+    born_id: u32,
+    born_event: u32,
     // The tallies of the current step, then those of all steps since the last readback.
     tallies: array<atomic<u32>>,
 }
@@ -37,6 +54,10 @@ const TOO_MANY_SURFACES: u32 = 16u;
 const TOO_MANY_REQUESTS: u32 = 32u;
 const TOO_MANY_REQUERIES: u32 = 64u;
 const UNFINISHED_SEARCH: u32 = 128u;
+const BIRTH_OVERFLOW: u32 = 256u;
+const PARTICLE_OVERFLOW: u32 = 512u;
+const OUT_OF_IDS: u32 = 1024u;
+const EVENT_OVERFLOW: u32 = 2048u;
 
 const WORKGROUP_SIZE: u32 = 256u;
 // No species and no particle.

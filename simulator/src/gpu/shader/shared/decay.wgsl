@@ -1,28 +1,97 @@
-// A particle after its own step. A removed particle has a radius of -1 until the end of the step.
+// A particle after its own step. A removed particle has a radius of -1 until the end of the step; if a receiver removed it,
+// a slightly smaller one that names the receiver.
 struct Moved {
     sphere: vec4<f32>,
     species: u32,
+    velocity: vec3<f32>,
 }
 
-// Decays a particle that had no other event.
-fn decay(sphere: vec4<f32>, species: u32, id: u32) -> Moved {
-    let kind = species_rows[species];
-    if (kind.decays_begin == kind.events_end) {
-        return Moved(sphere, species);
+// The most decays of a particle in a step. Models that may exceed it are refused.
+const MAX_DECAYS: u32 = 64u;
+const ARRIVAL_UNIT: f32 = 0x1p-17;
+
+// The radius of a particle that a receiver removed, which log_arrival reads.
+fn radius_of_arrived(receiver: u32) -> f32 {
+    return -1.0 - f32(receiver + 1u) * ARRIVAL_UNIT;
+}
+
+// 1 - exp(-x), by its series where the difference would cancel.
+fn probability_within(x: f32) -> f32 {
+    if (x > 0.1) {
+        return 1.0 - exp(-x);
     }
-    let word = philox(vec4(id, 0u, control.step, PURPOSE_DECAY), params.key).x;
+    return x * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))));
+}
+
+// -ln(1 - x), by its series where the difference would cancel.
+fn minus_ln_of_rest(x: f32) -> f32 {
+    if (x > 0.1) {
+        return -ln(1.0 - x);
+    }
+    return x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 3.0 + x * (1.0 / 4.0 + x * (1.0 / 5.0 + x * (1.0 / 6.0))))));
+}
+
+// The part of `left` steps after which a decay happened, given that one did; `rate` is the number expected in a step.
+fn decay_time(rate: f32, left: f32, word: u32) -> f32 {
+    return min(minus_ln_of_rest(unit_32(word) * probability_within(rate * left)) / rate, left);
+}
+
+// The first decay of a particle in a step, or NOTHING.
+fn first_decay(kind: SpeciesRow, word: u32) -> u32 {
     for (var k = kind.decays_begin; k < kind.events_end; k++) {
-        let event = event_rows[k];
-        if (word > event.threshold) {
-            continue;
+        if (word <= event_rows[k].threshold) {
+            return k;
         }
+    }
+    return NOTHING;
+}
+
+// A further decay of a particle that exists for `left` of the step, or NOTHING.
+fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
+    if (kind.decays_begin == kind.events_end) {
+        return NOTHING;
+    }
+    let ratio = unit_32(word) / probability_within(kind.decay_rate * left);
+    for (var k = kind.decays_begin; k < kind.events_end; k++) {
+        if (ratio < event_rows[k].share) {
+            return k;
+        }
+    }
+    return NOTHING;
+}
+
+// Decays a particle that had no other event, and its products for the rest of the step; see decay.rs.
+fn decay(moved: Moved, id: u32) -> Moved {
+    var here = moved;
+    var kind = species_rows[here.species];
+    if (kind.decays_begin == kind.events_end) {
+        return here;
+    }
+    var left = 1.0;
+    for (var generation = 0u; generation < MAX_DECAYS; generation++) {
+        let words = philox(vec4(id, generation, control.step, PURPOSE_DECAY), params.key);
+        var found = NOTHING;
+        if (generation == 0u) {
+            found = first_decay(kind, words.x);
+        } else {
+            found = next_decay(kind, left, words.x);
+        }
+        if (found == NOTHING) {
+            break;
+        }
+        let event = event_rows[found];
         atomicAdd(&control.tallies[event.tally], 1u);
         if (event.product == NOTHING) {
-            return Moved(vec4(sphere.xyz, -1.0), species);
+            here.sphere.w = -1.0;
+            break;
         }
+        left -= decay_time(kind.decay_rate, left, words.y);
+        let product = species_rows[event.product];
         // A larger product may overlap a wall.
-        let radius = species_rows[event.product].radius;
-        return Moved(vec4(confined(sphere.xyz, radius), radius), event.product);
+        here.sphere = vec4(confined(here.sphere.xyz, product.radius), product.radius);
+        here.velocity = converted_velocity(here.velocity, kind.speed, product.speed, product.thermal_speed, id);
+        here.species = event.product;
+        kind = product;
     }
-    return Moved(sphere, species);
+    return here;
 }

@@ -17,6 +17,14 @@ struct SpeciesRow {
     reach: f32,
     // Index among the species with lists of receivers, or NOTHING.
     cell_lists: u32,
+    // Speed of a swimmer, and the standard deviation of each component of the velocity at release.
+    speed: f32,
+    thermal_speed: f32,
+    // The largest word at which a swimmer tumbles, if it does.
+    tumbles: u32,
+    tumble_threshold: u32,
+    // Expected decays in a step.
+    decay_rate: f32,
 }
 
 // A possible event of a particle of one species, in the order of precedence.
@@ -39,6 +47,8 @@ struct EventRow {
     own: f32,
     // Expected unbinding events of a bound particle per step.
     unbinding: f32,
+    // The fraction of the decay rate up to this channel.
+    share: f32,
 }
 
 // The center of a receiver at the beginning of a step, and its displacement in the step.
@@ -72,6 +82,8 @@ struct Path {
     // Its end without walls and periodic images.
     end: vec3<f32>,
     after: vec3<f32>,
+    // Its own velocity at the end.
+    velocity: vec3<f32>,
 }
 
 const ABSORBING: u32 = 0u;

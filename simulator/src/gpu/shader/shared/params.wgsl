@@ -12,8 +12,19 @@ struct Params {
     lists_pairs: u32,
     // The most searches for surfaces by a particle in a step.
     max_requeries: u32,
+    // 1 if particles have velocities, and if arrivals are logged.
+    has_velocity: u32,
+    logs_arrivals: u32,
+    time_step: f32,
     // By axis: 0 open, 1 reflecting, 2 periodic.
     axes: vec3<u32>,
+    // 1 plus the axis of the vessel; 0 without a vessel.
+    vessel_axis: u32,
     low: vec3<f32>,
+    vessel_radius: f32,
     high: vec3<f32>,
+    // The displacement of Poiseuille flow on the axis of the vessel in a step.
+    peak_flow: f32,
+    // A point on the axis of the vessel.
+    vessel_center: vec3<f32>,
 }

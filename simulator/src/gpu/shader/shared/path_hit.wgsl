@@ -1,8 +1,30 @@
 // The path of a particle in a step, and tests whether it hit a receiver, as in motion.rs and crossing.rs.
-fn path_of(before: vec3<f32>, kind: SpeciesRow, id: u32) -> Path {
+fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> Path {
     let random = normals(philox(vec4(id, 0u, control.step, PURPOSE_MOVE), params.key));
-    let end = before + (kind.length * random + kind.drift);
-    return Path(before, end, confined(end, kind.radius));
+    let end = before + (kind.length * random + (kind.drift + velocity * params.time_step));
+    if (params.vessel_axis == NO_VESSEL) {
+        let own = select(velocity, -velocity, reversed_axes(end, kind.radius));
+        return Path(before, end, confined(end, kind.radius), own);
+    }
+    let reflected = reflect_in_vessel(before, end, params.vessel_radius - kind.radius, velocity);
+    var carried = reflected.end;
+    carried[along_vessel()] += flow_between(before, reflected.end);
+    let own = select(reflected.velocity, -reflected.velocity, reversed_axes(carried, kind.radius));
+    return Path(before, carried, confined_axes(carried, kind.radius), own);
+}
+
+// Returns the velocity at the beginning of a step: a swimmer tumbles at random.
+fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
+    if (params.has_velocity == 0u) {
+        return vec3(0.0);
+    }
+    if (kind.tumbles != 0u) {
+        let words = philox(vec4(id, 0u, control.step, PURPOSE_TUMBLE), params.key);
+        if (words.x <= kind.tumble_threshold) {
+            return kind.speed * direction(words.y, words.z);
+        }
+    }
+    return spheres[velocity_at(at)].xyz;
 }
 
 // Returns true if a straight path enters and leaves the sphere, in the frame of the sphere.

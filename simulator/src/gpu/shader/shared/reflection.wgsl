@@ -6,15 +6,19 @@ struct Obstacle {
     offset: vec3<f32>,
     radius: f32,
     displacement: vec3<f32>,
+    // Its drift in a step, in whose frame velocities are reflected.
+    drift: vec3<f32>,
     receiver: u32,
 }
 
-// A reflected path: its end, the confined end, the receiver of the first reflection or NOTHING, and its length.
+// A reflected path: its end, the confined end, the receiver of the first reflection or NOTHING, its length, and the
+// particle's own velocity at its end.
 struct ReflectedPath {
     end: vec3<f32>,
     after: vec3<f32>,
     first: u32,
     length: f32,
+    velocity: vec3<f32>,
 }
 
 // The most spheres and images of spheres near one particle; the run halts if there are more.
@@ -55,11 +59,11 @@ fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach:
             continue;
         }
         let offset = minimum_image(path.before - receiver.center);
-        add_obstacle(Obstacle(offset, event.radius, receiver.displacement, event.receiver), reach);
+        add_obstacle(Obstacle(offset, event.radius, receiver.displacement, event.drift, event.receiver), reach);
         let relative = displacement - receiver.displacement;
         let other = minimum_image(path.before - receiver.center + relative) - relative;
         if (any(abs(other - offset) > vec3(event.radius))) {
-            add_obstacle(Obstacle(other, event.radius, receiver.displacement, event.receiver), reach);
+            add_obstacle(Obstacle(other, event.radius, receiver.displacement, event.drift, event.receiver), reach);
         }
     }
 }
@@ -113,12 +117,14 @@ struct FollowedPath {
     displacement: vec3<f32>,
     length: f32,
     first: u32,
+    // The displacement of the particle's own velocity in a step.
+    velocity: vec3<f32>,
 }
 
 // Follows a path past the listed spheres.
-fn follow(start: vec3<f32>, count: u32) -> FollowedPath {
+fn follow(start: vec3<f32>, velocity: vec3<f32>, count: u32) -> FollowedPath {
     var displacement = start;
-    var found = FollowedPath(vec3(0.0), 0.0, NOTHING);
+    var found = FollowedPath(vec3(0.0), 0.0, NOTHING, velocity);
     var time = 0.0;
     for (var bounce = 0u; bounce < BOUNCES; bounce++) {
         var remaining = 1.0 - time;
@@ -141,6 +147,7 @@ fn follow(start: vec3<f32>, count: u32) -> FollowedPath {
         time += remaining;
         let normal = normalize(near[next].offset + found.displacement - time * near[next].displacement);
         displacement -= 2.0 * dot(displacement - near[next].displacement, normal) * normal;
+        found.velocity -= 2.0 * dot(found.velocity - near[next].drift, normal) * normal;
     }
     return found;
 }
@@ -148,13 +155,13 @@ fn follow(start: vec3<f32>, count: u32) -> FollowedPath {
 fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     // A wall reflects before any sphere does.
     let displacement = select(path.end, path.after, params.axes == vec3(1u)) - path.before;
-    var found = FollowedPath(vec3(0.0), length(displacement), NOTHING);
+    var found = FollowedPath(vec3(0.0), length(displacement), NOTHING, vec3(0.0));
     left_region = true;
     for (var query = 0u; query < params.max_requeries; query++) {
         // A sphere that moves towards the particle accelerates it by at most twice its own speed.
         let reach = ROUNDING_FACTOR * found.length + 3.0 * trajectory.max_displacement;
         search_surfaces(kind, path, displacement, reach);
-        found = follow(displacement, min(near_count, NEAR));
+        found = follow(displacement, path.velocity * params.time_step, min(near_count, NEAR));
         // A moving sphere may have pushed the particle beyond the region of the search.
         if (trajectory.max_displacement == 0.0 || found.length + trajectory.max_displacement <= reach) {
             left_region = false;
@@ -163,8 +170,9 @@ fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     }
     let end = path.before + found.displacement;
     if (found.first == NOTHING) {
-        return ReflectedPath(path.end, path.after, NOTHING, found.length);
+        return ReflectedPath(path.end, path.after, NOTHING, found.length, path.velocity);
     }
     let count = min(near_count, NEAR);
-    return ReflectedPath(end, outside(path.before, confined(end, kind.radius), kind.radius, count), found.first, found.length);
+    let after = outside(path.before, confined(end, kind.radius), kind.radius, count);
+    return ReflectedPath(end, after, found.first, found.length, found.velocity / params.time_step);
 }

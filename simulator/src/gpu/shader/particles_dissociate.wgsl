@@ -1,0 +1,101 @@
+// Dissociates particles that did not react in this step; see dissociation.rs. The first product replaces the particle, as the
+// product of a reaction does. Second products are listed; born_place gives them their ids.
+#include control
+#include params
+#include philox
+#include normal
+#include velocity
+#include boundary
+#include candidate
+#include born
+
+// A dissociation channel. The table begins with the first channel of each species; further ones follow after all of these.
+struct DissociationRow {
+    threshold: u32,
+    // The next channel of the species, or NOTHING.
+    next: u32,
+    // NOTHING if the species does not dissociate.
+    tally: u32,
+    // 1 if the products are anywhere within the unbinding radius, 0 if they are at that distance.
+    is_within: u32,
+    unbinding: f32,
+    // The first product's fraction of the separation.
+    share: f32,
+    products: vec2<u32>,
+    radii: vec2<f32>,
+    // Speed of the particle, and speed and thermal speed of the first product.
+    speed: f32,
+    product_speed: f32,
+    thermal_speed: f32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> control: Control;
+@group(0) @binding(2) var<storage, read_write> moved: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> species: array<u32>;
+@group(0) @binding(4) var<storage, read> tags: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
+@group(0) @binding(6) var<storage, read> dissociation_rows: array<DissociationRow>;
+@group(0) @binding(7) var<storage, read_write> born: array<Born>;
+// Ids of the parents, and indices of the second products.
+@group(0) @binding(8) var<storage, read_write> born_keys0: array<vec2<u32>>;
+
+// The channel that a draw selects, or NOTHING.
+fn channel_of(kind: u32, word: u32) -> u32 {
+    var row = kind;
+    if (dissociation_rows[row].tally == NOTHING) {
+        return NOTHING;
+    }
+    for (var k = 0u; k < arrayLength(&dissociation_rows); k++) {
+        if (row == NOTHING || word <= dissociation_rows[row].threshold) {
+            break;
+        }
+        row = dissociation_rows[row].next;
+    }
+    return row;
+}
+
+@compute @workgroup_size(256)
+fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                        @builtin(local_invocation_index) local_index: u32) {
+    let at = global_index(group, groups, local_index);
+    if (at >= control.count || atomicLoad(&control.halted) != 0u) {
+        return;
+    }
+    let parent = moved[at];
+    if (parent.w < 0.0 || atomicLoad(&claims[at].is_taken) != 0u) {
+        return;
+    }
+    let id = tags[at].y;
+    let words = philox(vec4(id, 0u, control.step, PURPOSE_DISSOCIATION), params.key);
+    let found = channel_of(species[at], words.x);
+    if (found == NOTHING) {
+        return;
+    }
+    let row = dissociation_rows[found];
+    var distance = row.unbinding;
+    if (row.is_within != 0u) {
+        distance *= pow(open_unit(words.y), 1.0 / 3.0);
+    }
+    let has_second = row.products.y != NOTHING;
+    let apart = select(0.0, distance, has_second) * direction(words.z, words.w);
+    atomicAdd(&control.tallies[row.tally], 1u);
+    claims[at].product = row.products.x;
+    claims[at].sphere = vec4(confined(parent.xyz - row.share * apart, row.radii.x), row.radii.x);
+    atomicStore(&claims[at].is_taken, 1u);
+    var velocity = vec3(0.0);
+    if (params.has_velocity != 0u) {
+        let own = arrayLength(&moved) / 2u + at;
+        velocity = moved[own].xyz;
+        moved[own] =
+            vec4(converted_velocity(velocity, row.speed, row.product_speed, row.thermal_speed, id), 0.0);
+    }
+    if (has_second) {
+        let slot = atomicAdd(&control.born, 1u);
+        if (slot < arrayLength(&born)) {
+            let place = confined(parent.xyz + (1.0 - row.share) * apart, row.radii.y);
+            born[slot] = Born(vec4(place, row.radii.y), velocity, row.products.y);
+            born_keys0[slot] = vec2(id, slot);
+        }
+    }
+}

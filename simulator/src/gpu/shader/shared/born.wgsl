@@ -1,0 +1,6 @@
+// A second product of a dissociation.
+struct Born {
+    sphere: vec4<f32>,
+    velocity: vec3<f32>,
+    species: u32,
+}

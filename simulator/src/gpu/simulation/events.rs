@@ -1,0 +1,87 @@
+//! The event log and the record of finished steps: arrivals, ids of second products of dissociations, and releases.
+
+use super::{Burst, GpuSimulation};
+use crate::Error;
+use crate::gpu::device::read;
+use crate::gpu::layout::{ControlHeader, EVENT_BYTES, NOTHING};
+use crate::model::particles::Particles;
+use crate::release::origins::{Arrival, Origin};
+
+/// An entry of the event log: the step before whose end it happened, then receiver, species and id of an arrival, or
+/// [`NOTHING`], the rank and the parent's id of a second product.
+pub(super) type Entry = [u32; 4];
+
+impl GpuSimulation {
+    /// Reads the entries since the last readback: by step, then second products by rank and arrivals by id.
+    pub(super) fn read_events(&self, count: u32) -> Result<Vec<Entry>, Error> {
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let parts = [(self.steps.buffer("events"), EVENT_BYTES * u64::from(count))];
+        let read = read(&self.buffers.own, self.encoder(), &parts)?;
+        let mut entries: Vec<Entry> = bytemuck::pod_collect_to_vec(&read[0]);
+        entries.sort_unstable_by_key(|&[step, receiver, rank, id]| {
+            let is_birth = receiver == NOTHING;
+            (step, !is_birth, if is_birth { rank } else { id })
+        });
+        Ok(entries)
+    }
+
+    /// Records the steps up to `head.done`: which ids second products and released particles have, where these are from, and
+    /// which particles arrived.
+    pub(super) fn record_steps(
+        &mut self,
+        bursts: &[Burst],
+        head: ControlHeader,
+        entries: &[Entry],
+    ) -> Result<(), Error> {
+        let done = head.done;
+        if done > self.step {
+            self.due = Particles::default();
+        }
+        let (mut entries, mut bursts) = (entries.iter().peekable(), bursts.iter().peekable());
+        for step in self.step + 1..=done {
+            while let Some(&[_, _, _, parent]) =
+                entries.next_if(|&&[at, receiver, ..]| at + 1 == step && receiver == NOTHING)
+            {
+                self.origins.enter(self.next_id, self.origins.of(parent));
+                self.next_id += 1;
+            }
+            if self.dissociates && step == done {
+                // Without a log of arrivals, births have no entries.
+                self.next_id = head.next_id;
+            }
+            let burst = bursts.next_if(|burst| burst.step == step);
+            self.record_release(burst, step, step == done)?;
+            while let Some(&[_, receiver, species, id]) = entries.next_if(|entry| entry[0] + 1 == step) {
+                let origin = self.origins.of(id);
+                self.arrivals.push(Arrival { receiver, species, id, step, origin });
+            }
+        }
+        self.step = done;
+        Ok(())
+    }
+
+    /// Records what is released after a step. The particles after the last step are not on the device yet.
+    fn record_release(&mut self, burst: Option<&Burst>, step: u32, is_last: bool) -> Result<(), Error> {
+        if self.model.logs_arrivals {
+            let mut first = self.next_id;
+            for (transmitter, _, count) in self.model.releases(step, self.key) {
+                self.origins.enter(first, Some(Origin { transmitter, step }));
+                first += count;
+            }
+        }
+        let Some(burst) = burst else { return Ok(()) };
+        let mut released = burst.released.clone();
+        if self.dissociates {
+            // Their ids follow those of second products, which were not known before.
+            released = self.model.release(&self.decays, self.key, step, self.next_id)?;
+        }
+        self.next_id = released.next_id;
+        self.totals.enter(&released);
+        if is_last {
+            self.due = released.particles;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,43 @@
+//! Reflections in vessels against the function of the CPU, which computes in `f64`.
+
+use super::*;
+use crate::Vessel;
+use crate::random::philox::open_unit;
+
+#[test]
+fn paths_in_vessels_are_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include boundary";
+    for along in 0..3 {
+        let vessel = Vessel { along, center: [1.0, -2.0, 0.5], radius: 2.0 };
+        // Steps of up to six radii, from inside.
+        let body = format!(
+            "params.vessel_axis = {}u; params.vessel_center = vec3(1.0, -2.0, 0.5); params.vessel_radius = 2.5;
+            let w = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
+            let m = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
+            let inner = 2.8 * vec3(open_unit(w.x), open_unit(w.y), open_unit(w.z)) - 1.4;
+            let before = params.vessel_center + inner;
+            let end = before + 12.0 * (vec3(open_unit(m.x), open_unit(m.y), open_unit(m.z)) - 0.5);
+            let found = reflect_in_vessel(before, end, 2.0, vec3(1.0, 2.0, 4.0));
+            let shown = select(found.end, found.velocity, (k & 1u) == 1u);
+            out[k] = vec4(bitcast<vec3<u32>>(shown), 0u);",
+            along + 1
+        );
+        let (mut reflected, mut others, count) = (0, 0, 20_000);
+        for (k, [x, y, z, _]) in (0..).zip(evaluate(&own, pieces, &body, count)) {
+            let units = |word: u32| philox([k, word, 2, 3], [4, 5]).map(open_unit);
+            let [w, m] = [units(1), units(2)];
+            let before: [f32; 3] = std::array::from_fn(|k| vessel.center[k] + (2.8 * w[k] - 1.4));
+            let end = std::array::from_fn(|k| before[k] + 12.0 * (m[k] - 0.5));
+            let mut velocity = [1.0, 2.0, 4.0];
+            let expected = vessel.reflect(before, end, &mut velocity);
+            reflected += u32::from(expected != end);
+            let expected = if k % 2 == 1 { velocity } else { expected };
+            let found = [x, y, z].map(f32::from_bits);
+            // A path that touches the wall almost in parallel has many reflections and amplifies rounding.
+            others += u32::from(!found.into_iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3));
+        }
+        assert!(reflected > count / 2, "{reflected}");
+        assert!(others <= count / 1000, "{others} of {count} differ, axis {along}");
+    }
+}

@@ -1,0 +1,294 @@
+//! Velocities, vessels, chains of decays, dissociation, several reactions of the same reactants, and the log of arrivals: GPU
+//! and CPU draw the same numbers and decide the same.
+
+use lazygrid::gpu::GpuDevice;
+use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
+use lazygrid_sim::{
+    Arrival, Axis, Boundary, Decay, Error, Flow, Model, ReactionRate, Receiver, ReceiverKind, Receptors,
+    Schedule, Shape, Species, Transmitter, Unbinding, Vessel,
+};
+
+use super::device;
+use super::models::{brownian, cpu, dyadic, gpu, reaction, species};
+use super::surfaces::{assert_close, compare, receiver, surfaces};
+
+/// Swimmers of two speeds and thermal particles, which turn into each other, among surfaces that reflect and bind them.
+fn swimmers() -> Model {
+    let mut model = surfaces();
+    model.time_step = 0.004;
+    model.species[0] = Species { speed: 20.0, tumble_rate: 40.0, ..model.species[0].clone() };
+    model.species[1] = Species { thermal_speed: 5.0, diffusion: 0.25, ..model.species[1].clone() };
+    model.species.push(Species { speed: 30.0, ..species("C", 0.0, [0.0; 3]) });
+    model.reactions =
+        vec![reaction([0, 1], [Some(2), None], 0.125, 0.5), reaction([1, 2], [Some(0), Some(2)], 0.125, 0.5)];
+    let decay =
+        |reactant, product, rate| Decay { reactant, products: [product, None], rate, ..Decay::default() };
+    model.decays = vec![decay(0, Some(1), 5.0), decay(2, Some(0), 5.0), decay(1, Some(2), 5.0)];
+    for receiver in &mut model.receivers {
+        receiver.sees = vec![true; 3];
+    }
+    // A drift may not carry particles past these.
+    model.receivers.retain(|receiver| !matches!(receiver.name.as_str(), "rate" | "part" | "absorber"));
+    for receiver in &mut model.receivers {
+        if let ReceiverKind::Receptors(_) = receiver.kind {
+            receiver.radius = 1.0;
+        }
+    }
+    model.receivers.retain(|receiver| !matches!(receiver.kind, ReceiverKind::Receptors(_)));
+    model
+}
+
+#[test]
+fn swimmers_move_as_on_the_cpu() {
+    for periodic in [false, true] {
+        let mut model = swimmers();
+        if periodic {
+            model.boundary = Boundary::periodic([-2.0; 3], [2.0; 3]);
+        }
+        let state = compare(&model, 21, 8);
+        if device().is_some() {
+            let totals = &state.totals;
+            assert!(totals.reacted.iter().chain(&totals.decayed).all(|&count| count > 0), "{totals:?}");
+        }
+        model.receivers.retain(|receiver| !receiver.kind.reflects());
+        compare(&model, 22, 8);
+    }
+}
+
+/// Particles with velocities that come off receptors draw new ones.
+#[test]
+fn unbound_swimmers_have_the_velocities_of_the_cpu() {
+    let mut model = brownian(false);
+    model.time_step = 0.002;
+    model.species[0].speed = 2.0;
+    let receptors = Receptors { count: 400, binding_rate: 400.0, unbinding_rate: 100.0 };
+    model.receivers = vec![receiver("cell", [0.0; 3], 1.0, ReceiverKind::Receptors(receptors))];
+    let state = compare(&model, 23, 8);
+    if device().is_some() {
+        assert!(state.totals.arrived[0].iter().all(|&count| count > 0), "{:?}", state.totals.arrived);
+    }
+}
+
+/// A vessel with Poiseuille flow, ends of either kind, and an absorbing receiver at its wall.
+fn in_vessel(along: usize, ends: Axis) -> Model {
+    let mut axes = [Axis::Open; 3];
+    axes[along] = ends;
+    let vessel = Vessel { along, center: [0.125, -0.25, 0.5], radius: 1.5 };
+    let mut model = brownian(true);
+    model.time_step = 0.02;
+    model.boundary = Boundary { axes, vessel: Some(vessel) };
+    model.flow = Some(Flow::Poiseuille { mean: 1.0 });
+    model.species[1].radius = 0.125;
+    model.species[1].drift = [0.0; 3];
+    let mut center = vessel.center;
+    center[(along + 1) % 3] += 1.25;
+    model.receivers = vec![receiver("wall", center, 1.0, ReceiverKind::Absorbing)];
+    for transmitter in &mut model.transmitters {
+        transmitter.center = vessel.center;
+        transmitter.shape = Shape::Cylinder(along, 1.25, 3.0);
+    }
+    model
+}
+
+#[test]
+fn vessels_carry_as_on_the_cpu() {
+    let ends =
+        [Axis::Open, Axis::Reflecting { low: -2.0, high: 2.0 }, Axis::Periodic { low: -2.0, high: 2.0 }];
+    for (along, ends) in ends.into_iter().enumerate() {
+        let state = compare(&in_vessel(along, ends), 24, 8);
+        if device().is_some() {
+            assert!(state.totals.reacted[0] > 0 && state.totals.arrived[0].iter().all(|&n| n > 0), "{along}");
+        }
+        let mut swimming = in_vessel(along, ends);
+        swimming.receivers.clear();
+        swimming.species[0].speed = 20.0;
+        compare(&swimming, 25, 8);
+    }
+}
+
+/// A decays to B, that to C, which decays to A or to nothing, all within a few steps.
+#[test]
+fn chains_of_decays_equal_those_of_the_cpu() {
+    let mut model = brownian(true);
+    model.species.push(species("C", 0.5, [0.0; 3]));
+    model.species[2].radius = 0.25;
+    let decay =
+        |reactant, product, rate| Decay { reactant, products: [product, None], rate, ..Decay::default() };
+    model.decays = vec![
+        decay(0, Some(1), 900.0),
+        decay(1, Some(2), 700.0),
+        decay(2, Some(0), 1500.0),
+        decay(2, None, 50.0),
+    ];
+    let state = compare(&model, 26, 6);
+    if device().is_some() {
+        // There were 1000 of A, and some decay several times.
+        assert!(state.totals.decayed[0] > 3000, "{:?}", state.totals.decayed);
+    }
+}
+
+/// Several reactions of A and B with several radii, next to those of A with itself.
+#[test]
+fn several_reactions_of_the_same_reactants_equal_those_of_the_cpu() {
+    let mut model = brownian(true);
+    model.species.push(species("C", 0.5, [0.0; 3]));
+    model.reactions = vec![
+        reaction([0, 1], [Some(2), None], 0.25, 0.25),
+        reaction([1, 0], [Some(1), Some(2)], 0.125, 0.5),
+        reaction([0, 1], [None, None], 0.1875, 0.25),
+        reaction([0, 0], [Some(2), Some(1)], 0.125, 0.5),
+        reaction([0, 0], [Some(1), None], 0.25, 0.125),
+        reaction([2, 1], [Some(0), Some(1)], 0.125, 0.125),
+    ];
+    model.reactions[5].chance = ReactionRate::PerTime(40.0);
+    let state = compare(&model, 27, 8);
+    if device().is_some() {
+        assert!(state.totals.reacted.iter().all(|&count| count > 10), "{:?}", state.totals.reacted);
+    }
+}
+
+/// A + B becomes C, which comes apart into these again, at a distance or anywhere within one, or decays; all log arrivals.
+fn dissociating() -> Model {
+    let mut model = brownian(true);
+    model.species.push(Species { radius: 0.0625, ..species("C", 0.5, [0.0; 3]) });
+    model.reactions = vec![reaction([0, 1], [Some(2), None], 0.25, 0.5)];
+    let decay =
+        |products, unbinding, rate| Decay { reactant: 2, products, unbinding, rate, ..Decay::default() };
+    model.decays = vec![
+        decay([Some(0), Some(1)], Unbinding::Apart(0.125), 200.0),
+        decay([Some(1), Some(0)], Unbinding::Within(0.25), 200.0),
+        decay([Some(1), None], Unbinding::Apart(0.0), 50.0),
+    ];
+    model.receivers = vec![
+        Receiver {
+            sees: vec![true; 3],
+            ..receiver("absorber", [1.0, 0.0, 0.0], 0.5, ReceiverKind::Absorbing)
+        },
+        Receiver {
+            sees: vec![true, false, true],
+            ..receiver("endpoint", [-1.0, 0.0, 0.0], 0.5, ReceiverKind::Endpoint)
+        },
+    ];
+    model.transmitters[0].schedule = Schedule::Times(vec![0.0, 0.003, 0.004]);
+    model.transmitters.push(Transmitter {
+        schedule: Schedule::Steady { from: 0.0055, until: 0.009, rates: vec![(2, 20_000.0)] },
+        ..model.transmitters[1].clone()
+    });
+    model.logs_arrivals = true;
+    model
+}
+
+/// Runs as many steps at once as each entry says. Returns the arrivals and the run.
+fn in_portions(
+    own: &GpuDevice,
+    model: &Model,
+    options: GpuOptions,
+    portions: &[u32],
+) -> (Vec<Arrival>, GpuSimulation) {
+    let mut run = gpu(own, model, 28, options);
+    let mut arrivals = Vec::new();
+    for &steps in portions {
+        run.run(steps).expect("steps");
+        arrivals.extend_from_slice(run.arrivals());
+    }
+    (arrivals, run)
+}
+
+#[test]
+fn dissociations_and_arrivals_equal_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let model = dissociating();
+    let mut here = cpu(&model, 28);
+    let mut expected = Vec::new();
+    for _ in 0..12 {
+        here.step().expect("a step");
+        expected.extend_from_slice(here.arrivals());
+    }
+    assert!(here.state().totals.decayed.iter().all(|&count| count > 20), "{:?}", here.state().totals);
+    assert!(expected.len() > 100 && expected.iter().any(|arrival| arrival.receiver == 1));
+    let tight =
+        GpuOptions { birth_capacity: 1, event_capacity: 1, pair_capacity: 1, ..GpuOptions::default() };
+    for (options, portions) in [
+        (GpuOptions::default(), vec![1; 12]),
+        (GpuOptions::default(), vec![12]),
+        (tight, vec![5, 7]),
+        (tight, vec![12]),
+    ] {
+        let (arrivals, run) = in_portions(&own, &model, options, &portions);
+        let state = run.state().expect("a state");
+        assert_close(&state, here.state(), 2e-4);
+        assert_eq!(state.origins, here.state().origins, "{options:?}");
+        assert_eq!(arrivals, expected, "{options:?} {portions:?}");
+    }
+}
+
+/// Second products take the velocity of the particle, and first ones that of their species.
+#[test]
+fn dissociating_swimmers_have_the_velocities_of_the_cpu() {
+    let mut model = dissociating();
+    model.receivers.clear();
+    model.logs_arrivals = false;
+    model.species[0].speed = 10.0;
+    model.species[2].speed = 20.0;
+    compare(&model, 29, 8);
+}
+
+/// What is full of pairs of any kind does not lose a step when its number of particles doubles again and again.
+#[test]
+fn dissociation_grows_beyond_the_capacity_for_particles() {
+    let Some(own) = device() else { return };
+    let mut model = brownian(false);
+    model.time_step = 1.0;
+    model.species.iter_mut().for_each(|species| species.diffusion = 0.0);
+    model.decays = vec![Decay {
+        reactant: 0,
+        products: [Some(0), Some(0)],
+        unbinding: Unbinding::Apart(0.25),
+        rate: 0.7,
+        ..Decay::default()
+    }];
+    let (mut there, mut here) = (gpu(&own, &model, 30, GpuOptions::default()), cpu(&model, 30));
+    there.run(5).expect("steps");
+    (0..5).for_each(|_| here.step().expect("a step"));
+    assert!(here.state().particles.len() > 8_000);
+    assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+}
+
+/// Halts by several threads for several reasons name the largest need of the first reason.
+#[test]
+fn halts_do_not_depend_on_the_order_of_threads() {
+    let Some(own) = device() else { return };
+    let cluster = |center: [f32; 3], count: u32| {
+        (0..count).map(move |k| {
+            let center = [center[0], center[1], center[2] + 1e-3 * k as f32];
+            receiver("mirror", center, 0.25, ReceiverKind::Reflecting)
+        })
+    };
+    let mut model = brownian(false);
+    model.time_step = 0.01;
+    model.receivers = cluster([1.0, 0.0, 0.0], 21).chain(cluster([-1.0, 0.0, 0.0], 17)).collect();
+    for seed in 0..4 {
+        let mut run = gpu(&own, &model, seed, GpuOptions::default());
+        let error = run.run(1).expect_err("too many surfaces");
+        let Error::Step { source: lazygrid::Error::LimitExceeded { needed, limit, .. }, .. } = error else {
+            panic!("{error}");
+        };
+        assert_eq!((needed, limit), (21, 16), "seed {seed}");
+    }
+}
+
+#[test]
+fn arrivals_of_exact_runs_are_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let model = Model { logs_arrivals: true, ..dyadic() };
+    let mut here = cpu(&model, 28);
+    let mut expected = Vec::new();
+    for _ in 0..9 {
+        here.step().expect("a step");
+        expected.extend_from_slice(here.arrivals());
+    }
+    assert!(expected.len() > 20);
+    let (arrivals, run) = in_portions(&own, &model, GpuOptions::default(), &[9]);
+    assert_eq!(arrivals, expected);
+    assert_eq!(run.state().expect("a state").origins, here.state().origins);
+}
