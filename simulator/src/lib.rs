@@ -32,7 +32,6 @@
 //! # Ok::<(), lazygrid_sim::Error>(())
 //! ```
 
-pub mod animation;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod model;
@@ -41,7 +40,6 @@ pub mod random;
 pub mod ranks;
 pub mod reaction;
 pub mod release;
-pub mod results;
 pub mod run;
 pub mod scenario;
 
@@ -55,7 +53,7 @@ pub use model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
 pub use model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
 pub use model::vessel::Vessel;
 pub use model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
-pub use output::series;
+pub use output::{animation, series, table, write_atomically};
 pub use release::origins::{Arrival, Origin};
 pub use run::any::AnySimulation;
 pub use run::simulation::Simulation;

@@ -21,7 +21,7 @@ fn names_can_be_parsed() {
 }
 
 /// For each crate, the workspace crates that it may depend on outside its own tests.
-const LAYERS: [(&str, &[&str]); 12] = [
+const LAYERS: [(&str, &[&str]); 13] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
     ("lazygrid", &["lazygrid-kernels", "lazygrid-host"]),
@@ -31,7 +31,11 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("lazygrid-sim", &["lazygrid", "lazygrid-io", "lazygrid-ranks"]),
     ("lazygrid-check", &["lazygrid-kernels", "lazygrid", "lazygrid-io"]),
     ("lazygrid-report", &[]),
-    ("lazygrid-cli", &["lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check", "lazygrid-report"]),
+    ("lazygrid-results", &["lazygrid-io", "lazygrid-sim"]),
+    (
+        "lazygrid-cli",
+        &["lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check", "lazygrid-report", "lazygrid-results"],
+    ),
     (
         "lazygrid-bench",
         &["lazygrid-kernels", "lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check", "lazygrid-report"],
@@ -51,13 +55,14 @@ fn metadata() -> serde_json::Value {
 
 /// Locations of the version outside this workspace's crates: a file, and the text before and after the version. The
 /// tests of `capi` check the C header.
-const VERSIONED: [(&str, &str, &str); 12] = [
+const VERSIONED: [(&str, &str, &str); 13] = [
     ("python/Cargo.toml", "\nversion = \"", "\""),
     ("distributed/mpi/Cargo.toml", "\nversion = \"", "\""),
     ("fuzz/Cargo.toml", "\nversion = \"", "\""),
     ("Cargo.toml", "path = \"engine\", version = \"", "\""),
     ("capi/Cargo.toml", "path = \"../engine\", version = \"", "\""),
     ("io/Cargo.toml", "path = \"../engine\", version = \"", "\""),
+    ("simulator/results/Cargo.toml", "path = \"..\", version = \"", "\""),
     ("distributed/ranks/Cargo.toml", "path = \"../../engine\", version = \"", "\""),
     ("java/pom.xml", "<artifactId>lazygrid</artifactId>\n    <version>", "</version>"),
     ("java/pom.xml", "target/java/lazygrid-", ".jar"),

@@ -3,6 +3,7 @@ mod report;
 
 use std::ops::ControlFlow;
 
+use lazygrid_results::animation;
 use lazygrid_sim::RunView;
 use lazygrid_sim::run::replicas::Replicas;
 use lazygrid_sim::run::{Run, RunEnd};
@@ -42,6 +43,7 @@ fn once(run: Run, reports: bool) -> Result<(), CliError> {
         if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     bar.finish_and_clear();
+    animation::write(&run)?;
     if reports && end == RunEnd::Finished {
         let mean = report::of_one(&run)?;
         let runs = vec![(run.scenario.seed, run.directory.clone())];

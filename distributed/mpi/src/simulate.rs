@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use lazygrid_sim::ranks::Wanted;
+use lazygrid_sim::ranks::GatherFields;
 use lazygrid_sim::run::{Run, RunEnd};
 use mpi::traits::Communicator;
 
@@ -33,8 +33,8 @@ pub fn simulate(
     watch: impl FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Simulated, Error> {
     let comm = MpiCommunicator::new(communicator.duplicate(), Config::default().message_limit);
-    let (end, mut simulation) = run.run_over(comm, watch)?;
-    let standing = simulation.look(Wanted { received: true, particles: false })?;
+    let (end, mut simulation) = run.run_distributed(comm, watch)?;
+    let standing = simulation.gather(GatherFields { received: true, particles: false })?;
     let summary = run.summary(&standing);
     Ok(Simulated { end, steps: simulation.step_count(), summary })
 }

@@ -1,5 +1,4 @@
-//! The log of arrivals, and of releases beside it: a row for each particle that a receiver removes, and for each batch
-//! that is released.
+//! The logs of arrivals and releases: a row for each particle that a receiver removes, and for each released batch.
 
 use std::io::{self, Write};
 use std::ops::RangeInclusive;
@@ -8,7 +7,7 @@ use super::series::moment;
 use crate::random::philox::Key;
 use crate::{Model, RunView};
 
-/// The first line of `arrivals.csv`.
+/// Writes the first line of `arrivals.csv`.
 pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,receiver,species,id,transmitter,released")
 }
@@ -33,7 +32,7 @@ pub(super) fn rows(out: &mut impl Write, simulation: &impl RunView) -> io::Resul
     Ok(())
 }
 
-/// The first line of `releases.csv`.
+/// Writes the first line of `releases.csv`.
 pub(super) fn header_of_releases(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,transmitter,species,count")
 }

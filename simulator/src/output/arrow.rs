@@ -1,7 +1,7 @@
 //! The log of arrivals and releases as Arrow IPC files: the columns of the CSV files, names as dictionaries.
 //!
-//! An Arrow file ends with a table of its batches, and cannot go on from a checkpoint. So it is made of the CSV file at the
-//! end of a run.
+//! An Arrow file ends with a table of its batches, so it cannot be appended to after a checkpoint. It is converted from the CSV
+//! file at the end of a run.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -14,11 +14,11 @@ use arrow_array::{
 use arrow_ipc::writer::FileWriter;
 use arrow_schema::{ArrowError, DataType, Field, Schema};
 
-use super::replace;
-use crate::results::series::{Line, Lines};
+use super::write_atomically;
+use crate::output::table::{TableReader, TableRow};
 use crate::{Error, Model};
 
-/// The files, in the order in which they are made.
+/// The files, in the order of conversion.
 pub(super) const NAMES: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
 /// Rows of a batch.
 const BATCH: usize = 1 << 16;
@@ -29,7 +29,7 @@ enum Kind {
     Whole,
     Large,
     Number,
-    /// One of these names.
+    /// A name, as an index in this list.
     Name(Arc<StringArray>),
 }
 
@@ -69,12 +69,14 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
     ];
     for (name, columns) in NAMES.into_iter().zip([&arrivals[..], &releases]) {
         let from = directory.join(name).with_extension("csv");
-        let mut lines =
-            Lines::open(&from, &columns.iter().map(|column| column.name).collect::<Vec<_>>().join(","))?;
+        let mut lines = TableReader::open(
+            &from,
+            &columns.iter().map(|column| column.name).collect::<Vec<_>>().join(","),
+        )?;
         // A fault of the table is not a failure to write.
         let mut damaged = None;
-        replace(&directory.join(name), |out| {
-            write(out, columns, || match lines.next() {
+        write_atomically(&directory.join(name), |out| {
+            write(out, columns, || match lines.next_row() {
                 Ok(line) => Ok(line),
                 Err(error) => {
                     let message = error.to_string();
@@ -88,11 +90,11 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
     Ok(())
 }
 
-/// Writes these columns of all lines, batch by batch.
+/// Writes these columns of all rows, batch by batch.
 fn write<'a>(
     out: &mut impl Write,
     columns: &[Column],
-    mut next: impl FnMut() -> io::Result<Option<Line<'a>>>,
+    mut next: impl FnMut() -> io::Result<Option<TableRow<'a>>>,
 ) -> io::Result<()> {
     let fields =
         columns.iter().map(|column| Field::new(column.name, column.kind.of_arrow(), column.nullable));
@@ -133,9 +135,12 @@ impl Kind {
     }
 
     /// A field of each of these lines.
-    fn array(&self, column: usize, lines: &[Line<'_>]) -> io::Result<ArrayRef> {
-        fn numbers<T: std::str::FromStr>(column: usize, lines: &[Line<'_>]) -> io::Result<Vec<Option<T>>> {
-            let number = |line: &Line<'_>| match line.field(column) {
+    fn array(&self, column: usize, lines: &[TableRow<'_>]) -> io::Result<ArrayRef> {
+        fn numbers<T: std::str::FromStr>(
+            column: usize,
+            lines: &[TableRow<'_>],
+        ) -> io::Result<Vec<Option<T>>> {
+            let number = |line: &TableRow<'_>| match line.field(column) {
                 "" => Ok(None),
                 _ => line.number(column).map(Some).map_err(|error| io::Error::other(error.to_string())),
             };
@@ -146,7 +151,7 @@ impl Kind {
             Self::Large => Arc::new(UInt64Array::from(numbers(column, lines)?)),
             Self::Number => Arc::new(Float64Array::from(numbers(column, lines)?)),
             Self::Name(names) => {
-                let key = |line: &Line<'_>| {
+                let key = |line: &TableRow<'_>| {
                     let place = names.iter().position(|name| name == Some(line.field(column)));
                     place.map(|place| place as i32)
                 };

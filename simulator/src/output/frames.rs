@@ -36,7 +36,7 @@ pub(super) fn npy(out: &mut impl Write, model: &Model, particles: &Particles) ->
     frames::npy(out, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
 }
 
-/// The particle at a place.
+/// Returns the particle at an index.
 fn particle<'a>(model: &'a Model, particles: &Particles, at: usize) -> Particle<'a> {
     let species = particles.species[at];
     Particle {

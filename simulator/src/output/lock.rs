@@ -1,4 +1,4 @@
-//! One run at a time writes to a directory.
+//! The lock of a directory: one run at a time writes to it.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -6,8 +6,8 @@ use std::path::Path;
 
 use crate::Error;
 
-/// Keeps other runs out of a directory while it exists. It is a lock of the system on the file `.lock`, which is gone
-/// when the process ends, however that happens; the file stays and means nothing by itself.
+/// A lock that keeps other runs out of a directory. It is a file lock of the system on `.lock`, which ends with the process.
+/// The file itself remains and has no meaning.
 #[derive(Debug)]
 pub(crate) struct Lock {
     _file: File,

@@ -1,28 +1,28 @@
 //! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
-//! `symbols.csv` where messages are sent, `arrivals.csv` and `releases.csv` (and the same as `.arrow`), `animation.html` where they are asked
-//! for, and `checkpoint`.
+//! `symbols.csv` if messages are sent, `arrivals.csv` and `releases.csv` (and the same as `.arrow`) and `animation.frames` if
+//! requested, and `checkpoint`.
 
+pub mod animation;
+mod append_file;
 mod arrivals;
 #[cfg(feature = "arrow")]
 mod arrow;
-mod forecast;
+mod disk_estimate;
 mod frames;
-mod growing;
 mod lock;
 pub mod series;
 mod symbols;
+pub mod table;
 
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-pub(crate) use forecast::{Forecast, next};
+pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
 pub(crate) use lock::Lock;
 
-use growing::Growing;
+use append_file::AppendFile;
 
-use crate::animation;
-use crate::results::series::Series;
 use crate::run::checkpoint::FileRecord;
 use crate::scenario::Output;
 use crate::{Error, Model, RunView};
@@ -40,47 +40,49 @@ const ANIMATED: &str = "animation.frames";
 pub(crate) struct Files {
     directory: PathBuf,
     output: Output,
-    series: Growing,
-    /// Written once, and checked like the others.
-    symbols: Option<Growing>,
-    xyz: Option<Growing>,
+    series: AppendFile,
+    /// Written once, and checked like the other files.
+    symbols: Option<AppendFile>,
+    xyz: Option<AppendFile>,
     logs: Option<Logs>,
-    animation: Option<Growing>,
+    animation: Option<AppendFile>,
     _lock: Lock,
 }
 
-/// The released and the arrived particles.
+/// The logs of arrivals and releases.
 #[derive(Debug)]
 struct Logs {
-    arrivals: Growing,
-    releases: Growing,
+    arrivals: AppendFile,
+    releases: AppendFile,
     seed: u64,
     /// The first step whose releases are not logged.
     next_step: u32,
 }
 
 impl Files {
-    /// New files of a new run.
+    /// Creates the files of a new run.
     pub(crate) fn create(
         directory: &Path,
         output: Output,
         (model, seed): (&Model, u64),
         lock: Lock,
     ) -> Result<Self, Error> {
-        let series = Growing::create(directory.join(SERIES))?;
-        let xyz = output.xyz.then(|| Growing::create(directory.join(XYZ))).transpose()?;
+        let series = AppendFile::create(directory.join(SERIES))?;
+        let xyz = output.xyz.then(|| AppendFile::create(directory.join(XYZ))).transpose()?;
         let mut logs = None;
         if model.logs_arrivals {
-            let [mut arrivals, mut releases] =
-                [Growing::create(directory.join(ARRIVALS))?, Growing::create(directory.join(RELEASES))?];
+            let [mut arrivals, mut releases] = [
+                AppendFile::create(directory.join(ARRIVALS))?,
+                AppendFile::create(directory.join(RELEASES))?,
+            ];
             arrivals.put(arrivals::header)?;
             releases.put(arrivals::header_of_releases)?;
             logs = Some(Logs { arrivals, releases, seed, next_step: 0 });
         }
         let animated = output.animation.is_some();
-        let animation = animated.then(|| Growing::create(directory.join(ANIMATED))).transpose()?;
+        let animation = animated.then(|| AppendFile::create(directory.join(ANIMATED))).transpose()?;
         let directory = directory.to_owned();
-        let symbols = symbols::any(model).then(|| Growing::create(directory.join(SYMBOLS))).transpose()?;
+        let symbols = symbols::any(model).then(|| AppendFile::create(directory.join(SYMBOLS))).transpose()?;
         let mut files = Self { directory, output, series, symbols, xyz, logs, animation, _lock: lock };
         files.series.put(|out| series::header(out, model))?;
         if let Some(symbols) = &mut files.symbols {
@@ -89,8 +91,8 @@ impl Files {
         Ok(files)
     }
 
-    /// The files of a run that goes on, as they were at the checkpoint. None is changed unless all of them begin with what
-    /// was written until then.
+    /// Reopens the files of a run at its checkpoint after `done` steps. Changes no file unless all of them begin with their
+    /// content at the checkpoint.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
@@ -104,7 +106,7 @@ impl Files {
                     format!("it is of a run without {name}; resume with the output that the run began with");
                 return Err(Error::Checkpoint { path: directory.join("checkpoint"), message });
             };
-            Growing::reopen(directory, record)
+            AppendFile::reopen(directory, record)
         };
         let series = reopen(SERIES)?;
         let symbols = symbols::any(model).then(|| reopen(SYMBOLS)).transpose()?;
@@ -117,18 +119,18 @@ impl Files {
         let animation = output.animation.is_some().then(|| reopen(ANIMATED)).transpose()?;
         let directory = directory.to_owned();
         let mut files = Self { directory, output, series, symbols, xyz, logs, animation, _lock: lock };
-        files.growing().try_for_each(Growing::cut)?;
+        files.growing().try_for_each(AppendFile::cut)?;
         Ok(files)
     }
 
-    /// All files that a checkpoint records.
-    fn growing(&mut self) -> impl Iterator<Item = &mut Growing> {
+    /// Returns all files that a checkpoint records.
+    fn growing(&mut self) -> impl Iterator<Item = &mut AppendFile> {
         let Self { series, symbols, xyz, logs, animation, .. } = self;
         let logs = logs.iter_mut().flat_map(|Logs { arrivals, releases, .. }| [arrivals, releases]);
         [series].into_iter().chain(symbols).chain(xyz).chain(logs).chain(animation)
     }
 
-    /// Writes what is due after the steps done so far.
+    /// Writes the rows and frames that are due.
     pub(crate) fn record(&mut self, simulation: &impl RunView) -> Result<(), Error> {
         let step = simulation.step_count();
         if step.is_multiple_of(self.output.every) {
@@ -150,7 +152,7 @@ impl Files {
             }
             if self.output.npy {
                 let path = self.directory.join(format!("frame-{step:09}.npy"));
-                let mut frame = Growing::create(path)?;
+                let mut frame = AppendFile::create(path)?;
                 frame.put(|out| frames::npy(out, simulation.model(), &state.particles))?;
                 frame.sync()?;
             }
@@ -158,12 +160,12 @@ impl Files {
         Ok(())
     }
 
-    /// Sees to it that all is on the disk, and returns the record of each file.
+    /// Flushes all files to disk and returns their records.
     pub(crate) fn sync(&mut self) -> Result<Vec<FileRecord>, Error> {
-        self.growing().map(Growing::sync).collect()
+        self.growing().map(AppendFile::sync).collect()
     }
 
-    /// Makes Arrow files of the log so far, where they are asked for.
+    /// Converts the logs to Arrow files, if requested.
     pub(crate) fn convert(&self, model: &Model) -> Result<(), Error> {
         match self.output.arrow && self.logs.is_some() {
             #[cfg(feature = "arrow")]
@@ -176,14 +178,6 @@ impl Files {
             false => Ok(()),
         }
     }
-
-    /// Makes the page that plays the run so far, where it is animated.
-    pub(crate) fn animate(&self, model: &Model, title: &str) -> Result<(), Error> {
-        let Some(frames) = &self.animation else { return Ok(()) };
-        let path = self.directory.join("animation.html");
-        let series = Series::read(self.series.path())?;
-        replace(&path, |out| animation::page(out, (model, title), frames.path(), &series))
-    }
 }
 
 /// Checks the files of a run against a checkpoint, and changes nothing.
@@ -191,10 +185,10 @@ impl Files {
 /// # Errors
 /// [`Error::Damaged`], [`Error::Read`] and [`Error::Write`], each if a file cannot be resumed.
 pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Error> {
-    records.iter().try_for_each(|record| Growing::reopen(directory, record).map(drop))
+    records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// A directory for a new run, locked. One that holds a run already is refused.
+/// Prepares and locks a directory for a new run. Refuses a directory with a run, unless `overwrite`.
 ///
 /// # Errors
 /// [`Error::Write`].
@@ -211,11 +205,11 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     Ok(lock)
 }
 
-/// Takes away files of an earlier run that would be taken for those of this one.
+/// Removes files of an earlier run that could be mistaken for files of this run.
 ///
 /// # Errors
 /// [`Error::Write`].
-pub(crate) fn forget(directory: &Path, names: &[&str]) -> Result<(), Error> {
+pub(crate) fn remove_stale(directory: &Path, names: &[&str]) -> Result<(), Error> {
     for name in names {
         let path = directory.join(name);
         match fs::remove_file(&path) {
@@ -228,11 +222,11 @@ pub(crate) fn forget(directory: &Path, names: &[&str]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Writes a file in place of the one before, which is untouched until this one is complete.
+/// Replaces a file when its new content is complete.
 ///
 /// # Errors
 /// [`Error::Write`].
-pub(crate) fn replace(
+pub fn write_atomically(
     path: &Path,
     content: impl FnOnce(&mut BufWriter<&mut tempfile::NamedTempFile>) -> io::Result<()>,
 ) -> Result<(), Error> {

@@ -1,24 +1,23 @@
-//! The time series: one row of counts after every so many steps.
+//! The time series: rows of counts at a fixed interval of steps.
 
 use std::io::{self, Write};
 
 use crate::{Model, RunView};
 
-/// The first line: `step`, `time` and the names of the counts.
+/// Writes the first line: `step`, `time` and the names of the counts.
 pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
     writeln!(out, "step,time,{}", names(model).join(","))
 }
 
-/// One row.
+/// Writes a row.
 pub(super) fn row(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     write!(out, "{}", moment(simulation.step_count(), simulation.model()))?;
     counts(simulation).iter().try_for_each(|count| write!(out, ",{count}"))?;
     writeln!(out)
 }
 
-/// The names of the [`counts`] of a model: the particles of each species, the reactions and decays so far, what each
-/// receiver says of each species that it sees, as `receiver:species`, and `pairs` and settled `contacts` of the last
-/// step.
+/// Returns the names of the [`counts`] of a model: particles by species, reactions and decays so far, the counts of receivers
+/// as `receiver:species`, and `pairs` and resolved `contacts` of the last step.
 pub fn names(model: &Model) -> Vec<String> {
     let mut names: Vec<_> = model.species.iter().map(|species| species.name.clone()).collect();
     names.extend(model.reactions.iter().map(|reaction| reaction.name.clone()));
@@ -31,7 +30,7 @@ pub fn names(model: &Model) -> Vec<String> {
     names
 }
 
-/// The counts so far, in the order of the [`names`].
+/// Returns the counts in the order of the [`names`].
 pub fn counts(simulation: &impl RunView) -> Vec<u64> {
     let (totals, model) = (simulation.totals(), simulation.model());
     let mut counts = [&totals.present[..], &totals.reacted, &totals.decayed].concat();
@@ -43,12 +42,12 @@ pub fn counts(simulation: &impl RunView) -> Vec<u64> {
     counts
 }
 
-/// The first columns of a row.
+/// Returns the first columns of a row.
 pub(super) fn moment(step: u32, model: &Model) -> String {
     format!("{step},{}", f64::from(step) * model.time_step)
 }
 
-/// The number of columns of receivers.
+/// Returns the number of columns of receivers.
 pub(super) fn seen(model: &Model) -> usize {
     let species = model.species.len();
     let seen = |receiver: &crate::Receiver| (0..species).filter(|&k| receiver.counts(k)).count();

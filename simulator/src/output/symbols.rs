@@ -1,4 +1,4 @@
-//! The symbols that transmitters send: a row for each.
+//! The log of sent symbols, `symbols.csv`.
 
 use std::io::{self, Write};
 
@@ -6,12 +6,12 @@ use crate::model::transmitter::Schedule;
 use crate::random::philox::Key;
 use crate::{Model, Transmitter};
 
-/// Returns `true` if anything is sent.
+/// Returns `true` if any transmitter sends a message.
 pub(super) fn any(model: &Model) -> bool {
     model.transmitters.iter().any(|t| matches!(t.schedule, Schedule::Message(_)))
 }
 
-/// The time, the transmitter and the symbol of each, transmitter by transmitter.
+/// Writes time, transmitter and value of each symbol, by transmitter.
 pub(super) fn write(out: &mut impl Write, model: &Model, seed: u64) -> io::Result<()> {
     writeln!(out, "time,transmitter,symbol")?;
     for (place, Transmitter { name, schedule, .. }) in (0..).zip(&model.transmitters) {

@@ -3,15 +3,15 @@ use std::borrow::Cow;
 use crate::run::view::RunView;
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// A run over ranks, brought together on rank 0. The others have the counts, and nothing of the lists.
+/// The state of a run over ranks on rank 0. Other ranks have the counts but no lists.
 #[derive(Clone, Debug)]
 pub struct Gathered<'a> {
     pub(super) model: &'a Model,
     pub(super) totals: &'a Totals,
-    /// Nothing where it was not [wanted](super::Wanted::received).
+    /// Empty if not [requested](super::GatherFields::received).
     pub(super) received: Vec<Vec<u64>>,
     pub(super) arrivals: Vec<Arrival>,
-    /// Without particles and what is bound where they were not [wanted](super::Wanted::particles).
+    /// Without free and bound particles if not [requested](super::GatherFields::particles).
     pub(super) state: State,
 }
 

@@ -1,10 +1,14 @@
-//! Matching of reactions if candidates of several ranks want the same particle.
+//! Matching of reactions whose candidates are on several ranks.
 //!
-//! Every candidate is with one rank, and every particle has an owner. In a round a rank tells the owner of each ghost the
-//! best key that it has for it; the owner answers with the best of all, or that the particle is taken. So everybody knows
-//! of all particles that matter to them what [`Matching`](crate::reaction::matching::Matching) knows in one process, and
-//! takes the candidates that are best at all particles they claim. Keys are totally ordered, so the best of all
-//! candidates is taken in every round, and the choice is that of one process.
+//! Every candidate is on one rank, and every particle has an owner. In each round, a rank sends its best key of each ghost to
+//! the ghost's owner. The owner replies with the best key of all ranks, or that the particle is taken. A rank then applies
+//! the candidates that are best at all particles they consume.
+//!
+//! # Correctness
+//! 1. After the replies, a rank knows of the particles of its candidates what
+//!    [`Matching`](crate::reaction::matching::Matching) knows in one process.
+//! 2. Keys are totally ordered, so at least the best candidate of all is taken in every round.
+//! 3. The choice is therefore that of one process.
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid_ranks::{Communicator, Ghosts, send_to_ranks};
@@ -12,43 +16,43 @@ use rayon::prelude::*;
 
 use crate::reaction::matching::{Key, ReactionCandidate};
 
-/// The state of each particle of a rank in a step, and of each ghost after them.
+/// The state of the particles of a rank in a step, followed by its ghosts.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Contest {
+pub(super) struct DistributedMatching {
     best: Vec<Option<Key>>,
     taken: Vec<bool>,
-    /// The places of which something is known.
+    /// The indices with a bid or taken.
     touched: Vec<u32>,
 }
 
-/// The message of a rank to the owner of a ghost.
+/// A message of a rank to the owner of a ghost.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Claim {
-    /// Its place with the owner.
+struct GhostBid {
+    /// The ghost's index on its owner.
     at: u32,
-    /// 1 where this rank took it in the round before, 0 where the key is the best that it has.
+    /// 1 if this rank took the particle in the previous round, 0 if `key` is its best key.
     takes: u32,
-    key: Word,
+    key: KeyMessage,
 }
 
-/// The answer of the owner.
+/// The reply of the owner.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Answer {
+struct OwnerReply {
     taken: u32,
-    key: Word,
+    key: KeyMessage,
 }
 
-/// A key as it travels.
+/// A key in a message.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
-struct Word {
+struct KeyMessage {
     priority: u32,
     ids: [u32; 2],
 }
 
-impl Word {
+impl KeyMessage {
     fn of((priority, ids): Key) -> Self {
         Self { priority, ids }
     }
@@ -58,9 +62,9 @@ impl Word {
     }
 }
 
-impl Contest {
-    /// Sorts the candidates of this rank, and says which have their turn where a particle has one on all ranks, as
-    /// ascending places. There are `own` particles, and ghosts behind them.
+impl DistributedMatching {
+    /// Sorts the candidates of this rank and returns the indices of those that win, ascending. A particle reacts once on all
+    /// ranks together. There are `own` particles, followed by ghosts.
     ///
     /// # Errors
     /// Fails if the communicator fails.
@@ -105,15 +109,15 @@ impl Contest {
         Ok(chosen)
     }
 
-    /// Enters a key for a particle.
+    /// Records a key for a particle.
     fn bid(&mut self, at: usize, key: Key) {
         let best = &mut self.best[at];
         *best = Some(best.map_or(key, |best| best.min(key)));
         self.touched.push(at as u32);
     }
 
-    /// Tells the owners of ghosts what this rank wants of them and what it took in the last round, `won`, and takes up
-    /// what they answer.
+    /// Sends this rank's keys of the ghosts `wanted`, and the ghosts `won` in the last round, to their owners. Records the
+    /// replies.
     fn ask<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -121,39 +125,39 @@ impl Contest {
         wanted: &[u32],
         won: &[u32],
     ) -> Result<(), C::Error> {
-        let claim = |ghost: u32, takes: u32, key: Word| {
-            (ghosts.rank_of(ghost), Claim { at: ghosts.particles()[ghost as usize].index, takes, key })
+        let bid = |ghost: u32, takes: u32, key: KeyMessage| {
+            (ghosts.rank_of(ghost), GhostBid { at: ghosts.particles()[ghost as usize].index, takes, key })
         };
-        let key = |ghost: u32| Word::of(self.best[own + ghost as usize].unwrap_or_default());
-        let mut claims: Vec<_> = won.iter().map(|&ghost| claim(ghost, 1, Word::default())).collect();
-        claims.extend(wanted.iter().map(|&ghost| claim(ghost, 0, key(ghost))));
-        let (claims, counts) = send_to_ranks(communicator, "claims of ghosts", claims)?;
-        for claim in claims.iter().filter(|claim| claim.takes > 0) {
-            self.taken[claim.at as usize] = true;
-            self.touched.push(claim.at);
+        let key = |ghost: u32| KeyMessage::of(self.best[own + ghost as usize].unwrap_or_default());
+        let mut bids: Vec<_> = won.iter().map(|&ghost| bid(ghost, 1, KeyMessage::default())).collect();
+        bids.extend(wanted.iter().map(|&ghost| bid(ghost, 0, key(ghost))));
+        let (bids, counts) = send_to_ranks(communicator, "bids of ghosts", bids)?;
+        for bid in bids.iter().filter(|bid| bid.takes > 0) {
+            self.taken[bid.at as usize] = true;
+            self.touched.push(bid.at);
         }
-        for claim in claims.iter().filter(|claim| claim.takes == 0) {
-            self.bid(claim.at as usize, claim.key.key());
+        for bid in bids.iter().filter(|bid| bid.takes == 0) {
+            self.bid(bid.at as usize, bid.key.key());
         }
         let from = (0..).zip(counts).flat_map(|(rank, count)| std::iter::repeat_n(rank, count));
-        let answer = |(claim, from): (&Claim, u32)| {
-            let at = claim.at as usize;
-            let key = Word::of(self.best[at].unwrap_or_default());
-            (claim.takes == 0).then_some((from, Answer { taken: self.taken[at].into(), key }))
+        let reply = |(bid, from): (&GhostBid, u32)| {
+            let at = bid.at as usize;
+            let key = KeyMessage::of(self.best[at].unwrap_or_default());
+            (bid.takes == 0).then_some((from, OwnerReply { taken: self.taken[at].into(), key }))
         };
-        let answers = claims.iter().zip(from).filter_map(answer).collect();
-        // Ghosts lie by their owners, so answers come in the order of what is wanted.
-        let (answers, _) = send_to_ranks(communicator, "answers to claims", answers)?;
-        for (&ghost, answer) in wanted.iter().zip(&answers) {
+        let replies = bids.iter().zip(from).filter_map(reply).collect();
+        // Ghosts lie by their owners, so replies come in the order of what is wanted.
+        let (replies, _) = send_to_ranks(communicator, "replies to bids", replies)?;
+        for (&ghost, reply) in wanted.iter().zip(&replies) {
             let at = own + ghost as usize;
-            self.best[at] = Some(answer.key.key());
-            self.taken[at] |= answer.taken > 0;
+            self.best[at] = Some(reply.key.key());
+            self.taken[at] |= reply.taken > 0;
         }
         Ok(())
     }
 }
 
-/// The ghosts that candidates claim, each once, ascending.
+/// Returns the ghosts that candidates consume, each once, ascending.
 fn claimed_ghosts(candidates: &[ReactionCandidate], active: &[u32], own: usize) -> Vec<u32> {
     let claimed = active.iter().flat_map(|&c| candidates[c as usize].claimed());
     let mut ghosts: Vec<u32> =
@@ -208,11 +212,11 @@ mod tests {
         ) {
             let ranks = owners.iter().max().map_or(1, |most| most + 1);
             let chosen = threads::on(ranks, |mut thread| {
-                let mut contest = Contest::default();
+                let mut matching = DistributedMatching::default();
                 let (mut here, own, ghosts) = of_rank(&all, &owners, thread.rank());
                 // The state that a call leaves must not disturb the next one.
                 let [first, second] = [0, 1].map(|_| {
-                    let chosen = contest.greedy(&mut thread, &mut here, (own, &ghosts)).expect("no rank fails");
+                    let chosen = matching.greedy(&mut thread, &mut here, (own, &ghosts)).expect("no rank fails");
                     chosen.iter().map(|&c| (here[c as usize].key(), here[c as usize].ids)).collect::<Vec<_>>()
                 });
                 assert_eq!(first, second);

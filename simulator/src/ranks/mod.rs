@@ -1,36 +1,36 @@
-//! A run over many ranks: processes that each have a part of the particles and tell each other what they need.
+//! A run over several ranks: processes that each own a part of the particles.
 //!
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all: motion, walls, receivers,
-//! receptors, decays and releases are pure functions of a particle's id, the seed and the step. Receivers are moved by every
-//! rank alike. What takes several ranks is
+//! receptors, decays and releases are pure functions of a particle's id, the seed and the step. Every rank moves all
+//! receivers. Ranks communicate for
 //!
-//! - *receptors*: who finds a free one is decided by all ranks from the bids of all;
-//! - *pairs*: particles go to the rank in whose part of space they are, and ghosts to where they may meet somebody
-//!   ([`lazygrid_ranks`]);
-//! - *who reacts* ([`matching`](crate::reaction::matching)): in rounds, in which the owner of a particle hears the best
-//!   candidate of each rank and answers which is the best of all, until no rank has a candidate left;
-//! - *ids* of what comes apart into two: all ranks know the parents of the step;
+//! - *receptors*: all ranks select the requests that bind, from the requests of all ranks;
+//! - *pairs*: particles migrate to the rank that owns their part of space, and ghosts go to ranks with particles within
+//!   reach ([`lazygrid_ranks`]);
+//! - *reactions* ([`matching`](crate::reaction::matching)): in rounds, the owner of a particle receives the best key of
+//!   each rank and replies with the best of all, until no rank has a candidate left;
+//! - *ids* of second products of dissociations: all ranks know the parents of the step;
 //! - *counts*, which are sums.
 //!
-//! So a run is that of one process, for any number of ranks: row by row, frame by frame, and checkpoints of either
-//! are continued by the other.
+//! A run therefore equals that of one process, for any number of ranks: row by row and frame by frame. Each resumes
+//! checkpoints of the other.
 
 mod gathered;
 mod matching;
+mod rank_slice;
 mod rows;
 mod run;
-mod share;
 mod simulation;
 
 pub use gathered::Gathered;
-pub use simulation::{RankSimulation, Wanted};
+pub use simulation::{GatherFields, RankSimulation};
 
-pub(crate) use share::Share;
+pub(crate) use rank_slice::RankSlice;
 
 use crate::model::Contact;
 use crate::{Error, Model};
 
-/// Refuses what needs an order across ranks.
+/// Refuses models that need an order across ranks.
 ///
 /// # Errors
 /// [`Error::NotOverRanks`], naming the first such thing.

@@ -1,4 +1,4 @@
-//! Particles as they travel, and as the functions of [`lazygrid_ranks`] take them.
+//! Conversion of particles to messages and to the types of [`lazygrid_ranks`].
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use crate::model::particles::{Particle, Particles};
 
-/// Particles that one task looks at.
+/// Particles per task.
 const TASK: usize = 4096;
 
-/// A particle with all that belongs to it, 36 bytes.
+/// A particle in a message, 36 bytes.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Row {
@@ -21,13 +21,13 @@ pub(super) struct Row {
     id: u32,
 }
 
-/// The particle at a place as it changes rank.
+/// Returns a particle as a message.
 pub(super) fn row(particles: &Particles, at: u32) -> Row {
     let Particle { position, velocity, radius, species, id } = particles.get(at as usize);
     Row { position, velocity, radius, species, id }
 }
 
-/// Particles that came.
+/// Returns the particles of messages.
 pub(super) fn particles(rows: &[Row], with_velocity: bool) -> Particles {
     let mut particles = Particles::default();
     for &Row { position, velocity, radius, species, id } in rows {
@@ -36,20 +36,20 @@ pub(super) fn particles(rows: &[Row], with_velocity: bool) -> Particles {
     particles
 }
 
-/// The particle at a place as a ghost.
+/// Returns a particle as a ghost.
 pub(super) fn ghost(particles: &Particles, at: u32) -> lazygrid_ranks::Particle {
     let Particle { position, radius, species, id, .. } = particles.get(at as usize);
     lazygrid_ranks::Particle { sphere: Sphere::new(position, radius), id: id.into(), species, index: at }
 }
 
-/// A ghost among the particles of a rank. Nobody asks for its velocity.
+/// Returns a ghost as a particle. Its velocity is not used.
 pub(super) fn of_ghost(ghost: &lazygrid_ranks::Particle) -> Particle {
     Particle {
         position: ghost.sphere.center.to_array(),
         velocity: [0.0; 3],
         radius: ghost.sphere.radius,
         species: ghost.species,
-        // It came of one of 32 bits.
+        // Ids of this simulator have 32 bits.
         id: ghost.id as u32,
     }
 }

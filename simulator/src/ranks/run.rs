@@ -1,11 +1,11 @@
-//! A run over ranks from a scenario to its files, which are those of a run in one process.
+//! A run over ranks from a scenario to its files, which equal those of a run in one process.
 
 use std::ops::ControlFlow;
 
 use lazygrid::Backend;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
-use super::{RankSimulation, Share, Wanted};
+use super::{GatherFields, RankSimulation, RankSlice};
 use crate::output::{self, Files, Lock};
 use crate::run::checkpoint::Checkpoint;
 use crate::run::time_step_monitor::TimeStepMonitor;
@@ -23,7 +23,7 @@ impl Run {
     /// # Errors
     /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the communicator. [`Communicator::difference`] if
     /// ranks have different runs. The algorithm and [`threads`](Self::threads) may differ.
-    pub fn run_over<C: Communicator>(
+    pub fn run_distributed<C: Communicator>(
         &self,
         mut communicator: C,
         mut watch: impl FnMut(u32) -> ControlFlow<()>,
@@ -33,8 +33,11 @@ impl Run {
         if is_first {
             self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         }
-        let (mut simulation, mut files) =
-            if self.resume { self.go_on_over(communicator)? } else { self.begin_over(communicator)? };
+        let (mut simulation, mut files) = if self.resume {
+            self.resume_distributed(communicator)?
+        } else {
+            self.begin_distributed(communicator)?
+        };
         let first = simulation.step_count();
         let mut pace = TimeStepMonitor::default();
         let mut asks = |simulation: &mut RankSimulation<C>| {
@@ -46,19 +49,17 @@ impl Run {
             let before = TimeStepMonitor::part_of(simulation.totals());
             simulation.step()?;
             pace.see(simulation.model(), [&before, simulation.totals()], 1);
-            self.record_over(&mut simulation, &mut files)?;
+            self.record_distributed(&mut simulation, &mut files)?;
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {
-                self.save_over(&mut simulation, &mut files)?;
+                self.save_distributed(&mut simulation, &mut files)?;
             }
             stops = asks(&mut simulation);
         }
         // The last complete output is still there.
         if simulation.step_count() > first {
-            self.save_over(&mut simulation, &mut files)?;
+            self.save_distributed(&mut simulation, &mut files)?;
         }
-        let animated = files.map_or(Ok(()), |files| files.animate(simulation.model(), &self.title()));
-        simulation.agree(animated)?;
         if is_first {
             pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
@@ -77,7 +78,7 @@ impl Run {
     }
 
     /// The files are the first rank's.
-    fn begin_over<C: Communicator>(
+    fn begin_distributed<C: Communicator>(
         &self,
         communicator: C,
     ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
@@ -85,29 +86,29 @@ impl Run {
         let is_first = communicator.rank() == 0;
         self.check_backend(&communicator)?;
         let mut simulation = RankSimulation::new(communicator, model.clone(), *seed, self.algorithm)?;
-        let standing = simulation.look(Wanted::default())?;
+        let standing = simulation.gather(GatherFields::default())?;
         let create = || {
             let lock = output::prepare(&self.directory, self.overwrite)?;
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            output::forget(&self.directory, &["replicas.csv", "mean.csv"])?;
+            output::remove_stale(&self.directory, &["replicas.csv", "mean.csv"])?;
             Files::create(&self.directory, *output, (model, *seed), lock)
         };
         let files = is_first.then(create).transpose();
         let mut files = simulation.agree(files)?;
-        self.record_over(&mut simulation, &mut files)?;
+        self.record_distributed(&mut simulation, &mut files)?;
         // A failure to write shows now.
-        self.save_over(&mut simulation, &mut files)?;
+        self.save_distributed(&mut simulation, &mut files)?;
         Ok((simulation, files))
     }
 
-    fn go_on_over<C: Communicator>(
+    fn resume_distributed<C: Communicator>(
         &self,
         communicator: C,
     ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
         let own = &self.scenario;
         let path = self.checkpoint_path();
         self.check_backend(&communicator)?;
-        let share = Share::new(communicator.rank(), communicator.ranks());
+        let share = RankSlice::new(communicator.rank(), communicator.ranks());
         let is_first = communicator.rank() == 0;
         // Nobody reads before the first rank has seen to it that nobody writes.
         let lock = is_first.then(|| self.lock()).transpose();
@@ -120,13 +121,13 @@ impl Run {
                 self.warn_of_backends(done, &checkpoint.backend, Backend::Cpu);
             }
             let records = checkpoint.files.clone();
-            Ok((records, checkpoint.into_share(&path, share)?))
+            Ok((records, checkpoint.into_slice(&path, share)?))
         };
         let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
         let (records, state) = communicator.agree(read)?;
         let mut simulation =
             RankSimulation::resume(communicator, own.model.clone(), (own.seed, self.algorithm), state)?;
-        let standing = simulation.look(Wanted::default())?;
+        let standing = simulation.gather(GatherFields::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
             Files::reopen(
@@ -155,20 +156,20 @@ impl Run {
     }
 
     /// Writes what is due after the steps done so far.
-    fn record_over<C: Communicator>(
+    fn record_distributed<C: Communicator>(
         &self,
         simulation: &mut RankSimulation<C>,
         files: &mut Option<Files>,
     ) -> Result<(), C::Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
-        let wanted = Wanted {
+        let fields = GatherFields {
             received: step.is_multiple_of(output.every),
             particles: output.has_frame(step) || output.animated(step).is_some(),
         };
-        if wanted == Wanted::default() && !simulation.model().logs_arrivals {
+        if fields == GatherFields::default() && !simulation.model().logs_arrivals {
             return Ok(());
         }
-        let standing = simulation.look(wanted)?;
+        let standing = simulation.gather(fields)?;
         let record = |files: &mut Files| {
             if step > 0 && self.is_disk_full(&standing, ReplicaSlot::NONE)? {
                 return Ok(false);
@@ -180,12 +181,12 @@ impl Run {
         if simulation.communicator().all_reduce_sum(&[is_full.into()])[0] == 0 {
             return Ok(());
         }
-        self.save_over(simulation, files)?;
+        self.save_distributed(simulation, files)?;
         simulation.agree(Err(self.stopped_early(step)))
     }
 
     /// Every rank writes its particles, then the first rank what belongs to all.
-    fn save_over<C: Communicator>(
+    fn save_distributed<C: Communicator>(
         &self,
         simulation: &mut RankSimulation<C>,
         files: &mut Option<Files>,

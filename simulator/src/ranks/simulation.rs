@@ -9,8 +9,8 @@ use lazygrid_ranks::{
     send_to_ranks,
 };
 
-use super::matching::Contest;
-use super::{Gathered, Share, check, rows};
+use super::matching::DistributedMatching;
+use super::{Gathered, RankSlice, check, rows};
 use crate::model::Contact;
 use crate::motion::binding::{self, BindingRequest};
 use crate::reaction::dissociation::Dissociated;
@@ -19,32 +19,31 @@ use crate::reaction::{ReactantChange, interactions};
 use crate::run::simulation::{Moved, detector};
 use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
 
-/// The part that one rank has of a run, and what it takes to go on together with the others.
+/// One rank's part of a run, with its communicator.
 ///
-/// All methods that change it are collective: every rank calls them, in the same order. The work is done in the rayon pool
-/// of whoever calls.
+/// Methods that change it are collective: every rank calls them, in the same order. Work is done in the caller's rayon pool.
 #[derive(Debug)]
 pub struct RankSimulation<C> {
     communicator: C,
-    /// The particles of this rank; counts are its part, which those of the other ranks add to.
+    /// The particles of this rank. Its counts are this rank's contribution to the sums over ranks.
     run: Simulation,
-    /// Of all ranks.
+    /// The sums over all ranks.
     totals: Totals,
-    meeting: Option<Meeting>,
+    pair_search: Option<RankPairSearch>,
 }
 
 /// The detector of pairs among the particles of all ranks.
 #[derive(Debug)]
-struct Meeting {
+struct RankPairSearch {
     wrapper: SphereWrapper,
     search: Search,
     partitioner: Partitioner,
-    contest: Contest,
+    matching: DistributedMatching,
 }
 
-/// The data that [`RankSimulation::look`] gathers on rank 0.
+/// The data that [`RankSimulation::gather`] gathers on rank 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
+pub struct GatherFields {
     /// The counts of receivers.
     pub received: bool,
     /// All particles, and what is bound.
@@ -54,15 +53,15 @@ pub struct Wanted {
 /// The outcome of a particle of another rank.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Message {
-    /// Its place with its owner.
+struct OutcomeMessage {
+    /// Its index on its owner.
     at: u32,
-    /// One more than the species that it turns into; 0 where it is to be removed.
+    /// 1 plus the species of the product; 0 if the particle is removed.
     product: u32,
     position: [f32; 3],
 }
 
-/// An arrival without where it is from, which every rank knows of all ids.
+/// An arrival without its origin, which every rank knows from the id.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Arrived {
@@ -75,18 +74,18 @@ struct Arrived {
 const BOUND: f64 = 1.2;
 
 impl<C: Communicator> RankSimulation<C> {
-    /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
+    /// Begins a run. The detection `algorithm` does not change the result.
     ///
     /// # Errors
-    /// Of a rank, on all: as [`Simulation::new`], and [`Error::NotOverRanks`]. [`Communicator::difference`] if ranks have
+    /// Every rank returns the error of the first rank that fails: those of [`Simulation::new`], and [`Error::NotOverRanks`]. [`Communicator::difference`] if ranks have
     /// different models or seeds, or are at different steps.
     pub fn new(communicator: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
-        let state = State::new_share(&model, seed, Share::new(communicator.rank(), communicator.ranks()));
+        let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
         Self::begin(communicator, model, (seed, algorithm), state)
     }
 
-    /// A run that goes on from a state of the same model and seed, of which `state` has what is counted, and the
-    /// particles and what is bound that this rank is to have.
+    /// Resumes a run from a state of the same model and seed. `state` has the counts of all ranks, and the free and bound
+    /// particles of this rank.
     ///
     /// # Errors
     /// The same as [`new`](Self::new).
@@ -114,13 +113,13 @@ impl<C: Communicator> RankSimulation<C> {
         shared(&model, seed, state.step).agree(&mut communicator)?;
         let made = check(&model).and_then(|()| {
             let mut run = Simulation::resume(model, seed, algorithm, state)?;
-            let meeting = Meeting::of(&mut run, algorithm, place)?;
-            Ok((run, meeting))
+            let pair_search = RankPairSearch::of(&mut run, algorithm, place)?;
+            Ok((run, pair_search))
         });
         let made = made.map_err(|error| communicator.failure(error.to_string()));
-        let (run, meeting) = communicator.agree(made)?;
+        let (run, pair_search) = communicator.agree(made)?;
         let totals = run.state.totals.clone();
-        let mut all = Self { communicator, run, totals, meeting };
+        let mut all = Self { communicator, run, totals, pair_search };
         all.add_up();
         Ok(all)
     }
@@ -168,21 +167,21 @@ impl<C: Communicator> RankSimulation<C> {
         let outcomes = self.interact()?;
         let splits = self.run.splits(&outcomes);
         let parents = self.all_parents(&splits)?;
-        let share = Share::new(self.communicator.rank(), self.communicator.ranks());
+        let share = RankSlice::new(self.communicator.rank(), self.communicator.ranks());
         let done = self.run.conclude(&outcomes, &splits, &parents).and_then(|()| self.run.finish(share));
         self.agree(done)?;
         self.add_up();
         Ok(())
     }
 
-    /// Brings the counts of all ranks together.
+    /// Sums the counts over all ranks.
     fn add_up(&mut self) {
         let own: Vec<u64> = self.run.state.totals.counts().copied().collect();
         let all = self.communicator.all_reduce_sum(&own);
         self.totals.counts_mut().zip(all).for_each(|(count, all)| *count = all);
     }
 
-    /// The particles that are to bind to receptors, on all ranks.
+    /// Returns the requests for receptors on all ranks.
     fn all_bids(&mut self, moved: &Moved) -> Result<Vec<BindingRequest>, C::Error> {
         let has_receptors = |receiver: &crate::Receiver| matches!(receiver.kind, ReceiverKind::Receptors(_));
         if !self.run.model.receivers.iter().any(has_receptors) {
@@ -191,7 +190,7 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(self.communicator.all_gather("bids for receptors", &self.run.bids(moved))?.0)
     }
 
-    /// The ids of what comes apart into two on all ranks, ascending.
+    /// Returns the ids of the particles that dissociate into two on any rank, ascending.
     fn all_parents(&mut self, splits: &[Dissociated]) -> Result<Vec<u32>, C::Error> {
         if self.run.dissociation.is_empty() {
             return Ok(Vec::new());
@@ -203,20 +202,20 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(parents)
     }
 
-    /// Finds pairs and lets them react. Returns what comes of the particles that this rank has then.
+    /// Finds pairs and their reactions. Returns the outcomes for particles of this rank.
     fn interact(&mut self) -> Result<Vec<ReactantChange>, C::Error> {
-        let Self { communicator, run, meeting, .. } = self;
-        let Some(meeting) = meeting else { return Ok(Vec::new()) };
-        meeting.settle(communicator, run)?;
-        let ghosts = meeting.ghosts(communicator, run)?;
+        let Self { communicator, run, pair_search, .. } = self;
+        let Some(pair_search) = pair_search else { return Ok(Vec::new()) };
+        pair_search.migrate(communicator, run)?;
+        let ghosts = pair_search.ghosts(communicator, run)?;
         let own = run.state.particles.len();
-        let found = meeting.candidates(run, &ghosts);
+        let found = pair_search.candidates(run, &ghosts);
         let mut candidates =
             communicator.agree(found.map_err(|error| communicator.failure(error.to_string())))?;
         if run.reactions.is_empty() {
             return Ok(Vec::new());
         }
-        let chosen = meeting.contest.greedy(communicator, &mut candidates, (own, &ghosts))?;
+        let chosen = pair_search.matching.greedy(communicator, &mut candidates, (own, &ghosts))?;
         let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
         let particles = &run.state.particles;
         let outcomes = run.reactions.all_outcomes(particles, reacts(), run.key, run.state.step);
@@ -225,11 +224,11 @@ impl<C: Communicator> RankSimulation<C> {
         deliver_outcomes(communicator, outcomes, (own, &ghosts))
     }
 
-    /// Brings together on rank 0 how the run stands.
+    /// Gathers the state of the run on rank 0.
     ///
     /// # Errors
     /// Fails if the communicator fails.
-    pub fn look(&mut self, wanted: Wanted) -> Result<Gathered<'_>, C::Error> {
+    pub fn gather(&mut self, fields: GatherFields) -> Result<Gathered<'_>, C::Error> {
         let Self { communicator, run, totals, .. } = self;
         let mut arrivals = Vec::new();
         if run.model.logs_arrivals {
@@ -248,14 +247,14 @@ impl<C: Communicator> RankSimulation<C> {
             arrivals.sort_unstable_by_key(|arrival| arrival.id);
         }
         let mut received = Vec::new();
-        if wanted.received {
+        if fields.received {
             let species = run.model.species.len();
             let all = communicator.all_reduce_sum(&run.received().concat());
             received = all.chunks(species.max(1)).map(<[u64]>::to_vec).collect();
             received.resize(run.model.receivers.len(), Vec::new());
         }
         let mut state = run.state.without_particles(totals.clone());
-        if wanted.particles {
+        if fields.particles {
             let own: Vec<_> =
                 (0..run.state.particles.len() as u32).map(|at| rows::row(&run.state.particles, at)).collect();
             let all = gather(communicator, "particles", &own)?;
@@ -266,7 +265,7 @@ impl<C: Communicator> RankSimulation<C> {
     }
 }
 
-/// The settings that all ranks must share. The algorithm does not change the result.
+/// Returns the settings that must be equal on all ranks. The algorithm does not change the result.
 fn shared(model: &Model, seed: u64, step: u32) -> Settings {
     Settings::new(env!("CARGO_PKG_VERSION"))
         // The text has every number exactly, and its maker has the same version on all ranks.
@@ -275,8 +274,8 @@ fn shared(model: &Model, seed: u64, step: u32) -> Settings {
         .with("steps done", step)
 }
 
-impl Meeting {
-    /// The search of a model in which something interacts, by the detector of its run.
+impl RankPairSearch {
+    /// Returns the search of a model with interactions, with the detector of its run.
     fn of(run: &mut Simulation, algorithm: Algorithm, place: (u32, u32)) -> Result<Option<Self>, Error> {
         let Some(within) = run.detector.take() else { return Ok(None) };
         // The paper's grids have one set, and ghosts are another.
@@ -284,11 +283,16 @@ impl Meeting {
         let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
         let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
         let search = Search::new(within, across, wrapper.clone(), place);
-        Ok(Some(Self { wrapper, search, partitioner: Partitioner::default(), contest: Contest::default() }))
+        Ok(Some(Self {
+            wrapper,
+            search,
+            partitioner: Partitioner::default(),
+            matching: DistributedMatching::default(),
+        }))
     }
 
-    /// Moves particles to the ranks in whose parts of space they are.
-    fn settle<C: Communicator>(
+    /// Migrates particles to the ranks that own their parts of space.
+    fn migrate<C: Communicator>(
         &mut self,
         communicator: &mut C,
         run: &mut Simulation,
@@ -310,7 +314,7 @@ impl Meeting {
         Ok(())
     }
 
-    /// The particles of other ranks that may meet some of this one.
+    /// Returns the particles of other ranks that may interact with those of this rank.
     fn ghosts<C: Communicator>(&self, communicator: &mut C, run: &Simulation) -> Result<Ghosts, C::Error> {
         let particles = &run.state.particles;
         let wrapped = rows::wrapped(&self.wrapper, particles);
@@ -320,8 +324,8 @@ impl Meeting {
         Ghosts::exchange(communicator, &leaving, |at| rows::ghost(particles, at))
     }
 
-    /// Counts the pairs that this rank reports, and returns those that chance lets react; ghosts then lie behind the
-    /// particles of this rank, unless nothing reacts.
+    /// Counts the pairs that this rank reports and samples their reactions. Ghosts are then stored after the particles of this
+    /// rank, unless nothing reacts.
     fn candidates(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<ReactionCandidate>, Error> {
         let Simulation { model, key, state, reactions, .. } = run;
         let State { particles, totals, step, .. } = state;
@@ -355,7 +359,7 @@ impl Meeting {
     }
 }
 
-/// Sends what comes of ghosts to their owners. Returns what comes of the particles of this rank.
+/// Sends the outcomes of ghosts to their owners. Returns the outcomes of this rank's particles.
 fn deliver_outcomes<C: Communicator>(
     communicator: &mut C,
     mut outcomes: Vec<ReactantChange>,
@@ -367,12 +371,12 @@ fn deliver_outcomes<C: Communicator>(
         let ghost = ghost_of(outcome)?;
         let at = ghosts.particles()[ghost as usize].index;
         let product = outcome.product.map_or(0, |species| species + 1);
-        Some((ghosts.rank_of(ghost), Message { at, product, position: outcome.position }))
+        Some((ghosts.rank_of(ghost), OutcomeMessage { at, product, position: outcome.position }))
     };
     let send = outcomes.iter().filter_map(message).collect();
     let (came, _) = send_to_ranks(communicator, "what comes of ghosts", send)?;
     outcomes.retain(|outcome| ghost_of(outcome).is_none());
-    outcomes.extend(came.into_iter().map(|Message { at, product, position }| ReactantChange {
+    outcomes.extend(came.into_iter().map(|OutcomeMessage { at, product, position }| ReactantChange {
         at,
         product: product.checked_sub(1),
         position,

@@ -5,7 +5,7 @@
 
 pub mod origins;
 
-pub(crate) mod time;
+pub mod time;
 
 use rand_distr::{Distribution, Poisson};
 
@@ -16,7 +16,7 @@ use crate::model::{Model, Species};
 use crate::random::gaussian;
 use crate::random::gaussian::direction;
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
-use crate::ranks::Share;
+use crate::ranks::RankSlice;
 use crate::reaction::decay::Decays;
 
 /// The particles that are released at the beginning of a step.
@@ -67,16 +67,16 @@ impl Model {
     /// # Errors
     /// [`Error::OutOfIds`] if there are too few ids left.
     pub fn release(&self, decays: &Decays, key: Key, step: u32, next_id: u32) -> Result<Released, Error> {
-        self.release_share((decays, key), step, next_id, Share::WHOLE)
+        self.release_slice((decays, key), step, next_id, RankSlice::WHOLE)
     }
 
     /// The share that one rank of several has of what is [released](Self::release). The next id is that of all together.
-    pub(crate) fn release_share(
+    pub(crate) fn release_slice(
         &self,
         (decays, key): (&Decays, Key),
         step: u32,
         next_id: u32,
-        share: Share,
+        slice: RankSlice,
     ) -> Result<Released, Error> {
         let batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
         let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
@@ -89,7 +89,7 @@ impl Model {
             released: vec![0; self.species.len()],
             decayed: vec![0; self.decays.len()],
         };
-        let own = share.of(released - u64::from(next_id));
+        let own = slice.of(released - u64::from(next_id));
         // How many there are before this batch, of all and of its burst.
         let (mut before, mut place) = (0, 0);
         for (k, batch) in batches.iter().enumerate() {

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Damage;
 use crate::motion::binding::Bound;
-use crate::ranks::Share;
+use crate::ranks::RankSlice;
 use crate::run::sealed::{self, Kind};
 use crate::{Error, Particles, State};
 
@@ -131,15 +131,15 @@ impl Checkpoint {
     /// # Errors
     /// The same as [`read`](Self::read).
     pub fn into_state(self, path: &Path) -> Result<State, Error> {
-        self.into_share(path, Share::WHOLE)
+        self.into_slice(path, RankSlice::WHOLE)
     }
 
     /// The same with a share of the particles and of what is bound.
-    pub(crate) fn into_share(self, path: &Path, share: Share) -> Result<State, Error> {
+    pub(crate) fn into_slice(self, path: &Path, slice: RankSlice) -> Result<State, Error> {
         let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {
             let own = if k == 0 { state.particles.len() } else { state.bound.len() };
-            share.of(if parts.is_empty() {
+            slice.of(if parts.is_empty() {
                 own as u64
             } else {
                 parts.iter().map(|part| part.counts()[k]).sum()
@@ -158,7 +158,7 @@ impl Checkpoint {
             let ranges = [0, 1].map(|k| within(&wanted[k], before[k], counts[k]));
             before = [0, 1].map(|k| before[k] + counts[k]);
             // A part that no rank needs is checked all the same.
-            let is_idle = share.is_first() && counts == [0; 2];
+            let is_idle = slice.is_first() && counts == [0; 2];
             if ranges.iter().all(Range::is_empty) && !is_idle {
                 continue;
             }
@@ -267,7 +267,7 @@ mod tests {
         assert_eq!(read, checkpoint);
         for ranks in [1, 2, 3, 5] {
             let shares: Vec<State> = (0..ranks)
-                .map(|rank| read.clone().into_share(&path, Share::new(rank, ranks)).expect("is read"))
+                .map(|rank| read.clone().into_slice(&path, RankSlice::new(rank, ranks)).expect("is read"))
                 .collect();
             let ids = shares.iter().flat_map(|share| share.particles.id.clone());
             assert!(ids.eq(0..13));
@@ -279,7 +279,7 @@ mod tests {
         let idle = part_of(&path, 3, 1);
         let whole = std::fs::read(&idle).expect("is there");
         std::fs::write(&idle, &whole[1..]).expect("is written");
-        let refused = |rank| read.clone().into_share(&path, Share::new(rank, 2)).is_err();
+        let refused = |rank| read.clone().into_slice(&path, RankSlice::new(rank, 2)).is_err();
         assert_eq!([0, 1].map(refused), [true, false]);
         // A checkpoint without parts takes those of this one away.
         Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");

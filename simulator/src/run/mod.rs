@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use lazygrid::{Algorithm, Backend};
 
-use crate::output::{self, Files, Forecast, Lock};
+use crate::output::{self, DiskEstimate, Files, Lock};
 use crate::run::checkpoint::{Checkpoint, FileRecord};
 use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::scenario::{Output, Scenario};
@@ -133,7 +133,6 @@ impl Run {
             self.save(&simulation, &mut files)?;
         }
         files.convert(simulation.model())?;
-        files.animate(simulation.model(), &self.title())?;
         if beside.place == 0 {
             pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
@@ -159,8 +158,8 @@ impl Run {
         PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
     }
 
-    /// The name of the run in messages.
-    pub(crate) fn title(&self) -> String {
+    /// The name of the run in messages and on pages.
+    pub fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         format!("{name}, seed {}", self.scenario.seed)
     }
@@ -181,7 +180,10 @@ impl Run {
         let lock = output::prepare(&self.directory, self.overwrite)?;
         // Before anything that is there is replaced.
         self.check_disk_space(&simulation, beside)?;
-        output::forget(&self.directory, &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"])?;
+        output::remove_stale(
+            &self.directory,
+            &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"],
+        )?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
         // A failure to write shows now.
@@ -199,7 +201,7 @@ impl Run {
             return Ok(());
         }
         let Scenario { steps, output, text, .. } = &self.scenario;
-        let Forecast { least, most, checkpoint } = Forecast::of(simulation, *output, *steps, text);
+        let DiskEstimate { least, most, checkpoint } = DiskEstimate::of(simulation, *output, *steps, text);
         let runs = u64::from(beside.count - beside.place);
         let [least, most, checkpoint] = [least, most, checkpoint].map(|bytes| bytes.saturating_mul(runs));
         let free = self.free_disk_bytes()?;
@@ -250,7 +252,7 @@ impl Run {
         {
             return Ok(false);
         }
-        Ok(self.free_disk_bytes()? < 2 * u64::from(beside.at_once) * output::next(simulation, output))
+        Ok(self.free_disk_bytes()? < 2 * u64::from(beside.at_once) * output::next_bytes(simulation, output))
     }
 
     fn resume_run(&self, beside: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {

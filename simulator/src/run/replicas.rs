@@ -13,8 +13,6 @@ use lazygrid::Backend;
 
 use crate::output::{self, Lock};
 use crate::random::philox::{Key, Purpose};
-use crate::results::mean::MeanSeries;
-use crate::results::series::Series;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::{ReplicaSlot, Run, RunEnd, pool};
 use crate::{AnySimulation, Error};
@@ -33,10 +31,8 @@ pub struct Replicas {
 pub struct ReplicaResults {
     /// `true` if all are done.
     pub end: RunEnd,
-    /// Which are done.
+    /// The numbers of the replicas that have all steps, ascending.
     pub done: Vec<u32>,
-    /// The mean of the series of those.
-    pub mean: MeanSeries,
 }
 
 /// The seed of a replica, by the seed that was given and its number.
@@ -46,8 +42,8 @@ pub fn seed_of(seed: u64, replica: u32) -> u64 {
 }
 
 impl Replicas {
-    /// Does all steps of all replicas, as many replicas at once as there are threads, and writes `mean.csv`. The files
-    /// do not depend on the number of threads.
+    /// Does all steps of all replicas, as many replicas at once as there are threads. The files do not depend on the number
+    /// of threads.
     ///
     /// Calls `watch` as [`Run::run`] does, with the number of the replica, from several threads; what it returns at any
     /// of them holds for all. Replicas that were stopped or not begun are done by a run with [`Run::resume`], in which
@@ -85,7 +81,7 @@ impl Replicas {
                 Err(error) => return Err(Error::Replica { replica, source: Box::new(error) }),
             }
         }
-        self.finish_all(&done)
+        self.results(&done)
     }
 
     /// The folder of a replica's files.
@@ -93,8 +89,8 @@ impl Replicas {
         self.run.directory.join(format!("replica-{replica:04}"))
     }
 
-    /// A replica as a run by itself.
-    fn replica(&self, replica: u32) -> Run {
+    /// Returns a replica as a run of its own.
+    pub fn replica(&self, replica: u32) -> Run {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
@@ -116,9 +112,9 @@ impl Replicas {
                 let lock = output::prepare(directory, self.run.overwrite)?;
                 // Else those that are not begun anew for some reason would count as done.
                 for replica in (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists()) {
-                    output::forget(&replica, &["checkpoint", "series.csv"])?;
+                    output::remove_stale(&replica, &["checkpoint", "series.csv"])?;
                 }
-                output::forget(directory, &["checkpoint", "mean.csv"])?;
+                output::remove_stale(directory, &["checkpoint", "mean.csv"])?;
                 lock
             }
             true => {
@@ -139,30 +135,21 @@ impl Replicas {
                 Lock::take(directory)?
             }
         };
-        output::replace(&path, |out| out.write_all(table.as_bytes()))?;
+        output::write_atomically(&path, |out| out.write_all(table.as_bytes()))?;
         Ok(lock)
     }
 
-    /// The mean of the replicas that are done, now or before.
-    fn finish_all(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
-        let (mut mean, mut done) = (MeanSeries::default(), Vec::new());
-        let last = self.run.scenario.steps - self.run.scenario.steps % self.run.scenario.output.every;
+    /// Which replicas are done, now or before.
+    fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
+        let mut done = Vec::new();
         for replica in 0..self.count.get() {
-            let directory = self.directory_of(replica);
-            // Those of this call were checked when they were resumed.
-            if !ended.contains(&replica) && !is_done(&directory, self.run.scenario.steps)? {
-                continue;
-            }
-            let path = directory.join("series.csv");
-            let series = Series::read(&path)?;
-            if series.steps.last() == Some(&last) {
-                mean.add(&series, &path)?;
+            // Replicas of this call were checked when they were resumed.
+            if ended.contains(&replica) || is_done(&self.directory_of(replica), self.run.scenario.steps)? {
                 done.push(replica);
             }
         }
-        output::replace(&self.run.directory.join("mean.csv"), |out| mean.write(out))?;
         let end = if ended.len() == self.count.get() as usize { RunEnd::Finished } else { RunEnd::Stopped };
-        Ok(ReplicaResults { end, done, mean })
+        Ok(ReplicaResults { end, done })
     }
 }
 

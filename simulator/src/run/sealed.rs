@@ -48,7 +48,7 @@ impl Kind {
 /// [`Error::Write`].
 pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result<u64, Error> {
     let mut checksum = 0;
-    output::replace(path, |out| {
+    output::write_atomically(path, |out| {
         let mut bytes = kind.first_line().into_bytes();
         let [sum_at, length_at, body_at] = [0, 8, 16].map(|after| bytes.len() + after);
         bytes.resize(body_at, 0);

@@ -12,7 +12,7 @@ use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
 use crate::motion::receiver_state;
 use crate::random::philox::{Key, Purpose};
-use crate::ranks::Share;
+use crate::ranks::RankSlice;
 use crate::reaction::dissociation::{self, Dissociated, Dissociation};
 use crate::reaction::matching::Matching;
 use crate::reaction::{ReactantChange, Reactions, interactions};
@@ -158,7 +158,7 @@ impl Simulation {
         let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
         let parents: Vec<u32> = parents.collect();
         self.conclude(&outcomes, &splits, &parents)?;
-        self.finish(Share::WHOLE)
+        self.finish(RankSlice::WHOLE)
     }
 
     /// Moves receivers and particles by themselves, where so many receptors of each receiver are free.
@@ -344,9 +344,9 @@ impl Simulation {
     }
 
     /// Ends a step: releases what is due at the beginning of the next one, of which this rank has its share.
-    pub(crate) fn finish(&mut self, share: Share) -> Result<(), Error> {
+    pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
-        self.state.release(&self.model, (&self.motion.decays, self.key), share)
+        self.state.release(&self.model, (&self.motion.decays, self.key), slice)
     }
 }
 

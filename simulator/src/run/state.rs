@@ -8,7 +8,7 @@ use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
 use crate::motion::binding::Bound;
 use crate::random::philox::Key;
-use crate::ranks::Share;
+use crate::ranks::RankSlice;
 use crate::reaction::decay::Decays;
 use crate::release::Released;
 use crate::release::origins::{Origin, Origins};
@@ -57,15 +57,15 @@ impl State {
     /// # Errors
     /// [`Error::Model`] if the model is invalid; [`Error::OutOfIds`] if it releases too many particles.
     pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
-        Self::new_share(model, seed, Share::WHOLE)
+        Self::new_slice(model, seed, RankSlice::WHOLE)
     }
 
     /// Creates the initial state with one rank's share of the released particles.
-    pub(crate) fn new_share(model: &Model, seed: u64, share: Share) -> Result<Self, Error> {
+    pub(crate) fn new_slice(model: &Model, seed: u64, slice: RankSlice) -> Result<Self, Error> {
         model.check()?;
         let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
         let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
-        state.release(model, (&Decays::new(model), Key::new(seed)), share)?;
+        state.release(model, (&Decays::new(model), Key::new(seed)), slice)?;
         Ok(state)
     }
 
@@ -115,9 +115,9 @@ impl State {
         &mut self,
         model: &Model,
         (decays, key): (&Decays, Key),
-        share: Share,
+        slice: RankSlice,
     ) -> Result<(), Error> {
-        let released = model.release_share((decays, key), self.step, self.next_id, share)?;
+        let released = model.release_slice((decays, key), self.step, self.next_id, slice)?;
         if model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in model.releases(self.step, key) {

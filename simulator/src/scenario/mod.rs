@@ -12,7 +12,7 @@ use std::path::Path;
 pub use self::overrides::Overrides;
 use lazygrid_io::{excerpt, printed};
 
-use crate::animation::Animation;
+use crate::output::animation::Animation;
 use crate::{Error, Model, Transmitter};
 
 /// A scenario as it was read.

@@ -1,7 +1,7 @@
 use std::num::NonZeroU32;
 
 use super::Scenario;
-use crate::animation::Animation;
+use crate::output::animation::Animation;
 
 /// About how many frames an animation has unless it is told.
 const FRAMES: u32 = 200;

@@ -92,7 +92,7 @@ fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     let watch = |_| ControlFlow::Continue(());
     let said: Vec<Option<String>> = match ranks {
         0 => vec![run.run(|_| ControlFlow::Continue(())).err().map(|error| error.to_string())],
-        _ => threads::on(ranks, |thread| run.run_over(thread, watch).err()),
+        _ => threads::on(ranks, |thread| run.run_distributed(thread, watch).err()),
     };
     for said in said {
         let said = said.unwrap_or_else(|| panic!("{name}, {damage}: the run is not refused"));

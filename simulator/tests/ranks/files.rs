@@ -100,9 +100,9 @@ pub(crate) fn go(run: &Run, ranks: u32) {
         assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);
         return;
     }
-    for end in
-        threads::on(ranks, |thread| run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0))
-    {
+    for end in threads::on(ranks, |thread| {
+        run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+    }) {
         assert_eq!(end, Ok(RunEnd::Finished));
     }
 }
@@ -184,7 +184,7 @@ fn what_one_rank_asks_stops_all_and_the_run_can_go_on() {
         let rank = lazygrid_ranks::Communicator::rank(&thread);
         let ask =
             |step| if rank == 1 && step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-        first.run_over(thread, ask).map(|(end, simulation)| (end, simulation.step_count()))
+        first.run_distributed(thread, ask).map(|(end, simulation)| (end, simulation.step_count()))
     });
     assert_eq!(ends, vec![Ok((RunEnd::Stopped, 17)); 3]);
     assert_eq!(state(directory.path()).step, 17);
@@ -196,14 +196,16 @@ fn lost_part_is_named_and_run_is_not_replaced_unasked() {
     go(&run(directory.path(), 10, false), 2);
     std::fs::remove_file(directory.path().join("checkpoint.000000010.1")).unwrap();
     let resumed = run(directory.path(), 20, true);
-    let done =
-        threads::on(3, |thread| resumed.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0));
+    let done = threads::on(3, |thread| {
+        resumed.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+    });
     let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
     assert_eq!(said, vec![said[0].clone(); 3]);
     assert!(said[0].contains("checkpoint.000000010.1: cannot read"), "{}", said[0]);
     let run = run(directory.path(), 20, false);
-    let done =
-        threads::on(2, |thread| run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0));
+    let done = threads::on(2, |thread| {
+        run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+    });
     assert!(done.iter().all(|end| end.as_ref().unwrap_err().contains("it holds a run already")), "{done:?}");
 }
 
@@ -215,7 +217,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
         let base = base();
         let done = threads::on(3, |thread| {
             let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { &odd } else { &base };
-            run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+            run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
         });
         let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
         assert_eq!(said, vec![said[0].clone(); 3]);
@@ -242,7 +244,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
     let done = threads::on(3, |thread| {
         let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { own.clone() } else { base() };
-        run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+        run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
     });
     assert_eq!(done, vec![Ok(RunEnd::Finished); 3]);
 }

@@ -1,5 +1,5 @@
 use lazygrid::Algorithm;
-use lazygrid_sim::ranks::{RankSimulation, Wanted};
+use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
     Arrival, Decay, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
     Transmitter,
@@ -40,12 +40,12 @@ fn over(ranks: u32, model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
 }
 
 fn over_by(algorithm: Algorithm, ranks: u32, model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
-    let wanted = Wanted { received: true, particles: true };
+    let fields = GatherFields { received: true, particles: true };
     let mut of_ranks = threads::on(ranks, |thread| {
         let mut run = RankSimulation::new(thread, model.clone(), seed, algorithm).unwrap();
         let mut all = Vec::new();
         for step in 0..=steps {
-            let standing = run.look(wanted).unwrap();
+            let standing = run.gather(fields).unwrap();
             let state = standing.state().unwrap().into_owned();
             all.push(seen(state, standing.received(), standing.arrivals()));
             if step < steps {

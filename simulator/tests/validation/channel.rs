@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use lazygrid_results::bit_errors::BitErrors;
+use lazygrid_results::log::{Arrived, Log};
+use lazygrid_results::symbols::{SymbolSlots, messages};
 use lazygrid_sim::random::philox::Key;
-use lazygrid_sim::results::bit_errors::BitErrors;
-use lazygrid_sim::results::log::{Arrived, Log};
-use lazygrid_sim::results::symbols::{Slots, messages};
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Model, Schedule};
 use rayon::prelude::*;
@@ -237,7 +237,12 @@ pub(crate) fn shift_keying() -> Vec<Row> {
             }
             let (_, message) = messages(&model).next().expect("a message");
             let mut errors = BitErrors::new(message, model.transmitters[0].release.len(), [0, 0], 0);
-            errors.add(&log, &model, seed, &Slots::new(message, model.time_step, 0, FEW_SYMBOLS * STEPS));
+            errors.add(
+                &log,
+                &model,
+                seed,
+                &SymbolSlots::new(message, model.time_step, 0, FEW_SYMBOLS * STEPS),
+            );
             let thresholds = if modulation == "csk" { &THRESHOLDS[..] } else { &[] };
             let sent: Vec<u32> = (0..FEW_SYMBOLS).map(|k| message.symbol(k, 0, Key::new(seed))).collect();
             let (mut expected, mut variance) = (0.0, 0.0);

@@ -3,6 +3,8 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use indicatif::ProgressBar;
+use lazygrid_results::animation;
+use lazygrid_results::mean::MeanSeries;
 use lazygrid_sim::run::RunEnd;
 use lazygrid_sim::run::replicas::{ReplicaResults, Replicas, seed_of};
 use lazygrid_sim::{AnySimulation, RunView};
@@ -17,19 +19,22 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let count = replicas.count.get();
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
-    let replicated = replicas.run(|replica, simulation| {
+    let mut replicated = replicas.run(|replica, simulation| {
         advance.see(replica, simulation);
         if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
+    let mean = MeanSeries::of_replicas(&replicas, &mut replicated)?;
+    // One replica shows what all are like.
+    animation::write(&replicas.replica(0))?;
     let run = &replicas.run;
     if reports && !replicated.done.is_empty() {
         let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
         let runs = replicated.done.iter().map(of).collect();
         let command = format!("{} --replicas {count}", report::command(run));
-        report::write(&Done { run, mean: &replicated.mean, runs, command })?;
+        report::write(&Done { run, mean: &mean, runs, command })?;
     }
-    print(summary(&replicas, &replicated))?;
+    print(summary(&replicas, &replicated, &mean))?;
     match replicated.end {
         RunEnd::Finished => Ok(()),
         RunEnd::Stopped => {
@@ -74,8 +79,8 @@ impl Advance {
 }
 
 /// What came of replicas: the last row of each series on average, with its standard error.
-fn summary(replicas: &Replicas, replicated: &ReplicaResults) -> String {
-    let (run, mean) = (&replicas.run, &replicated.mean);
+fn summary(replicas: &Replicas, replicated: &ReplicaResults, mean: &MeanSeries) -> String {
+    let run = &replicas.run;
     let mut lines = vec![
         format!("replicas   {} of {} done", replicated.done.len(), replicas.count),
         format!("seed       {}", run.scenario.seed),

@@ -7,10 +7,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use lazygrid_report::{Document, html};
+use lazygrid_results::channel::Channels;
+use lazygrid_results::mean::MeanSeries;
+use lazygrid_results::series::Series;
 use lazygrid_sim::Model;
-use lazygrid_sim::results::channel::Channels;
-use lazygrid_sim::results::mean::MeanSeries;
-use lazygrid_sim::results::series::Series;
 use lazygrid_sim::run::Run;
 
 use crate::error::CliError;

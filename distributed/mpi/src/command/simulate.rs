@@ -23,6 +23,8 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
     })?;
+    let animated = (world.rank() == 0).then(|| lazygrid_results::animation::write(&run)).transpose();
+    agree(world, animated.map_err(|error| say(&error)))?;
     if world.rank() == 0 {
         print(world, &done.summary)?;
     }

@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
+use lazygrid_results::bit_errors::BitErrors;
+use lazygrid_results::channel::{Channels, spaced};
+use lazygrid_results::mean::RunningStats;
+use lazygrid_results::response::Link;
 use lazygrid_sim::Model;
-use lazygrid_sim::results::bit_errors::BitErrors;
-use lazygrid_sim::results::channel::{Channels, spaced};
-use lazygrid_sim::results::mean::Moments;
-use lazygrid_sim::results::response::Way;
 
 use super::Done;
 
@@ -91,7 +91,7 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
         section.plots.extend(plot((name, name), ("time, s", y), &all)?);
     }
     if let Some(last) = mean.steps.len().checked_sub(1) {
-        let row = |(name, sample): (&String, &lazygrid_sim::results::mean::Sample)| {
+        let row = |(name, sample): (&String, &lazygrid_results::mean::IntegerStats)| {
             vec![Cell::plain(name), Cell::plain(written(sample.mean(), sample.standard_error()))]
         };
         let caption = format!("after {} s", mean.times[last]);
@@ -113,17 +113,17 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
     let mut rows = Vec::new();
     for (colour, response) in channels.responses.iter().enumerate() {
         let stretch = f64::from(response.width) * model.time_step;
-        let point = |k: usize, moments: &Moments, by: f64, at: f64| {
+        let point = |k: usize, moments: &RunningStats, by: f64, at: f64| {
             mark((k as f64 + at) * stretch, moments.mean() / by, moments.standard_error().map(|e| e / by))
         };
-        let name = title(response.way, model);
+        let name = title(response.link, model);
         let density = response.parts.iter().enumerate().map(|(k, part)| point(k, part, stretch, 0.5));
         densities.push(Series { name: name.clone(), points: density.collect(), dashed: false, colour });
-        let so_far = response.so_far.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 1.0));
-        sums.push(Series { name: name.clone(), points: so_far.collect(), dashed: false, colour });
-        let seen = response.so_far.iter().rposition(|part| part.count() > 0);
+        let cumulative = response.cumulative.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 1.0));
+        sums.push(Series { name: name.clone(), points: cumulative.collect(), dashed: false, colour });
+        let seen = response.cumulative.iter().rposition(|part| part.count() > 0);
         if let Some(last) = seen {
-            let part = &response.so_far[last];
+            let part = &response.cumulative[last];
             let until = (last + 1) as f64 * stretch;
             let cells = [name, format!("{until:.4} s"), written(part.mean(), part.standard_error())];
             rows.push(cells.map(Cell::plain).to_vec());
@@ -150,8 +150,9 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
     );
     let (mut all, mut rows) = (Vec::new(), Vec::new());
     for (colour, own) in channels.interference.iter().enumerate() {
-        let point = |(slot, part): (usize, &Moments)| mark(slot as f64, part.mean(), part.standard_error());
-        let name = title(own.way, model);
+        let point =
+            |(slot, part): (usize, &RunningStats)| mark(slot as f64, part.mean(), part.standard_error());
+        let name = title(own.link, model);
         let points = own.by_lag.iter().enumerate().map(point).collect();
         all.push(Series { name: name.clone(), points, dashed: false, colour });
         let mut cells = vec![Cell::plain(name)];
@@ -176,7 +177,7 @@ fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Err
     section.text.push(
         "A receiver counts what arrives in each slot, of the species that are sent and from whomever. On–off keying is \
          taken for 1 from a threshold on, concentration shift keying for the next higher level from each of several on; \
-         molecule shift keying for the species of which most arrive. Slots begin with their symbols, or later by quarters \
+         molecule shift keying for the species of which most arrive. SymbolSlots begin with their symbols, or later by quarters \
          of a symbol's time, up to two of these; of on–off keying those without delay are shown, and those with the delay \
          that makes the fewest errors. `bit-errors.csv` has all delays and thresholds."
             .to_owned(),
@@ -292,7 +293,7 @@ fn mark(x: f64, mean: f64, error: Option<f64>) -> Mark {
     Mark::new(x, mean, (mean - error, mean + error))
 }
 
-fn title(way: Way, model: &Model) -> String {
+fn title(way: Link, model: &Model) -> String {
     format!(
         "{} to {}: {}",
         model.transmitters[way.transmitter].name,

@@ -1,9 +1,9 @@
-//! The log of arrivals and releases that a run wrote.
+//! The log of arrivals and releases of a run.
 
 use std::path::Path;
 
-use super::series::{Line, Lines};
-use crate::{Error, Model};
+use lazygrid_sim::table::{TableReader, TableRow};
+use lazygrid_sim::{Error, Model};
 
 /// The released and the arrived particles of a run, in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,22 +17,22 @@ pub struct Log {
 /// A particle that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrived {
-    /// The number of steps done by then.
+    /// Completed steps at its arrival.
     pub step: u32,
-    /// The receiver, by its place in the model.
+    /// Index of the receiver in the model.
     pub receiver: usize,
-    /// The species as which it arrived.
+    /// Species on arrival.
     pub species: usize,
-    /// The transmitter, and how many steps were done when it was released; none where it was placed by hand.
+    /// Index of the transmitter and completed steps at its release; `None` for particles that the caller placed.
     pub origin: Option<(usize, u32)>,
 }
 
 /// Particles that were released together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Released {
-    /// The number of steps done by then.
+    /// Completed steps at the release.
     pub step: u32,
-    /// The transmitter, by its place in the model.
+    /// Index of the transmitter in the model.
     pub transmitter: usize,
     /// The species.
     pub species: usize,
@@ -44,7 +44,7 @@ impl Log {
     /// Reads the log in the directory of a run of this model.
     ///
     /// # Errors
-    /// [`Error::Read`], also where a file is not as that run wrote it.
+    /// [`Error::Read`] if a file cannot be read or is damaged.
     pub fn read(directory: &Path, model: &Model) -> Result<Self, Error> {
         let names = Names {
             receivers: model.receivers.iter().map(|receiver| &receiver.name[..]).collect(),
@@ -53,8 +53,8 @@ impl Log {
         };
         let mut log = Self::default();
         let path = directory.join("arrivals.csv");
-        let mut lines = Lines::open(&path, "step,time,receiver,species,id,transmitter,released")?;
-        while let Some(line) = lines.next()? {
+        let mut lines = TableReader::open(&path, "step,time,receiver,species,id,transmitter,released")?;
+        while let Some(line) = lines.next_row()? {
             let origin = match line.field(5) {
                 "" => None,
                 _ => {
@@ -67,8 +67,8 @@ impl Log {
             log.arrivals.push(Arrived { step: line.number(0)?, receiver, species, origin });
         }
         let path = directory.join("releases.csv");
-        let mut lines = Lines::open(&path, "step,time,transmitter,species,count")?;
-        while let Some(line) = lines.next()? {
+        let mut lines = TableReader::open(&path, "step,time,transmitter,species,count")?;
+        while let Some(line) = lines.next_row()? {
             let transmitter = place(&names.transmitters, &line, 2)?;
             let species = place(&names.species, &line, 3)?;
             log.releases.push(Released {
@@ -82,15 +82,15 @@ impl Log {
     }
 }
 
-/// The names in files.
+/// The names that occur in logs.
 struct Names<'a> {
     receivers: Vec<&'a str>,
     species: Vec<&'a str>,
     transmitters: Vec<&'a str>,
 }
 
-/// The place in the model of what a field names.
-fn place(names: &[&str], line: &Line<'_>, column: usize) -> Result<usize, Error> {
+/// Returns the index of the name in a field.
+fn place(names: &[&str], line: &TableRow<'_>, column: usize) -> Result<usize, Error> {
     let name = line.field(column);
     names
         .iter()

@@ -1,51 +1,50 @@
-//! The slots of symbols, and how much of one arrives during later ones.
+//! Symbol slots, and inter-symbol interference.
 
-use super::log::Log;
-use super::mean::Moments;
-use super::response::Way;
-use crate::model::message::Message;
-use crate::release::time::step_of;
-use crate::{Model, Schedule};
+use crate::log::Log;
+use crate::mean::RunningStats;
+use crate::response::Link;
+use lazygrid_sim::model::message::Message;
+use lazygrid_sim::release::time::step_of;
+use lazygrid_sim::{Model, Schedule};
 
-/// The slots of a message that a run reaches the end of: from the step at which each symbol is sent to that of the next,
-/// or by a delay later.
+/// The complete slots of a message: from each symbol to the next one, with a delay.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Slots {
-    /// The steps at which slots begin, and that at which the last one ends.
-    pub(super) bounds: Vec<u32>,
+pub struct SymbolSlots {
+    /// The first step of each slot, and the end of the last slot.
+    pub(crate) bounds: Vec<u32>,
 }
 
-impl Slots {
-    /// The slots of a message that begin so many steps after its symbols, in a run of `steps`.
+impl SymbolSlots {
+    /// Returns the slots that begin `delay` steps after the symbols of a message, in a run of `steps` steps.
     pub fn new(message: &Message, time_step: f64, delay: u32, steps: u32) -> Self {
         let begin = |k: u32| step_of(message.time_of(k), time_step).unwrap_or(u32::MAX).saturating_add(delay);
         let bounds = (0..=message.symbols.len()).map(begin).take_while(|&step| step <= steps).collect();
         Self { bounds }
     }
 
-    /// The number of slots.
+    /// Returns the number of slots.
     pub fn len(&self) -> usize {
         self.bounds.len().saturating_sub(1)
     }
 
-    /// Returns `true` if there is none.
+    /// Returns `true` if there are no slots.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// In which slot a symbol is that is released after so many steps.
+    /// Returns the slot of a symbol that is released after `step` steps.
     fn of_release(&self, step: u32) -> Option<usize> {
         let after = self.bounds.partition_point(|&begin| begin <= step);
         (1..=self.len()).contains(&after).then(|| after - 1)
     }
 
-    /// In which slot a particle arrives in the step that ends after so many.
-    pub(super) fn of_arrival(&self, step: u32) -> Option<usize> {
+    /// Returns the slot of a particle that arrives in the step that ends after `step` steps.
+    pub(crate) fn of_arrival(&self, step: u32) -> Option<usize> {
         self.of_release(step.checked_sub(1)?)
     }
 }
 
-/// The transmitters of a model that send messages.
+/// Returns the transmitters that send messages, with their indices.
 pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     model.transmitters.iter().enumerate().filter_map(|(place, transmitter)| match &transmitter.schedule {
         Schedule::Message(message) => Some((place, message)),
@@ -53,31 +52,31 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     })
 }
 
-/// Inter-symbol interference: the part of a symbol's particles that arrives in its own slot, in the next one, and so
-/// on, over replicas.
+/// Inter-symbol interference: the part of a symbol's particles that arrives in its own slot, in the next one and so on, over
+/// replicas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
-    /// Of whom.
-    pub way: Way,
-    /// The arrivals by the number of slots since their release.
-    pub by_lag: Vec<Moments>,
-    /// Of those that arrive within these slots, the part that comes behind its own.
-    pub late: Moments,
+    /// The link.
+    pub link: Link,
+    /// The part that arrives, by the number of slots since the release.
+    pub by_lag: Vec<RunningStats>,
+    /// The part of these arrivals that comes after the symbol's own slot.
+    pub late: RunningStats,
 }
 
 impl Interference {
-    /// None yet, up to so many slots.
-    pub fn new(way: Way, lags: usize) -> Self {
-        Self { way, by_lag: vec![Moments::default(); lags], late: Moments::default() }
+    /// Creates an empty statistic of `lags` slots.
+    pub fn new(link: Link, lags: usize) -> Self {
+        Self { link, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }
 
-    /// Enters a replica. A lag is seen by the symbols after which there are that many slots.
-    pub fn add(&mut self, log: &Log, slots: &Slots) {
-        let (way, lags) = (self.way, self.by_lag.len());
+    /// Adds a replica. A symbol counts for the lags whose slots are complete.
+    pub fn add(&mut self, log: &Log, slots: &SymbolSlots) {
+        let (link, lags) = (self.link, self.by_lag.len());
         let mut released = vec![0_u64; slots.len()];
-        for release in log.releases.iter().filter(|r| r.transmitter == way.transmitter) {
+        for release in log.releases.iter().filter(|r| r.transmitter == link.transmitter) {
             if let Some(slot) = slots.of_release(release.step)
-                && way.is_from(log, release.species)
+                && link.is_from(log, release.species)
             {
                 released[slot] += release.count;
             }
@@ -86,7 +85,7 @@ impl Interference {
         for arrival in &log.arrivals {
             let Some((transmitter, step)) = arrival.origin else { continue };
             let is_own = (transmitter, arrival.receiver, arrival.species)
-                == (way.transmitter, way.receiver, way.species);
+                == (link.transmitter, link.receiver, link.species);
             if let (true, Some(from), Some(to)) =
                 (is_own, slots.of_release(step), slots.of_arrival(arrival.step))
                 && to - from < lags
@@ -110,14 +109,14 @@ impl Interference {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
-    use crate::model::message::{Modulation, Symbols};
-    use crate::results::log::{Arrived, Released};
-    use crate::{Receiver, ReceiverKind, Species, Transmitter};
+    use crate::log::{Arrived, Released};
+    use lazygrid_sim::model::message::{Modulation, Symbols};
+    use lazygrid_sim::{Receiver, ReceiverKind, Species, Transmitter};
 
-    /// The bits 1, 0, 1, 1, one every 10 steps from step 5 on.
-    pub(in super::super) fn model() -> Model {
+    /// The bits 1, 0, 1, 1, one every 10 steps, beginning at step 5.
+    pub(crate) fn model() -> Model {
         let message = Message {
             start: 0.5,
             symbol_time: 1.0,
@@ -145,8 +144,8 @@ pub(super) mod tests {
         }
     }
 
-    /// So many arrivals in each slot of each symbol.
-    pub(in super::super) fn log(arrivals: &[(usize, usize, usize)]) -> Log {
+    /// A log with the given number of arrivals, by slot of the symbol and slot of arrival.
+    pub(crate) fn log(arrivals: &[(usize, usize, usize)]) -> Log {
         let begin = |slot: usize| 5 + 10 * slot as u32;
         let arrived = |&(from, to, count): &(usize, usize, usize)| {
             // The first and the last step of a slot are its own.
@@ -161,10 +160,10 @@ pub(super) mod tests {
         }
     }
 
-    pub(in super::super) fn slots(steps: u32) -> Slots {
+    pub(crate) fn slots(steps: u32) -> SymbolSlots {
         let model = model();
         let (_, message) = messages(&model).next().unwrap();
-        Slots::new(message, model.time_step, 0, steps)
+        SymbolSlots::new(message, model.time_step, 0, steps)
     }
 
     #[test]
@@ -187,10 +186,10 @@ pub(super) mod tests {
     fn interference_goes_by_slots_from_the_release() {
         // Of 10 each: 6, 4, 5 in their own slots, 2 and 1 in the next ones, 1 after that.
         let log = log(&[(0, 0, 6), (0, 1, 2), (0, 2, 1), (2, 2, 4), (2, 3, 1), (3, 3, 5)]);
-        let way = Way { transmitter: 0, receiver: 0, species: 0 };
-        let mut interference = Interference::new(way, 4);
+        let link = Link { transmitter: 0, receiver: 0, species: 0 };
+        let mut interference = Interference::new(link, 4);
         interference.add(&log, &slots(100));
-        let parts: Vec<f64> = interference.by_lag.iter().map(Moments::mean).collect();
+        let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
         // All three have an own slot, the last one has none behind it, and the first alone has more than two.
         assert_eq!(parts, [15.0 / 30.0, 3.0 / 20.0, 1.0 / 10.0, 0.0]);
         assert!((interference.late.mean() - 0.25 / 0.75).abs() < 1e-12);

@@ -1,22 +1,21 @@
 //! The bit errors of a receiver that counts arrivals.
 
-use super::log::Log;
-use super::mean::Moments;
-use super::symbols::Slots;
-use crate::model::message::{Message, Modulation};
-use crate::random::philox::Key;
-use crate::{Model, Schedule};
+use crate::log::Log;
+use crate::mean::RunningStats;
+use crate::symbols::SymbolSlots;
+use lazygrid_sim::model::message::{Message, Modulation};
+use lazygrid_sim::random::philox::Key;
+use lazygrid_sim::{Model, Schedule};
 
-/// Bit errors at a receiver that counts what arrives in each slot, of the species that are sent and from whomever.
+/// Bit errors at a receiver that counts the arrivals of the sent species in each slot, from any transmitter.
 ///
-/// On–off and concentration shift keying are decided by thresholds: a slot in which as many arrive as a threshold, or more,
-/// is at least of the next higher level. Molecule shift keying is decided by the species of which most arrive, the first
-/// one of those in the burst where several are even.
+/// On–off and concentration shift keying use thresholds: a slot with at least a threshold of arrivals has the next higher
+/// level. Molecule shift keying uses the species with the most arrivals; ties go to the first species of the burst.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BitErrors {
-    /// The transmitter, by its place in the model.
+    /// Index of the transmitter in the model.
     pub transmitter: usize,
-    /// The receiver, by its place in the model.
+    /// Index of the receiver in the model.
     pub receiver: usize,
     /// The number of steps from a symbol to the start of its slot.
     pub delay: u32,
@@ -24,16 +23,16 @@ pub struct BitErrors {
     pub bits: u64,
     /// The number of bits that were 1.
     pub ones: u64,
-    decision: Decision,
+    decision: DetectionRule,
     /// Bits of a symbol.
     width: u32,
-    /// Replica by replica, what there is of each slot.
-    slots: Vec<Vec<Slot>>,
+    /// The observation of each slot, by replica.
+    slots: Vec<Vec<SymbolObservation>>,
 }
 
 /// The rule that decides which symbol was received.
 #[derive(Clone, Debug, PartialEq)]
-enum Decision {
+enum DetectionRule {
     /// Decides by the number of arrivals; symbols from the lowest level to the highest.
     Level(Vec<u32>),
     /// Decides by the species.
@@ -42,30 +41,30 @@ enum Decision {
 
 /// A sent symbol and its observation: the number of arrivals, or the symbol of most of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Slot {
+struct SymbolObservation {
     sent: u32,
     seen: u64,
 }
 
 impl BitErrors {
-    /// None yet, of the message of a transmitter whose bursts have so many entries. Only receivers that take particles in
-    /// count arrivals.
+    /// Creates an empty statistic of the message of a transmitter whose bursts have `entries` entries. The receiver must absorb
+    /// particles.
     pub fn new(message: &Message, entries: usize, [transmitter, receiver]: [usize; 2], delay: u32) -> Self {
         let decision = match &message.modulation {
-            Modulation::OnOff => Decision::Level(vec![0, 1]),
+            Modulation::OnOff => DetectionRule::Level(vec![0, 1]),
             Modulation::Concentration(levels) => {
                 let mut symbols: Vec<u32> = (0..levels.len() as u32).collect();
                 symbols.sort_by(|&a, &b| levels[a as usize].total_cmp(&levels[b as usize]));
-                Decision::Level(symbols)
+                DetectionRule::Level(symbols)
             }
-            Modulation::Molecule => Decision::Species,
+            Modulation::Molecule => DetectionRule::Species,
         };
         let width = message.modulation.alphabet(entries).max(1).ilog2();
         Self { transmitter, receiver, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
     }
 
-    /// Enters a replica that had this seed, with the slots of this delay.
-    pub fn add(&mut self, log: &Log, model: &Model, seed: u64, slots: &Slots) {
+    /// Adds a replica with this seed, with the slots of this delay.
+    pub fn add(&mut self, log: &Log, model: &Model, seed: u64, slots: &SymbolSlots) {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
         let release = &transmitter.release;
@@ -80,38 +79,42 @@ impl BitErrors {
         let slot = |(k, counts): (usize, &Vec<u64>)| {
             let sent = message.symbol(k as u32, self.transmitter as u32, Key::new(seed));
             let seen = match self.decision {
-                Decision::Level(_) => counts.iter().sum(),
+                DetectionRule::Level(_) => counts.iter().sum(),
                 // Of several the first.
-                Decision::Species => (0..counts.len()).rev().max_by_key(|&k| counts[k]).unwrap_or(0) as u64,
+                DetectionRule::Species => {
+                    (0..counts.len()).rev().max_by_key(|&k| counts[k]).unwrap_or(0) as u64
+                }
             };
-            Slot { sent, seen }
+            SymbolObservation { sent, seen }
         };
-        let all: Vec<Slot> = counts.iter().enumerate().map(slot).collect();
+        let all: Vec<SymbolObservation> = counts.iter().enumerate().map(slot).collect();
         self.bits += all.len() as u64 * u64::from(self.width);
         self.ones += all.iter().map(|slot| u64::from(slot.sent.count_ones())).sum::<u64>();
         self.slots.push(all);
     }
 
-    /// The number of thresholds of a decision.
+    /// Returns the number of thresholds of a decision.
     pub fn thresholds(&self) -> usize {
         match &self.decision {
-            Decision::Level(symbols) => symbols.len() - 1,
-            Decision::Species => 0,
+            DetectionRule::Level(symbols) => symbols.len() - 1,
+            DetectionRule::Species => 0,
         }
     }
 
-    /// The largest number of arrivals in a slot, where these decide.
+    /// Returns the largest number of arrivals in a slot, if thresholds decide.
     pub fn most(&self) -> u64 {
         self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
     }
 
-    /// The part of the bits that is wrong with these thresholds in ascending order, over replicas, and the number of those.
-    pub fn at(&self, thresholds: &[u64]) -> (Moments, u64) {
+    /// Returns the bit error rate with these ascending thresholds, over replicas, and the number of wrong bits.
+    pub fn at(&self, thresholds: &[u64]) -> (RunningStats, u64) {
         let symbol = |seen: u64| match &self.decision {
-            Decision::Level(symbols) => symbols[thresholds.partition_point(|&threshold| threshold <= seen)],
-            Decision::Species => seen as u32,
+            DetectionRule::Level(symbols) => {
+                symbols[thresholds.partition_point(|&threshold| threshold <= seen)]
+            }
+            DetectionRule::Species => seen as u32,
         };
-        let (mut rates, mut all) = (Moments::default(), 0);
+        let (mut rates, mut all) = (RunningStats::default(), 0);
         for slots in self.slots.iter().filter(|slots| !slots.is_empty()) {
             let wrong: u64 = slots.iter().map(|slot| wrong_bits(slot.sent, symbol(slot.seen))).sum();
             rates.add(wrong as f64 / (slots.len() as f64 * f64::from(self.width)));
@@ -120,16 +123,16 @@ impl BitErrors {
         (rates, all)
     }
 
-    /// The lowest thresholds with the fewest errors.
+    /// Returns the lowest thresholds with the fewest errors.
     pub fn best(&self) -> Vec<u64> {
-        let Decision::Level(symbols) = &self.decision else { return Vec::new() };
-        let mut seen: Vec<Slot> = self.slots.iter().flatten().copied().collect();
+        let DetectionRule::Level(symbols) = &self.decision else { return Vec::new() };
+        let mut seen: Vec<SymbolObservation> = self.slots.iter().flatten().copied().collect();
         seen.sort_unstable_by_key(|slot| slot.seen);
-        let numbers: Vec<&[Slot]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
+        let numbers: Vec<&[SymbolObservation]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
         // By the first so many different numbers of arrivals and by level: the fewest errors of all that follow, where
         // these are of this level or of a higher one.
         let mut fewest = vec![vec![0_u64; symbols.len()]; numbers.len() + 1];
-        let errors = |slots: &[Slot], level: usize| -> u64 {
+        let errors = |slots: &[SymbolObservation], level: usize| -> u64 {
             slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()
         };
         for k in (0..numbers.len()).rev() {
@@ -152,41 +155,41 @@ impl BitErrors {
         thresholds
     }
 
-    /// The part of all bits that is wrong with those thresholds; NaN of none.
+    /// Returns the bit error rate with these thresholds, or NaN without bits.
     pub fn least(&self) -> f64 {
         self.at(&self.best()).1 as f64 / self.bits as f64
     }
 }
 
-/// The number of bits that differ between two symbols.
+/// Returns the number of bits in which two symbols differ.
 fn wrong_bits(sent: u32, taken: u32) -> u64 {
     (sent ^ taken).count_ones().into()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::symbols::messages;
-    use super::super::symbols::tests::{log, model, slots};
     use super::*;
-    use crate::model::message::Symbols;
-    use crate::results::log::Arrived;
+    use crate::log::Arrived;
+    use crate::symbols::messages;
+    use crate::symbols::tests::{log, model, slots};
+    use lazygrid_sim::model::message::Symbols;
 
     fn of(model: &Model, delay: u32) -> BitErrors {
         let (_, message) = messages(model).next().unwrap();
         BitErrors::new(message, model.transmitters[0].release.len(), [0, 0], delay)
     }
 
-    /// The model with another message, and the slots of that.
-    fn sends(symbols: Vec<u32>, modulation: Modulation, release: Vec<(u32, u32)>) -> (Model, Slots) {
+    /// Returns the model with another message, and its slots.
+    fn sends(symbols: Vec<u32>, modulation: Modulation, release: Vec<(u32, u32)>) -> (Model, SymbolSlots) {
         let mut model = model();
         let Schedule::Message(message) = &mut model.transmitters[0].schedule else { panic!("no message") };
         (message.symbols, message.modulation) = (Symbols::Given(symbols), modulation);
         model.transmitters[0].release = release;
-        let slots = Slots::new(messages(&model).next().unwrap().1, model.time_step, 0, 1000);
+        let slots = SymbolSlots::new(messages(&model).next().unwrap().1, model.time_step, 0, 1000);
         (model, slots)
     }
 
-    /// So many arrivals of these species in each slot.
+    /// Returns a log with these arrivals by slot and species.
     fn arrivals(counts: &[&[usize]]) -> Log {
         let mut arrivals = Vec::new();
         for (slot, counts) in counts.iter().enumerate() {
@@ -219,7 +222,7 @@ mod tests {
     fn a_delay_moves_the_slots_of_bits() {
         let model = model();
         let (_, message) = messages(&model).next().unwrap();
-        let late = Slots::new(message, model.time_step, 10, 100);
+        let late = SymbolSlots::new(message, model.time_step, 10, 100);
         assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
         // All arrive one slot after their own.
         let mut errors = of(&model, 10);

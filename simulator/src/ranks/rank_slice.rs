@@ -1,27 +1,27 @@
 use std::ops::Range;
 
-/// Which part of a list a rank takes: all parts together are the list, and none is longer than another by more than one.
+/// The part of a list that a rank takes. The parts of all ranks are the list, and their lengths differ by at most one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Share {
+pub(crate) struct RankSlice {
     rank: u32,
     ranks: u32,
 }
 
-impl Share {
-    /// Everything.
+impl RankSlice {
+    /// The whole list.
     pub(crate) const WHOLE: Self = Self { rank: 0, ranks: 1 };
 
-    /// That of one rank of so many.
+    /// Returns the part of rank `rank` of `ranks`.
     pub(crate) fn new(rank: u32, ranks: u32) -> Self {
         Self { rank, ranks }
     }
 
-    /// Returns `true` if it is that of the first rank.
+    /// Returns `true` for the first rank.
     pub(crate) fn is_first(self) -> bool {
         self.rank == 0
     }
 
-    /// The part of a list of this length.
+    /// Returns the range in a list of this length.
     pub(crate) fn of(self, length: u64) -> Range<u64> {
         let start = |rank: u32| (u128::from(length) * u128::from(rank) / u128::from(self.ranks)) as u64;
         start(self.rank)..start(self.rank + 1)
@@ -33,10 +33,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_the_whole_and_even() {
+    fn slices_partition_a_list_evenly() {
         for ranks in [1, 2, 3, 8] {
             for length in [0, 1, 7, 8, 1000, u64::MAX] {
-                let shares = (0..ranks).map(|rank| Share::new(rank, ranks).of(length));
+                let shares = (0..ranks).map(|rank| RankSlice::new(rank, ranks).of(length));
                 let mut next = 0;
                 for share in shares {
                     assert!(
@@ -48,6 +48,6 @@ mod tests {
                 assert_eq!(next, length);
             }
         }
-        assert_eq!(Share::WHOLE.of(5), 0..5);
+        assert_eq!(RankSlice::WHOLE.of(5), 0..5);
     }
 }

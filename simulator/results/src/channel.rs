@@ -3,34 +3,34 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::bit_errors::BitErrors;
-use super::log::Log;
-use super::mean::Moments;
-use super::response::{Response, Way};
-use super::symbols::{Interference, Slots, messages};
-use crate::model::message::Message;
-use crate::{Error, Model};
+use crate::bit_errors::BitErrors;
+use crate::log::Log;
+use crate::mean::RunningStats;
+use crate::response::{Link, Response};
+use crate::symbols::{Interference, SymbolSlots, messages};
+use lazygrid_sim::model::message::Message;
+use lazygrid_sim::{Error, Model};
 
 /// The results of one run or of several replicas that logged arrivals.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
-    /// Of all ways on which anybody arrives.
+    /// Impulse responses of all links with arrivals.
     pub responses: Vec<Response>,
-    /// Of those among them on which messages are sent.
+    /// Interference on the links with messages.
     pub interference: Vec<Interference>,
-    /// Of all messages, at all receivers that take particles in, by several delays of the slots.
+    /// Bit errors of all messages at all absorbing receivers, for several delays of the slots.
     pub bit_errors: Vec<BitErrors>,
 }
 
-/// Stretches of a response that is no message's.
-const STRETCHES: u32 = 100;
-/// Stretches of one symbol.
+/// Bins of a response without a message.
+const BINS: u32 = 100;
+/// Bins of a symbol.
 const PER_SYMBOL: f64 = 20.0;
-/// Symbols that the response to one of them is followed through, and slots of interference.
+/// Symbols covered by a response, and slots of interference.
 const SYMBOLS: usize = 8;
 
 impl Channels {
-    /// From the logs of runs of so many steps, each given by its seed and its directory.
+    /// Reads the logs of runs of `steps` steps, each given by its seed and its directory.
     ///
     /// # Errors
     /// The same as [`Log::read`].
@@ -40,21 +40,21 @@ impl Channels {
         runs: impl IntoIterator<Item = (u64, &'a Path)>,
     ) -> Result<Self, Error> {
         let sent: Vec<_> = messages(model)
-            .map(|(place, message)| (place, message, Slots::new(message, model.time_step, 0, steps)))
+            .map(|(place, message)| (place, message, SymbolSlots::new(message, model.time_step, 0, steps)))
             .collect();
-        let ways = Way::all(model);
+        let links = Link::all(model);
         let mut channels = Self::default();
-        for &way in &ways {
-            let symbol = sent.iter().find(|sent| sent.0 == way.transmitter).map(|sent| sent.1.symbol_time);
+        for &link in &links {
+            let symbol = sent.iter().find(|sent| sent.0 == link.transmitter).map(|sent| sent.1.symbol_time);
             let width = symbol.map_or_else(
-                || steps.div_ceil(STRETCHES),
+                || steps.div_ceil(BINS),
                 |time| (time / model.time_step / PER_SYMBOL).round() as u32,
             );
             let width = width.max(1);
-            let most = if symbol.is_some() { SYMBOLS * PER_SYMBOL as usize } else { STRETCHES as usize };
-            channels.responses.push(Response::new(way, width, most.min((steps / width) as usize)));
+            let most = if symbol.is_some() { SYMBOLS * PER_SYMBOL as usize } else { BINS as usize };
+            channels.responses.push(Response::new(link, width, most.min((steps / width) as usize)));
             if symbol.is_some() {
-                channels.interference.push(Interference::new(way, SYMBOLS));
+                channels.interference.push(Interference::new(link, SYMBOLS));
             }
         }
         for &(place, message, _) in &sent {
@@ -71,26 +71,26 @@ impl Channels {
             let log = Log::read(directory, model)?;
             channels.responses.iter_mut().for_each(|response| response.add(&log, steps));
             for interference in &mut channels.interference {
-                if let Some(slots) = slots(interference.way.transmitter) {
+                if let Some(slots) = slots(interference.link.transmitter) {
                     interference.add(&log, slots);
                 }
             }
             for errors in &mut channels.bit_errors {
                 if let Some((_, message, _)) = sent.iter().find(|sent| sent.0 == errors.transmitter) {
-                    let slots = Slots::new(message, model.time_step, errors.delay, steps);
+                    let slots = SymbolSlots::new(message, model.time_step, errors.delay, steps);
                     errors.add(&log, model, seed, &slots);
                 }
             }
         }
         channels.responses.retain(Response::is_any);
-        let arrives = |way: Way| channels.responses.iter().any(|response| response.way == way);
+        let arrives = |link: Link| channels.responses.iter().any(|response| response.link == link);
         channels.bit_errors.retain(|errors| errors.bits > 0);
-        channels.interference.retain(|interference| arrives(interference.way));
+        channels.interference.retain(|interference| arrives(interference.link));
         Ok(channels)
     }
 
-    /// Writes the impulse responses: for each stretch of time after a release the part that arrives in it, and that up
-    /// to its end, with their standard errors.
+    /// Writes the impulse responses: the part of the particles that arrives in each bin after the release, the cumulative part,
+    /// and their standard errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -100,18 +100,18 @@ impl Channels {
             "transmitter,receiver,species,from,until,replicas,part mean,part error,so far mean,so far error"
         )?;
         for response in &self.responses {
-            let stretch = f64::from(response.width) * model.time_step;
-            for (k, (part, so_far)) in response.parts.iter().zip(&response.so_far).enumerate() {
-                let [from, until] = [k, k + 1].map(|k| k as f64 * stretch);
-                let name = names(response.way, model);
-                let values = [value(part), value(so_far)].join(",");
+            let bin = f64::from(response.width) * model.time_step;
+            for (k, (part, cumulative)) in response.parts.iter().zip(&response.cumulative).enumerate() {
+                let [from, until] = [k, k + 1].map(|k| k as f64 * bin);
+                let name = names(response.link, model);
+                let values = [value(part), value(cumulative)].join(",");
                 writeln!(out, "{name},{from},{until},{},{values}", part.count())?;
             }
         }
         Ok(())
     }
 
-    /// Writes the interference: for each number of slots after a release the part that arrives in that slot.
+    /// Writes the interference: the part of the particles that arrives in each slot after the release.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -119,15 +119,15 @@ impl Channels {
         writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
         for interference in &self.interference {
             for (slot, part) in interference.by_lag.iter().enumerate() {
-                let name = names(interference.way, model);
+                let name = names(interference.link, model);
                 writeln!(out, "{name},{slot},{},{}", part.count(), value(part))?;
             }
         }
         Ok(())
     }
 
-    /// Writes the bit errors: for each delay of the slots how many there are, of how many bits, and the rate; for every
-    /// threshold if there is one, else for the thresholds that leave the fewest, or without any.
+    /// Writes the bit errors: number of errors, number of bits and error rate for each delay of the slots. A single threshold takes
+    /// every value; several thresholds take the values with the fewest errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -156,7 +156,7 @@ impl Channels {
     }
 }
 
-/// How many steps later than a symbol its slot may begin: parts of a symbol's time, up to two of these.
+/// Returns the delays of slots after symbols, in steps: multiples of a quarter of a symbol, up to two symbols.
 fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     let quarter = message.symbol_time / time_step / 4.0;
     let mut delays: Vec<u32> = (0..=8).map(|k| (f64::from(k) * quarter).round() as u32).collect();
@@ -164,22 +164,22 @@ fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     delays.into_iter()
 }
 
-fn names(way: Way, model: &Model) -> String {
+fn names(link: Link, model: &Model) -> String {
     let [transmitter, receiver, species] = [
-        &model.transmitters[way.transmitter].name,
-        &model.receivers[way.receiver].name,
-        &model.species[way.species].name,
+        &model.transmitters[link.transmitter].name,
+        &model.receivers[link.receiver].name,
+        &model.species[link.species].name,
     ];
     format!("{transmitter},{receiver},{species}")
 }
 
-/// Thresholds in one field, in ascending order.
+/// Formats thresholds as one field.
 pub fn spaced(thresholds: &[u64]) -> String {
     thresholds.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
 }
 
-/// A mean and its standard error; what there is not is empty.
-fn value(moments: &Moments) -> String {
+/// Formats a mean and its standard error; missing values are empty.
+fn value(moments: &RunningStats) -> String {
     let mean = if moments.count() == 0 { String::new() } else { moments.mean().to_string() };
     format!("{mean},{}", moments.standard_error().map_or(String::new(), |error| error.to_string()))
 }

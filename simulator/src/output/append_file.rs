@@ -1,4 +1,4 @@
-//! Files that a run appends to, and that it goes on appending to when it is resumed.
+//! Files that a run appends to, also after it is resumed.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -9,25 +9,25 @@ use crate::error::Damage;
 use crate::run::checkpoint::FileRecord;
 use crate::run::checksum::{Digest, DigestWriter};
 
-/// Buffers, digests, and writes to a file.
+/// A buffered writer that computes a checksum.
 type Out = BufWriter<DigestWriter<File>>;
 
-/// A file that grows.
+/// An append-only file.
 #[derive(Debug)]
-pub(super) struct Growing {
+pub(super) struct AppendFile {
     path: PathBuf,
     out: Out,
 }
 
-impl Growing {
-    /// An empty file, in place of one that is there.
+impl AppendFile {
+    /// Creates an empty file, or truncates an existing one.
     pub(super) fn create(path: PathBuf) -> Result<Self, Error> {
         let file = File::create(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
         Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, Digest::new())) })
     }
 
-    /// A file that exists, and that has to begin with what it had at a checkpoint. Changes nothing:
-    /// [`cut`](Self::cut) comes before the first write.
+    /// Opens a file that must begin with its content at a checkpoint. Does not change it: call [`cut`](Self::cut) before the
+    /// first write.
     pub(super) fn reopen(directory: &Path, record: &FileRecord) -> Result<Self, Error> {
         let path = directory.join(&record.name);
         let mut file = OpenOptions::new().read(true).write(true).open(&path).map_err(|source| {
@@ -47,15 +47,10 @@ impl Growing {
         Err(Error::Damaged { path, damage })
     }
 
-    /// Takes away what was written after the checkpoint.
+    /// Removes bytes written after the checkpoint.
     pub(super) fn cut(&mut self) -> Result<(), Error> {
         let out = self.out.get_ref();
         out.inner().set_len(out.digest().length()).map_err(|source| self.refused(source))
-    }
-
-    /// The path of the file.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Appends to the file.
@@ -63,7 +58,7 @@ impl Growing {
         write(&mut self.out).map_err(|source| self.refused(source))
     }
 
-    /// Sees to it that all is on the disk, and returns the record of the file.
+    /// Flushes the file to disk and returns its record.
     pub(super) fn sync(&mut self) -> Result<FileRecord, Error> {
         let synced = self.out.flush().and_then(|()| self.out.get_ref().inner().sync_data());
         synced.map_err(|source| self.refused(source))?;

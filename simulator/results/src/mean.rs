@@ -3,19 +3,20 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::series::Series;
-use crate::Error;
+use crate::series::Series;
+use lazygrid_sim::run::replicas::{ReplicaResults, Replicas};
+use lazygrid_sim::{Error, write_atomically};
 
-/// Whole numbers that were seen, as exact sums, so that no order of adding them matters.
+/// Statistics of whole numbers as exact sums, which do not depend on the order of additions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sample {
+pub struct IntegerStats {
     count: u64,
     sum: u128,
     squares: u128,
 }
 
-impl Sample {
-    /// Enters one more.
+impl IntegerStats {
+    /// Adds a value.
     pub fn add(&mut self, value: u64) {
         self.count += 1;
         self.sum += u128::from(value);
@@ -23,17 +24,17 @@ impl Sample {
         self.squares = self.squares.saturating_add(u128::from(value) * u128::from(value));
     }
 
-    /// The number of entered values.
+    /// Returns the number of values.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Their mean; NaN of none.
+    /// Returns the mean, or NaN without values.
     pub fn mean(&self) -> f64 {
         self.sum as f64 / self.count as f64
     }
 
-    /// The standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1). One number has none.
+    /// Returns the standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` for fewer than two values.
     pub fn standard_error(&self) -> Option<f64> {
         let n = u128::from(self.count);
         // n·Σ(x − x̄)², without a difference of rounded numbers.
@@ -42,7 +43,7 @@ impl Sample {
     }
 }
 
-impl FromIterator<u64> for Sample {
+impl FromIterator<u64> for IntegerStats {
     fn from_iter<T: IntoIterator<Item = u64>>(values: T) -> Self {
         let mut sample = Self::default();
         values.into_iter().for_each(|value| sample.add(value));
@@ -50,17 +51,17 @@ impl FromIterator<u64> for Sample {
     }
 }
 
-/// Numbers that were seen, by Welford's sums.
+/// Statistics of numbers by Welford's sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moments {
+pub struct RunningStats {
     count: u64,
     mean: f64,
     /// Σ(x − x̄)².
     spread: f64,
 }
 
-impl Moments {
-    /// Enters one more.
+impl RunningStats {
+    /// Adds a value.
     pub fn add(&mut self, value: f64) {
         self.count += 1;
         let off = value - self.mean;
@@ -68,49 +69,71 @@ impl Moments {
         self.spread += off * (value - self.mean);
     }
 
-    /// The number of entered values.
+    /// Returns the number of values.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Their mean; NaN of none.
+    /// Returns the mean, or NaN without values.
     pub fn mean(&self) -> f64 {
         if self.count == 0 { f64::NAN } else { self.mean }
     }
 
-    /// The standard error of the mean; one number has none.
+    /// Returns the standard error of the mean; `None` for fewer than two values.
     pub fn standard_error(&self) -> Option<f64> {
         let n = self.count as f64;
         (self.count > 1).then(|| (self.spread / (n - 1.0) / n).sqrt())
     }
 }
 
-/// The series of several replicas, added up row by row.
+/// The series of several replicas, summed row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
-    /// The counted thing.
+    /// The names of the counts.
     pub names: Vec<String>,
-    /// Of each row: how many steps are done.
+    /// Completed steps, by row.
     pub steps: Vec<u32>,
-    /// Of each row: the time that has passed, in s.
+    /// Time in s, by row.
     pub times: Vec<f64>,
-    /// Row after row, a sample for each of the names.
-    pub samples: Vec<Sample>,
+    /// The statistics of each count, row after row.
+    pub samples: Vec<IntegerStats>,
     /// The number of replicas.
     pub replicas: u64,
 }
 
 impl MeanSeries {
-    /// Enters the series of one more replica.
+    /// Averages the series of the replicas that are done and writes `mean.csv`. Removes those from `results.done` whose series
+    /// does not end with the last row of the scenario.
     ///
     /// # Errors
-    /// [`Error::Read`] with `path` where it has other columns or steps than those before.
+    /// [`Error::Read`] and [`Error::Write`] if a series cannot be read or the table cannot be written.
+    pub fn of_replicas(replicas: &Replicas, results: &mut ReplicaResults) -> Result<Self, Error> {
+        let scenario = &replicas.run.scenario;
+        let last = scenario.steps - scenario.steps % scenario.output.every;
+        let (mut mean, mut done) = (Self::default(), Vec::new());
+        for &replica in &results.done {
+            let path = replicas.directory_of(replica).join("series.csv");
+            let series = Series::read(&path)?;
+            if series.steps.last() == Some(&last) {
+                mean.add(&series, &path)?;
+                done.push(replica);
+            }
+        }
+        write_atomically(&replicas.run.directory.join("mean.csv"), |out| mean.write(out))?;
+        results.done = done;
+        Ok(mean)
+    }
+
+    /// Adds the series of a replica.
+    ///
+    /// # Errors
+    /// [`Error::Read`] with `path` if its columns or steps differ from those of previous replicas.
     pub fn add(&mut self, series: &Series, path: &Path) -> Result<(), Error> {
         if self.replicas == 0 {
             self.names.clone_from(&series.names);
             self.steps.clone_from(&series.steps);
             self.times.clone_from(&series.times);
-            self.samples = vec![Sample::default(); series.counts.len()];
+            self.samples = vec![IntegerStats::default(); series.counts.len()];
         }
         if self.names != series.names || self.steps != series.steps {
             let message = "it has other columns or rows than the replicas before; run it again";
@@ -122,14 +145,14 @@ impl MeanSeries {
         Ok(())
     }
 
-    /// The samples of a row.
-    pub fn row(&self, row: usize) -> &[Sample] {
+    /// Returns the statistics of a row.
+    pub fn row(&self, row: usize) -> &[IntegerStats] {
         let width = self.names.len();
         &self.samples[row * width..][..width]
     }
 
-    /// Writes a row for each of the series: step, time, how many replicas, and of each count its mean and the standard
-    /// error of that, which is empty for one replica.
+    /// Writes a table: step, time, number of replicas, and of each count its mean and the standard error, which is empty for one
+    /// replica.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -157,31 +180,35 @@ mod tests {
     fn means_and_errors_are_those_of_the_formulas() {
         // 1 to n: mean (n + 1)/2, s² = n(n + 1)/12.
         for n in [2_u64, 10, 1000] {
-            let sample: Sample = (1..=n).collect();
+            let sample: IntegerStats = (1..=n).collect();
             let exact = n as f64;
             assert_eq!(sample.mean(), (exact + 1.0) / 2.0);
             let error = ((exact + 1.0) / 12.0).sqrt();
             assert!((sample.standard_error().unwrap() / error - 1.0).abs() < 1e-15, "{n}");
         }
         // Far from zero, where differences of rounded squares would be lost.
-        let far: Sample = [1 << 40, (1 << 40) + 2].into_iter().collect();
+        let far: IntegerStats = [1 << 40, (1 << 40) + 2].into_iter().collect();
         assert_eq!((far.mean(), far.standard_error()), ((1_u64 << 40) as f64 + 1.0, Some(1.0)));
-        let same: Sample = [7; 5].into_iter().collect();
+        let same: IntegerStats = [7; 5].into_iter().collect();
         assert_eq!((same.mean(), same.standard_error()), (7.0, Some(0.0)));
-        assert_eq!(Sample::from_iter([3]).standard_error(), None);
-        assert!(Sample::default().mean().is_nan() && Sample::default().standard_error().is_none());
+        assert_eq!(IntegerStats::from_iter([3]).standard_error(), None);
+        assert!(
+            IntegerStats::default().mean().is_nan() && IntegerStats::default().standard_error().is_none()
+        );
     }
 
     #[test]
     fn fractions_have_the_same_mean_and_error() {
         let values = [3_u64, 8, 8, 1, 40];
-        let exact: Sample = values.into_iter().collect();
-        let mut moments = Moments::default();
+        let exact: IntegerStats = values.into_iter().collect();
+        let mut moments = RunningStats::default();
         values.into_iter().for_each(|value| moments.add(value as f64 / 64.0));
         assert!((moments.mean() * 64.0 - exact.mean()).abs() < 1e-12 && moments.count() == 5);
         let errors = [moments.standard_error().unwrap() * 64.0, exact.standard_error().unwrap()];
         assert!((errors[0] / errors[1] - 1.0).abs() < 1e-12, "{errors:?}");
-        assert!(Moments::default().mean().is_nan() && Moments::default().standard_error().is_none());
+        assert!(
+            RunningStats::default().mean().is_nan() && RunningStats::default().standard_error().is_none()
+        );
     }
 
     #[test]

@@ -1,22 +1,22 @@
-//! Impulse responses: which part of what a transmitter releases arrives how long after its release.
+//! Impulse responses: the part of the released particles that arrives, by the time since the release.
 
-use super::log::Log;
-use super::mean::Moments;
-use crate::Model;
+use crate::log::Log;
+use crate::mean::RunningStats;
+use lazygrid_sim::Model;
 
-/// Which particles a response is about.
+/// A link from a transmitter to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Way {
-    /// The transmitter, by its place in the model.
+pub struct Link {
+    /// Index of the transmitter in the model.
     pub transmitter: usize,
-    /// The receiver, by its place in the model.
+    /// Index of the receiver in the model.
     pub receiver: usize,
-    /// The species as which they arrive.
+    /// Species on arrival.
     pub species: usize,
 }
 
-impl Way {
-    /// All ways of a model on which a receiver takes particles in.
+impl Link {
+    /// Returns all links of a model.
     pub fn all(model: &Model) -> Vec<Self> {
         let mut all = Vec::new();
         for transmitter in 0..model.transmitters.len() {
@@ -28,73 +28,71 @@ impl Way {
         all
     }
 
-    /// Returns `true` if a release counts: of the species that arrives, where the transmitter has it, else of any that
-    /// may have become it.
-    pub(super) fn is_from(self, log: &Log, species: usize) -> bool {
+    /// Returns `true` if a release counts: of the species that arrives if the transmitter releases it, else of any species.
+    pub(crate) fn is_from(self, log: &Log, species: usize) -> bool {
         let own = |s: usize| log.releases.iter().any(|r| r.transmitter == self.transmitter && r.species == s);
         species == self.species || !own(self.species)
     }
 }
 
-/// The part of the particles that arrives within each stretch of time after their release.
+/// The part of the particles that arrives within each bin after their release.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
-    /// Of whom.
-    pub way: Way,
-    /// The number of steps of an interval.
+    /// The link.
+    pub link: Link,
+    /// Steps of a bin.
     pub width: u32,
-    /// Stretch by stretch, over replicas.
-    pub parts: Vec<Moments>,
-    /// Up to the end of each stretch, over replicas.
-    pub so_far: Vec<Moments>,
+    /// The part of each bin, over replicas.
+    pub parts: Vec<RunningStats>,
+    /// The part up to the end of each bin, over replicas.
+    pub cumulative: Vec<RunningStats>,
 }
 
 impl Response {
-    /// A response without replicas.
-    pub fn new(way: Way, width: u32, stretches: usize) -> Self {
-        let none = vec![Moments::default(); stretches];
-        Self { way, width, parts: none.clone(), so_far: none }
+    /// Creates a response without replicas.
+    pub fn new(link: Link, width: u32, bins: usize) -> Self {
+        let none = vec![RunningStats::default(); bins];
+        Self { link, width, parts: none.clone(), cumulative: none }
     }
 
-    /// Enters a replica of so many steps. In each stretch those have a part whose release was that long before the
-    /// end, or longer.
+    /// Adds a replica of `steps` steps. A release counts in the bins that end before the run does.
     pub fn add(&mut self, log: &Log, steps: u32) {
-        let Self { way, width, .. } = *self;
-        let stretches = self.parts.len();
-        let mut released = vec![0_u64; stretches];
+        let Self { link, width, .. } = *self;
+        let bins = self.parts.len();
+        let mut released = vec![0_u64; bins];
         let whole = |step: u32| ((steps.saturating_sub(step)) / width) as usize;
-        let own = log.releases.iter().filter(|release| release.transmitter == way.transmitter);
+        let own = log.releases.iter().filter(|release| release.transmitter == link.transmitter);
         let is_from: Vec<usize> = {
             let mut species: Vec<usize> = own.clone().map(|release| release.species).collect();
             species.sort_unstable();
             species.dedup();
-            species.into_iter().filter(|&species| way.is_from(log, species)).collect()
+            species.into_iter().filter(|&species| link.is_from(log, species)).collect()
         };
         for release in own.filter(|release| is_from.contains(&release.species)) {
-            released[..whole(release.step).min(stretches)].iter_mut().for_each(|n| *n += release.count);
+            released[..whole(release.step).min(bins)].iter_mut().for_each(|n| *n += release.count);
         }
-        let mut arrived = vec![0_u64; stretches];
+        let mut arrived = vec![0_u64; bins];
         for arrival in &log.arrivals {
             let Some((transmitter, step)) = arrival.origin else { continue };
             let at = (arrival.step.saturating_sub(step).saturating_sub(1) / width) as usize;
             let is_own = (transmitter, arrival.receiver, arrival.species)
-                == (way.transmitter, way.receiver, way.species);
-            if is_own && at < stretches.min(whole(step)) {
+                == (link.transmitter, link.receiver, link.species);
+            if is_own && at < bins.min(whole(step)) {
                 arrived[at] += 1;
             }
         }
         let mut sum = 0.0;
-        for k in 0..stretches {
+        for k in 0..bins {
             if released[k] > 0 {
                 let part = arrived[k] as f64 / released[k] as f64;
                 sum += part;
                 self.parts[k].add(part);
-                self.so_far[k].add(sum);
+                self.cumulative[k].add(sum);
             }
         }
     }
 
-    /// Returns `true` if anybody arrives.
+    /// Returns `true` if any particle arrives.
     pub fn is_any(&self) -> bool {
         self.parts.iter().any(|part| part.mean() > 0.0)
     }
@@ -103,9 +101,9 @@ impl Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::log::{Arrived, Released};
+    use crate::log::{Arrived, Released};
 
-    const WAY: Way = Way { transmitter: 0, receiver: 0, species: 0 };
+    const LINK: Link = Link { transmitter: 0, receiver: 0, species: 0 };
 
     fn released(step: u32, count: u64) -> Released {
         Released { step, transmitter: 0, species: 0, count }
@@ -117,24 +115,24 @@ mod tests {
 
     #[test]
     fn parts_are_of_those_who_had_the_time() {
-        // Ten at the beginning and ten more after 8 steps of 12, in stretches of 4 steps.
+        // Ten at the beginning and ten more after 8 steps of 12, in bins of 4 steps.
         let log = Log {
             arrivals: vec![arrived(1, 0), arrived(4, 0), arrived(5, 0), arrived(12, 0), arrived(12, 8)],
             releases: vec![released(0, 10), released(8, 10)],
         };
-        let mut response = Response::new(WAY, 4, 4);
+        let mut response = Response::new(LINK, 4, 4);
         response.add(&log, 12);
-        let parts: Vec<f64> = response.parts.iter().map(Moments::mean).collect();
-        // 3 of 20 in the first stretch, of which the second burst sees no more; then 1 of 10 each.
+        let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
+        // 3 of 20 in the first bin, of which the second burst sees no more; then 1 of 10 each.
         assert_eq!(parts[..3], [0.15, 0.1, 0.1]);
         assert!(parts[3].is_nan(), "nobody had 16 steps");
-        let so_far: Vec<f64> = response.so_far.iter().map(Moments::mean).collect();
-        assert!((so_far[2] - 0.35).abs() < 1e-12);
+        let cumulative: Vec<f64> = response.cumulative.iter().map(RunningStats::mean).collect();
+        assert!((cumulative[2] - 0.35).abs() < 1e-12);
         // Another replica in which nobody arrives.
         response.add(&Log { arrivals: vec![], ..log.clone() }, 12);
         assert_eq!((response.parts[0].mean(), response.parts[0].standard_error()), (0.075, Some(0.075)));
         // Others have nothing to do with it.
-        let mut other = Response::new(Way { receiver: 1, ..WAY }, 4, 4);
+        let mut other = Response::new(Link { receiver: 1, ..LINK }, 4, 4);
         other.add(&log, 12);
         assert!(response.is_any() && !other.is_any());
     }
@@ -143,7 +141,7 @@ mod tests {
     fn what_became_another_species_is_a_part_of_what_it_was() {
         let log =
             Log { arrivals: vec![Arrived { species: 1, ..arrived(2, 0) }], releases: vec![released(0, 4)] };
-        let mut response = Response::new(Way { species: 1, ..WAY }, 4, 1);
+        let mut response = Response::new(Link { species: 1, ..LINK }, 4, 1);
         response.add(&log, 4);
         assert_eq!(response.parts[0].mean(), 0.25);
     }

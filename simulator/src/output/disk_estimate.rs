@@ -1,31 +1,31 @@
-//! The forecast of a run's output.
+//! An estimate of the disk space that a run needs.
 
+use super::animation;
 use super::{frames, series};
-use crate::animation;
 use crate::scenario::Output;
 use crate::{Model, ReceiverKind, RunView, State};
 
-/// The remaining output, in bytes.
+/// The remaining output of a run, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Forecast {
-    /// If all particles are lost as soon as they can be.
+pub(crate) struct DiskEstimate {
+    /// A lower bound: all particles disappear as soon as they can.
     pub(crate) least: u64,
-    /// If none is lost but by decay, as fast as that is to be expected.
+    /// An upper bound: particles disappear only by decay, at the expected rate.
     pub(crate) most: u64,
-    /// The checkpoint at the end, part of both. The one before is there until it is complete.
+    /// The last checkpoint, included in both. The previous one exists until it is complete.
     pub(crate) checkpoint: u64,
 }
 
-/// Moments at which the number of particles is foretold.
-const MOMENTS: u32 = 1000;
+/// The number of times at which the number of particles is estimated.
+const SAMPLES: u32 = 1000;
 /// Bytes of a coordinate as text, on average: eight digits, a point, and half a sign.
 const COORDINATE: f64 = 9.7;
 
-impl Forecast {
+impl DiskEstimate {
     /// Returns the output of a run up to a number of steps.
     pub(crate) fn of(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
         let (model, from) = (run.model(), run.step_count());
-        let crowd = Crowd::new(model, &run.totals().present, from, steps);
+        let crowd = ParticleCounts::new(model, &run.totals().present, from, steps);
         let due = |every: u32| u64::from(steps / every - from / every);
         let frames = if output.xyz || output.npy { due(output.frames_every) } else { 0 };
         let rows = due(output.every) as f64 * row(model, &crowd, [from, steps]);
@@ -58,7 +58,7 @@ impl Forecast {
 }
 
 /// The bytes of the next frame and checkpoint, with the present particles.
-pub(crate) fn next(run: &impl RunView, output: Output) -> u64 {
+pub(crate) fn next_bytes(run: &impl RunView, output: Output) -> u64 {
     let model = run.model();
     let present = run.totals().present.iter().enumerate();
     let each = |species: usize| {
@@ -72,31 +72,31 @@ pub(crate) fn next(run: &impl RunView, output: Output) -> u64 {
     present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
 }
 
-/// Returns `true` if particles may disappear otherwise than by decay.
+/// Returns `true` if particles may disappear by other events than decay.
 fn loses(model: &Model) -> bool {
     model.decays.iter().any(|decay| decay.products[0].is_none())
         || model.reactions.iter().any(|reaction| reaction.products.contains(&None))
         || model.receivers.iter().any(|receiver| receiver.kind != ReceiverKind::Transparent)
 }
 
-/// Particles to come.
-struct Crowd {
-    /// On average over the rest of the run, by species.
+/// The estimated numbers of particles.
+struct ParticleCounts {
+    /// The mean over the rest of the run, by species.
     mean: Vec<f64>,
-    /// In all, at its end.
+    /// The total at its end.
     last: f64,
-    /// About how many ids there will be.
+    /// The approximate number of ids at its end.
     ids: f64,
 }
 
-impl Crowd {
+impl ParticleCounts {
     fn new(model: &Model, present: &[u64], from: u32, steps: u32) -> Self {
         let mut now: Vec<f64> = present.iter().map(|&count| count as f64).collect();
         let mut ids = now.iter().sum();
         let mut mean = vec![0.0; now.len()];
-        let moments = (steps - from.min(steps)).min(MOMENTS);
+        let moments = (steps - from.min(steps)).min(SAMPLES);
         let moment =
-            |k: u32| from + (u64::from(steps - from) * u64::from(k) / u64::from(MOMENTS.min(moments))) as u32;
+            |k: u32| from + (u64::from(steps - from) * u64::from(k) / u64::from(SAMPLES.min(moments))) as u32;
         for k in 0..moments {
             let (begin, end) = (moment(k), moment(k + 1));
             for transmitter in &model.transmitters {
@@ -137,7 +137,7 @@ fn text(model: &Model, species: usize, ids: f64) -> f64 {
 }
 
 /// Bytes of a row of the series, on average.
-fn row(model: &Model, crowd: &Crowd, [from, steps]: [u32; 2]) -> f64 {
+fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
     let step = |k: u32| from + (u64::from(steps - from) * u64::from(k) / 16) as u32;
     let length = |step: u32| series::moment(step, model).len() as f64;
     let moment = (1..=16).map(|k| length(step(k))).sum::<f64>() / 16.0;
@@ -149,7 +149,7 @@ fn row(model: &Model, crowd: &Crowd, [from, steps]: [u32; 2]) -> f64 {
     moment + species + counts as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0
 }
 
-/// Digits of a whole number.
+/// Returns the digits of a whole number.
 fn digits(count: f64) -> f64 {
     count.max(1.0).log10().floor() + 1.0
 }
@@ -183,14 +183,14 @@ mod tests {
         let mut forecast = None;
         run.run(|simulation| {
             forecast.get_or_insert_with(|| {
-                Forecast::of(simulation, scenario.output, scenario.steps, &scenario.text)
+                DiskEstimate::of(simulation, scenario.output, scenario.steps, &scenario.text)
             });
             ControlFlow::Continue(())
         })
         .unwrap();
         let files = std::fs::read_dir(&run.directory).unwrap();
         let written = files.map(|file| file.unwrap().metadata().unwrap().len()).sum();
-        let Forecast { least, most, .. } = forecast.unwrap();
+        let DiskEstimate { least, most, .. } = forecast.unwrap();
         [least, most, written]
     }
 
@@ -198,7 +198,7 @@ mod tests {
         [[transmitter]]\nname = 'tx'\ntimes = [0, 1, 2, 3]\nrelease = [{ species = 'A', count = 500 }]\n";
 
     #[test]
-    fn a_forecast_is_about_right() {
+    fn estimate_is_within_half_of_the_output() {
         let decaying = "[[decay]]\nequation = 'A ->'\nrate = 5\n";
         let watched = "[[receiver]]\nname = 'rx'\ncenter = [1, 0, 0]\nradius = 1\nkind = 'transparent'\n";
         let frames = "[output]\nevery = 100\nframes-every = 20\nframes = ";
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_be_lost_is_not_counted_on() {
+    fn absorbed_particles_lower_the_estimate() {
         let absorbed = "[[receiver]]\nname = 'rx'\ncenter = [0.5, 0, 0]\nradius = 3\nkind = 'absorbing'\n\
                         [output]\nevery = 100\nframes-every = 10\nframes = ['xyz']\n";
         let [least, most, written] = foretold_and_written(&format!("{CLOUD}{absorbed}"));

@@ -1,11 +1,21 @@
-//! The particles that are drawn, frame by frame, as a file of 32-bit words in little-endian order: the step, a shift, the
-//! number of particles in two words, the number of those that follow, and the number of receivers that move; for each of
-//! the particles the id, the species and the place, and for each of the receivers its centre.
+//! The frames of an animation, `animation.frames`: 32-bit words in little-endian order. Each frame has the step, a shift, the
+//! number of particles in two words, the number of drawn particles, and the number of moving receivers; then id, species and
+//! position of each drawn particle, and the center of each moving receiver.
 
 use std::io::{self, Read, Write};
 use std::num::NonZeroU32;
 
 use crate::{Model, State};
+
+/// The options of an animation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Animation {
+    /// Steps between frames.
+    pub every: u32,
+    /// The most particles that are drawn. If there are more, all frames draw those whose ids a hash selects: a half of
+    /// them, a quarter, and so on.
+    pub particles: NonZeroU32,
+}
 
 /// Words in front of each frame.
 const HEAD: usize = 6;
@@ -14,29 +24,34 @@ const ROW: usize = 5;
 /// Words of a receiver.
 const CENTER: usize = 3;
 
-/// The particles of a moment that are drawn.
+/// A frame of an animation.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Frame {
-    pub(super) step: u32,
-    /// Of 2ˢʰⁱᶠᵗ particles one is drawn, by its id.
-    pub(super) shift: u32,
-    /// Their number.
-    pub(super) present: u64,
-    pub(super) rows: Vec<Row>,
+pub struct Frame {
+    /// Completed steps.
+    pub step: u32,
+    /// One in 2ˢʰⁱᶠᵗ particles is drawn, chosen by its id.
+    pub shift: u32,
+    /// The number of particles, drawn or not.
+    pub present: u64,
+    /// The drawn particles.
+    pub rows: Vec<DrawnParticle>,
     /// The positions of moving receivers, in the order of the model.
-    pub(super) centers: Vec<[f32; 3]>,
+    pub centers: Vec<[f32; 3]>,
 }
 
-/// One of them.
+/// A drawn particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Row {
-    pub(super) id: u32,
-    pub(super) species: u32,
-    pub(super) place: [f32; 3],
+pub struct DrawnParticle {
+    /// Its id.
+    pub id: u32,
+    /// Its species.
+    pub species: u32,
+    /// Its position, in µm.
+    pub position: [f32; 3],
 }
 
-/// Returns `true` if a particle is one of those that are drawn where one of 2ˢʰⁱᶠᵗ is.
-pub(super) fn is_drawn(id: u32, shift: u32) -> bool {
+/// Returns `true` if a particle is drawn in frames that show one in 2ˢʰⁱᶠᵗ particles.
+pub fn is_drawn(id: u32, shift: u32) -> bool {
     mixed(id).leading_zeros() >= shift
 }
 
@@ -47,17 +62,17 @@ fn mixed(id: u32) -> u32 {
     b ^ b >> 16
 }
 
-/// The places of the receivers of a model that move.
-pub(super) fn moving(model: &Model) -> impl Iterator<Item = usize> + '_ {
+/// Returns the indices of the receivers that move.
+pub fn moving_receivers(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.receivers.len()).filter(|&k| model.receivers[k].moves())
 }
 
-/// The bytes of a frame of this number of particles.
+/// Returns the bytes of a frame with this number of drawn particles.
 pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
-    4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving(model).count()) as u64)
+    4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving_receivers(model).count()) as u64)
 }
 
-/// Appends a frame with `most` particles at most.
+/// Appends a frame that draws at most `most` particles.
 pub(crate) fn append(
     out: &mut impl Write,
     (model, state): (&Model, &State),
@@ -69,7 +84,7 @@ pub(crate) fn append(
     let drawn = |shift: u32| ranks[shift as usize..].iter().sum::<u64>();
     let shift = (0..32).find(|&shift| drawn(shift) <= u64::from(most.get())).unwrap_or(32);
     let present = particles.len() as u64;
-    let receivers = moving(model).count() as u32;
+    let receivers = moving_receivers(model).count() as u32;
     let head = [state.step, shift, present as u32, (present >> 32) as u32, drawn(shift) as u32, receivers];
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
     let mut places: Vec<usize> =
@@ -82,15 +97,17 @@ pub(crate) fn append(
             bytes.extend(word.to_le_bytes());
         }
     }
-    bytes.extend(moving(model).flat_map(|k| state.centers[k]).flat_map(f32::to_le_bytes));
+    bytes.extend(moving_receivers(model).flat_map(|k| state.centers[k]).flat_map(f32::to_le_bytes));
     out.write_all(&bytes)
 }
 
 /// The frames of a file.
-pub(super) struct Frames<R>(R);
+#[derive(Debug)]
+pub struct Frames<R>(R);
 
 impl<R: Read> Frames<R> {
-    pub(super) fn new(input: R) -> Self {
+    /// Reads frames from `input`.
+    pub fn new(input: R) -> Self {
         Self(input)
     }
 
@@ -106,8 +123,11 @@ impl<R: Read> Frames<R> {
 
     fn frame(&mut self, first: u32) -> io::Result<Frame> {
         let [shift, low, high, count, receivers] = self.words()?;
-        let row =
-            |[id, species, x, y, z]: [u32; ROW]| Row { id, species, place: [x, y, z].map(f32::from_bits) };
+        let row = |[id, species, x, y, z]: [u32; ROW]| DrawnParticle {
+            id,
+            species,
+            position: [x, y, z].map(f32::from_bits),
+        };
         let rows = (0..count).map(|_| self.words().map(row)).collect::<io::Result<_>>()?;
         let center = |words: [u32; CENTER]| words.map(f32::from_bits);
         let centers = (0..receivers).map(|_| self.words().map(center)).collect::<io::Result<_>>()?;
@@ -161,7 +181,7 @@ mod tests {
         let frames: Vec<Frame> = Frames::new(&file[..]).map(Result::unwrap).collect();
         assert_eq!(frames.iter().map(|frame| frame.rows.len()).collect::<Vec<_>>(), [0, 10, 3]);
         assert_eq!((frames[1].step, frames[1].shift, frames[1].present), (7, 0, 10));
-        assert_eq!(frames[1].rows[4], Row { id: 4, species: 1, place: [4.0, -4.0, 0.5] });
+        assert_eq!(frames[1].rows[4], DrawnParticle { id: 4, species: 1, position: [4.0, -4.0, 0.5] });
         assert_eq!(frames[2].centers, [[1.0; 3], [3.0, 4.0, 3.0]]);
         // One that is cut.
         assert!(Frames::new(&file[..file.len() - 3]).last().unwrap().is_err());

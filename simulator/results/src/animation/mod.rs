@@ -1,43 +1,44 @@
-//! A run as one page that plays it in three dimensions, in any browser with WebGL 2 and without a network.
+//! A run as a single page that plays it in three dimensions, in any browser with WebGL 2 and without a network.
 //!
-//! While the run goes on, the particles that are drawn are appended to a file (`record`). At its end the page is made of
-//! that, of the model and of the series: what stands in the scene (`scene`), and the places of each frame, as 16 bits of
-//! the frame's extent for each coordinate, in base64.
+//! A run appends the drawn particles to a file ([`lazygrid_sim::animation`]). The page consists of the scene, from the model
+//! and the series, and of the positions of each frame: 16 bits of the frame's extent per coordinate, in base64.
 
-mod record;
 mod scene;
 
 use std::fs::File;
 use std::io::{self, BufReader, Write};
-use std::num::NonZeroU32;
 use std::path::Path;
 
 use lazygrid_io::write::base64;
-use record::{Frame, Frames};
-pub(crate) use record::{append, bytes_of};
+use lazygrid_sim::animation::{Frame, Frames, is_drawn};
+use lazygrid_sim::run::Run;
+use lazygrid_sim::{Error, Model, write_atomically};
 use scene::Scene;
 
-use crate::Model;
-use crate::results::series::Series;
-
-/// The options of an animation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Animation {
-    /// Steps between frames.
-    pub every: u32,
-    /// The most particles that are drawn. Of more, all frames show those whose ids a hash chooses, half of
-    /// them, a quarter, and so on.
-    pub particles: NonZeroU32,
-}
+use crate::series::Series;
 
 const PAGE: &str = include_str!("player.html");
-const SCRIPTS: [&str; 2] = [include_str!("stage.js"), include_str!("player.js")];
+const SCRIPTS: [&str; 2] = [include_str!("renderer.js"), include_str!("player.js")];
+
+/// Writes `animation.html` of a run that recorded frames; does nothing for other runs.
+///
+/// # Errors
+/// [`Error::Read`] and [`Error::Write`] if files of the run cannot be read or the page cannot be written.
+pub fn write(run: &Run) -> Result<(), Error> {
+    let frames = run.directory.join("animation.frames");
+    if run.scenario.output.animation.is_none() || !frames.exists() {
+        return Ok(());
+    }
+    let series = Series::read(&run.directory.join("series.csv"))?;
+    let path = run.directory.join("animation.html");
+    write_atomically(&path, |out| page(out, (&run.scenario.model, &run.title()), &frames, &series))
+}
 
 /// Writes the page of a run that recorded its frames.
 ///
 /// # Errors
 /// Fails if the reader or the writer fails.
-pub(crate) fn page(
+fn page(
     out: &mut impl Write,
     (model, title): (&Model, &str),
     frames: &Path,
@@ -50,7 +51,7 @@ pub(crate) fn page(
         shift = shift.max(frame?.shift);
     }
     for frame in open()? {
-        scene.see(&thinned(frame?, shift));
+        scene.add_frame(&thinned(frame?, shift));
     }
     let json = serde_json::to_string(&scene.finished(shift)).map_err(io::Error::other)?;
     // The title is a file's name.
@@ -80,7 +81,7 @@ fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::R
 
 /// Without those that are too many in some other frame, species by species.
 fn thinned(mut frame: Frame, shift: u32) -> Frame {
-    frame.rows.retain(|row| record::is_drawn(row.id, shift));
+    frame.rows.retain(|row| is_drawn(row.id, shift));
     frame.rows.sort_unstable_by_key(|row| (row.species, row.id));
     frame
 }

@@ -1,36 +1,36 @@
-//! The parts of a page besides the positions of particles.
+//! The scene of a page: everything except the positions of particles.
 
 use serde::Serialize;
 
-use super::record::{Frame, moving};
-use crate::results::series::Series;
-use crate::{Axis, Model, Receiver, Shape, Species, Transmitter};
+use crate::series::Series;
+use lazygrid_sim::animation::{Frame, moving_receivers};
+use lazygrid_sim::{Axis, Model, Receiver, Shape, Species, Transmitter};
 
-/// Everything but the places of particles.
+/// Everything on a page except the positions of particles.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Scene {
+pub(crate) struct Scene {
     title: String,
     note: String,
-    species: Vec<Kind>,
-    /// The ends of each axis that has some.
+    species: Vec<SpeciesStyle>,
+    /// The walls of each axis, if any.
     walls: [Option<[f32; 2]>; 3],
     vessel: Option<Tube>,
     transceivers: Vec<Transceiver>,
     /// The point that the camera looks at.
     view: View,
-    frames: Vec<Shown>,
+    frames: Vec<FrameSummary>,
     /// The times of the series, in s.
     times: Vec<f64>,
     charts: Vec<Chart>,
     #[serde(skip)]
     time_step: f64,
-    /// Distances of some particles from the middle of the view, where that is not bounded.
+    /// Distances of some particles from the center of the view, for unbounded scenes.
     #[serde(skip)]
     distances: Vec<f32>,
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct Kind {
+struct SpeciesStyle {
     name: String,
     radius: f32,
 }
@@ -52,32 +52,32 @@ struct View {
 struct Transceiver {
     name: String,
     role: &'static str,
-    /// Its position, or its initial one.
+    /// Its position, or its initial position.
     center: [f32; 3],
     /// The index of its center in the list of each frame, if it moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     moves: Option<usize>,
-    shape: Body,
+    shape: Solid,
 }
 
 /// A solid, and half its extent along each axis.
 #[derive(Clone, Debug, Serialize)]
-struct Body {
+struct Solid {
     kind: &'static str,
     along: usize,
     size: [f32; 3],
 }
 
-/// A frame: species by species, its particles lie so far from the lowest coordinates of any.
+/// A frame. Its particles are sorted by species; their positions are relative to `low`.
 #[derive(Clone, Debug, Serialize)]
-struct Shown {
+struct FrameSummary {
     step: u32,
     time: f64,
     present: u64,
     counts: Vec<u32>,
     low: [f32; 3],
     size: [f32; 3],
-    /// Of the transceivers that move.
+    /// The centers of moving transceivers.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     centers: Vec<[f32; 3]>,
 }
@@ -95,16 +95,16 @@ struct Line {
     counts: Vec<u64>,
 }
 
-/// Rows of the series that a page has at most.
+/// The most rows of the series on a page.
 const ROWS: usize = 1000;
-/// Particles of a frame that have a say in what the camera looks at.
+/// Particles per frame that determine the view.
 const SEEN: usize = 500;
-/// The part of those that are to be in sight.
+/// The fraction of these particles that the view contains.
 const IN_SIGHT: f64 = 0.8;
 
 impl Scene {
-    /// A scene without frames.
-    pub(super) fn new(model: &Model, title: &str, series: &Series) -> Self {
+    /// Creates a scene without frames.
+    pub(crate) fn new(model: &Model, title: &str, series: &Series) -> Self {
         let walls = model.boundary.axes.map(|axis| match axis {
             Axis::Open => None,
             Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
@@ -112,10 +112,10 @@ impl Scene {
         let vessel = model.boundary.vessel;
         let sources = model.transmitters.iter().map(transmitter);
         let mut receivers: Vec<_> = model.receivers.iter().map(receiver).collect();
-        moving(model).enumerate().for_each(|(nth, k)| receivers[k].moves = Some(nth));
+        moving_receivers(model).enumerate().for_each(|(nth, k)| receivers[k].moves = Some(nth));
         let transceivers: Vec<_> = sources.chain(receivers).collect();
         let step = series.steps.len().div_ceil(ROWS).max(1);
-        let kind = |species: &Species| Kind { name: species.name.clone(), radius: species.radius };
+        let kind = |species: &Species| SpeciesStyle { name: species.name.clone(), radius: species.radius };
         let mut scene = Self {
             title: title.to_owned(),
             note: String::new(),
@@ -134,7 +134,7 @@ impl Scene {
         scene
     }
 
-    /// The bounds of walls and transceivers.
+    /// Returns the bounds of walls and transceivers.
     fn bounds(&self) -> View {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         let mut see = |k: usize, ends: [f32; 2]| {
@@ -160,22 +160,22 @@ impl Scene {
         View { center, radius: length(half) }
     }
 
-    /// Enters a frame.
-    pub(super) fn see(&mut self, frame: &Frame) {
+    /// Adds a frame.
+    pub(crate) fn add_frame(&mut self, frame: &Frame) {
         let mut counts = vec![0; self.species.len()];
         frame.rows.iter().for_each(|row| counts[row.species as usize] += 1);
         let (low, size) = extent(frame);
         let time = f64::from(frame.step) * self.time_step;
         let (present, centers) = (frame.present, frame.centers.clone());
-        self.frames.push(Shown { step: frame.step, time, present, counts, low, size, centers });
+        self.frames.push(FrameSummary { step: frame.step, time, present, counts, low, size, centers });
         for row in frame.rows.iter().step_by(frame.rows.len().div_ceil(SEEN).max(1)) {
-            let offset = std::array::from_fn(|k| row.place[k] - self.view.center[k]);
+            let offset = std::array::from_fn(|k| row.position[k] - self.view.center[k]);
             self.distances.push(length(offset));
         }
     }
 
-    /// With what follows from all frames, of which one of 2ˢʰⁱᶠᵗ particles is drawn.
-    pub(super) fn finished(mut self, shift: u32) -> Self {
+    /// Completes the scene after all frames, which draw one in 2ˢʰⁱᶠᵗ particles.
+    pub(crate) fn finished(mut self, shift: u32) -> Self {
         if shift > 0 {
             self.note = format!("1 of {} particles is drawn, chosen by its id", 1_u64 << shift);
         }
@@ -185,7 +185,7 @@ impl Scene {
             let last = self.distances.len().saturating_sub(1);
             let most = self.distances.get((last as f64 * IN_SIGHT) as usize).copied().unwrap_or(0.0);
             let moved = self.transceivers.iter().filter_map(|transceiver| {
-                let reach = |frame: &Shown| {
+                let reach = |frame: &FrameSummary| {
                     let center = frame.centers[transceiver.moves?];
                     let offset = std::array::from_fn(|k| center[k] - self.view.center[k]);
                     Some(length(offset) + transceiver.shape.size[0]).filter(|reach| reach.is_finite())
@@ -206,20 +206,20 @@ impl Scene {
     }
 }
 
-/// The places of all particles of a frame, 16 bits for each coordinate.
-pub(super) fn places(frame: &Frame) -> Vec<u8> {
+/// Encodes the positions of a frame with 16 bits per coordinate.
+pub(crate) fn places(frame: &Frame) -> Vec<u8> {
     let (low, size) = extent(frame);
     let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
     let words = frame
         .rows
         .iter()
-        .flat_map(|row| [0, 1, 2].map(|k: usize| (part(k, row.place[k]) * 65_535.0).round() as u16));
+        .flat_map(|row| [0, 1, 2].map(|k: usize| (part(k, row.position[k]) * 65_535.0).round() as u16));
     words.flat_map(u16::to_le_bytes).collect()
 }
 
-/// The lowest coordinates of a frame, and how far the others go beyond them.
+/// Returns the lowest coordinates of a frame and its extent.
 fn extent(frame: &Frame) -> ([f32; 3], [f32; 3]) {
-    let column = |k: usize| frame.rows.iter().map(move |row| row.place[k]).filter(|x| x.is_finite());
+    let column = |k: usize| frame.rows.iter().map(move |row| row.position[k]).filter(|x| x.is_finite());
     let low = std::array::from_fn(|k| column(k).reduce(f32::min).unwrap_or(0.0));
     let size = std::array::from_fn(|k| column(k).reduce(f32::max).unwrap_or(0.0) - low[k]);
     (low, size)
@@ -230,7 +230,7 @@ fn length([x, y, z]: [f32; 3]) -> f32 {
 }
 
 fn transmitter(transmitter: &Transmitter) -> Transceiver {
-    let body = |kind, along, size| Body { kind, along, size };
+    let body = |kind, along, size| Solid { kind, along, size };
     let shape = match transmitter.shape {
         Shape::Point => body("ball", 0, [0.0; 3]),
         Shape::Gaussian(width) => body("ball", 0, [width; 3]),
@@ -251,11 +251,11 @@ fn transmitter(transmitter: &Transmitter) -> Transceiver {
 }
 
 fn receiver(receiver: &Receiver) -> Transceiver {
-    let shape = Body { kind: "ball", along: 0, size: [receiver.radius; 3] };
+    let shape = Solid { kind: "ball", along: 0, size: [receiver.radius; 3] };
     Transceiver { name: receiver.name.clone(), role: "receiver", center: receiver.center, moves: None, shape }
 }
 
-/// The series by what they count, without those in which nothing happens.
+/// Groups the series into charts, without counts that are always zero.
 fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
     let species = model.species.len();
     let reactions = species + model.reactions.len() + model.decays.len();

@@ -1,0 +1,13 @@
+//! Results of simulations, from the files that runs write: means over replicas, impulse responses, interference, bit errors,
+//! and an animation as a single page.
+//!
+//! Lengths are in µm and times in s, as in [`lazygrid_sim`].
+
+pub mod animation;
+pub mod bit_errors;
+pub mod channel;
+pub mod log;
+pub mod mean;
+pub mod response;
+pub mod series;
+pub mod symbols;
