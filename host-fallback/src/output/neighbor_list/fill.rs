@@ -9,6 +9,9 @@ use crate::compare::PairFilter;
 use crate::memory::{try_collect, try_push};
 use crate::output::Neighbors;
 
+/// The part of a length below which a difference of coordinates is the minimum image, with room for rounding.
+const NEAR: f64 = 0.49;
+
 /// The pairs and spheres from which rows are filled.
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
@@ -57,6 +60,23 @@ impl<'s> Slots<'s> {
         (first, Self { pairs: pairs.1, shifts: shifts.1, vectors: vectors.1, distances: distances.1 })
     }
 
+    /// Writes an entry with shift 0.
+    #[inline(always)]
+    fn put_near(&mut self, at: usize, pair: Pair, vector: [f64; 3]) {
+        if let Some(slot) = self.pairs.get_mut(at) {
+            *slot = pair;
+        }
+        if let Some(slot) = self.shifts.get_mut(at) {
+            *slot = [0; 3];
+        }
+        if let Some(slot) = self.vectors.get_mut(at) {
+            *slot = vector;
+        }
+        if let Some(slot) = self.distances.get_mut(at) {
+            *slot = length_of(vector);
+        }
+    }
+
     #[inline]
     fn put(&mut self, at: usize, entry: &Entry) {
         fn put<T>(slots: &mut [T], at: usize, value: T) {
@@ -69,6 +89,14 @@ impl<'s> Slots<'s> {
         put(self.vectors, at, entry.bond.vector);
         put(self.distances, at, entry.distance);
     }
+}
+
+/// The length of a vector.
+#[inline(always)]
+fn length_of(vector: [f64; 3]) -> f64 {
+    let mut image = ImageVector::default();
+    image.vector = vector;
+    image.length()
 }
 
 /// Some rows of a list, and slots for all of their candidates.
@@ -112,21 +140,75 @@ impl<'s> Piece<'s> {
 
     /// Writes the entries of all rows.
     pub(super) fn fill(&mut self, fill: &Fill<'_>) {
+        let near = fill.near();
         for row in self.rows.clone() {
             let before = self.filled;
-            fill.row(row as u32, |entry| {
-                if entry.bond.shift.iter().any(|&count| count == i32::MIN || count == i32::MAX) {
-                    self.too_far.get_or_insert(Neighbor { i: entry.pair.i, j: entry.pair.j });
-                }
-                self.slots.put(self.filled, &entry);
-                self.filled += 1;
-            });
+            match near {
+                Some(near) => self.fill_near(fill, row as u32, near),
+                None => fill.row(row as u32, |entry| self.take(&entry)),
+            }
             self.counts[row - self.rows.start] = (self.filled - before) as u64;
         }
+    }
+
+    /// Writes the entries of a sphere, whose minimum images are nearly all those with shift 0: differences of coordinates below
+    /// `near` are the vectors to them.
+    fn fill_near(&mut self, fill: &Fill<'_>, i: u32, near: [f64; 3]) {
+        let neighbors = fill.candidates.neighbors_of(i as usize);
+        let mirrored = match fill.contact.query.second() {
+            None => neighbors.partition_point(|&j| j < i),
+            Some(_) => 0,
+        };
+        let (before, after) = neighbors.split_at(mirrored);
+        self.fill_side::<true>(fill, (i, before), near);
+        self.fill_side::<false>(fill, (i, after), near);
+    }
+
+    /// Writes the entries of a sphere with some neighbors, of whose pairs it is the second sphere if they are mirrored.
+    #[inline(always)]
+    fn fill_side<const MIRRORED: bool>(
+        &mut self,
+        fill: &Fill<'_>,
+        (i, neighbors): (u32, &[u32]),
+        near: [f64; 3],
+    ) {
+        let (a, is_open) = (fill.first[i as usize], fill.options.is_open);
+        for &j in neighbors {
+            let b = fill.second[j as usize];
+            let along = |axis: usize| if MIRRORED { -(a[axis] - b[axis]) } else { b[axis] - a[axis] };
+            let vector = [along(0), along(1), along(2)];
+            let is_near = vector[0].abs() < near[0];
+            let is_near = is_near & (vector[1].abs() < near[1]) & (vector[2].abs() < near[2]);
+            if !is_near {
+                if let Some(entry) = fill.nearest(i, j) {
+                    self.take(&entry);
+                }
+            } else if !is_open || fill.is_closer(i, j, vector) {
+                self.slots.put_near(self.filled, Pair { i, j }, vector);
+                self.filled += 1;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn take(&mut self, entry: &Entry) {
+        if entry.bond.shift.iter().any(|&count| count == i32::MIN || count == i32::MAX) {
+            self.too_far.get_or_insert(Neighbor { i: entry.pair.i, j: entry.pair.j });
+        }
+        self.slots.put(self.filled, entry);
+        self.filled += 1;
     }
 }
 
 impl Fill<'_> {
+    /// The differences of coordinates below which a minimum image has shift 0, or `None` if rows need more than minimum images of
+    /// an orthogonal space.
+    fn near(&self) -> Option<[f64; 3]> {
+        let ContactTest { space, .. } = self.contact;
+        let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
+        is_plain.then(|| space.lengths().map(|length| NEAR * length.unwrap_or(f64::INFINITY)))
+    }
+
     /// Calls `take` with the entries of a sphere, in their order.
     #[inline]
     fn row(&self, i: u32, mut take: impl FnMut(Entry)) {
@@ -156,7 +238,7 @@ impl Fill<'_> {
     }
 
     /// The entry of a pair, which the search has decided.
-    #[inline(always)]
+    #[inline(never)]
     fn nearest(&self, i: u32, j: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
         // Of two equally distant images, the direction of the pair decides, not that of the entry.
@@ -202,11 +284,17 @@ impl Fill<'_> {
     #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
-        if is_open && !is_clear(bond.vector, self.reach(i, j)?) && bond.length() >= self.reach(i, j)? {
+        if is_open && !self.is_closer(i, j, bond.vector) {
             return None;
         }
         let distance = if distances { bond.length() } else { 0.0 };
         Some(Entry { pair: Pair { i, j }, bond, distance })
+    }
+
+    /// Returns `true` if a vector between two spheres is shorter than their cutoff.
+    #[inline(always)]
+    fn is_closer(&self, i: u32, j: u32, vector: [f64; 3]) -> bool {
+        self.reach(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)
     }
 
     /// The distance at which two spheres pair, if it is not that of their radii; `None` if they never do.
