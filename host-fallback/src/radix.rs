@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use crate::Error;
 use crate::disjoint_writes::DisjointSlice;
 use crate::executor::Executor;
-use crate::memory::try_resize;
+use crate::memory::{try_resize, with_growth};
 
 /// The fewest entries per chunk, 128 KiB of narrow ones: far more than digits to count.
 const CHUNK_RECORDS: usize = 1 << 14;
@@ -72,7 +72,13 @@ pub(crate) struct Radix<K> {
 
 impl<K: RadixKey> Radix<K> {
     /// Bytes per entry, in both buffers.
-    pub(crate) const BYTES_PER_ENTRY: u64 = 2 * size_of::<KeyedSphere<K>>() as u64;
+    const BYTES_PER_ENTRY: u64 = 2 * size_of::<KeyedSphere<K>>() as u64;
+
+    /// The most bytes held for `entries` entries.
+    pub(crate) fn memory_for(entries: u64) -> u64 {
+        let chunks = entries.div_ceil(CHUNK_RECORDS as u64).min(MAX_CHUNKS as u64);
+        with_growth(entries * Self::BYTES_PER_ENTRY + chunks * size_of::<[usize; DIGITS]>() as u64)
+    }
 
     /// Sorts the entries by keys that are below 2^`bits`; those of equal keys stay in order.
     ///

@@ -209,6 +209,30 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
     }
 }
 
+/// Equal spheres have nearly the announced number of entries in cells of up to two diameters, and a buffer that grows has an
+/// eighth more than it needs.
+#[test]
+fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
+    let mut measurement = Measurement::alone();
+    let spheres = Scene::Equal.spheres(24_000, 35);
+    let grids = [Algorithm::ArrayGrid, Algorithm::HashGrid, Algorithm::RecursiveGrid];
+    for variant in on_cpu(variants::each_algorithm()).filter(|variant| grids.contains(&variant.algorithm)) {
+        for ratio in [1.0, 1.5, 2.0] {
+            measurement.start();
+            let mut detector =
+                Detector::new(variant.settings().cell_ratio(ratio).threads(1)).expect("a detector");
+            for n in (18_000..=24_000).step_by(600) {
+                detector.count(&spheres[..n]).expect("a count");
+                let (held, bound) = (measurement.held(), detector.memory_for(n as u64) as usize + FIXED);
+                assert!(
+                    held <= bound,
+                    "{variant}, {ratio}, {n}: {held} bytes held where {bound} are announced"
+                );
+            }
+        }
+    }
+}
+
 /// The estimate includes candidates up to their limit. With more candidates, each call searches from scratch within the
 /// same memory.
 #[test]

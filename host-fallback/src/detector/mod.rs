@@ -82,6 +82,7 @@ impl HostBackend {
     /// recursive grid it covers one overfull cell of all spheres, and none inside another: each of those adds up to 150
     /// bytes for each of its spheres. The candidates that a skin keeps are included, as many as it may keep: up to 96 of
     /// 8 bytes for each sphere, although few scenes have more than ten. [`Skin::Off`](crate::Skin::Off) keeps none.
+    /// `f64` spheres in unbounded space take up to 18 bytes more each, for their copy.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {

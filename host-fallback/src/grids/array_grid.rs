@@ -1,7 +1,7 @@
 //! The paper's ArrayGrid: an array of (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
 use super::cell::{Batch, OverfullCell};
-use super::entries::{ENTRY, Entries, KeyLayout, Visit, cells_of_piece, most_entries, run_end};
+use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entries, most_entries, run_end};
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::Output;
@@ -47,7 +47,7 @@ impl ArrayGrid {
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = threads * Batch::memory_for(entries.min((CHUNK_ENTRIES + CROWDED) as u64));
-        entries * ENTRY + batches + OverfullCell::memory_for(spheres, threads)
+        memory_of_entries(entries) + batches + OverfullCell::memory_for(spheres, threads)
     }
 }
 

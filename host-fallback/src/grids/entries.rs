@@ -146,8 +146,13 @@ impl Entries {
     }
 }
 
-/// Bytes per entry with a narrow key, which suffices for spaces of up to 2²⁹ cells. A wide entry takes four times as much.
-pub(crate) const ENTRY: u64 = Radix::<u32>::BYTES_PER_ENTRY;
+/// Bytes per entry with a narrow key, in both buffers of the sort, which suffices for spaces of up to 2²⁹ cells. A wide entry takes four times as much.
+pub(crate) const ENTRY: u64 = 2 * size_of::<KeyedSphere<u32>>() as u64;
+
+/// The most bytes held for entries with narrow keys.
+pub(crate) fn memory_of_entries(entries: u64) -> u64 {
+    Radix::<u32>::memory_for(entries)
+}
 
 /// The number of entries of `spheres` spheres above which the grid is shifted: 5 % and 64 more than the bound on the mean, so that
 /// chance alone shifts no grid.

@@ -217,7 +217,7 @@ impl HashGrid {
         let batches = threads * Batch::memory_for(entries.min(2 * BATCH_SPHERES as u64));
         let chain =
             with_growth(spheres * size_of::<InChain>() as u64) + OverfullCell::memory_for(spheres, threads);
-        entries * size_of::<Linked>() as u64 + table + batches + chain
+        with_growth(entries * size_of::<Linked>() as u64 + table) + batches + chain
     }
 }
 

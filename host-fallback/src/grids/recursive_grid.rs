@@ -14,7 +14,9 @@
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
 use super::cell::{Batch, CellMember, OverfullCell, owns_pairs};
-use super::entries::{ENTRY, Entries, KeyLayout, Visit, cells_of_piece, fill, most_entries, run_end};
+use super::entries::{
+    ENTRY, Entries, KeyLayout, Visit, cells_of_piece, fill, memory_of_entries, most_entries, run_end,
+};
 use super::uniform_grid::{CellBox, UniformGrid};
 use super::workspace::Workspaces;
 use crate::Error;
@@ -263,7 +265,7 @@ impl RecursiveGrid {
         let batches = 2 * threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
         // Finer cells may be as small as the spheres in them.
         let split = spheres * (size_of::<Member>() as u64 + 8 * ENTRY);
-        entries * ENTRY + split + batches + OverfullCell::memory_for(spheres, threads)
+        memory_of_entries(entries) + split + batches + OverfullCell::memory_for(spheres, threads)
     }
 }
 
