@@ -5,6 +5,7 @@
 #
 # PREFIX/lib gets the shared and the static library, with files for pkg-config and for CMake's find_package;
 # PREFIX/include gets lazygrid.h and lazygrid.hpp. --debug builds faster, for tests. --without-gpu leaves the GPU out.
+# What is installed is stripped of tables for debuggers, except with --debug.
 set -euo pipefail
 
 usage() { sed -n '4s/^# *//p' "$0" >&2; exit 2; }
@@ -50,6 +51,14 @@ mkdir -p "$prefix"/include "$prefix"/lib/pkgconfig "$prefix"/lib/cmake/lazygrid
 install -m 644 "$here"/include/lazygrid.h "$here"/include/lazygrid.hpp "$prefix/include/"
 install -m 755 "$built/$link" "$prefix/lib/$shared"
 install -m 644 "$built/liblazygrid.a" "$prefix/lib/"
+# Tables of lines for debuggers are three quarters of the files. The functions of the library keep their names.
+if [ $profile = release ] && command -v strip >/dev/null; then
+    if [ "$(uname)" = Darwin ]; then
+        strip -x "$prefix/lib/$shared" && strip -S "$prefix/lib/liblazygrid.a"
+    else
+        strip --strip-unneeded "$prefix/lib/$shared" && strip --strip-debug "$prefix/lib/liblazygrid.a"
+    fi
+fi
 ln -sf "$shared" "$prefix/lib/$soname"
 ln -sf "$soname" "$prefix/lib/$link"
 fill lazygrid.pc.in "$prefix/lib/pkgconfig/lazygrid.pc"

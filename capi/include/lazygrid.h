@@ -417,7 +417,8 @@ LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector,
 LAZYGRID_API lazygrid_status lazygrid_report_json(lazygrid_detector *detector, const char **json);
 
 /*
- * Estimates the bytes that the detector needs for `spheres` spheres, besides the result; on the CPU an upper bound. UINT64_MAX
+ * Estimates the bytes that the detector needs for `spheres` spheres, besides the result; on the CPU an upper bound. More than
+ * 2^32 - 2 spheres count as that many. UINT64_MAX
  * if a GPU cannot hold them.
  */
 LAZYGRID_API lazygrid_status lazygrid_memory_for(lazygrid_detector *detector, uint64_t spheres, uint64_t *bytes);

@@ -93,8 +93,11 @@ pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
         }
         // SAFETY: this number of values is there by this function's condition, and takes at most `isize::MAX` bytes.
         let offsets = unsafe { array(offsets, count_of_spheres + 1, "offsets") }?;
-        let starts: Vec<usize> =
-            offsets.iter().map(|&offset| usize::try_from(offset).unwrap_or(usize::MAX)).collect();
+        let mut starts = Vec::new();
+        let bytes = size_of_val(offsets) as u64;
+        let refused = |_| engine::Error::OutOfMemory { what: "the offsets of exclusions", bytes };
+        starts.try_reserve_exact(offsets.len()).map_err(refused)?;
+        starts.extend(offsets.iter().map(|&offset| usize::try_from(offset).unwrap_or(usize::MAX)));
         let count = starts.last().copied().unwrap_or(0);
         if count > isize::MAX as usize / size_of::<u32>() {
             return Err(Failure::argument(format!(

@@ -1,7 +1,7 @@
 use std::ffi::c_char;
 use std::ptr;
 
-use engine::{CandidateListStats as Candidates, InputError, MAX_SPHERES, Report};
+use engine::{CandidateListStats as Candidates, Report};
 use serde_json::{Map, Value, json};
 
 use crate::OutPtr;
@@ -76,9 +76,6 @@ pub unsafe extern "C" fn lazygrid_memory_for(
     let bytes = unsafe { OutPtr::new(bytes, "bytes", 0) };
     let work = |state: &mut HandleState| {
         let bytes = bytes?;
-        if spheres > MAX_SPHERES {
-            return Err(InputError::TooManySpheres { count: spheres }.into());
-        }
         bytes.put(state.detector.memory_for(spheres));
         Ok(())
     };

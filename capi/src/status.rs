@@ -81,7 +81,7 @@ impl From<Error> for Failure {
 
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
-        Error::Input(error).into()
+        Error::from(error).into()
     }
 }
 

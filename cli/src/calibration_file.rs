@@ -52,7 +52,7 @@ pub(crate) fn load() -> Vec<Calibration> {
         Ok(file) => file.calibrations.into_iter().filter_map(Entry::calibration).collect(),
         Err(error) => {
             log::warn!(
-                "{}: {error}; nothing of it is used; `lazygrid calibrate` writes it anew",
+                "{}: {error}; the file is ignored; rewrite it with `lazygrid calibrate`",
                 path.display()
             );
             Vec::new()

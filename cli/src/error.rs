@@ -4,7 +4,10 @@ use std::path::PathBuf;
 use lazygrid_io::scenes::Scene;
 use thiserror::Error;
 
-use crate::signals::SignalError;
+#[cfg(unix)]
+pub(crate) type SignalError = std::io::Error;
+#[cfg(not(unix))]
+pub(crate) type SignalError = ctrlc::Error;
 
 /// The failure of the command.
 #[derive(Debug, Error)]
@@ -28,17 +31,17 @@ pub(crate) enum CliError {
     #[error("{}: this is the input {}, which the pairs would replace; choose another --output", output.display(), input.display())]
     OutputIsInput { input: PathBuf, output: PathBuf },
     #[error(
-        "{}: this tells neither .csv nor .npy, with or without .gz or .zst behind it; rename it, or say --output-format",
+        "{}: unknown output format; use .csv, .npy or --output-format",
         path.display()
     )]
     OutputFormat { path: PathBuf },
     #[error(
-        "neighbour lists as NumPy arrays are several files, and standard output is one; say --output-format csv"
+        "neighbor lists as NumPy arrays are several files, but standard output is one; use --output-format csv"
     )]
     NeighborsToStdout,
     #[error("--radius {species} is given twice, as {} and {}; give one", values[0], values[1])]
     RadiusTwice { species: String, values: [f32; 2] },
-    #[error("{}, frame {frame}: id {id} is that of two spheres, and --ids would mix them up; leave --ids out", path.display())]
+    #[error("{}, frame {frame}: two spheres have the id {id}, so --ids cannot tell them apart; omit --ids", path.display())]
     IdTwice { path: PathBuf, frame: usize, id: i64 },
     #[error("{}, frame {frame}: {reason}; with --ids the numbers are ids", path.display())]
     Excluded { path: PathBuf, frame: usize, reason: Box<lazygrid::Error> },
@@ -58,8 +61,27 @@ pub(crate) enum CliError {
     NoCacheDirectory,
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),
-    #[error("{failures} of the checks failed; the command below each repeats it")]
+    #[error("{failures} checks failed; the command below each failure repeats it")]
     Wrong { failures: usize },
+    #[error("the system refuses threads: {0}; ask for fewer with --threads, or raise the limit of processes")]
+    Threads(rayon::ThreadPoolBuildError),
+    #[error(
+        "{}, frame {frame}: {spheres} spheres need about {needed} bytes of memory, and {available} bytes are available ({limit}); \
+         split the file, or raise the limit",
+        path.display()
+    )]
+    TooLittleMemory {
+        path: PathBuf,
+        frame: usize,
+        spheres: usize,
+        needed: u64,
+        available: u64,
+        limit: &'static str,
+    },
+    #[error(
+        "{spheres} spheres need {needed} bytes of memory, and {available} bytes are available ({limit}); generate fewer"
+    )]
+    TooLittleMemoryToGenerate { spheres: u64, needed: u64, available: u64, limit: &'static str },
     #[error("cannot listen for Ctrl-C: {0}")]
     Signal(SignalError),
     #[error("stopped after {steps} steps; go on with: lazygrid simulate {} --output {} --resume", scenario.display(), directory.display())]

@@ -7,8 +7,11 @@ mod error;
 mod progress;
 mod signals;
 
+use std::error::Error as _;
 use std::ffi::OsString;
 use std::io::{self, Write};
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{CommandFactory, Parser};
 
@@ -16,16 +19,16 @@ use crate::args::{Args, Command};
 use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
 
-/// Does what the arguments say, of which the first is the program's name, and returns the exit code: 0 done, 1 bad input
-/// or failure, 2 wrong usage, 128 and the signal's number for a run that was stopped with a checkpoint.
+/// Runs the command of the arguments, of which the first is the program's name. Returns the exit code: 0 done, 1 bad input
+/// or failure, 2 wrong usage, 128 plus the signal's number for a run that was stopped with a checkpoint.
 ///
 /// Writes to standard output and standard error, listens for signals, and sets up the process's log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args = match Args::try_parse_from(args) {
         Ok(args) => args,
-        // Help and version are among them.
+        // Help and version are errors of the parser, too.
         Err(said) => {
-            // Where the stream is closed nobody can be told.
+            // No other stream is left for a failure of this one.
             let _ = said.print();
             return said.exit_code() as u8;
         }
@@ -35,14 +38,14 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let _ = env_logger::Builder::from_env(log).try_init();
     match command(args.command) {
         Ok(()) => 0,
-        // Whoever reads has read enough, as in `lazygrid … | head -1`.
+        // The reader has read enough, as in `lazygrid … | head -1`.
         Err(CliError::Stdout(error) | CliError::File(lazygrid_io::Error::Write { source: error, .. }))
             if error.kind() == io::ErrorKind::BrokenPipe =>
         {
             0
         }
         Err(failure) => {
-            // Where standard error is closed nobody can be told.
+            // No other stream is left if standard error is closed.
             let _ = writeln!(io::stderr(), "error: {failure}");
             failure.exit_code()
         }
@@ -51,12 +54,23 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
 
 fn command(command: Command) -> Result<(), CliError> {
     match command {
-        Command::Detect(args) => signals::install_cleanup_handler().and_then(|()| detect::run(&args)),
+        Command::Detect(args) => {
+            start_threads(args.threads)?;
+            signals::install_cleanup_handler()?;
+            detect::run(&args)
+        }
         Command::Generate(args) => signals::install_cleanup_handler().and_then(|()| generate::run(&args)),
-        Command::Simulate(args) => simulate::run(&args),
+        Command::Simulate(args) => {
+            start_threads(args.threads)?;
+            simulate::run(&args)
+        }
         Command::Devices => devices::run(),
         Command::Calibrate { adapter } => calibrate::run(adapter.as_ref()),
-        Command::Check(args) => signals::install_cleanup_handler().and_then(|()| check::run(&args)),
+        Command::Check(args) => {
+            start_threads(None)?;
+            signals::install_cleanup_handler()?;
+            check::run(&args)
+        }
         Command::Page(args) => signals::install_cleanup_handler().and_then(|()| page::run(&args)),
         Command::Plan(args) => signals::install_cleanup_handler().and_then(|()| page::plan(&args)),
         Command::Completions { shell } => {
@@ -67,8 +81,39 @@ fn command(command: Command) -> Result<(), CliError> {
     }
 }
 
-/// Writes to standard output at once, so that a pipe sees each result when it is there.
+/// Starts the threads of the process, unless the command makes a pool of `threads` threads. Later rayon could not report that
+/// the system refuses them.
+fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
+    if threads.is_some() {
+        return Ok(());
+    }
+    match rayon::ThreadPoolBuilder::new().build_global() {
+        // A host may have started them; then the error has no source.
+        Err(error) if error.source().is_some() => Err(CliError::Threads(error)),
+        _ => Ok(()),
+    }
+}
+
+/// `true` if the process was started without a standard output.
+static OUTPUT_IS_CLOSED: AtomicBool = AtomicBool::new(false);
+
+/// Makes every later write to standard output an error. For a program that was started with a closed standard output, in whose
+/// place Rust opens a device that takes everything.
+pub fn set_output_closed() {
+    OUTPUT_IS_CLOSED.store(true, Ordering::Relaxed);
+}
+
+/// Fails if there is no standard output.
+fn check_output() -> Result<(), CliError> {
+    match OUTPUT_IS_CLOSED.load(Ordering::Relaxed) {
+        true => Err(CliError::Stdout(io::Error::new(io::ErrorKind::NotConnected, "it is closed"))),
+        false => Ok(()),
+    }
+}
+
+/// Writes to standard output and flushes, so that a pipe gets each result at once.
 fn print(text: impl AsRef<[u8]>) -> Result<(), CliError> {
+    check_output()?;
     let mut out = io::stdout().lock();
     out.write_all(text.as_ref()).and_then(|()| out.flush()).map_err(CliError::Stdout)
 }

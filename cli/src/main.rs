@@ -4,6 +4,10 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     quiet_wayland();
+    #[cfg(target_os = "linux")]
+    if closed_output::IS_CLOSED.load(std::sync::atomic::Ordering::Relaxed) {
+        lazygrid_cli::set_output_closed();
+    }
     lazygrid_cli::run(std::env::args_os()).into()
 }
 
@@ -16,7 +20,34 @@ fn quiet_wayland() {
     if cfg!(target_os = "linux") && missing {
         // Nothing can lie below it, so no compositor is found there, as before.
         // SAFETY: `main` has just begun. No thread has been started, by this program or by a library that is loaded
-        // with it, so nobody reads or writes the environment at the same time.
+        // with it, so no other code uses the environment at the same time.
         unsafe { std::env::set_var(RUNTIME_DIRECTORY, "/dev/null") };
+    }
+}
+
+/// Asks whether the process was started with a closed standard output. Before `main`, Rust's runtime opens /dev/null in its place, so
+/// this is asked earlier.
+#[cfg(target_os = "linux")]
+mod closed_output {
+    use std::ffi::c_int;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    pub(super) static IS_CLOSED: AtomicBool = AtomicBool::new(false);
+
+    #[used]
+    // SAFETY: the loader calls the functions of this section once, before `main`, by the C calling convention. `ask` needs
+    // nothing of Rust's runtime.
+    #[unsafe(link_section = ".init_array")]
+    static ASK: extern "C" fn() = ask;
+
+    extern "C" fn ask() {
+        unsafe extern "C" {
+            fn fcntl(file: c_int, command: c_int, ...) -> c_int;
+        }
+        const STDOUT: c_int = 1;
+        const F_GETFD: c_int = 1;
+        // SAFETY: `fcntl` with F_GETFD takes no further argument, and reads the flags of a descriptor or fails.
+        let flags = unsafe { fcntl(STDOUT, F_GETFD) };
+        IS_CLOSED.store(flags == -1, Ordering::Relaxed);
     }
 }

@@ -5,10 +5,10 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressBarIter, ProgressDrawTarget, ProgressStyle};
 
 /// The time before progress is shown.
-const PATIENCE: Duration = Duration::from_secs(1);
+const DELAY: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(200);
 
-/// What is being done, and how much of the input is read; on a terminal only, and only where it takes long.
+/// The current work and the part of the input that is read; shown on a terminal only, after a second.
 pub(crate) struct Progress {
     bar: ProgressBar,
 }
@@ -18,12 +18,16 @@ impl Progress {
     pub(crate) fn new(length: Option<u64>) -> Self {
         let progress = Self::hidden(length);
         let bar = progress.bar.downgrade();
-        std::thread::spawn(move || {
-            std::thread::sleep(PATIENCE);
+        let later = move || {
+            std::thread::sleep(DELAY);
             if let Some(bar) = bar.upgrade() {
                 show(&bar, ProgressDrawTarget::stderr());
             }
-        });
+        };
+        // Without a thread the work is done without progress.
+        if let Err(error) = std::thread::Builder::new().spawn(later) {
+            log::info!("no progress is shown: {error}");
+        }
         progress
     }
 
@@ -36,17 +40,17 @@ impl Progress {
         Self { bar: bar.with_style(style(template)) }
     }
 
-    /// Counts what is read.
+    /// Counts the bytes read.
     pub(crate) fn wrap<R: Read>(&self, input: R) -> ProgressBarIter<R> {
         self.bar.wrap_read(input)
     }
 
-    /// Says what is being done from now on.
+    /// Sets the message.
     pub(crate) fn say(&self, what: impl Into<Cow<'static, str>>) {
         self.bar.set_message(what);
     }
 
-    /// Does what would disturb the line.
+    /// Hides the line during work that prints.
     pub(crate) fn beside<T>(&self, work: impl FnOnce() -> T) -> T {
         self.bar.suspend(work)
     }
@@ -67,13 +71,17 @@ fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
     }
 }
 
-/// A bar for runs of this number of steps in all.
+/// Creates the progress bar of runs with `steps` steps in all.
 pub(crate) fn running(steps: u64) -> ProgressBar {
     let bar = ProgressBar::new(steps);
-    bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"))
+    let bar = bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"));
+    // Shown before the first step, which comes after the files are created.
+    bar.set_message("preparing");
+    bar.tick();
+    bar
 }
 
-/// A bar for work that consists of this number of parts of about the same length.
+/// Creates the progress bar of work in `parts` parts of about the same length.
 pub(crate) fn working(parts: u64) -> ProgressBar {
     let bar = ProgressBar::new(parts);
     bar.with_style(style("{wide_bar} {percent}%, about {eta} left, {msg}"))
@@ -136,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_done_shows_until_it_is_done() {
+    fn progress_shows_until_the_work_is_done() {
         let terminal = Terminal::default();
         let target = || ProgressDrawTarget::term_like(Box::new(terminal.clone()));
         let progress = Progress::hidden(Some(2000));

@@ -7,12 +7,7 @@ use lazygrid_io::write::remove_temporaries;
 
 use crate::error::CliError;
 
-#[cfg(unix)]
-pub(crate) type SignalError = std::io::Error;
-#[cfg(not(unix))]
-pub(crate) type SignalError = ctrlc::Error;
-
-/// Whether the command was asked to stop.
+/// The signal that asked the command to stop.
 #[derive(Clone, Default)]
 pub(crate) struct StopSignal(Arc<AtomicI32>);
 
@@ -20,18 +15,18 @@ impl StopSignal {
     /// The number of the signal that Ctrl-C sends.
     pub(crate) const CTRL_C: i32 = 2;
 
-    /// The signal that asked.
+    /// Returns the signal, or `None` if none came.
     pub(crate) fn signal(&self) -> Option<i32> {
         Some(self.0.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
     }
 }
 
-/// From here on a signal ends the process as it would have, and files that are not complete go away first.
+/// Installs a handler that removes incomplete files and then ends the process by the signal.
 pub(crate) fn install_cleanup_handler() -> Result<(), CliError> {
     on_signal(end)
 }
 
-/// From here on the first signal asks the command to stop; the second ends it.
+/// Installs a handler: the first signal asks the command to stop, the second ends it.
 pub(crate) fn install_stop_handler() -> Result<StopSignal, CliError> {
     let asked = StopSignal::default();
     let told = asked.clone();
@@ -51,12 +46,11 @@ fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
 
     let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
     let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup)).map_err(CliError::Signal)?;
-    std::thread::spawn(move || signals.forever().for_each(handle));
-    Ok(())
+    let listen = move || signals.forever().for_each(handle);
+    std::thread::Builder::new().spawn(listen).map(drop).map_err(CliError::Signal)
 }
 
-/// Returns `true` if whoever started the process had it ignore this signal; where the system does not tell, it may be
-/// so.
+/// Returns `true` if the process was started with this signal ignored, or if the system does not tell.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return true };
@@ -71,7 +65,7 @@ fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     ctrlc::set_handler(move || handle(StopSignal::CTRL_C)).map_err(CliError::Signal)
 }
 
-/// Ends the process by this signal, so that whoever started it sees what ended it.
+/// Ends the process by this signal, so that its parent sees the signal.
 fn end(signal: i32) {
     remove_temporaries();
     #[cfg(unix)]

@@ -39,7 +39,7 @@ fn rows_that_a_file_names() {
 fn ids_that_a_file_names() {
     let scratch = Scratch::new();
     let (file, output) = (scratch.write("chain.csv", CHAIN), scratch.path("pairs.csv"));
-    // Nobody has id 99.
+    // No sphere has the id 99.
     let bonds = scratch.write("bonds.csv", "id_i,id_j\n11,9\n99,7\n7,8\n");
     detect(&file, ["--ids", "-o", &output, "--exclude", &bonds]).succeeds();
     assert_eq!(std::fs::read_to_string(&output).unwrap(), "id_i,id_j\n8,9\n10,11\n");

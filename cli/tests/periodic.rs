@@ -107,7 +107,7 @@ fn a_box_may_change_from_frame_to_frame() {
     assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
 }
 
-/// The judge of boxes that lean: every pair, every image up to three edges away, in `f64`.
+/// The naive pairs of triclinic boxes: every image up to three cell vectors away, in `f64`.
 fn brute_force_of_edges(spheres: &[Sphere], edges: [[f64; 3]; 3]) -> Vec<[u32; 2]> {
     let steps = (0..343).map(|k| [k % 7 - 3, k / 7 % 7 - 3, k / 49 - 3].map(f64::from));
     let images: Vec<[f64; 3]> =

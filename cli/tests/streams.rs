@@ -94,7 +94,7 @@ fn pairs_go_to_standard_output_and_the_summary_aside() {
     assert_eq!(detect([&frames, "-o", "-", "--frame", "1"]).succeeds().out, "i,j\n0,1\n");
     let one = scratch.write("one.xyz", &(FRAME.to_owned() + "\n \n"));
     assert_eq!(detect([&one, "-o", "-"]).succeeds().out, "i,j\n0,1\n");
-    // Whoever reads may have read enough.
+    // The reader may have read enough.
     let run = LAZYGRID.run_with_closed_output(["detect", &file, "-o", "-"]);
     assert_eq!(run.code, Some(0), "{}", run.err);
     // What is read cannot be appended to.
@@ -154,7 +154,7 @@ fn decompressed(path: &str) -> Vec<u8> {
 
 /// Two frames of the same spheres, in different orders.
 #[test]
-fn ids_name_spheres_whatever_the_order_of_rows() {
+fn ids_name_spheres_in_any_order_of_rows() {
     let scratch = Scratch::new();
     let spheres = Scene::FiveSizes.spheres(500, 3);
     let id = |k: usize| 7 * k as i64 + 100;
@@ -275,7 +275,7 @@ fn a_time_out_is_told_with_its_option() {
 
 /// On a machine without a desktop a library of the driver's had something to say, and it looked like an error of ours.
 #[test]
-fn nobody_else_speaks_on_standard_error() {
+fn standard_error_has_no_foreign_messages() {
     let scratch = Scratch::new();
     let file = scratch.write("a.csv", SPHERES);
     for args in [&["devices"][..], &["detect", &file]] {

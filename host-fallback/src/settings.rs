@@ -90,28 +90,34 @@ impl Settings {
             let range = "choose at least one, or leave it unset";
             return Err(Error::InvalidSetting { name: "threads", value: "0".into(), range });
         }
-        if let Skin::Fixed(distance) = self.skin {
-            self.check_skin(distance)?;
-        }
-        Ok(())
+        self.check_skin()
     }
 
-    /// Refuses a skin outside [`SKIN_RANGE`], and one for an algorithm without candidate lists.
-    fn check_skin(&self, distance: f64) -> Result<(), Error> {
-        let value = distance.to_string();
-        if !SKIN_RANGE.contains(&(distance as f32)) {
-            return Err(Error::InvalidSetting {
-                name: "skin",
-                value,
-                range: "choose between 1e-14 and 1e17, `Auto` or `Off`",
-            });
+    /// Refuses a fixed skin outside [`SKIN_RANGE`].
+    ///
+    /// # Errors
+    /// [`Error::InvalidSetting`], with the number as it was given.
+    pub fn check_skin_range(&self) -> Result<(), Error> {
+        match self.skin {
+            Skin::Fixed(distance) if !SKIN_RANGE.contains(&(distance as f32)) => {
+                let range = "choose between 1e-14 and 1e17, `Auto` or `Off`";
+                Err(Error::InvalidSetting { name: "skin", value: distance.to_string(), range })
+            }
+            _ => Ok(()),
         }
-        if !self.keeps_candidates() {
-            let range =
-                "only `Algorithm::CellList` and `Auto` keep candidates: choose one of them, or no skin";
-            return Err(Error::InvalidSetting { name: "skin", value, range });
+    }
+
+    /// Refuses a skin outside its range, and one for an algorithm without candidate lists.
+    fn check_skin(&self) -> Result<(), Error> {
+        self.check_skin_range()?;
+        match self.skin {
+            Skin::Fixed(distance) if !self.keeps_candidates() => {
+                let range =
+                    "only `Algorithm::CellList` and `Auto` keep candidates: choose one of them, or no skin";
+                Err(Error::InvalidSetting { name: "skin", value: distance.to_string(), range })
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Returns `true` if the spheres of every call are searched in a frame: in a triclinic space, and if a length or a distance is

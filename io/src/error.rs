@@ -5,8 +5,6 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::read::bare;
-
 /// The location of a fault in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Location {
@@ -192,6 +190,14 @@ impl Error {
             | Self::LineTooLong { place, .. }
             | Self::TooManySpheres { place, .. } => Some(place),
         }
+    }
+}
+
+/// Returns the name of a species without its state: `acid` of `acid(solution)`.
+pub(crate) fn bare(name: &str) -> &str {
+    match name.split_once('(') {
+        Some((bare, state)) if state.ends_with(')') => bare,
+        _ => name,
     }
 }
 

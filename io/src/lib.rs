@@ -1,6 +1,7 @@
 //! Files of spheres and pairs: [readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files,
 //! [writers](mod@write) of spheres and pairs, and the [scenes] that tests and benchmarks share.
 
+pub mod arguments;
 pub mod read;
 pub mod scenes;
 pub mod write;

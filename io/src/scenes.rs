@@ -68,18 +68,18 @@ impl Default for Transceivers {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scene {
-    /// Radius 1; centres uniform in a ball of which the spheres fill 5 %.
+    /// Radius 1; centers uniform in a ball of which the spheres fill 5 %.
     Equal,
-    /// Radii 1, ½ … 1⁄16, equally frequent and in random order; centres uniform in a ball, 5 % filled.
+    /// Radii 1, ½ … 1⁄16, equally frequent and in random order; centers uniform in a ball, 5 % filled.
     FiveSizes,
-    /// Radii 1, ½ … 1⁄512, equally frequent and in random order; centres normal about the origin, as dense as
-    /// gives 20 pairs per sphere. Below 42 spheres there are not so many pairs and all centres coincide.
+    /// Radii 1, ½ … 1⁄512, equally frequent and in random order; centers normal about the origin, as dense as
+    /// gives 20 pairs per sphere. Below 42 spheres there are fewer pairs, and all centers coincide.
     Burst,
     /// [`Burst`](Self::Burst) with radii 0.1, 0.2 … 1.
     BurstLinear,
-    /// The radii of [`Burst`](Self::Burst); all centres at the origin.
+    /// The radii of [`Burst`](Self::Burst); all centers at the origin.
     Point,
-    /// Few large spheres among many small ones, in random order; centres uniform in a ball, 5 % filled. Where the large
+    /// Few large spheres among many small ones, in random order; centers uniform in a ball, 5 % filled. Where the large
     /// ones fill most of that, the ball grows with them, so that a small one lies in one of them with a chance of 5 %,
     /// however large they are.
     Transceivers(Transceivers),
@@ -203,7 +203,7 @@ impl RadiusMix {
         }
     }
 
-    /// How many of `n` spheres have which of them.
+    /// Returns the number of spheres in each size group, of `n` spheres.
     fn classes(self, n: usize) -> Vec<SizeGroup> {
         let class = |count: usize, radius: f32| SizeGroup { count: count as f64, radius: radius.into() };
         match self {
@@ -226,7 +226,7 @@ struct SizeGroup {
     radius: f64,
 }
 
-/// A distribution of centres about the origin.
+/// A distribution of centers about the origin.
 #[derive(Clone, Copy, Debug)]
 enum CenterDistribution {
     Ball { radius: f64 },

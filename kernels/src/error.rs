@@ -64,6 +64,16 @@ pub enum InputError {
         /// The most there may be.
         limit: u32,
     },
+    /// The system refused memory for an interaction table.
+    #[error(
+        "no memory for an interaction table of {species} species: {bytes} bytes were refused; merge species"
+    )]
+    TableMemory {
+        /// The number of species.
+        species: u32,
+        /// The requested bytes.
+        bytes: u64,
+    },
     /// An interaction table is set but the spheres carry no species ids.
     #[error(
         "interactions are set but the spheres have no species ids; add them with `Spheres::with_species`"
@@ -169,7 +179,7 @@ pub enum InputError {
 pub enum Error {
     /// An invalid input.
     #[error(transparent)]
-    Input(#[from] InputError),
+    Input(InputError),
     /// A setting outside its range.
     #[error("{name} = {value} is out of range; {range}")]
     InvalidSetting {
@@ -378,6 +388,17 @@ impl UnknownName {
     /// Returns the unknown name.
     pub fn name(&self) -> &str {
         &self.name
+    }
+}
+
+impl From<InputError> for Error {
+    fn from(error: InputError) -> Self {
+        match error {
+            InputError::TableMemory { bytes, .. } => {
+                Self::OutOfMemory { what: "an interaction table", bytes }
+            }
+            error => Self::Input(error),
+        }
     }
 }
 

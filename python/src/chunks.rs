@@ -11,6 +11,7 @@ use std::thread;
 use lazygrid::{Error, Exclusions, Pair, Query, Sphere, Spheres};
 use pyo3::prelude::*;
 
+use crate::fork::Process;
 use crate::interruptible::SIGNAL_POLL;
 use crate::pool::{DetectorLease, StreamStopper};
 use crate::spheres::BorrowedQuery;
@@ -29,6 +30,8 @@ pub(crate) struct Chunks {
     /// `None` once there will be no more.
     chunks: Mutex<Option<Receiver<Sent>>>,
     stopper: StreamStopper,
+    /// The process that the thread is in.
+    process: Process,
 }
 
 impl Chunks {
@@ -47,7 +50,7 @@ impl Chunks {
         let spawned = thread.spawn(move || search(lease, &owned, chunk, &to));
         spawned
             .map_err(|refused| error::engine(Error::ThreadPool { threads: 1, reason: refused.to_string() }))?;
-        Ok(Self { chunks: Mutex::new(Some(chunks)), stopper })
+        Ok(Self { chunks: Mutex::new(Some(chunks)), stopper, process: Process::current() })
     }
 
     /// The next chunk; `None` where none has come yet.
@@ -65,6 +68,10 @@ impl Chunks {
     }
 
     fn end(&self) {
+        // In a copy of the process the thread is gone, and another thread may have held the lock when it was copied.
+        if !self.process.is_current() {
+            return;
+        }
         // The channel first: a search that waits to send then ends.
         drop(self.chunks.lock().unwrap_or_else(PoisonError::into_inner).take());
         self.stopper.stop();
@@ -78,6 +85,7 @@ impl Chunks {
     }
 
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.process.check()?;
         loop {
             match py.detach(|| self.take()) {
                 None => py.check_signals()?,

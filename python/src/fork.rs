@@ -1,7 +1,7 @@
 //! What becomes of threads when a process is copied: they are gone. Work that waits for them would never end, so a copy of
 //! a process that had started them refuses to begin any.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use pyo3::prelude::*;
 
@@ -11,6 +11,33 @@ use crate::error;
 static STARTED: AtomicBool = AtomicBool::new(false);
 /// Whether that was before this process was copied.
 static GONE: AtomicBool = AtomicBool::new(false);
+
+/// The number of copies that lead from the first process to this one.
+static COPIES: AtomicU32 = AtomicU32::new(0);
+
+/// The process that an object with a thread was made in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Process(u32);
+
+impl Process {
+    /// This process.
+    pub(crate) fn current() -> Self {
+        Self(COPIES.load(Ordering::Relaxed))
+    }
+
+    /// Returns `true` in this process, `false` in copies of it.
+    pub(crate) fn is_current(self) -> bool {
+        self.0 == COPIES.load(Ordering::Relaxed)
+    }
+
+    /// Refuses work in a copy of this process, in which the thread is gone.
+    ///
+    /// # Errors
+    /// `Error` in a copy.
+    pub(crate) fn check(self) -> PyResult<()> {
+        if self.is_current() { Ok(()) } else { Err(gone()) }
+    }
+}
 
 /// Sees to it that copies know what they are.
 ///
@@ -28,6 +55,7 @@ pub(crate) fn watch(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 #[pyfunction]
 fn forked() {
+    COPIES.fetch_add(1, Ordering::Relaxed);
     GONE.store(STARTED.load(Ordering::Relaxed), Ordering::Relaxed);
 }
 
@@ -37,11 +65,15 @@ fn forked() {
 /// `Error` where they are gone.
 pub(crate) fn use_threads() -> PyResult<()> {
     if GONE.load(Ordering::Relaxed) {
-        return Err(error::other(
-            "this process was copied (os.fork) from one in which lazygrid had started threads, which are not copied; let \
-             multiprocessing start processes by \"spawn\" or \"forkserver\", or use Detector(threads=1) in both",
-        ));
+        return Err(gone());
     }
     STARTED.store(true, Ordering::Relaxed);
     Ok(())
+}
+
+fn gone() -> PyErr {
+    error::other(
+        "this process was copied (os.fork) from one in which lazygrid had started threads, which are not copied; let \
+         multiprocessing start processes by \"spawn\" or \"forkserver\", or use Detector(threads=1) in both",
+    )
 }

@@ -91,3 +91,24 @@ def test_a_copied_process_does_not_wait_for_threads_that_it_does_not_have() -> N
             os._exit(0 if alone and "spawn" in str(refused) else 1)
         os._exit(2)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork")
+def test_a_stream_in_a_copied_process_refuses_to_wait_for_its_thread() -> None:
+    rows = scene(1, 3000)
+    for threads in (1, 2):
+        stream = lazygrid.Detector(backend="cpu", threads=threads).stream(rows, chunk=10)
+        next(stream)
+        child = os.fork()
+        if child == 0:
+            signal.alarm(60)
+            try:
+                next(stream)
+            except lazygrid.Error as refused:
+                stream.close()
+                os._exit(0 if "spawn" in str(refused) else 1)
+            os._exit(2)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+        assert len(next(stream)) > 0
+        stream.close()

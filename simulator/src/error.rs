@@ -39,6 +39,21 @@ pub enum Error {
         /// The bytes of one of their columns.
         bytes: u64,
     },
+    /// The particles of a step would not fit into the memory that is available.
+    #[error(
+        "{particles} particles need {needed} bytes of memory or more, and {available} bytes are available ({limit}); release \
+         fewer particles, run fewer replicas at once (--threads), or raise the limit"
+    )]
+    TooLittleMemory {
+        /// The number of particles.
+        particles: u64,
+        /// The bytes that they need.
+        needed: u64,
+        /// The bytes that are available.
+        available: u64,
+        /// The limit that leaves them.
+        limit: &'static str,
+    },
     /// The detector refused the particles, or found more pairs than fit.
     #[error("step {step}: {source}")]
     Step {

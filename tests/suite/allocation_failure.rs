@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
 use lazygrid::{
-    Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, Space, Sphere,
-    Spheres,
+    Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, Query, Skin, Space,
+    Sphere, Spheres,
 };
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
@@ -116,7 +116,7 @@ impl Ask {
     fn answer(
         self,
         detector: &mut Detector,
-        spheres: Spheres<'_>,
+        query: Query<'_>,
         streamed: &mut Vec<Pair>,
     ) -> Result<(u64, u64), Error> {
         let sum = |pairs: &[Pair]| {
@@ -124,20 +124,20 @@ impl Ask {
             (pairs.len() as u64, each.fold(0, u64::wrapping_add))
         };
         match self {
-            Self::Canonical | Self::Unordered => Ok(sum(detector.pairs(spheres)?)),
+            Self::Canonical | Self::Unordered => Ok(sum(detector.pairs(query)?)),
             Self::Neighbors => {
-                let lists = detector.neighbors(spheres)?;
+                let lists = detector.neighbors(query)?;
                 let later = |i: u32| {
                     lists.neighbors_of(i as usize).iter().filter(move |&&j| i < j).map(move |&j| (i, j))
                 };
                 streamed.clear();
-                streamed.extend((0..spheres.len() as u32).flat_map(later).map(|(i, j)| Pair { i, j }));
+                streamed.extend((0..lists.len() as u32).flat_map(later).map(|(i, j)| Pair { i, j }));
                 Ok(sum(streamed))
             }
-            Self::Count => Ok((detector.count(spheres)?, 0)),
+            Self::Count => Ok((detector.count(query)?, 0)),
             Self::StreamCanonical | Self::StreamUnordered => {
                 streamed.clear();
-                detector.stream(spheres, 500, |pairs| {
+                detector.stream(query, 500, |pairs| {
                     streamed.extend_from_slice(pairs);
                     ControlFlow::Continue(())
                 })?;
@@ -149,18 +149,24 @@ impl Ask {
 }
 
 /// Runs all queries under one condition after another, given by `next`, until no allocation is refused.
-fn walk(variant: DetectorVariant, config: &Config, spheres: Spheres<'_>, next: impl Fn(usize) -> Refusal) {
+fn walk<'a>(
+    variant: DetectorVariant,
+    config: &Config,
+    query: impl Into<Query<'a>>,
+    next: impl Fn(usize) -> Refusal,
+) {
+    let query = query.into();
     let mut detector = Detector::new(config.clone()).expect("a detector");
-    let found = detector.count(spheres).expect("there is memory");
+    let found = detector.count(query).expect("there is memory");
     for ask in Ask::ALL {
         let config = ask.config(config.clone(), found);
         let new = || Detector::new(config.clone()).expect("a detector");
         let mut streamed = Vec::with_capacity(1 << 20);
-        let all = ask.answer(&mut new(), spheres, &mut streamed).expect("there is memory");
+        let all = ask.answer(&mut new(), query, &mut streamed).expect("there is memory");
         let mut refusals = 0;
         for k in 0.. {
             let (mut detector, refusal) = (new(), next(k));
-            let (answer, refused) = refusal.during(|| ask.answer(&mut detector, spheres, &mut streamed));
+            let (answer, refused) = refusal.during(|| ask.answer(&mut detector, query, &mut streamed));
             let case = format!("{variant}, {ask:?}, {refusal:?}");
             match answer {
                 Ok(answer) => assert_eq!(answer, all, "{case}"),
@@ -168,7 +174,7 @@ fn walk(variant: DetectorVariant, config: &Config, spheres: Spheres<'_>, next: i
                     assert!(refused > 0 && bytes as usize >= LARGE && !what.is_empty(), "{case}: {error}");
                     assert!(error.to_string().contains(&bytes.to_string()), "{case}: {error}");
                     refusals += 1;
-                    let again = ask.answer(&mut detector, spheres, &mut streamed);
+                    let again = ask.answer(&mut detector, query, &mut streamed);
                     assert_eq!(again, Ok(all), "{case}: the call after it");
                 }
                 Err(error) => panic!("{case}: {error}"),
@@ -203,11 +209,31 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
     table.set(0, 1, Interaction::Within(0.5)).expect("a distance");
     let with_species = Spheres::from(&sizes).with_species(&species).expect("one each");
     let periodic = Space::periodic([Some(9.0), None, Some(7.0)]).expect("a box");
+    let vectors = [[9.0, 0.0, 0.0], [3.0, 8.0, 0.0], [1.0, -2.0, 7.0]];
+    let triclinic = Space::triclinic(vectors.map(Some)).expect("a cell");
+    let few_sizes = &sizes[..400];
+    let rows: Vec<[f64; 4]> =
+        few_sizes.iter().map(|s| [s.center.x, s.center.y, s.center.z, s.radius].map(f64::from)).collect();
+    let doubles = Spheres::from(&rows);
 
     for variant in variants() {
         let config = || variant.settings();
         let few = || variant.settings().tau(50);
+        let keeps_candidates = variant.algorithm == Algorithm::CellList;
         variant.run(|| {
+            walk(
+                variant,
+                &config(),
+                (Spheres::from(few_sizes), Spheres::from(&burst[..300])),
+                Refusal::After,
+            );
+            walk(variant, &config().space(periodic), doubles, Refusal::After);
+            walk(variant, &config().space(triclinic), Spheres::from(few_sizes), Refusal::After);
+            if keeps_candidates {
+                for skin in [Skin::Auto, Skin::Fixed(0.05)] {
+                    walk(variant, &config().skin(skin), Spheres::from(few_sizes), Refusal::After);
+                }
+            }
             walk(variant, &config(), Spheres::from(&burst), Refusal::After);
             walk(variant, &few(), Spheres::from(&crowd), Refusal::After);
             walk(variant, &config().interactions(table.clone()), with_species, Refusal::After);

@@ -18,6 +18,7 @@ mod reuse;
 mod scenes;
 mod sequences;
 mod skin;
+mod streams;
 mod triclinic;
 mod two_sets;
 mod workspace;

@@ -1,6 +1,6 @@
 //! Candidate lists never affect a result.
 
-use lazygrid::{Algorithm, Backend, Detector, Order, Skin};
+use lazygrid::{Algorithm, Backend, Detector, Order, Skin, Space};
 use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{
@@ -104,6 +104,27 @@ fn running_simulations() {
         for ((variant, skin), _, served) in detectors {
             let enough = served > 5 || scene == Scene::Point;
             assert!(enough, "{scene}, {variant}, {skin:?}: {served} of 12 calls were served");
+        }
+    }
+}
+
+/// A fixed skin outside the range is refused with the given number, on every backend and in every space.
+#[test]
+fn skin_out_of_range_is_refused_alike_everywhere() {
+    let vectors = [[9.0, 0.0, 0.0], [4.0, 8.0, 0.0], [1.0, 2.0, 7.0]];
+    let triclinic = Space::triclinic(vectors.map(Some)).expect("a cell");
+    for variant in keepers() {
+        for space in [Space::UNBOUNDED, triclinic] {
+            for skin in [2.75e-15, 3.5e17, f64::MIN_POSITIVE] {
+                let config = variant.settings().space(space).skin(Skin::Fixed(skin));
+                let refused = Detector::new(config).expect_err("a skin out of range").to_string();
+                assert!(refused.contains(&skin.to_string()), "{variant}: {refused}");
+            }
+            // The ends of the range are inside, whatever the space.
+            for skin in [1e-14, 1e17] {
+                let config = variant.settings().space(space).skin(Skin::Fixed(skin));
+                assert!(Detector::new(config).is_ok(), "{variant}, {skin}");
+            }
         }
     }
 }

@@ -6,9 +6,8 @@ use lazygrid::{Backend, Config, Order, Space};
 use lazygrid_io::read::{Options, Radii};
 use lazygrid_io::write::{Output, TableFormat};
 
-use super::Detect;
+use super::{Detect, STANDARD};
 use crate::calibration_file;
-use crate::commands::detect::input::STANDARD;
 use crate::error::CliError;
 
 impl Detect {

@@ -6,39 +6,11 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use lazygrid::{Skin, Space};
+use lazygrid::Skin;
 use lazygrid_io::write::TableFormat;
 
 pub(super) fn one_of(names: impl IntoIterator<Item = &'static str>) -> PossibleValuesParser {
     PossibleValuesParser::new(names)
-}
-
-pub(super) fn radius(text: &str) -> Result<(String, f32), String> {
-    let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
-    match f32::from_str(radius) {
-        Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
-        _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
-    }
-}
-
-pub(super) fn space(text: &str) -> Result<Space, String> {
-    if text == "none" {
-        return Ok(Space::UNBOUNDED);
-    }
-    let length = |text: &str| match text.trim() {
-        "-" => Ok(None),
-        number => match f32::from_str(number) {
-            // The same type as coordinates.
-            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(f64::from(length))),
-            Ok(_) => Err(format!(
-                "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
-            )),
-            Err(_) => Err(format!("'{number}' is neither a length nor -")),
-        },
-    };
-    let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
-    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
-    Space::periodic(lengths).map_err(|error| error.to_string())
 }
 
 pub(super) fn tilts(text: &str) -> Result<[f32; 3], String> {

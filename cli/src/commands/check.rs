@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
         Err(reason) => (None, Some(reason)),
     };
     let on_cpu = args.backend != Checked::Gpu;
-    // What panics is caught, and said with the rest.
+    // A panic is caught, and reported with the other failures.
     std::panic::set_hook(Box::new(|panic| log::info!("{panic}")));
     let backends = u64::from(on_cpu) + u64::from(gpu.is_some());
     let fuzz = args.fuzz.map_or(0, |time| time.as_secs());
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     report.finish()
 }
 
-/// The GPU that is to be checked, if one is; or why there is none, where that is no failure.
+/// The GPU to check; or the reason for checking none, if that is no failure.
 fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     if args.backend == Checked::Cpu {
         return match &args.adapter {
@@ -95,7 +95,7 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
 struct Runner<'a> {
     variant: &'a DetectorVariant,
     pace: Pace,
-    /// How many scenes would have taken long.
+    /// The number of scenes skipped because of their time.
     left_out: usize,
     /// In how many scenes its pairs were wrong.
     wrong: usize,

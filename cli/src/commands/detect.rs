@@ -9,7 +9,10 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use lazygrid::Backend;
+use lazygrid_io::read::Frame;
 use lazygrid_io::write::{AtomicFile, Output};
+use lazygrid_io::{AvailableMemory, available_memory};
 use same_file::Handle;
 
 use self::exclusions::Excluded;
@@ -18,23 +21,26 @@ use self::search::{FrameDetector, Search};
 use self::summary::Summary;
 use crate::args::Detect;
 use crate::error::CliError;
-use crate::print;
+use crate::{check_output, print};
 
-/// Stands for the number of the frame in the name of an output.
+/// The placeholder for the number of the frame in the name of an output.
 const FRAME: &str = "{frame}";
 
-/// Reads frame after frame, finds the pairs of each with one detector, and says what was found.
+/// Reads frame after frame, finds the pairs of each with one detector, and prints summaries.
 pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let output = args.output()?;
-    let mut engine = FrameDetector::new(args.config())?;
+    let mut frames = FrameDetector::new(args.config())?;
     let excluded = Excluded::read(args)?;
     let mut input = Input::open(args)?;
+    if output.as_ref().is_some_and(|output| output.path.is_none()) {
+        check_output()?;
+    }
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
     let own_output = output.as_ref().is_some_and(has_number);
     // The output of a file with one frame keeps its temporary name until it is clear that there is no other.
     let mut files = Vec::new();
     while let Some(IndexedFrame { number, mut frame, time }) = input.next()? {
-        // What is written to standard output cannot be taken back.
+        // Bytes on standard output cannot be taken back.
         if !files.is_empty() || (to_stdout && !input.is_last()?) {
             return Err(CliError::SeveralFrames { path: input::name(&args.file).to_owned() });
         }
@@ -44,6 +50,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             let path = || input::name(&args.file).to_owned();
             frame.sort_by_id().map_err(|id| CliError::IdTwice { path: path(), frame: number, id })?;
         }
+        refuse_too_little_memory(args, (number, &frame), &frames)?;
         let exclusions = excluded.as_ref().map(|excluded| excluded.of(&frame, number)).transpose()?;
         let query = exclusions::query(&frame, exclusions.as_ref());
         let mut search = Search {
@@ -51,7 +58,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             frame: number,
             query: query.map_err(|error| CliError::Setting(error.into()))?,
             ids: frame.ids.as_deref(),
-            detector: engine.detector(frame.space)?,
+            detector: frames.detector(frame.space)?,
             progress: &input.progress,
             writing: Duration::ZERO,
         };
@@ -65,7 +72,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             step: frame.step,
             space: frame.space,
             space_given: args.periodic.is_some(),
-            report: engine.detector.report(),
+            report: frames.detector.report(),
             species: if frame.species.is_some() { input.species_met() } else { 0 },
             read: time,
             write: output.is_some().then_some(writing),
@@ -81,14 +88,34 @@ fn commit(files: &mut Vec<AtomicFile>) -> Result<(), CliError> {
     files.drain(..).try_for_each(|file| Ok(file.commit()?))
 }
 
-/// Says on standard error what standard output has no room for.
+/// Prints a summary to standard error, as standard output has the pairs.
 fn print_aside(text: &str) -> Result<(), CliError> {
-    // Where standard error is closed nobody wants to know.
+    // No other stream is left if standard error is closed.
     let _ = io::stderr().write_all(text.as_bytes());
     Ok(())
 }
 
-/// Refuses an output that would replace the input, under whichever name.
+/// Refuses a frame whose search on the CPU would need more memory than there is. Devices have their own.
+fn refuse_too_little_memory(
+    args: &Detect,
+    (frame, read): (usize, &Frame),
+    frames: &FrameDetector,
+) -> Result<(), CliError> {
+    let spheres = read.spheres.len();
+    if frames.detector.report().backend != Backend::Cpu {
+        return Ok(());
+    }
+    let needed = frames.least_memory(read.space, spheres as u64)?;
+    match available_memory().filter(|available| available.bytes < needed) {
+        None => Ok(()),
+        Some(AvailableMemory { bytes: available, limit }) => {
+            let (path, limit) = (input::name(&args.file).to_owned(), limit.name());
+            Err(CliError::TooLittleMemory { path, frame, spheres, needed, available, limit })
+        }
+    }
+}
+
+/// Refuses an output that would replace the input, under any name.
 fn refuse_input(args: &Detect, output: &Output) -> Result<(), CliError> {
     let Some(read) = input::handle(&args.file) else { return Ok(()) };
     let same = |written: io::Result<Handle>| written.is_ok_and(|written| written == read);
@@ -109,7 +136,7 @@ fn has_number(output: &Output) -> bool {
     output.path.as_ref().is_some_and(|path| path.to_string_lossy().contains(FRAME))
 }
 
-/// This frame's output.
+/// Returns the output of a frame.
 fn numbered(output: &Output, frame: usize) -> Output {
     let with_number = |path: &Path| match path.to_str() {
         Some(text) => PathBuf::from(text.replace(FRAME, &frame.to_string())),

@@ -1,16 +1,26 @@
 use lazygrid::Sphere;
 use lazygrid_io::scenes::{Scene, Transceivers};
-use lazygrid_io::write;
+use lazygrid_io::{AvailableMemory, available_memory, write};
 
 use crate::args::Generate;
 use crate::error::CliError;
 use crate::progress::Progress;
 
+/// Bytes that the command needs besides the spheres.
+const OVERHEAD: u64 = 64 << 20;
+
 /// Writes a scene after some moves.
 pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
     let scene = scene(args)?;
     let n = args.spheres as usize;
-    // The scene would end the program where memory is refused.
+    let needed = args.spheres.saturating_mul(size_of::<Sphere>() as u64).saturating_add(OVERHEAD);
+    if let Some(AvailableMemory { bytes: available, limit }) =
+        available_memory().filter(|left| left.bytes < needed)
+    {
+        let limit = limit.name();
+        return Err(CliError::TooLittleMemoryToGenerate { spheres: args.spheres, needed, available, limit });
+    }
+    // The scene would end the program if memory were refused.
     Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| CliError::NoMemory { spheres: args.spheres })?;
     let progress = Progress::new(None);
     progress.say(format!("generating {n} spheres"));

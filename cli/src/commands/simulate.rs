@@ -14,7 +14,7 @@ use crate::error::CliError;
 use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
-/// Runs a scenario and says what came of it.
+/// Runs a scenario and prints its summary.
 pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     let Simulate { backend, algorithm, .. } = *args;
     let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..args.options.read()? };
@@ -33,7 +33,7 @@ fn once(run: Run, reports: bool) -> Result<(), CliError> {
     let (end, simulation) = run.run(|simulation| {
         if !started {
             started = true;
-            // What an earlier run did is no part of this one's speed.
+            // Steps of an earlier run do not count for the speed of this run.
             bar.set_position(simulation.step_count().into());
             bar.reset_eta();
         }

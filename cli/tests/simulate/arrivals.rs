@@ -111,7 +111,7 @@ fn a_resumed_log_is_the_same_to_the_last_byte() {
     }
     lazygrid(["simulate", &scenario, "--output", &parts, "--resume"]).succeeds();
     assert_eq!(files(&whole), files(&parts));
-    // Without being asked for there is none.
+    // A run writes no report unless requested.
     let silent = scratch.write("silent.toml", &SCENARIO.replace("arrivals = true\n", ""));
     lazygrid(["simulate", &silent, "--output", &scratch.path("silent")]).succeeds();
     assert!(

@@ -94,7 +94,7 @@ fn a_run_writes_what_the_scenario_asks_for() {
     let run = lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
     assert!(run.out.starts_with("steps      40 (0.04 s)\nseed       5\nspecies    acid: "), "{}", run.out);
     assert!(run.out.contains("acid: ") && run.out.contains(" of 400 released\n"), "{}", run.out);
-    // So many so near each other react fast.
+    // Particles this dense react fast.
     assert!(run.err.lines().all(|line| line.contains("'acid + base -> salt': ")), "{}", run.err);
     let names: Vec<_> = files(&out).into_iter().map(|(name, _)| name).collect();
     let frames = [0, 10, 20, 30, 40].map(|step| format!("frame-{step:09}.npy"));

@@ -1,18 +1,7 @@
 use mpi::collective::SystemOperation;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
-use lazygrid_ranks::Settings;
-
-use crate::communicator::MpiCommunicator;
-use crate::{Config, Error};
-
-/// Compares settings of a program, such as its time step, with those of all other ranks. Collective.
-///
-/// # Errors
-/// [`Error::Settings`] on all ranks if a setting is not the same on all.
-pub fn agree_on(communicator: &impl Communicator, settings: &Settings) -> Result<(), Error> {
-    settings.agree(&mut MpiCommunicator::new(communicator.duplicate(), Config::default().message_limit))
-}
+use crate::Error;
 
 /// The result of this rank where no rank failed, else the error of the first that did. Collective: all ranks of the
 /// communicator call it, whether they failed or not, and go on or give up together.

@@ -82,7 +82,7 @@ impl Times {
 fn print(world: &SimpleCommunicator, text: &str) -> Result<(), Error> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // Whoever reads has read enough.
+        // The reader has read enough.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(refused(world, format!("cannot write to standard output: {error}")))
         }
@@ -90,7 +90,7 @@ fn print(world: &SimpleCommunicator, text: &str) -> Result<(), Error> {
     }
 }
 
-/// What this rank cannot go on with.
+/// Returns the error of this rank with a message.
 pub(crate) fn refused(world: &SimpleCommunicator, message: String) -> Error {
     Error::Input { rank: world.rank() as u32, index: None, message }
 }

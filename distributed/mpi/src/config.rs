@@ -7,7 +7,7 @@ use crate::Error;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Ownership {
-    /// The caller: spheres stay where they are, whatever that is.
+    /// The caller: spheres stay on their ranks.
     #[default]
     Keep,
     /// [`rebalance`](crate::Distributed::rebalance): spheres move to the rank whose part of space they are in. The parts are
@@ -130,7 +130,7 @@ impl Config {
     }
 
     /// Everything else that a detector can be told, such as its algorithm. Space, interactions, order, backend and limits are
-    /// those of this configuration, whatever is said here.
+    /// settings of this configuration, which override these.
     pub fn detector(mut self, detector: lazygrid::Config) -> Self {
         self.detector = detector;
         self

@@ -30,6 +30,7 @@
 
 mod abort;
 mod agree;
+mod agree_on;
 mod communicator;
 mod config;
 mod distributed;
@@ -45,7 +46,8 @@ mod report;
 mod simulate;
 
 pub use abort::abort_on_panic;
-pub use agree::{agree, agree_on};
+pub use agree::agree;
+pub use agree_on::agree_on;
 pub use config::{Config, Delivery, Ownership};
 pub use distributed::Distributed;
 pub use error::Error;

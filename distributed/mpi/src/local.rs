@@ -12,7 +12,7 @@ pub struct LocalSpheres<'a> {
 
 impl<'a> LocalSpheres<'a> {
     /// Spheres, as rows or columns, with species if there are interactions; and one id for each, unique among all
-    /// ranks. Centres and radii are in one length unit on all ranks.
+    /// ranks. Centers and radii are in one length unit on all ranks.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }
@@ -69,7 +69,7 @@ impl<'a> LocalSpheres<'a> {
 /// The spheres of one rank with their ids, owned, so that they can [move](crate::Distributed::rebalance).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedSpheres {
-    /// Centres and radii.
+    /// Centers and radii.
     pub spheres: Vec<Sphere>,
     /// An id per sphere, unique among all ranks.
     pub ids: Vec<u64>,

@@ -16,7 +16,7 @@ pub(crate) struct NodeRank {
 }
 
 impl NodeRank {
-    /// Of this process. Collective.
+    /// Returns the place of this process. Collective.
     pub(crate) fn of(comm: &SimpleCommunicator) -> Self {
         let node = comm.split_shared(comm.rank());
         let own = cores_hash();
@@ -49,7 +49,7 @@ pub fn threads(communicator: &impl Communicator) -> usize {
 /// The backend of a rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RankDevice {
-    /// As was asked for, with nothing to add.
+    /// The requested backend.
     Asked,
     /// On the CPU.
     Cpu,
@@ -61,7 +61,7 @@ pub(crate) enum RankDevice {
 /// will do.
 fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
     match (asked, gpus) {
-        // What there is besides real GPUs is for the detector to say.
+        // The detector reports missing GPUs.
         (_, 0) => RankDevice::Asked,
         (Backend::Auto, gpus) if rank >= gpus => RankDevice::Cpu,
         (_, gpus) => RankDevice::Gpu(rank % gpus),

@@ -145,7 +145,7 @@ fn what_is_wrong_is_said_once_with_its_place_in_the_file() {
     let said = error(2, directory.path(), &["missing.npy"], 1);
     assert!(said.contains("error: rank 0: missing.npy: cannot read: "), "{said}");
     let said = error(2, directory.path(), &["bad.npy", "-o", "pairs.txt"], 1);
-    assert!(said.contains("error: rank 0: pairs.txt: this tells neither .csv nor .npy"), "{said}");
+    assert!(said.contains("error: rank 0: pairs.txt: unknown output format"), "{said}");
     let said = error(2, directory.path(), &["bad.npy", "--gather"], 2);
     assert!(said.contains("--output <FILE>"), "{said}");
 }

@@ -83,7 +83,7 @@ fn state(directory: &Path) -> State {
     state
 }
 
-/// Compares a shipped scenario, of so many steps, with one process, on each of these numbers of ranks.
+/// Compares `steps` steps of a shipped scenario with one process, on each of these numbers of ranks.
 fn compare(name: &str, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
     let directory = tempfile::tempdir().unwrap();
     let (path, one) = (scenario(name), directory.path().join("run"));

@@ -22,7 +22,7 @@ pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
     mix(hash ^ tie_breaker(length))
 }
 
-/// A digest of a set of ids, whatever their order and their ranks. Digests of parts [join](Self::join) to the digest of the
+/// A digest of a set of ids, independent of their order and ranks. Digests of parts [join](Self::join) to the digest of the
 /// whole. Different sets have equal digests with a probability of about 2⁻¹²⁸.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

@@ -24,6 +24,7 @@
 
 mod across;
 mod communicator;
+mod difference;
 mod error;
 mod ghosts;
 mod hash;
@@ -43,6 +44,7 @@ pub mod threads;
 mod wrapped_sphere;
 
 pub use communicator::{Communicator, RankData, gather, send_to_ranks};
+pub use difference::Difference;
 pub use error::Error;
 pub use ghosts::{ClassBounds, Ghosts, RankBounds, ghost_rule};
 pub use hash::{Digest, tie_breaker};
@@ -52,6 +54,6 @@ pub use particle::Particle;
 pub use partition::{BisectionPlane, Partition};
 pub use partitioner::{Assignment, Migration, Partitioner};
 pub use search::{PairCounts, PairKind, Search};
-pub use settings::{Difference, Settings};
+pub use settings::Settings;
 pub use size_class::SizeClass;
 pub use wrapped_sphere::{SphereWrapper, WrappedSphere};

@@ -5,12 +5,12 @@ use lazygrid::Sphere;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Particle {
-    /// Centre and radius, in the caller's length unit.
+    /// Center and radius, in the caller's length unit.
     pub sphere: Sphere,
-    /// Its name, unique among all ranks.
+    /// Id, unique among all ranks.
     pub id: u64,
-    /// Its species; 0 if there are none.
+    /// Species; 0 without interactions.
     pub species: u32,
-    /// Its place among the spheres of its owner.
+    /// Index among the spheres of its owner.
     pub index: u32,
 }

@@ -15,8 +15,8 @@ use std::fmt::{self, Write};
 
 use lazygrid::{Interaction, Interactions, Space};
 
-use crate::Communicator;
 use crate::hash::sequence;
+use crate::{Communicator, Difference};
 
 /// The settings that all ranks of a communicator must share, in the order in which they are compared. An empty text is no
 /// value.
@@ -44,33 +44,6 @@ struct Setting {
     digest: u64,
 }
 
-/// A setting that is not the same on all ranks.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Difference {
-    /// The name of the setting.
-    pub setting: String,
-    /// Two ranks that have different values: rank 0, and the first that differs from it.
-    pub ranks: [u32; 2],
-    /// The values of these two ranks.
-    pub values: [String; 2],
-    /// The number of ranks that differ from rank 0.
-    pub differing: u32,
-    /// The number of all ranks.
-    pub all: u32,
-}
-
-impl fmt::Display for Difference {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { setting, ranks: [first, other], values: [one, another], differing, all } = self;
-        let differ = if *differing == 1 { "differs" } else { "differ" };
-        write!(
-            f,
-            "the setting `{setting}` is {one} on rank {first} and {another} on rank {other}; {differing} of {all} ranks \
-             {differ} from rank {first}; give all ranks the same"
-        )
-    }
-}
-
 impl Settings {
     /// No settings but the version of the program that compares them. Programs of different versions may carry data in
     /// different layouts.
@@ -95,7 +68,7 @@ impl Settings {
         self.with("space", describe(space))
     }
 
-    /// Adds a table of interactions, or that there is none, as the setting `interactions`.
+    /// Adds a table of interactions, or its absence, as the setting `interactions`.
     pub fn with_interactions(self, table: Option<&Interactions>) -> Self {
         let name = "interactions";
         let Some(table) = table else { return self.with(name, "no table") };

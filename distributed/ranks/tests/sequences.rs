@@ -1,4 +1,4 @@
-//! One search per rank, call after call: whatever changes between two calls, and whichever call fails, the next answer is that
+//! One search per rank, call after call: any input may change between two calls and any call may fail. The next answer is that
 //! of the definition.
 
 #![allow(clippy::unwrap_used, reason = "tests")]

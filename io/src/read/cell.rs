@@ -31,7 +31,7 @@ impl Cell {
             if !(narrow.is_finite() && narrow > 0.0) {
                 return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length });
             }
-            // As coordinates are read.
+            // The precision of coordinates.
             lengths[axis] = Some(f64::from(narrow));
         }
         // The lengths are checked above.
@@ -91,7 +91,7 @@ mod tests {
         let taken = edges.map(Some);
         assert_eq!(space([true; 3]).cell_vectors(), taken);
         assert_eq!(space([false, true, true]).cell_vectors(), [None, taken[1], taken[2]]);
-        // What leans does not repeat.
+        // The tilted vector is not periodic.
         assert!(space([true, false, false]).triclinic_cell().is_none());
     }
 

@@ -5,9 +5,9 @@ use crate::error::{Error, excerpt};
 /// The meaning of a table's column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Column {
-    /// A coordinate of the centre.
+    /// A coordinate of the center.
     Axis(usize),
-    /// A coordinate of the centre as a fraction of the simulation box.
+    /// A coordinate of the center as a fraction of the simulation box.
     Scaled(usize),
     Radius,
     Diameter,
@@ -89,7 +89,7 @@ impl Columns {
         }
     }
 
-    /// What a table of spheres has and this one has not.
+    /// Returns the missing column of a table of spheres.
     pub(super) fn lacks(&self, context: &ReadContext) -> Option<String> {
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             if !self.has(Column::Axis(axis)) && !self.has(Column::Scaled(axis)) {

@@ -22,7 +22,7 @@ pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
     }
 }
 
-/// The elements of an array, whichever brackets and separators it has.
+/// The elements of an array, with any brackets and separators.
 pub(super) fn elements(value: &[u8]) -> impl Iterator<Item = &[u8]> {
     let between = |b: &u8| b.is_ascii_whitespace() || b",[]{}".contains(b);
     value.split(between).filter(|element| !element.is_empty())

@@ -58,7 +58,7 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
 }
 
 impl Csv {
-    /// The columns that a header names, between whichever separator it has.
+    /// The columns that a header names, with any separator.
     fn of(line: Line<'_>, header: &[u8]) -> Result<Self, Error> {
         let separator = separator(header);
         let columns = fields(line, header, separator)?.map(|field| {

@@ -89,7 +89,7 @@ impl<'a> Line<'a> {
         })
     }
 
-    /// A field as the number of a molecule; 0 is none.
+    /// Parses a field as the number of a molecule; 0 is no molecule.
     pub(super) fn group(self, field: &[u8]) -> Result<u32, Error> {
         let refused = || Error::Syntax {
             place: self.place(),

@@ -28,7 +28,7 @@ pub(super) struct Lines {
     line: Range<usize>,
     number: u64,
     ended: bool,
-    /// Why no more could be read; told when what was read is handed out.
+    /// The reading error, reported after the lines that were read.
     failed: Option<Error>,
 }
 
@@ -66,7 +66,7 @@ impl Lines {
         Ok(None)
     }
 
-    /// Whether only blank lines are left.
+    /// Returns `true` if only blank lines are left.
     pub(super) fn at_end(&mut self) -> Result<bool, Error> {
         while self.advance()? {
             if !self.line().is_blank() {
@@ -136,7 +136,7 @@ impl Lines {
                 }
             } else {
                 let (rest, left) = (&text.bytes[end..], most - lines);
-                spare.resize(larger(text.bytes.len()), 0);
+                try_resize(spare, larger(text.bytes.len()), &path)?;
                 let read_on = || {
                     meanwhile();
                     read_on(source, spare, rest, left)
@@ -189,7 +189,8 @@ impl Lines {
             return Err(error);
         }
         if self.unread.end == self.buffer.len() {
-            self.buffer.resize(larger(self.buffer.len()), 0);
+            let length = larger(self.buffer.len());
+            try_resize(&mut self.buffer, length, &self.source.path)?;
         }
         let read = self.source.read(&mut self.buffer[self.unread.end..])?;
         self.unread.end += read;
@@ -238,7 +239,7 @@ struct Read {
     failed: Option<Error>,
 }
 
-/// Puts `rest` and what is read behind it into `spare`, until that is full or has so many `lines`.
+/// Puts `rest` and the bytes read after it into `spare`, until that is full or has `lines` lines.
 fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Read {
     spare[..rest.len()].copy_from_slice(rest);
     let mut so_far = Read { filled: rest.len(), ended: false, failed: None };
@@ -255,6 +256,17 @@ fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Re
     so_far
 }
 
+/// Gives a buffer this length.
+///
+/// # Errors
+/// [`Error::Read`] if memory is refused.
+fn try_resize(buffer: &mut Vec<u8>, length: usize, path: &Path) -> Result<(), Error> {
+    let refused = |_| Error::Read { path: path.to_owned(), source: std::io::ErrorKind::OutOfMemory.into() };
+    buffer.try_reserve_exact(length.saturating_sub(buffer.len())).map_err(refused)?;
+    buffer.resize(length, 0);
+    Ok(())
+}
+
 /// The size of the block after one of this number of bytes.
 fn larger(bytes: usize) -> usize {
     let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);
@@ -262,7 +274,7 @@ fn larger(bytes: usize) -> usize {
 }
 
 impl<'a> LineBlock<'a> {
-    /// Its lines, blank ones included, each or why there is none.
+    /// Iterates over its lines, blank ones included, or their errors.
     pub(super) fn lines(self) -> impl Iterator<Item = Result<Line<'a>, Error>> {
         let Self { mut bytes, first, path } = self;
         (first..).map_while(move |number| {

@@ -23,6 +23,7 @@ mod npy;
 mod pairs;
 mod read_context;
 mod rows;
+mod serial;
 mod smoldyn;
 mod source;
 mod species;
@@ -46,8 +47,6 @@ use crate::error::Error;
 
 pub use pairs::pairs;
 pub use species::{Radii, Species};
-
-pub(crate) use species::bare;
 
 /// The most spheres for which room is made before they are read. More grow the room as they come.
 const RESERVE: u64 = 1 << 20;
@@ -267,7 +266,7 @@ impl Frames {
         &self.context.species
     }
 
-    /// Whether there is no further frame: the file has ended, but for blank lines. Waits for what comes where that is
+    /// Returns `true` if no frame follows: the rest of the file is blank. Waits for what comes where that is
     /// not clear yet.
     ///
     /// # Errors

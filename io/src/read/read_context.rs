@@ -4,7 +4,7 @@ use std::fmt::Display;
 use lazygrid::Space;
 
 use super::Options;
-use super::smoldyn::Serial;
+use super::serial::Serial;
 use super::species::Species;
 use crate::error::{Error, Location, Position};
 
@@ -17,7 +17,7 @@ pub(super) struct ReadContext {
     pub(super) ids: bool,
     /// `true` if groups are wanted.
     pub(super) groups: bool,
-    /// Where each thing was listed that must not be twice.
+    /// The lines of serial numbers, which must be unique.
     serials: HashMap<Serial, u64>,
     /// `true` if it has been said that digits are lost.
     warned: bool,

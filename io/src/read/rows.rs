@@ -1,15 +1,16 @@
-//! The rows of a table as spheres, parsed by all threads of the caller's pool. Whatever their number, spheres come in
+//! The rows of a table as spheres, parsed by all threads of the caller's pool. For any number of threads, spheres come in
 //! the order of the file, and the first thing that is wrong is the one that is told.
 
 use lazygrid::{MAX_SPHERES, Sphere};
 use rayon::prelude::*;
 
+use super::Frame;
 use super::columns::{Columns, Row};
 use super::line::Line;
 use super::lines::{LineBlock, Lines};
 use super::read_context::ReadContext;
+use super::serial::{Serial, serial};
 use super::species::Species;
-use super::{Frame, smoldyn};
 use crate::error::{Error, Location, Position};
 
 /// The contents of a table's lines.
@@ -26,16 +27,16 @@ pub(super) trait Table: Sync {
     }
 }
 
-/// The rows that one thread parses of a piece.
+/// The rows that one thread parses of a block.
 #[derive(Default)]
 struct ParsedBlock {
     spheres: Vec<Sphere>,
-    /// Of each sphere the id of its species in this part.
+    /// The species of each sphere, by its id in this block.
     kinds: Vec<u32>,
     species: Species,
     ids: Vec<i64>,
     groups: Vec<u32>,
-    serials: Vec<(smoldyn::Serial, u64)>,
+    serials: Vec<(Serial, u64)>,
     /// The first number that lost digits: line, column and field.
     rounded: Option<(Location, usize, String)>,
     /// The reason for which there are no more rows.
@@ -43,7 +44,7 @@ struct ParsedBlock {
 }
 
 impl Lines {
-    /// Adds the rows of a table to a frame: so many of `what`, of which none may be missing.
+    /// Adds the rows of a table to a frame: exactly `count` of `what`.
     pub(super) fn rows(
         &mut self,
         table: &impl Table,
@@ -67,7 +68,7 @@ impl Lines {
         self.up_to(u64::MAX, table, context, frame).map(drop)
     }
 
-    /// Adds so many lines of a table, or all; returns how many there were. What threads have made of a block is put
+    /// Adds `count` lines of a table, or all; returns how many there were. What threads have made of a block is put
     /// together while they parse the next.
     fn up_to(
         &mut self,
@@ -77,7 +78,7 @@ impl Lines {
         frame: &mut Frame,
     ) -> Result<u64, Error> {
         let defaults =
-            RowDefaults { species: context.species.anew(), ids: context.ids, groups: context.groups };
+            RowDefaults { species: context.species.with_names(), ids: context.ids, groups: context.groups };
         let parse = |pieces: &[LineBlock<'_>]| match pieces {
             [piece] => vec![ParsedBlock::of(*piece, table, &defaults)],
             _ => pieces.par_iter().map(|piece| ParsedBlock::of(*piece, table, &defaults)).collect::<Vec<_>>(),
@@ -93,7 +94,7 @@ impl Lines {
             }
             let mut before = Some(parts);
             let parsed = self.parse(most - lines, parse, || added = add(before.take().unwrap_or_default()));
-            // Where nothing was parsed, that is still to do.
+            // Nothing was parsed yet.
             added.and_then(|()| add(before.unwrap_or_default()))?;
             let (next, more) = parsed?;
             if more == 0 {
@@ -104,7 +105,7 @@ impl Lines {
     }
 }
 
-/// What every part begins with: the radii that were given, and whether ids and groups are wanted.
+/// The defaults of every block: the given radii, and the wanted columns.
 struct RowDefaults {
     species: Species,
     ids: bool,
@@ -113,8 +114,9 @@ struct RowDefaults {
 
 impl ParsedBlock {
     fn of(piece: LineBlock<'_>, table: &impl Table, defaults: &RowDefaults) -> Self {
-        let mut part = Self { species: defaults.species.anew(), ..Self::default() };
-        part.spheres.reserve(piece.rows());
+        let mut part = Self { species: defaults.species.with_names(), ..Self::default() };
+        // If memory is refused, the first row says so.
+        let _ = part.spheres.try_reserve_exact(piece.rows());
         part.error = piece.lines().try_for_each(|line| part.push(line?, table, defaults)).err();
         part
     }
@@ -126,7 +128,7 @@ impl ParsedBlock {
         if let Some(name) = row.species {
             let (kind, given) = self.species.intern(name);
             radius = given.or(radius);
-            self.kinds.push(kind);
+            try_push(&mut self.kinds, kind, line)?;
         }
         let radius = radius.ok_or_else(|| {
             let species = row.species.map(|name| String::from_utf8_lossy(name).into_owned());
@@ -134,25 +136,38 @@ impl ParsedBlock {
         })?;
         if let Some(id) = row.id {
             if table.has_serials() {
-                self.serials.push((smoldyn::serial(line, id)?, line.number));
+                try_push(&mut self.serials, (serial(line, id)?, line.number), line)?;
             }
             if defaults.ids {
-                self.ids.push(line.id(id)?);
+                try_push(&mut self.ids, line.id(id)?, line)?;
             }
         }
         if let Some(group) = row.group.filter(|_| defaults.groups) {
-            self.groups.push(line.group(group)?);
+            try_push(&mut self.groups, line.group(group)?, line)?;
         }
         if let Some((column, field)) = row.rounded.filter(|_| self.rounded.is_none()) {
             self.rounded = Some((line.place(), column, String::from_utf8_lossy(field).into_owned()));
         }
-        self.spheres.push(Sphere::new(row.center, radius));
-        Ok(())
+        try_push(&mut self.spheres, Sphere::new(row.center, radius), line)
     }
 }
 
+/// Appends a value of a row.
+///
+/// # Errors
+/// [`Error::TooManySpheres`] if memory is refused.
+fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> {
+    let spheres = all.len() as u64 + 1;
+    let refused = |_| Error::TooManySpheres { place: line.place(), spheres, limit: "memory" };
+    if all.len() == all.capacity() {
+        all.try_reserve(1).map_err(refused)?;
+    }
+    all.push(value);
+    Ok(())
+}
+
 impl Frame {
-    /// Adds what a thread made of a piece, behind what is there.
+    /// Adds the rows that a thread parsed of a block, after the rows of the frame.
     fn add(
         &mut self,
         part: ParsedBlock,

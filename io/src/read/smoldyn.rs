@@ -13,9 +13,6 @@ use super::rows::Table;
 use super::source::Source;
 use crate::error::Error;
 
-/// A serial number. Smoldyn writes it in one part or, with a point between them, in two.
-pub(super) type Serial = (u64, Option<u64>);
-
 struct Listing(Columns);
 
 pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, Error> {
@@ -46,16 +43,6 @@ impl Table for Listing {
     fn has_serials(&self) -> bool {
         true
     }
-}
-
-/// The serial number in a field.
-pub(super) fn serial(line: Line<'_>, field: &[u8]) -> Result<Serial, Error> {
-    let part = |digits: &[u8]| lexical_core::parse(digits).ok();
-    let serial = match memchr::memchr(b'.', field) {
-        None => part(field).map(|whole| (whole, None)),
-        Some(at) => part(&field[..at]).zip(part(&field[at + 1..])).map(|(high, low)| (high, Some(low))),
-    };
-    serial.ok_or_else(|| line.unexpected("name(state) x y z serial, with a number as serial"))
 }
 
 /// Returns `true` if a word is a species with its state in brackets.

@@ -25,7 +25,7 @@ impl Source {
     ) -> Result<Self, Error> {
         const GZIP: &[u8] = b"\x1F\x8B";
         const ZSTANDARD: &[u8] = b"\x28\xB5\x2F\xFD";
-        /// What compressed bytes are gathered by.
+        /// Buffers compressed bytes.
         const BUFFER: usize = 1 << 18;
         let mut source = Self { path: path.into(), input: Box::new(input), length };
         let head = source.look(ZSTANDARD.len())?;

@@ -1,6 +1,8 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
+use crate::error::bare;
+
 /// Radii by species name, for files that have no radii. They win over a radius column.
 pub type Radii = BTreeMap<String, f32>;
 
@@ -25,7 +27,7 @@ impl Species {
     }
 
     /// None met yet, with the same radii given: what a part of a file begins with.
-    pub(super) fn anew(&self) -> Self {
+    pub(super) fn with_names(&self) -> Self {
         Self { given: self.given.clone(), ..Self::default() }
     }
 
@@ -47,7 +49,7 @@ impl Species {
 
     /// The id of a name, and the radius given for it.
     pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f32>) {
-        // Neighbouring rows mostly have the same species, so that most rows need no hashing.
+        // Neighboring rows mostly have the same species, so that most rows need no hashing.
         let same = self.keys.get(self.last).is_some_and(|last| **last == *name);
         let id = match same {
             true => self.last as u32,
@@ -74,13 +76,6 @@ impl Species {
     }
 }
 
-/// `acid` of `acid(solution)`.
-pub(crate) fn bare(name: &str) -> &str {
-    match name.split_once('(') {
-        Some((bare, state)) if state.ends_with(')') => bare,
-        _ => name,
-    }
-}
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -29,7 +29,7 @@ pub fn periodic_box_pairs(sizes: &[(u64, f64)], volume: f64) -> PairCount {
     independent(&classes, |reach| 4.0 / 3.0 * PI * reach.powi(3) / volume)
 }
 
-/// Pairs of spheres of these classes with centres from `cloud`.
+/// Pairs of spheres of these classes with centers from `cloud`.
 pub(super) fn pairs(classes: &[SizeGroup], cloud: CenterDistribution) -> PairCount {
     let pairs = independent(classes, |reach| cloud.hit(reach));
     PairCount { variance: pairs.variance + shared(classes, cloud), ..pairs }
@@ -47,7 +47,7 @@ pub(super) fn sigma_for(classes: &[SizeGroup], per_sphere: f64) -> f64 {
     while mean(high) > wanted {
         (low, high) = (high, 2.0 * high);
     }
-    // Down to two neighbouring values, so that the result does not depend on a tolerance.
+    // Down to two neighboring values, so that the result does not depend on a tolerance.
     loop {
         let middle = 0.5 * (low + high);
         if middle <= low || middle >= high {
@@ -97,7 +97,7 @@ fn shared(classes: &[SizeGroup], cloud: CenterDistribution) -> f64 {
 }
 
 impl CenterDistribution {
-    /// The chance that two centres of the cloud are at most `reach` apart.
+    /// The chance that two centers of the cloud are at most `reach` apart.
     fn hit(self, reach: f64) -> f64 {
         match self {
             Self::Ball { radius } => {
@@ -114,7 +114,7 @@ impl CenterDistribution {
         }
     }
 
-    /// The chance that a centre of the cloud is at most `reach` from a point `distance` from the cloud's middle.
+    /// The chance that a center of the cloud is at most `reach` from a point `distance` from the cloud's middle.
     fn hit_at(self, distance: f64, reach: f64) -> f64 {
         match self {
             Self::Ball { radius } => lens(distance, reach, radius) / radius.powi(3),

@@ -5,18 +5,18 @@ use std::io::{self, Write};
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
 
-use super::{npy_header, number};
+use super::{header_of, number};
 
 /// A particle of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle<'a> {
-    /// What stays with it from frame to frame.
+    /// The id, the same in all frames.
     pub id: u32,
     /// The number of its species, from 0.
     pub species: u32,
     /// The name of its species, without white space.
     pub name: &'a str,
-    /// Where it is, and how large.
+    /// The position and the radius.
     pub sphere: Sphere,
 }
 
@@ -87,11 +87,11 @@ pub fn npy<'a>(
     Ok(())
 }
 
-/// The header of a NumPy file of so many particles; how long it is serves a forecast.
+/// Returns the header of a NumPy file of `particles` particles. Its length serves a forecast.
 pub fn npy_frame_header(particles: usize) -> Vec<u8> {
     let fields = [("id", "u4"), ("species", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("r", "f4")];
     let fields = fields.map(|(name, kind)| format!("('{name}', {})", number(kind))).join(", ");
-    npy_header(&format!("[{fields}]"), &format!("({particles},)"))
+    header_of(&format!("[{fields}]"), &format!("({particles},)"))
 }
 
 #[cfg(test)]

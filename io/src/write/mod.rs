@@ -38,9 +38,14 @@ impl TableFormat {
     }
 }
 
-/// A header of the NumPy format for elements of this type and an array of this shape. The format asks for a multiple of
-/// 64 bytes, with a line break at the end.
-fn npy_header(descr: &str, shape: &str) -> Vec<u8> {
+/// Returns the header of a NumPy file for an array of numbers of type `kind`, such as `u4` or `f8`, in this machine's byte
+/// order. `shape` is a Python tuple.
+pub fn npy_header(kind: &str, shape: &str) -> Vec<u8> {
+    header_of(&number(kind), shape)
+}
+
+/// Returns the header of a NumPy file. The format asks for a multiple of 64 bytes with a line break at the end.
+fn header_of(descr: &str, shape: &str) -> Vec<u8> {
     const START: &[u8] = b"\x93NUMPY\x01\x00";
     let before = START.len() + size_of::<u16>();
     let text = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}");
@@ -62,7 +67,7 @@ mod tests {
     #[test]
     fn headers_are_as_the_format_asks() {
         for (shape, length) in [("(0, 2)", 128), ("(18446744073709551615, 2)", 128), ("(7,)", 128)] {
-            let header = npy_header(&number("u8"), shape);
+            let header = npy_header("u8", shape);
             assert_eq!((header.len(), &header[..10]), (length, &b"\x93NUMPY\x01\x00\x76\x00"[..]));
             let text = std::str::from_utf8(&header[10..]).unwrap();
             assert!(text.contains(&format!("'shape': {shape}, }} ")) && text.ends_with(" \n"), "{text}");

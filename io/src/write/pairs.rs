@@ -7,7 +7,7 @@ use lexical_core::ToLexical;
 use super::atomic_file::STDOUT;
 use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{AtomicFile, TableFormat, npy_header, number};
+use super::{AtomicFile, TableFormat, npy_header};
 use crate::Error;
 
 /// The output of pairs or neighbors, and its format.
@@ -63,7 +63,7 @@ pub struct PairFile<'a> {
 }
 
 impl<'a> PairFile<'a> {
-    /// A table for so many `pairs`, which then have to be added. With ids, one per sphere, these are written.
+    /// Creates a table for `pairs` pairs, which the caller then adds. Writes ids, one per sphere, if given.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -73,7 +73,7 @@ impl<'a> PairFile<'a> {
             TableFormat::Csv => out.write_all(header_line(ids.is_some())),
             TableFormat::Npy => {
                 let kind = if ids.is_some() { "i8" } else { "u4" };
-                out.write_all(&npy_header(&number(kind), &format!("({pairs}, 2)")))
+                out.write_all(&npy_header(kind, &format!("({pairs}, 2)")))
             }
         })?;
         Ok(Self { file, format: output.format, ids })
@@ -122,11 +122,11 @@ fn header_line(ids: bool) -> &'static [u8] {
     if ids { b"id_i,id_j\n" } else { b"i,j\n" }
 }
 
-/// Writes neighbour lists, not published yet.
+/// Writes neighbor lists, not published yet.
 ///
-/// As CSV one table `i,j` in which every pair stands twice, by `i`, then `j`; with ids, `id_i,id_j`. As NumPy two files,
+/// CSV: one table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. As NumPy two files,
 /// for `near.npy` `near.offsets.npy`, `n + 1` numbers of type `u8` (64 bits), and `near.indices.npy` of type `u4`; the
-/// neighbours of sphere `k` are `indices[offsets[k]:offsets[k + 1]]`. With ids there is `near.ids.npy` too, of type
+/// neighbors of sphere `k` are `indices[offsets[k]:offsets[k + 1]]`. With ids there is `near.ids.npy` too, of type
 /// `i8`: `ids[k]` is that of sphere `k`. That is several files, for which standard output has no room.
 ///
 /// # Errors
@@ -172,7 +172,7 @@ fn table(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<A
 fn array<T: Pod>(path: &Path, kind: &str, values: &[T]) -> Result<AtomicFile, Error> {
     let mut file = AtomicFile::create(path)?;
     file.write_with(|out| {
-        out.write_all(&npy_header(&number(kind), &format!("({},)", values.len())))?;
+        out.write_all(&npy_header(kind, &format!("({},)", values.len())))?;
         out.write_all(bytemuck::cast_slice(values))
     })?;
     Ok(file)
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbours_are_several_files() {
+    fn neighbors_are_several_files() {
         let files = |name: &str, format, neighbors, ids| {
             let output = Output { path: Some(name.into()), format };
             let files = output.files(neighbors, ids);

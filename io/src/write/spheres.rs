@@ -6,7 +6,7 @@ use lazygrid::Sphere;
 
 use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{AtomicFile, npy_header, number};
+use super::{AtomicFile, npy_header};
 use crate::Error;
 
 /// The format of spheres.
@@ -40,7 +40,7 @@ pub fn spheres(path: &Path, format: SphereFormat, spheres: &[Sphere]) -> Result<
     let mut file = AtomicFile::create(path)?;
     file.write_with(|out| match format {
         SphereFormat::Npy => {
-            out.write_all(&npy_header(&number("f4"), &format!("({}, 4)", spheres.len())))?;
+            out.write_all(&npy_header("f4", &format!("({}, 4)", spheres.len())))?;
             out.write_all(bytemuck::cast_slice(spheres))
         }
         SphereFormat::Csv => {

@@ -1,7 +1,7 @@
 //! Files that are not complete yet: hidden files beside the ones that they become.
 //!
 //! Each is locked by the process that writes it, for as long as it lives, and named after its host:
-//! `.lazygrid-HOST-RANDOM.part`. A process that is killed leaves such a file behind, and its lock is gone. So whoever
+//! `.lazygrid-HOST-RANDOM.part`. A process that is killed leaves such a file behind, and its lock is gone. The process that
 //! writes to the directory next, on the same host, takes away those that it can lock. On a file system without locks
 //! none can be, and none is taken away.
 
@@ -65,18 +65,18 @@ impl Drop for Temporary {
         if let Some(temporary) = self.path.take() {
             let mut begun = begun();
             begun.files.retain(|file| **file != *temporary);
-            // Removed while nobody else can go through the list.
+            // Removed while no other thread can read the list.
             drop(temporary);
         }
     }
 }
 
 /// Removes everything that this process has begun to write and not published. From then on nothing can be begun or
-/// published any more: whoever tries waits for the end of the process, which has to be near. For handlers of signals.
+/// published any more: later calls wait for the end of the process, which must be near. For handlers of signals.
 pub fn remove_temporaries() {
     let begun = begun();
     for file in &begun.files {
-        // Whatever cannot be removed now will be when the directory is next used.
+        // A file that cannot be removed now is removed when the directory is next used.
         let _ = fs::remove_file(file);
     }
     std::mem::forget(begun);
@@ -90,7 +90,7 @@ fn create_locked(path: &Path) -> io::Result<File> {
         // Between the two calls somebody may have taken it for one that was left behind.
         Err(fs::TryLockError::WouldBlock) => Err(taken),
         Ok(()) if !is_at(&file, path) => Err(taken),
-        // Without locks nobody can take it for one.
+        // Without locks no process removes it.
         Ok(()) | Err(fs::TryLockError::Error(_)) => Ok(file),
     }
 }

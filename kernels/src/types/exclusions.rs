@@ -142,6 +142,9 @@ fn checked(
         if all.len() == all.capacity() {
             try_reserve(&mut all, 1, WHAT)?;
         }
+        if all.len() == all.capacity() {
+            try_reserve(&mut all, 1, WHAT)?;
+        }
         all.push((i, j));
     }
     Ok(all)

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use crate::InputError;
 
 /// The condition for two spheres of given species to be a pair.
@@ -45,7 +47,8 @@ impl Interaction {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interactions {
     species: u32,
-    table: Vec<Interaction>,
+    /// Clones share the table until one of them changes.
+    table: Arc<Vec<Interaction>>,
     /// `true` if all distances that were ever set are `f32` numbers.
     is_narrow: bool,
 }
@@ -57,21 +60,23 @@ impl Interactions {
     /// Creates a table for species `0..species` in which every pair of species has the interaction `all`.
     ///
     /// # Errors
-    /// Returns [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`], and [`InputError::Distance`] as [`Self::set`] does.
+    /// Returns [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`], [`InputError::TableMemory`] if memory is refused, and
+    /// [`InputError::Distance`] as [`Self::set`] does.
     pub fn new(species: u32, all: Interaction) -> Result<Self, InputError> {
         if species > Self::MAX_SPECIES {
             return Err(InputError::SpeciesCount { count: species, limit: Self::MAX_SPECIES });
         }
         check(0, 0, all)?;
-        let table = vec![all; species as usize * species as usize];
-        Ok(Self { species, table, is_narrow: is_narrow(all) })
+        let mut table = reserved(species)?;
+        table.resize(entries(species), all);
+        Ok(Self { species, table: Arc::new(table), is_narrow: is_narrow(all) })
     }
 
     /// Sets the interaction of species `a` with species `b`, and of `b` with `a`.
     ///
     /// # Errors
-    /// Returns [`InputError::SpeciesId`] for a species outside the table, and [`InputError::Distance`] for a distance that is
-    /// negative or not finite.
+    /// Returns [`InputError::SpeciesId`] for a species outside the table, [`InputError::Distance`] for a distance that is negative
+    /// or not finite, and [`InputError::TableMemory`] if the table is shared with a clone and memory for a copy is refused.
     pub fn set(&mut self, a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
         for id in [a, b] {
             if id >= self.species {
@@ -79,10 +84,11 @@ impl Interactions {
             }
         }
         check(a, b, interaction)?;
-        self.is_narrow &= is_narrow(interaction);
         let n = self.species as usize;
-        self.table[a as usize * n + b as usize] = interaction;
-        self.table[b as usize * n + a as usize] = interaction;
+        let table = own(&mut self.table, self.species)?;
+        self.is_narrow &= is_narrow(interaction);
+        table[a as usize * n + b as usize] = interaction;
+        table[b as usize * n + a as usize] = interaction;
         Ok(())
     }
 
@@ -97,12 +103,17 @@ impl Interactions {
 
     /// Returns the table with every distance replaced by contact. Spheres with their
     /// [effective radius](Self::effective_radius) then have all pairs that this table has, and more.
-    pub fn contact_only(&self) -> Self {
+    ///
+    /// # Errors
+    /// Returns [`InputError::TableMemory`] if memory is refused.
+    pub fn contact_only(&self) -> Result<Self, InputError> {
         let contact = |interaction: &Interaction| match interaction {
             Interaction::Never => Interaction::Never,
             Interaction::Touch | Interaction::Within(_) => Interaction::Touch,
         };
-        Self { species: self.species, table: self.table.iter().map(contact).collect(), is_narrow: true }
+        let mut table = reserved(self.species)?;
+        table.extend(self.table.iter().map(contact));
+        Ok(Self { species: self.species, table: Arc::new(table), is_narrow: true })
     }
 
     /// Returns `true` if all distances are `f32` numbers, as a device compares them.
@@ -155,6 +166,36 @@ impl EffectiveRadius {
     pub fn for_radius(self, radius: f32) -> f32 {
         if self.touches { self.half.max(radius) } else { self.half }
     }
+}
+
+/// The number of entries of a table.
+fn entries(species: u32) -> usize {
+    species as usize * species as usize
+}
+
+/// Returns an empty table with the capacity for all entries.
+///
+/// # Errors
+/// [`InputError::TableMemory`].
+fn reserved(species: u32) -> Result<Vec<Interaction>, InputError> {
+    let mut table = Vec::new();
+    let bytes = entries(species) as u64 * size_of::<Interaction>() as u64;
+    table.try_reserve_exact(entries(species)).map_err(|_| InputError::TableMemory { species, bytes })?;
+    Ok(table)
+}
+
+/// Returns the table to write to. Copies it if a clone shares it.
+///
+/// # Errors
+/// [`InputError::TableMemory`].
+fn own(table: &mut Arc<Vec<Interaction>>, species: u32) -> Result<&mut Vec<Interaction>, InputError> {
+    if Arc::get_mut(table).is_none() {
+        let mut copy = reserved(species)?;
+        copy.extend_from_slice(table);
+        *table = Arc::new(copy);
+    }
+    // This handle is the only one, so nothing is copied.
+    Ok(Arc::make_mut(table))
 }
 
 /// Returns half of `distance`, rounded up to `f32`, or the largest finite number.

@@ -6,6 +6,11 @@ use std::path::Path;
 
 use crate::Error;
 
+/// The names of files that are not complete yet begin with this, and then have random letters and digits.
+pub(super) const TEMPORARY: &str = ".draft-";
+/// The number of random letters and digits.
+pub(super) const RANDOM: usize = 6;
+
 /// A lock that keeps other runs out of a directory. It is a file lock of the system on `.lock`, which ends with the process.
 /// The file itself remains and has no meaning.
 #[derive(Debug)]
@@ -23,7 +28,8 @@ impl Lock {
         let open = OpenOptions::new().create(true).truncate(false).write(true).open(directory.join(".lock"));
         let file = open.map_err(refused)?;
         match file.try_lock() {
-            Ok(()) => {}
+            // The directory belongs to this run, so no process is writing these.
+            Ok(()) => remove_temporaries(directory),
             Err(TryLockError::WouldBlock) => {
                 let message =
                     "another run is writing to it; wait until that has ended, or choose another directory";
@@ -36,5 +42,48 @@ impl Lock {
             ),
         }
         Ok(Self { _file: file })
+    }
+}
+
+/// Removes the incomplete files that killed runs left.
+fn remove_temporaries(directory: &Path) {
+    let Ok(entries) = std::fs::read_dir(directory) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let random = name.to_str().and_then(|name| name.strip_prefix(TEMPORARY));
+        let is_temporary = random.is_some_and(|random| {
+            random.len() == RANDOM && random.bytes().all(|b| b.is_ascii_alphanumeric())
+        });
+        if is_temporary && entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            // A file that cannot be removed does no harm.
+            if std::fs::remove_file(entry.path()).is_ok() {
+                log::info!("{}: removed; a run that was killed had left it", entry.path().display());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn lock_removes_incomplete_files_of_killed_runs_only() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let kept = [".draft-notes", ".draft-", "draft-abc123", ".draft-abc-12", "series.csv"];
+        kept.iter().for_each(|name| fs::write(at(name), "mine").unwrap());
+        fs::create_dir(at(".draft-folder")).unwrap();
+        fs::write(at(".draft-aB3xY9"), "left").unwrap();
+        let lock = Lock::take(directory.path()).unwrap();
+        assert!(!at(".draft-aB3xY9").exists());
+        assert!(kept.iter().all(|name| at(name).exists()) && at(".draft-folder").exists());
+        // A second run neither gets the lock nor removes the files of the first.
+        fs::write(at(".draft-aB3xY9"), "being written").unwrap();
+        assert!(Lock::take(directory.path()).is_err());
+        assert!(at(".draft-aB3xY9").exists());
+        drop(lock);
     }
 }

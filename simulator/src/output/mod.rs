@@ -188,7 +188,8 @@ pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Erro
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// Prepares and locks a directory for a new run. Refuses a directory with a run, unless `overwrite`.
+/// Prepares and locks a directory for a new run. Refuses a directory with a run, or with foreign files under the names of a
+/// run's files, unless `overwrite`.
 ///
 /// # Errors
 /// [`Error::Write`].
@@ -200,6 +201,14 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     if !overwrite && (holds("checkpoint") || holds("replicas.csv")) {
         let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
                        another directory";
+        return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
+    }
+    let foreign = [SERIES, SYMBOLS, XYZ, ARRIVALS, RELEASES, ANIMATED, "animation.html", "mean.csv"];
+    if let Some(name) = foreign.into_iter().find(|name| !overwrite && holds(name)) {
+        let message = format!(
+            "it holds a file {name} of no run that can be continued; replace the file with --overwrite, or choose another \
+             directory"
+        );
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
     }
     Ok(lock)
@@ -233,7 +242,7 @@ pub fn write_atomically(
     let write = || -> io::Result<()> {
         let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".draft-");
+        builder.prefix(lock::TEMPORARY).rand_bytes(lock::RANDOM);
         // A temporary file is private by default, but the file that it becomes is an ordinary one.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));

@@ -8,6 +8,7 @@ use lazygrid_ranks::{Communicator, Settings, gather};
 use super::{GatherFields, RankSimulation, RankSlice};
 use crate::output::{self, Files, Lock};
 use crate::run::checkpoint::Checkpoint;
+use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::run::{ReplicaSlot, Run, RunEnd};
 use crate::scenario::Scenario;
@@ -40,6 +41,7 @@ impl Run {
         };
         let first = simulation.step_count();
         let mut pace = TimeStepMonitor::default();
+        let mut memory = MemoryGuard::default();
         let mut asks = |simulation: &mut RankSimulation<C>| {
             let asked = watch(simulation.step_count()).is_break();
             simulation.communicator().all_reduce_sum(&[asked.into()])[0] > 0
@@ -47,6 +49,15 @@ impl Run {
         let mut stops = asks(&mut simulation);
         while !stops && simulation.step_count() < self.scenario.steps {
             let before = TimeStepMonitor::part_of(simulation.totals());
+            let step = simulation.step_count();
+            let present = simulation.totals().present.iter().sum();
+            let sharing = Sharing { runs: 1, ranks: simulation.communicator().ranks() };
+            let fits = memory.check(simulation.model(), (present, step, 1), sharing);
+            let refused = simulation.communicator().all_reduce_sum(&[fits.is_err().into()])[0] > 0;
+            if refused && step > first {
+                self.save_distributed(&mut simulation, &mut files)?;
+            }
+            simulation.agree(fits)?;
             simulation.step()?;
             pace.see(simulation.model(), [&before, simulation.totals()], 1);
             self.record_distributed(&mut simulation, &mut files)?;
@@ -85,6 +96,9 @@ impl Run {
         let Scenario { model, seed, output, .. } = &self.scenario;
         let is_first = communicator.rank() == 0;
         self.check_backend(&communicator)?;
+        let sharing = Sharing { runs: 1, ranks: communicator.ranks() };
+        let fits = check_largest_release(model, self.scenario.steps, sharing);
+        communicator.agree(fits.map_err(|error| communicator.failure(error.to_string())))?;
         let mut simulation = RankSimulation::new(communicator, model.clone(), *seed, self.algorithm)?;
         let standing = simulation.gather(GatherFields::default())?;
         let create = || {

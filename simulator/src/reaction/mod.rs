@@ -22,8 +22,11 @@ use crate::reaction::probability::ReactionProbabilities;
 /// The reactions of a model, made ready.
 #[derive(Clone, Debug)]
 pub struct Reactions {
-    species: usize,
-    /// By both species: what may happen, from the inside outwards.
+    /// The number of species that react.
+    reactants: usize,
+    /// The row of each species in the table; `u32::MAX` if it does not react.
+    rows: Vec<u32>,
+    /// By the rows of both species: what may happen, from the inside outwards.
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
     /// Indexed by reaction: how much of the way together is the first reactant's, and of the way apart the first product's.
@@ -79,10 +82,18 @@ const TASK: usize = 4096;
 impl Reactions {
     /// The reactions of a model that was checked.
     pub fn new(model: &Model) -> Self {
-        let (species, chances) = (model.species.len() as u32, ReactionProbabilities(model));
-        let all = || (0..species).flat_map(move |a| (0..species).map(move |b| [a, b]));
+        let chances = ReactionProbabilities(model);
+        // Only species that react have an entry, so models of many species without reactions have a small table.
+        let mut reactants: Vec<u32> =
+            model.reactions.iter().flat_map(|reaction| reaction.reactants).collect();
+        reactants.sort_unstable();
+        reactants.dedup();
+        let mut rows = vec![u32::MAX; model.species.len()];
+        (0..).zip(&reactants).for_each(|(row, &species)| rows[species as usize] = row);
+        let all = || reactants.iter().flat_map(|&a| reactants.iter().map(move |&b| [a, b]));
         Self {
-            species: species as usize,
+            reactants: reactants.len(),
+            rows,
             table: all().map(|pair| zones(model, chances, pair)).collect(),
             reactions: model.reactions.clone(),
             shares: model.reactions.iter().map(|reaction| shares(model, reaction)).collect(),
@@ -115,11 +126,17 @@ impl Reactions {
         chunks.concat()
     }
 
+    /// The shells of two species, from the inside outwards; none if they do not react.
+    #[inline]
+    fn zones_of(&self, a: u32, b: u32) -> &[ReactionShell] {
+        let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);
+        if a.max(b) < self.reactants { &self.table[a * self.reactants + b] } else { &[] }
+    }
+
     fn candidate(&self, particles: &Particles, pair: Pair, key: Key, step: u32) -> Option<ReactionCandidate> {
         let (i, j) = (pair.i as usize, pair.j as usize);
         let (a, b) = (particles.species[i], particles.species[j]);
-        let zones = &self.table[a as usize * self.species + b as usize];
-        let zone = match zones.as_slice() {
+        let zone = match self.zones_of(a, b) {
             [] => return None,
             [zone] if zone.within.is_none() => zone,
             zones => {
@@ -185,7 +202,7 @@ impl Reactions {
     /// The reactions of two species by distance, from the innermost shell outwards.
     #[cfg(feature = "gpu")]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
-        &self.table[a as usize * self.species + b as usize]
+        self.zones_of(a, b)
     }
 
     /// See [`Self::shares`].

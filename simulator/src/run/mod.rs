@@ -10,6 +10,7 @@ pub mod state;
 pub mod view;
 
 pub(crate) mod checksum;
+pub(crate) mod memory_estimate;
 pub(crate) mod sealed;
 pub(crate) mod time_step_monitor;
 
@@ -20,6 +21,7 @@ use lazygrid::{Algorithm, Backend};
 
 use crate::output::{self, DiskEstimate, Files, Lock};
 use crate::run::checkpoint::{Checkpoint, FileRecord};
+use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::scenario::{Output, Scenario};
 use crate::{AnySimulation, Error, RunView, State};
@@ -70,6 +72,10 @@ pub(crate) struct ReplicaSlot {
 impl ReplicaSlot {
     /// A run by itself.
     pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
+
+    fn sharing(self) -> Sharing {
+        Sharing { runs: self.at_once, ranks: 1 }
+    }
 }
 
 /// Rows of the series after which the disk is looked at.
@@ -107,13 +113,22 @@ impl Run {
             if self.resume { self.resume_run(beside)? } else { self.begin(beside)? };
         let first = simulation.step_count();
         let mut pace = TimeStepMonitor::default();
+        let mut memory = MemoryGuard::default();
         let mut end = RunEnd::Finished;
         if watch(&simulation).is_break() {
             end = RunEnd::Stopped;
         }
         while end == RunEnd::Finished && simulation.step_count() < self.scenario.steps {
             let (step, before) = (simulation.step_count(), TimeStepMonitor::part_of(simulation.totals()));
-            simulation.advance(self.steps_to_next(step))?;
+            let next = self.steps_to_next(step);
+            let present = simulation.totals().present.iter().sum();
+            if let Err(error) = memory.check(simulation.model(), (present, step, next), beside.sharing()) {
+                if step > first {
+                    self.save(&simulation, &mut files)?;
+                }
+                return Err(error);
+            }
+            simulation.advance(next)?;
             pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
             if self.is_disk_full(&simulation, beside)? {
                 self.save(&simulation, &mut files)?;
@@ -176,6 +191,7 @@ impl Run {
 
     fn begin(&self, beside: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
+        check_largest_release(model, self.scenario.steps, beside.sharing())?;
         let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
         let lock = output::prepare(&self.directory, self.overwrite)?;
         // Before anything that is there is replaced.

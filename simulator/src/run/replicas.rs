@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -16,6 +16,13 @@ use crate::random::philox::{Key, Purpose};
 use crate::run::checkpoint::Checkpoint;
 use crate::run::{ReplicaSlot, Run, RunEnd, pool};
 use crate::{AnySimulation, Error};
+
+/// The first line of replicas.csv.
+const HEADER: &str = "replica,seed\n";
+/// About the bytes of a row: two numbers of up to 10 and 20 digits.
+const BYTES_PER_ROW: u64 = 28;
+/// Rows after which a run asks whether it is cancelled.
+const ROWS_PER_QUESTION: u32 = 1 << 16;
 
 /// Several runs of one scenario. Each has a directory of its own, as if it were run by itself with its seed.
 #[derive(Clone, Debug)]
@@ -55,7 +62,22 @@ impl Replicas {
         &self,
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
     ) -> Result<ReplicaResults, Error> {
-        let _lock = self.prepare()?;
+        self.run_unless(|| false, watch)
+    }
+
+    /// The same as [`run`](Self::run). `is_cancelled` is asked before the first replica, too, while the table of seeds is
+    /// written, which takes minutes for billions of replicas.
+    ///
+    /// # Errors
+    /// The same as [`run`](Self::run).
+    pub fn run_unless(
+        &self,
+        is_cancelled: impl Fn() -> bool + Sync,
+        watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
+    ) -> Result<ReplicaResults, Error> {
+        let Some(_lock) = self.prepare(&is_cancelled)? else {
+            return Ok(ReplicaResults { end: RunEnd::Stopped, done: Vec::new() });
+        };
         let threads = self.run.threads.unwrap_or_else(rayon::current_num_threads).max(1);
         let at_once = match self.run.backend {
             // They would wait for each other.
@@ -69,9 +91,16 @@ impl Replicas {
         let course = ReplicaQueue::new(self, at_once as u32);
         std::thread::scope(|scope| {
             for pool in &pools {
-                scope.spawn(|| pool.install(|| course.work(&watch)));
+                let work = || pool.install(|| course.work(&watch));
+                let spawned = std::thread::Builder::new().spawn_scoped(scope, work);
+                if let Err(error) = spawned {
+                    course.stop.store(true, Ordering::Relaxed);
+                    let refused = lazygrid::Error::ThreadPool { threads: at_once, reason: error.to_string() };
+                    return Err(Error::from(refused));
+                }
             }
-        });
+            Ok(())
+        })?;
         let ended = course.ended.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut done = Vec::new();
         for (replica, end) in ended {
@@ -89,6 +118,20 @@ impl Replicas {
         self.run.directory.join(format!("replica-{replica:04}"))
     }
 
+    /// The replicas that have a directory, ascending.
+    fn begun(&self) -> Result<Vec<u32>, Error> {
+        let read = |source| Error::Read { path: self.run.directory.clone(), source };
+        let mut begun = Vec::new();
+        for entry in fs::read_dir(&self.run.directory).map_err(read)? {
+            let name = entry.map_err(read)?.file_name();
+            let number = name.to_str().and_then(|name| name.strip_prefix("replica-")?.parse::<u32>().ok());
+            begun.extend(number.filter(|&replica| replica < self.count.get()));
+        }
+        begun.sort_unstable();
+        begun.dedup();
+        Ok(begun)
+    }
+
     /// Returns a replica as a run of its own.
     pub fn replica(&self, replica: u32) -> Run {
         let mut run = self.run.clone();
@@ -101,12 +144,10 @@ impl Replicas {
         run
     }
 
-    /// Locks the directory, and writes which replicas there are and with which seeds.
-    fn prepare(&self) -> Result<Lock, Error> {
+    /// Locks the directory, and writes the seeds of the replicas. Returns `None` if that is cancelled.
+    fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
         let directory = &self.run.directory;
         let path = directory.join("replicas.csv");
-        let rows = (0..self.count.get()).map(|k| format!("{k},{}\n", seed_of(self.run.scenario.seed, k)));
-        let table = format!("replica,seed\n{}", rows.collect::<String>());
         let lock = match self.run.resume {
             false => {
                 let lock = output::prepare(directory, self.run.overwrite)?;
@@ -118,31 +159,90 @@ impl Replicas {
                 lock
             }
             true => {
-                let read = |source| Error::Read { path: path.clone(), source };
-                let before = fs::read_to_string(&path).map_err(read)?;
-                // What it has to be follows from the seed, so that it needs no checksum.
-                let is_whole = before.ends_with('\n') && table.starts_with(&before);
-                if !is_whole {
-                    let message = if before.starts_with(&table) {
-                        format!("there are {} replicas; give as many or more", before.lines().count() - 1)
-                    } else {
-                        "its replicas have other seeds, or it is damaged; give the --seed that they were begun with, \
-                         restore it from a copy, or start over with --overwrite in place of --resume"
-                            .to_owned()
-                    };
-                    return Err(Error::Checkpoint { path, message });
+                if !self.check_seeds(&path, is_cancelled)? {
+                    return Ok(None);
                 }
                 Lock::take(directory)?
             }
         };
-        output::write_atomically(&path, |out| out.write_all(table.as_bytes()))?;
-        Ok(lock)
+        self.check_table_fits()?;
+        match output::write_atomically(&path, |out| self.write_seeds(out, is_cancelled)) {
+            Err(_) if is_cancelled() => Ok(None),
+            written => written.map(|()| Some(lock)),
+        }
     }
 
-    /// Which replicas are done, now or before.
+    /// Writes the seed of each replica.
+    fn write_seeds(&self, out: &mut impl Write, is_cancelled: &impl Fn() -> bool) -> io::Result<()> {
+        out.write_all(HEADER.as_bytes())?;
+        for replica in 0..self.count.get() {
+            // A table of billions of rows takes minutes.
+            if replica.is_multiple_of(ROWS_PER_QUESTION) && is_cancelled() {
+                return Err(io::Error::other("cancelled"));
+            }
+            writeln!(out, "{replica},{}", seed_of(self.run.scenario.seed, replica))?;
+        }
+        Ok(())
+    }
+
+    /// Checks that a table has the seeds of this run, and no more replicas than this run. Its content follows from the seed,
+    /// so it needs no checksum. Returns `false` if the check is cancelled.
+    fn check_seeds(&self, path: &Path, is_cancelled: &impl Fn() -> bool) -> Result<bool, Error> {
+        let read = |source| Error::Read { path: path.to_owned(), source };
+        let mut lines = BufReader::new(fs::File::open(path).map_err(read)?);
+        let refused = |message: String| Err(Error::Checkpoint { path: path.to_owned(), message });
+        let mut line = String::new();
+        for row in 0_u64.. {
+            line.clear();
+            // A line of the table has at most 32 bytes.
+            if lines.by_ref().take(64).read_line(&mut line).map_err(read)? == 0 && row > 0 {
+                return Ok(true);
+            }
+            if row.is_multiple_of(ROWS_PER_QUESTION.into()) && is_cancelled() {
+                return Ok(false);
+            }
+            let replica = row.checked_sub(1).map(|replica| replica as u32);
+            let expected = match replica {
+                None => HEADER.to_owned(),
+                Some(replica) => format!("{replica},{}\n", seed_of(self.run.scenario.seed, replica)),
+            };
+            if line != expected {
+                return refused(
+                    "its replicas have other seeds, or it is damaged; give the --seed that they were begun with, restore \
+                     it from a copy, or start over with --overwrite in place of --resume"
+                        .to_owned(),
+                );
+            }
+            if row > u64::from(self.count.get()) {
+                let rows = 1 + lines.lines().count() as u64;
+                return refused(format!("there are {} replicas; give as many or more", row - 1 + rows));
+            }
+        }
+        Ok(true)
+    }
+
+    /// Refuses a table of seeds that will not fit the disk.
+    fn check_table_fits(&self) -> Result<(), Error> {
+        let directory = &self.run.directory;
+        let refused = |source| Error::Write { path: directory.clone(), source };
+        let free = fs4::available_space(directory).map_err(refused)?;
+        let bytes = u64::from(self.count.get()) * BYTES_PER_ROW;
+        if !self.run.space_check || bytes <= free {
+            return Ok(());
+        }
+        let message = format!(
+            "the table of the seeds of {} replicas has about {} MB and the disk has {} MB left; do fewer replicas",
+            self.count,
+            bytes >> 20,
+            free >> 20
+        );
+        Err(refused(io::Error::new(io::ErrorKind::StorageFull, message)))
+    }
+
+    /// Returns the replicas that are done, now or before.
     fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let mut done = Vec::new();
-        for replica in 0..self.count.get() {
+        for replica in self.begun()? {
             // Replicas of this call were checked when they were resumed.
             if ended.contains(&replica) || is_done(&self.directory_of(replica), self.run.scenario.steps)? {
                 done.push(replica);

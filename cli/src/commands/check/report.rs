@@ -17,10 +17,10 @@ use crate::commands::detect::summary::{cost_object, cost_text};
 use crate::error::CliError;
 use crate::{devices, print};
 
-/// Counts of a GPU may differ by pairs in tangency: by two, and one in so many.
+/// Counts of a GPU may differ by pairs in tangency: by two, and one in this number.
 const TANGENT: u64 = 1_000_000;
 
-/// Says what comes of the checks: as it comes, or as one JSON object in the end.
+/// Prints results: at once, or as one JSON object at the end.
 pub(super) struct Report {
     is_json: bool,
     /// The options that repeat the check.
@@ -31,7 +31,7 @@ pub(super) struct Report {
     files: usize,
     left_out: Vec<Value>,
     speeds: Vec<Value>,
-    /// How many pairs were counted of which spheres.
+    /// The number of counted pairs, and the spheres.
     counts: Vec<(Scene, usize, u64)>,
     start: Instant,
 }
@@ -96,7 +96,7 @@ impl Report {
         Ok(report)
     }
 
-    /// Of nothing yet.
+    /// Creates an empty report.
     fn empty(is_json: bool, backend: &'static str) -> Self {
         Self {
             is_json,

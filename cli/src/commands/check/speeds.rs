@@ -12,7 +12,7 @@ use super::report::{Called, Primitive, Report};
 use super::{SPEEDS, Work};
 use crate::error::CliError;
 
-/// Seconds that one call may take, and all calls of a backend together; with `--full` so many times as long.
+/// Seconds that one call may take, and all calls of a backend together; the factor of `--full`.
 const CALL: f64 = 2.5;
 const ALL: f64 = 25.0;
 const FULL_TIMES: f64 = 12.0;
@@ -85,7 +85,7 @@ struct Race<'a> {
     work: &'a Work<'a>,
     backend: Backend,
     time: Time<'a>,
-    /// Where the progress began.
+    /// The position of the progress bar at the start.
     from: u64,
     spent: f64,
 }

@@ -37,7 +37,7 @@ impl Excluded {
                 Exclusions::new(spheres, rows).map_err(refused)
             }
             None => {
-                // What no index is, no sphere has.
+                // No sphere has this index.
                 let row = |row: i64| u32::try_from(row).unwrap_or(u32::MAX);
                 Exclusions::new(spheres, self.pairs.iter().map(|&(i, j)| (row(i), row(j)))).map_err(refused)
             }

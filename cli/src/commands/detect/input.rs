@@ -8,12 +8,9 @@ use lazygrid_io::read::{Frame, Frames};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use same_file::Handle;
 
-use crate::args::Detect;
+use crate::args::{Detect, STANDARD};
 use crate::error::CliError;
 use crate::progress::Progress;
-
-/// Stands for standard input, and as an output for standard output.
-pub(crate) const STANDARD: &str = "-";
 
 /// The frames of the file that are asked for.
 pub(crate) struct Input {
@@ -50,7 +47,7 @@ impl Input {
         Ok(Self { path, frames, pool, read: 0, wanted: args.frame, progress })
     }
 
-    /// The next frame that is asked for. Says so if there is none at all.
+    /// Returns the next requested frame. Fails if the file has none.
     pub(crate) fn next(&mut self) -> Result<Option<IndexedFrame>, CliError> {
         let start = Instant::now();
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {
@@ -70,7 +67,7 @@ impl Input {
         self.end()
     }
 
-    /// Whether the frame that was read is the last that is asked for.
+    /// Returns `true` if the frame that was read is the last one to read.
     pub(crate) fn is_last(&mut self) -> Result<bool, CliError> {
         Ok(self.wanted.is_some() || self.frames.at_end()?)
     }

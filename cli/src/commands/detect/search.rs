@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Config, Detector, Query, Space};
+use lazygrid::{Config, Detector, Query, Skin, Space};
 use lazygrid_io::write::{self, AtomicFile, Output, PairFile};
 
 use crate::args::Detect;
@@ -24,6 +24,13 @@ impl FrameDetector {
     pub(crate) fn new(config: Config) -> Result<Self, CliError> {
         let detector = Detector::new(config.clone()).map_err(CliError::Setting)?;
         Ok(Self { config, space: Space::UNBOUNDED, detector })
+    }
+
+    /// Returns the bytes that a search of `spheres` spheres on the CPU needs at most without a candidate list, which is dropped
+    /// if there is too little memory.
+    pub(crate) fn least_memory(&self, space: Space, spheres: u64) -> Result<u64, CliError> {
+        let config = self.config.clone().space(space).skin(Skin::Off).threads(1);
+        Ok(Detector::new(config).map_err(CliError::Setting)?.memory_for(spheres))
     }
 
     /// The detector for this space; a new one where the last frame's was another.

@@ -115,7 +115,7 @@ impl fmt::Display for Summary {
         if let Some(output) = &self.output {
             row("output", &output.display())?;
         }
-        // What the GPU does, the host waits for.
+        // The host waits for the phases of the GPU.
         let waits = self.phases().any(|(name, _)| name == "wait");
         let is_waited_for = |name: &str| waits && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);
         let total: Duration =

@@ -14,19 +14,22 @@ use crate::error::CliError;
 use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
-/// Does all replicas and says what came of them on average.
+/// Runs all replicas and prints their mean.
 pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let count = replicas.count.get();
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
-    let mut replicated = replicas.run(|replica, simulation| {
+    let is_cancelled = || asked.signal().is_some();
+    let mut replicated = replicas.run_unless(is_cancelled, |replica, simulation| {
         advance.see(replica, simulation);
-        if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
     let mean = MeanSeries::of_replicas(&replicas, &mut replicated)?;
     // One replica shows what all are like.
-    animation::write(&replicas.replica(0))?;
+    if replicas.directory_of(0).exists() {
+        animation::write(&replicas.replica(0))?;
+    }
     let run = &replicas.run;
     if reports && !replicated.done.is_empty() {
         let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
@@ -68,7 +71,7 @@ impl Advance {
         let Ok(mut steps) = self.steps.lock() else { return };
         match steps.insert(replica, step) {
             Some(before) => self.bar.inc(u64::from(step - before)),
-            // What an earlier run did is no part of this one's speed.
+            // Steps of an earlier run do not count for the speed of this run.
             None if step > 0 => {
                 self.bar.inc(step.into());
                 self.bar.reset_eta();
@@ -78,7 +81,7 @@ impl Advance {
     }
 }
 
-/// What came of replicas: the last row of each series on average, with its standard error.
+/// Returns the summary of replicas: the mean last row of each series, with its standard error.
 fn summary(replicas: &Replicas, replicated: &ReplicaResults, mean: &MeanSeries) -> String {
     let run = &replicas.run;
     let mut lines = vec![

@@ -1,4 +1,4 @@
-//! `--report`: tables and plots of what came of a run or of replicas.
+//! `--report`: tables and plots of the results of a run or of replicas.
 
 mod sections;
 

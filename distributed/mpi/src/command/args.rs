@@ -1,11 +1,11 @@
 use std::fmt::Display;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use lazygrid::{Backend, Space};
+use lazygrid_io::arguments::{periodic_space, species_radius};
 use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_mpi::{Ownership, Settings};
 use lazygrid_sim::run::run_args::RunArgs;
@@ -30,7 +30,7 @@ pub(crate) enum Command {
     BenchScaling(BenchScaling),
 }
 
-/// Finds the overlapping pairs of the spheres in a file: those whose centres are at most the sum of their radii apart.
+/// Finds the overlapping pairs of the spheres in a file: the distance of their centers is at most the sum of their radii.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Input:
   npy, csv, smoldyn   each rank reads its own part of the file: rows of arrays, whole lines of text
@@ -47,39 +47,39 @@ Examples:
   mpirun -n 8 lazygrid-mpi detect run.npy
   mpirun -n 64 lazygrid-mpi detect 'part-{rank}.npy' --periodic 100,100,100 -o pairs.npy")]
 pub(crate) struct Detect {
-    /// The file with the spheres; {rank} in it stands for the number of the rank, from 0 on
+    /// File with the spheres; {rank} in it is replaced by the index of the rank, from 0
     pub(crate) file: PathBuf,
-    /// Its format [default: by extension, else by content]
+    /// Format of the file [default: by extension, else by content]
     #[arg(long, value_parser = PossibleValuesParser::new(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>()))]
     pub(crate) format: Option<Format>,
-    /// Which frame of a file with several, from 0 on
+    /// Index of the frame in a file with several, from 0
     #[arg(long, value_name = "N")]
     pub(crate) frame: Option<usize>,
-    /// The radius of a species; wins over a radius in the file. May be repeated
-    #[arg(long = "radius", value_name = "SPECIES=R", value_parser = radius)]
+    /// Radius of a species; overrides the file. May be repeated
+    #[arg(long = "radius", value_name = "SPECIES=R", value_parser = species_radius)]
     pub(crate) radii: Vec<(String, f32)>,
-    /// The lengths of a periodic box, - for an axis that is unbounded; or none [default: what the file declares]
-    #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
+    /// Lengths of the periodic box, - for an unbounded axis; or none [default: the file's box]
+    #[arg(long, value_name = "X,Y,Z", value_parser = periodic_space, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,
     /// Let each rank own the spheres that it read, instead of those of its domain
     #[arg(long)]
     no_rebalance: bool,
-    /// Where each rank computes
+    /// Backend of each rank
     #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<usize>,
-    /// Where to write the pairs: .csv or .npy, with or without .gz or .zst [default: count them only]
+    /// Output file of the pairs: .csv or .npy, optionally followed by .gz or .zst [default: count only]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
-    /// Bring all pairs together in one file
+    /// Write all pairs to one file
     #[arg(long, requires = "output")]
     pub(crate) gather: bool,
-    /// The most pairs of a rank in memory, 32 bytes each
+    /// Limit of pairs of a rank in memory, 32 bytes each
     #[arg(long, value_name = "N", default_value_t = 1 << 27)]
     pub(crate) max_pairs: u64,
-    /// Say what was found as a line of JSON
+    /// Print the summary as a line of JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -87,14 +87,16 @@ pub(crate) struct Detect {
 /// Runs a scenario on all ranks, with the results and files of `lazygrid simulate`. All ranks have to see the scenario and the
 /// output directory.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Files are those of `lazygrid simulate`; besides there are checkpoint.STEP.RANK, the
-particles of each rank. Any number of ranks goes on from them, and so does `lazygrid simulate`, and
-ranks go on from its checkpoint. What needs an order across ranks is refused: contact = \"separate\"
+#[command(
+    after_help = "Files are those of `lazygrid simulate`, and checkpoint.STEP.RANK, the particles of each
+rank. Any number of ranks and `lazygrid simulate` resume from them, and ranks resume from its
+checkpoint. What needs an order across ranks is refused: contact = \"separate\"
 and \"elastic\". SIGTERM stops a run with a checkpoint.
 
 Examples:
   mpirun -n 8 lazygrid-mpi simulate acid-base.toml
-  mpirun -n 64 lazygrid-mpi simulate acid-base.toml --resume --steps 100000")]
+  mpirun -n 64 lazygrid-mpi simulate acid-base.toml --resume --steps 100000"
+)]
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) options: RunArgs,
@@ -107,19 +109,19 @@ pub(crate) struct Simulate {
 /// script `distributed/scaling.sh` runs it on 1, 2, 4 and more ranks.
 #[derive(Debug, clap::Args)]
 pub(crate) struct BenchScaling {
-    /// How the spheres lie
+    /// Distribution of the spheres
     #[arg(long, value_enum, default_value_t = Scene::Uniform)]
     pub(crate) scene: Scene,
-    /// How many there are on each rank, for weak scaling
+    /// Number of spheres per rank, for weak scaling
     #[arg(long, value_name = "N", default_value_t = 1_000_000)]
     pub(crate) per_rank: u64,
-    /// How many there are on all ranks, for strong scaling; wins over --per-rank
+    /// Number of spheres on all ranks, for strong scaling; overrides --per-rank
     #[arg(long, value_name = "N")]
     pub(crate) spheres: Option<u64>,
-    /// How many steps are timed, after a first one
+    /// Number of timed steps, after a first one
     #[arg(long, value_name = "N", default_value_t = 5)]
     pub(crate) steps: u32,
-    /// Where each rank computes
+    /// Backend of each rank
     #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
@@ -130,11 +132,11 @@ pub(crate) struct BenchScaling {
 /// The distribution of the spheres.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum Scene {
-    /// Equal ones in a cube
+    /// Equal spheres in a cube
     Uniform,
     /// Five sizes in a cube, each half as large as the one before
     FiveSizes,
-    /// Equal ones in a cloud that is dense in the middle
+    /// Equal spheres in a cloud that is dense in the middle
     Gaussian,
     /// All at one point: as many pairs as there can be
     Point,
@@ -200,7 +202,7 @@ impl Detect {
         if self.no_rebalance { Ownership::Keep } else { Ownership::BALANCE }
     }
 
-    /// How files are read.
+    /// Returns the options of the readers.
     pub(crate) fn options(&self) -> Options {
         let radii: Radii = self.radii.iter().cloned().collect();
         Options { format: self.format, radii, space: self.periodic, ids: false, groups: false }
@@ -210,28 +212,4 @@ impl Detect {
 /// The value of an option, for a comparison of ranks.
 fn option(value: Option<impl Display>) -> String {
     value.map_or_else(|| "not given".to_owned(), |value| value.to_string())
-}
-
-fn radius(text: &str) -> Result<(String, f32), String> {
-    let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
-    match f32::from_str(radius) {
-        Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
-        _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
-    }
-}
-
-fn space(text: &str) -> Result<Space, String> {
-    if text == "none" {
-        return Ok(Space::UNBOUNDED);
-    }
-    let length = |text: &str| match text.trim() {
-        "-" => Ok(None),
-        number => match f32::from_str(number) {
-            Ok(length) => Ok(Some(f64::from(length))),
-            Err(_) => Err(format!("'{number}' is neither a length nor -")),
-        },
-    };
-    let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
-    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
-    Space::periodic(lengths).map_err(|error| error.to_string())
 }

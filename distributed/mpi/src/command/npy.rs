@@ -23,7 +23,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Of a file; none where it has to be read as a whole, be it to say what is wrong with it.
+    /// Finds the rows of a file; `None` if it must be read as a whole, also to report a fault.
     pub(crate) fn of(path: &Path) -> io::Result<Option<Self>> {
         let length = path.metadata()?.len();
         let mut head = Vec::new();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lazygrid_io::write::{AtomicFile, TableFormat};
+use lazygrid_io::write::{AtomicFile, TableFormat, npy_header};
 use lazygrid_mpi::{Distributed, Error, agree};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
@@ -20,12 +20,12 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// As the options say; none where pairs are counted only.
+    /// Returns the output that the options name; `None` if pairs are only counted.
     pub(crate) fn of(args: &Detect) -> Result<Option<Self>, String> {
         let Some(path) = &args.output else { return Ok(None) };
         let Some(format) = TableFormat::from_extension(path) else {
             return Err(format!(
-                "{}: this tells neither .csv nor .npy, with or without .gz or .zst behind it; rename it",
+                "{}: unknown output format; name it .csv or .npy, optionally followed by .gz or .zst",
                 path.display()
             ));
         };
@@ -79,7 +79,7 @@ pub(crate) fn write(
         };
         return agree(world, written).map(|()| vec![target.path.clone()]);
     }
-    // None gets its name before all are complete.
+    // No file gets its name before all are complete.
     let file = table(&target.of_rank(rank), target, (&pairs, wide)).map_err(failed);
     let file = agree(world, file)?;
     agree(world, file.commit().map_err(failed))?;
@@ -104,7 +104,7 @@ fn table(
     let mut file = AtomicFile::create(path)?;
     let header = match target.format {
         TableFormat::Csv => b"i,j\n".to_vec(),
-        TableFormat::Npy => npy_header(pairs.len(), wide),
+        TableFormat::Npy => npy_header(if wide { "u8" } else { "u4" }, &format!("({}, 2)", pairs.len())),
     };
     file.write_with(|out| out.write_all(&header))?;
     for pairs in pairs.chunks(1 << 16) {
@@ -121,16 +121,6 @@ fn table(
         file.write_with(|out| out.write_all(&bytes))?;
     }
     Ok(file)
-}
-
-/// A header of version 1 of the NumPy format for this number of pairs: a multiple of 64 bytes with a line break at the end.
-fn npy_header(pairs: usize, wide: bool) -> Vec<u8> {
-    let order = if cfg!(target_endian = "big") { '>' } else { '<' };
-    let kind = if wide { "u8" } else { "u4" };
-    let text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({pairs}, 2), }}");
-    let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
-    let text = format!("{text:<0$}\n", length - 1);
-    [b"\x93NUMPY\x01\x00", &(length as u16).to_le_bytes()[..], text.as_bytes()].concat()
 }
 
 #[cfg(test)]

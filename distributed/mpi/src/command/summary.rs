@@ -11,7 +11,7 @@ pub(crate) struct Summary<'a> {
     pub(crate) report: &'a Report,
     pub(crate) space: Space,
     pub(crate) files: Vec<PathBuf>,
-    /// Of rank 0, which waits for the others in each.
+    /// The times of rank 0, which include waiting for other ranks.
     pub(crate) times: Vec<(&'static str, Duration)>,
 }
 

@@ -33,7 +33,7 @@ pub(crate) struct RankLines {
 }
 
 impl TextRows {
-    /// Of a file; none where the first row is not found.
+    /// Finds the rows of a file; `None` if there is no first row.
     pub(crate) fn of(path: &Path, format: Format) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
         let mut start = Vec::new();
@@ -119,7 +119,7 @@ fn head(start: &[u8]) -> Option<usize> {
     None
 }
 
-/// Where the first line begins at `at` or behind it, from the first row on.
+/// Returns the start of the first line at or after `at`, among the rows.
 fn line_from(file: &mut File, (first, end): (u64, u64), at: u64) -> io::Result<u64> {
     if at <= first {
         return Ok(first);

@@ -1,4 +1,4 @@
-//! One detector over all ranks, call after call: whatever changes between two calls, and whichever call fails, the next answer
+//! One detector over all ranks, call after call: any input may change between two calls and any call may fail. The next answer
 //! is that of one process.
 
 use std::ops::ControlFlow;

@@ -44,7 +44,7 @@ impl GpuBackend {
     /// Creates a backend whose host part runs on `team`.
     pub(crate) fn on_team(gpu: GpuDevice, config: Config, team: Arc<Team>) -> Result<Self, Error> {
         let settings = config.settings;
-        let interactions = searched_table(&settings, settings.is_framed());
+        let interactions = searched_table(&settings, settings.is_framed())?;
         let known = profile_of(&config.calibrations, &gpu.adapter);
         let most_pairs = DeviceLimits::of(&gpu.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuConfig::default();
@@ -71,6 +71,7 @@ impl GpuBackend {
             candidates: None,
             phases: Vec::new(),
         };
+        settings.check_skin_range()?;
         let mut session = GpuSession::new(gpu, gpu_config)?;
         let chooses = settings.skin == Skin::Auto && settings.keeps_candidates();
         let skin_controller = chooses.then(SkinController::default);
@@ -201,7 +202,7 @@ impl Device {
         match framed {
             Some(framed) => Ok(framed),
             none => {
-                let interactions = searched_table(settings, true);
+                let interactions = searched_table(settings, true)?;
                 let session = unframed.search.session.with_interactions(interactions.clone())?;
                 Ok(none.insert(Box::new(Self { search: SlabSearch::new(session), interactions })))
             }
@@ -211,8 +212,9 @@ impl Device {
 
 /// The table with which a device searches. In a frame spheres are as large as the reach of their species: they are
 /// candidates if they touch and their species ever pair.
-fn searched_table(settings: &Settings, is_framed: bool) -> Option<Interactions> {
-    settings.interactions.as_ref().map(|table| if is_framed { table.contact_only() } else { table.clone() })
+fn searched_table(settings: &Settings, is_framed: bool) -> Result<Option<Interactions>, Error> {
+    let Some(table) = &settings.interactions else { return Ok(None) };
+    Ok(Some(if is_framed { table.contact_only()? } else { table.clone() }))
 }
 
 /// A space as a device searches it, which repeats along the same axes as that of every frame.

@@ -20,7 +20,7 @@ pub(super) enum Descr<'a> {
 pub(super) struct Field<'a> {
     pub(super) name: &'a [u8],
     pub(super) kind: &'a [u8],
-    /// Of a field that is an array itself.
+    /// The shape of a field that is an array.
     pub(super) shape: Vec<u64>,
 }
 

@@ -49,7 +49,7 @@ impl Fields {
             for (k, (name, meaning)) in meanings(field).into_iter().enumerate() {
                 let start = start + k * kind.width;
                 let is_whole = matches!(kind.class, DtypeKind::Signed | DtypeKind::Unsigned);
-                // A field of that name may be something else where nobody asks for groups.
+                // A field of that name may be something else if no groups are requested.
                 let meaning = if meaning == Column::Group && !is_whole { Column::Other } else { meaning };
                 match (meaning, kind.class) {
                     (Column::Other, _) => {}

@@ -23,7 +23,7 @@ impl Read for Trickle {
     }
 }
 
-/// What a file gives, the same from a file and from a pipe, and on one thread and on several.
+/// Reads a file and a pipe, on one thread and on several, and checks that the results are equal.
 fn read(name: &str, text: &str) -> (Vec<Frame>, Vec<String>, Option<String>) {
     let mut all = Vec::new();
     for (threads, seed) in [(1, None), (3, None), (1, Some(7)), (3, Some(8))] {
@@ -137,7 +137,7 @@ fn frames_of_all_sizes_follow_one_another() {
     }
 }
 
-/// A frame is there as soon as its last line is, whatever comes behind it and when.
+/// A frame is delivered as soon as its last line is read, before any further input.
 #[test]
 fn a_frame_is_not_held_up_by_the_next() {
     struct Live(Vec<u8>);
@@ -156,7 +156,7 @@ fn a_frame_is_not_held_up_by_the_next() {
     assert_eq!(frames.next().unwrap().unwrap().spheres.len(), 20_000);
 }
 
-/// What could be read is told before why no more could.
+/// Frames before a fault are delivered before its error.
 #[test]
 fn a_disk_that_fails_later_does_not_hide_an_error() {
     struct Failing(Cursor<Vec<u8>>);

@@ -29,7 +29,7 @@ fn samples() -> [(Format, Vec<u8>); 9] {
     ]
 }
 
-/// Whatever the bytes are, a reader gives valid spheres or one error, and its frames are no larger than the file.
+/// For any bytes, a reader gives valid spheres or one error, and its frames are no larger than the file.
 fn survives(format: Option<Format>, bytes: Vec<u8>) -> Result<(), TestCaseError> {
     let radii = options(format, &[("A", 1.0), ("B", 2.0)]);
     for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {

@@ -27,7 +27,7 @@ fn xyz_lattices() {
         ("lattice = '10 20.5 30'".into(), all),
         ("Lattice=[[10, 0, 0], [0, 20.5, 0], [0, 0, 30]] Origin=\"-5 -5 -5\"".into(), all),
         ("note=\"Lattice=1 pbc=2\"".into(), [None; 3]),
-        // An edge that leans does not matter where nothing repeats along it.
+        // A tilted vector along which space is not periodic does not matter.
         ("Lattice=\"10 0 0 0 20.5 0 3 3 30\" pbc=\"T T F\"".into(), [Some(10.0), Some(20.5), None]),
     ] {
         assert_eq!(spaces("a.xyz", xyz(&comment)), [lengths], "{comment}");

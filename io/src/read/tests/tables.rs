@@ -11,7 +11,7 @@ fn csv_with_other_separators_and_comments() {
         "# units: µm; made by hand\n\nx,y,z,diameter\n1,2,3,1\n  # between\n-4,5e-3,6.25,0\n#end",
         // As numpy.savetxt(…, header="x,y,z,r", delimiter=",") writes it.
         "# some title\n# x,y,z,r\n1.0e+00,2.0e+00,3.0e+00,5.0e-01\n-4,5e-3,6.25,0\n",
-        // A header that is none of a comment wins.
+        // A header outside comments wins.
         "# z,y,x,r\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "\"x\";\"y\";\"note, or not\";\"z\";\"r\"\n1;2;\"a, b\";3;0.5\n-4;5e-3;;6.25;0\n",
     ] {
@@ -51,7 +51,7 @@ fn ids_come_from_the_file() {
         ("a.dump", &atoms),
     ] {
         assert_eq!(ids(name, text), Ok(vec![7, -3]), "{name}");
-        // Who does not ask does not get them, whatever they are.
+        // Without a request, these columns are ignored.
         let frames = frames(name, text.replace("-3", "me"), Options::default()).unwrap();
         assert_eq!(frames[0].ids, None);
     }

@@ -87,6 +87,9 @@ fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     }
 }
 
+/// The most bits of a message. Each symbol is a row of symbols.csv, which a run writes before its first step.
+const MAX_BITS: usize = 1 << 22;
+
 fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, Problem> {
     steady_only(transmitter, "release rates")?;
     if let Some(times) = &transmitter.times {
@@ -113,13 +116,21 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
         return Err(Problem::at(span, message));
     }
     let width = alphabet.ilog2();
-    let whole = |bits: u32| match bits % width {
-        0 => Ok(bits / width),
+    let whole = |bits: usize| match bits % width as usize {
+        _ if bits > MAX_BITS => Err(Problem::at(
+            span.clone(),
+            format!("{bits} bits are more than the limit of {MAX_BITS}; send fewer"),
+        )),
+        0 => Ok(bits as u32 / width),
         _ => Err(Problem::at(span.clone(), format!("{bits} bits are no whole number of symbols of {width}"))),
     };
     let symbols = match (&transmitter.bits, &transmitter.random_bits) {
         (Some(bits), None) => {
             let text = bits.get_ref();
+            // A bit takes a character at least, so this refuses no message of fewer bits and spares memory.
+            if text.len() > 2 * MAX_BITS {
+                whole(text.len())?;
+            }
             let bit = |c: char| c.to_digit(2);
             let Some(bits) =
                 text.chars().filter(|c| !" _".contains(*c)).map(bit).collect::<Option<Vec<u32>>>()
@@ -129,7 +140,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
                     format!("'{text}' is not of 0 and 1, with spaces or '_' between"),
                 ));
             };
-            whole(bits.len() as u32)?;
+            whole(bits.len())?;
             Symbols::Given(
                 bits.chunks(width as usize)
                     .map(|bits| bits.iter().fold(0, |all, bit| 2 * all + bit))
@@ -137,7 +148,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
             )
         }
         (None, Some(count)) => {
-            Symbols::Random { count: whole(count.get_ref().get())?, alphabet: alphabet as u32 }
+            Symbols::Random { count: whole(count.get_ref().get() as usize)?, alphabet: alphabet as u32 }
         }
         _ => return Err(Problem::at(span, "give either bits or random-bits".to_owned())),
     };

@@ -29,7 +29,7 @@ fn excluded(path: &Path) -> PathBuf {
 }
 
 fn of_space(space: &Space) -> Option<String> {
-    // As the option is read.
+    // In the form of the option.
     let edges = space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)));
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
@@ -96,7 +96,7 @@ fn commit(path: &Path, text: &str) -> Result<(), Error> {
     file.commit()
 }
 
-/// The same groups as molecules of a file, of which 0 is none.
+/// Returns groups as the molecules of a file, in which 0 means no molecule.
 fn molecules(groups: &[u32]) -> Vec<u32> {
     let mut numbers = BTreeMap::from([(Spheres::NO_GROUP, 0)]);
     let number = |&group: &u32| {

@@ -219,7 +219,7 @@ fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Err
     Ok(section)
 }
 
-/// Of the delays of a way the first, and the one that makes the fewest errors.
+/// Returns the first delay of a link, and the one with the fewest errors.
 fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
     let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
     of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
@@ -271,7 +271,7 @@ fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
     cells
 }
 
-/// No more than so many thresholds, evenly spaced.
+/// Returns at most `most` thresholds, evenly spaced.
 fn thresholds(errors: &BitErrors, most: usize) -> impl Iterator<Item = u64> {
     let last = errors.most() + 1;
     let step = (last / most as u64 + 1) as usize;

@@ -1,0 +1,114 @@
+//! Limits of memory: a command ends with an error or does its work, and is never ended by a signal. `LAZYGRID_TEST_FULL=1` sweeps
+//! more limits.
+#![cfg(target_os = "linux")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::os::unix::process::ExitStatusExt;
+use std::process::Command;
+
+use lazygrid_tests::command::{Program, Scratch};
+
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+
+/// A burst whose particles react, and which stays.
+const BURST: &str = "steps = 3
+time-step = 1e-3
+[[species]]
+name = \"A\"
+diffusion = 1.0
+[[species]]
+name = \"B\"
+diffusion = 1.0
+[[reaction]]
+equation = \"A + B -> A\"
+binding-radius = 0.001
+[[transmitter]]
+name = \"tx\"
+center = [0.0, 0.0, 0.0]
+shape = { kind = \"gaussian\", width = 40.0 }
+release = [{ species = \"A\", count = COUNT }, { species = \"B\", count = COUNT }]
+";
+
+/// Runs the command in an address space of at most this number of MiB. Returns the exit code and standard error.
+fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
+    let script = format!("ulimit -v {} && exec \"$0\" \"$@\"", mebibytes << 10);
+    let mut command = Command::new("sh");
+    let command = command.args(["-c", &script, env!("CARGO_BIN_EXE_lazygrid")]).args(args);
+    // Allocator arenas of threads would take address space at random.
+    let output = command.env("MALLOC_ARENA_MAX", "1").env("RUST_BACKTRACE", "0").output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let code = output.status.code();
+    let code = code
+        .unwrap_or_else(|| panic!("{mebibytes} MiB, {args:?}: signal {:?}: {said}", output.status.signal()));
+    assert!(code == 0 || code == 1, "{mebibytes} MiB, {args:?}: code {code}: {said}");
+    assert!(!said.contains("panicked"), "{mebibytes} MiB, {args:?}: {said}");
+    (code, said)
+}
+
+/// Limits in MiB, from the least with which the program is loaded to enough, in equal ratios.
+fn limits(most: f64) -> Vec<u64> {
+    const LEAST: f64 = 56.0;
+    let count = if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { 35 } else { 6 };
+    (0..=count).map(|k| (LEAST * (most / LEAST).powf(f64::from(k) / f64::from(count))) as u64).collect()
+}
+
+#[test]
+fn commands_under_any_memory_limit_end_without_a_signal() {
+    let scratch = Scratch::new();
+    let spheres = scratch.path("spheres.npy");
+    LAZYGRID.run(["generate", "five-sizes", "-n", "1000000", "-o", &spheres]).succeeds();
+    let text = scratch.path("spheres.csv");
+    LAZYGRID.run(["generate", "five-sizes", "-n", "300000", "-o", &text]).succeeds();
+    let pairs = scratch.path("pairs.csv");
+    let burst = scratch.write("burst.toml", &BURST.replace("COUNT", "150000"));
+    let run = scratch.path("run");
+    let replicas = scratch.path("replicas");
+    let commands: [&[&str]; 6] = [
+        &["detect", &spheres, "--backend", "cpu", "--threads", "2"],
+        &["detect", &text, "--backend", "cpu", "--threads", "2", "-o", &pairs],
+        &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--neighbors"],
+        &["generate", "equal", "-n", "4000000", "-o", &scratch.path("made.npy")],
+        &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &run],
+        &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &replicas, "--replicas", "2"],
+    ];
+    for command in commands {
+        let codes: Vec<i32> = limits(1000.0).into_iter().map(|limit| limited(limit, command).0).collect();
+        assert!(codes.contains(&1), "{command:?}: no limit was too low: {codes:?}");
+        assert_eq!(codes.last(), Some(&0), "{command:?}: {codes:?}");
+    }
+}
+
+#[test]
+fn run_that_cannot_fit_is_refused_before_it_begins() {
+    let scratch = Scratch::new();
+    let burst = scratch.write("burst.toml", &BURST.replace("COUNT", "2100000000"));
+    for replicas in [&[][..], &["--replicas", "2"]] {
+        let run = scratch.path("run");
+        let args = ["simulate", &burst, "--output", &run].into_iter().chain(replicas.iter().copied());
+        let refused = LAZYGRID.run(args).fails().err;
+        assert!(refused.contains("bytes of memory or more") && refused.contains("available"), "{refused}");
+    }
+    // Far more spheres than any machine has memory for.
+    let made = scratch.path("made.npy");
+    let refused = LAZYGRID.run(["generate", "equal", "-n", "4294967294", "-o", &made]);
+    assert!(
+        refused.code == Some(0) || refused.err.contains("68719476704 bytes of memory"),
+        "{}",
+        refused.err
+    );
+}
+
+#[test]
+fn many_species_without_reactions_need_no_table_of_pairs() {
+    use std::fmt::Write as _;
+    let scratch = Scratch::new();
+    let mut text = "steps = 1\ntime-step = 1e-3\ncontact = \"ignore\"\n".to_owned();
+    for k in 0..20_000 {
+        write!(text, "[[species]]\nname = \"S{k}\"\ndiffusion = 1.0\n").unwrap();
+    }
+    text += "[[transmitter]]\nname = \"tx\"\ncenter = [0.0, 0.0, 0.0]\nrelease = [{ species = \"S0\", count = 10 }]\n";
+    let scenario = scratch.write("species.toml", &text);
+    let run = scratch.path("run");
+    let (code, said) = limited(1024, &["simulate", &scenario, "--threads", "2", "--output", &run]);
+    assert_eq!(code, 0, "{said}");
+}

@@ -1,0 +1,113 @@
+//! Inputs and environments in which a command refuses to begin, and files of others that it leaves alone.
+#![cfg(target_os = "linux")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use lazygrid_tests::command::{Program, Scratch};
+
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+
+const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
+
+fn scenario(transmitter: &str) -> String {
+    format!(
+        "steps = 2\ntime-step = 1e-3\n[[species]]\nname = \"A\"\ndiffusion = 1.0\n[[transmitter]]\nname = \"tx\"\n\
+         center = [0.0, 0.0, 0.0]\nrelease = [{{ species = \"A\", count = 5 }}]\n{transmitter}\n"
+    )
+}
+
+#[test]
+fn closed_standard_output_is_an_error() {
+    let scratch = Scratch::new();
+    let file = scratch.write("spheres.csv", SPHERES);
+    for arguments in ["-o -", "--json"] {
+        let script = format!("exec \"$0\" detect \"$1\" --backend cpu {arguments} >&-");
+        let shell = Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_lazygrid"), &file]).output();
+        let output = shell.unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments}: {said}");
+        assert!(said.contains("closed"), "{arguments}: {said}");
+    }
+    // A device that takes everything is no closed output, however it is opened.
+    let null = fs::OpenOptions::new().read(true).write(true).open("/dev/null").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
+    let command = command.args(["detect", &file, "--backend", "cpu", "-o", "-"]).stderr(Stdio::null());
+    assert_eq!(command.stdout(null).status().unwrap().code(), Some(0));
+}
+
+#[test]
+fn message_of_too_many_bits_is_refused_at_once() {
+    let scratch = Scratch::new();
+    let many = format!("bits = \"{}\"\nsymbol-time = 1e-3", "10".repeat(3_000_000));
+    for (message, count) in
+        [("random-bits = 4294967295\nsymbol-time = 1e-3".to_owned(), "4294967295"), (many, "6000000")]
+    {
+        let file = scratch.write("message.toml", &scenario(&message));
+        let begun = Instant::now();
+        let said = LAZYGRID.run(["simulate", &file, "--output", &scratch.path("run")]).fails().err;
+        assert!(
+            said.contains(&format!("{count} bits are more than the limit of 4194304; send fewer")),
+            "{said}"
+        );
+        assert!(said.len() < 1000 && begun.elapsed() < Duration::from_secs(60));
+    }
+    let file = scratch.write("message.toml", &scenario("random-bits = 1000\nsymbol-time = 1e-3"));
+    LAZYGRID.run(["simulate", &file, "--output", &scratch.path("run")]).succeeds();
+}
+
+#[test]
+fn run_leaves_files_of_others_alone() {
+    let scratch = Scratch::new();
+    let file = scratch.write("a.toml", &scenario(""));
+    let run = scratch.path("run");
+    fs::create_dir(&run).unwrap();
+    let series = scratch.write("run/series.csv", "the work of years\n");
+    let said = LAZYGRID.run(["simulate", &file, "--output", &run]).fails().err;
+    assert!(said.contains("series.csv") && said.contains("--overwrite"), "{said}");
+    assert_eq!(fs::read_to_string(&series).unwrap(), "the work of years\n");
+    LAZYGRID.run(["simulate", &file, "--output", &run, "--overwrite"]).succeeds();
+    assert!(fs::read_to_string(&series).unwrap().starts_with("step,"));
+}
+
+#[test]
+fn incomplete_files_of_a_killed_run_are_removed_by_the_next_one() {
+    let scratch = Scratch::new();
+    let file = scratch.write("a.toml", &scenario(""));
+    let run = scratch.path("run");
+    LAZYGRID.run(["simulate", &file, "--output", &run]).succeeds();
+    let left = scratch.write("run/.draft-aB3xY9", "half a checkpoint");
+    let kept = scratch.write("run/.draft-of-my-paper", "mine");
+    LAZYGRID.run(["simulate", &file, "--output", &run, "--resume", "--steps", "3"]).succeeds();
+    assert!(!fs::exists(left).unwrap() && fs::exists(kept).unwrap());
+}
+
+/// A table of all seeds would take minutes, and either has no room on the disk or is cancelled by the signal.
+#[test]
+fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
+    let scratch = Scratch::new();
+    let file = scratch.write("a.toml", &scenario(""));
+    let run = scratch.path("run");
+    let script = "ulimit -v 1000000; exec \"$0\" simulate \"$1\" --output \"$2\" --replicas 4294967295 --threads 2 \
+                  --no-space-check";
+    let mut child = Command::new("sh")
+        .args(["-c", script, env!("CARGO_BIN_EXE_lazygrid"), &file, &run])
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Long enough to be in the middle of the table.
+    std::thread::sleep(Duration::from_secs(2));
+    Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    let begun = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "SIGTERM has no effect");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(143), "{said}");
+    assert!(said.contains("stopped with 0 of 4294967295 replicas done"), "{said}");
+}

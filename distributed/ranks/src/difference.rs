@@ -1,0 +1,28 @@
+use std::fmt;
+
+/// A setting that is not the same on all ranks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// The name of the setting.
+    pub setting: String,
+    /// Two ranks that have different values: rank 0, and the first that differs from it.
+    pub ranks: [u32; 2],
+    /// The values of these two ranks.
+    pub values: [String; 2],
+    /// The number of ranks that differ from rank 0.
+    pub differing: u32,
+    /// The number of all ranks.
+    pub all: u32,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { setting, ranks: [first, other], values: [one, another], differing, all } = self;
+        let differ = if *differing == 1 { "differs" } else { "differ" };
+        write!(
+            f,
+            "the setting `{setting}` is {one} on rank {first} and {another} on rank {other}; {differing} of {all} ranks \
+             {differ} from rank {first}; give all ranks the same"
+        )
+    }
+}

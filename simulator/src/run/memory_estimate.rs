@@ -1,0 +1,150 @@
+//! The forecast of a run's memory: a run is refused before it begins if its particles cannot fit, and stops with a checkpoint
+//! before a step that would not fit.
+
+use lazygrid_io::available_memory;
+
+use crate::model::transmitter::Schedule;
+use crate::{Error, Model};
+
+/// Bytes of a particle in a step, measured as the growth of the largest resident set: columns, displaced copies, the
+/// detector's index, a snapshot for the checkpoint.
+const BYTES_PER_PARTICLE: u64 = 260;
+/// Bytes of a particle that no run does without: its columns, the columns of the release that it comes from, and the detector's.
+const MIN_BYTES_PER_PARTICLE: u64 = 100;
+/// Bytes that a run needs besides its particles: threads, files, tables.
+const OVERHEAD: u64 = 64 << 20;
+/// Growth of the number of particles after which the memory is looked at again.
+const MIN_GROWTH: u64 = 50_000;
+
+/// The runs that this machine does at the same time, and the ranks among which each run divides its particles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sharing {
+    pub(crate) runs: u32,
+    pub(crate) ranks: u32,
+}
+
+impl Sharing {
+    /// A single run in one process.
+    #[cfg(test)]
+    pub(crate) const NONE: Self = Self { runs: 1, ranks: 1 };
+
+    fn bytes(self, particles: u64, of_each: u64) -> u64 {
+        particles.saturating_mul(of_each).saturating_mul(self.runs.into()) / u64::from(self.ranks.max(1))
+    }
+}
+
+/// Refuses a run whose largest release cannot fit.
+///
+/// # Errors
+/// [`Error::TooLittleMemory`].
+pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing) -> Result<(), Error> {
+    let particles = largest_release(model, steps);
+    if particles < MIN_GROWTH {
+        return Ok(());
+    }
+    check(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE).saturating_add(OVERHEAD))
+}
+
+/// The most particles that one release makes, on average; 0 if nothing is released within `steps` steps.
+fn largest_release(model: &Model, steps: u32) -> u64 {
+    let released = |transmitter: &crate::Transmitter| {
+        let mean = |window| -> f64 {
+            transmitter.mean_between(window, model.time_step).iter().map(|&(_, count)| count).sum()
+        };
+        let burst: f64 = match &transmitter.schedule {
+            Schedule::Steady { rates, .. } => rates.iter().map(|&(_, rate)| rate * model.time_step).sum(),
+            _ => transmitter.release.iter().map(|&(_, count)| f64::from(count)).sum(),
+        };
+        // Many bursts may fall on the first step.
+        burst.min(mean([0, steps.saturating_add(1)])).max(mean([0, 1])) as u64
+    };
+    model.transmitters.iter().map(released).max().unwrap_or(0)
+}
+
+/// Looks after the memory of a run as its particles grow in number.
+#[derive(Debug, Default)]
+pub(crate) struct MemoryGuard {
+    /// The number of particles up to which memory was found to be enough.
+    checked: u64,
+}
+
+impl MemoryGuard {
+    /// Checks the memory for the next `steps` steps after `step` of a run that has `present` particles.
+    ///
+    /// # Errors
+    /// [`Error::TooLittleMemory`].
+    pub(crate) fn check(
+        &mut self,
+        model: &Model,
+        (present, step, steps): (u64, u32, u32),
+        sharing: Sharing,
+    ) -> Result<(), Error> {
+        let window = [step.saturating_add(1), step.saturating_add(steps).saturating_add(1)];
+        let released: f64 = model
+            .transmitters
+            .iter()
+            .flat_map(|transmitter| transmitter.mean_between(window, model.time_step))
+            .map(|(_, count)| count)
+            .sum();
+        let particles = present.saturating_add(released as u64);
+        let more = particles.saturating_sub(self.checked);
+        if more >= MIN_GROWTH {
+            check(particles, sharing.bytes(more, BYTES_PER_PARTICLE).saturating_add(OVERHEAD))?;
+            self.checked = particles;
+        }
+        Ok(())
+    }
+}
+
+fn check(particles: u64, needed: u64) -> Result<(), Error> {
+    match available_memory() {
+        Some(available) if needed > available.bytes => Err(Error::TooLittleMemory {
+            particles,
+            needed,
+            available: available.bytes,
+            limit: available.limit.name(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Transmitter;
+
+    #[test]
+    fn largest_release_is_a_burst_or_a_step() {
+        let bursts = Transmitter {
+            release: vec![(0, 300), (1, 20)],
+            schedule: Schedule::Times(vec![0.0, 1.0]),
+            ..Transmitter::default()
+        };
+        let steady = Schedule::Steady { from: 0.0, until: 10.0, rates: vec![(0, 5000.0)] };
+        let steady = Transmitter { schedule: steady, ..Transmitter::default() };
+        let model =
+            |transmitter| Model { transmitters: vec![transmitter], time_step: 0.1, ..Model::default() };
+        assert_eq!(largest_release(&model(bursts.clone()), 100), 320);
+        assert_eq!(largest_release(&model(steady), 100), 500);
+        let late = Transmitter { schedule: Schedule::Times(vec![1000.0]), ..bursts };
+        assert_eq!(largest_release(&model(late), 100), 0);
+    }
+
+    #[test]
+    fn run_that_cannot_fit_is_refused() {
+        let huge = Transmitter {
+            release: vec![(0, u32::MAX); 4096],
+            schedule: Schedule::Times(vec![0.0]),
+            ..Transmitter::default()
+        };
+        let model = Model { transmitters: vec![huge], time_step: 0.1, ..Model::default() };
+        if available_memory().is_some() {
+            let error = check_largest_release(&model, 10, Sharing::NONE).unwrap_err().to_string();
+            assert!(error.contains("bytes") && error.contains("release fewer"), "{error}");
+            assert!(MemoryGuard::default().check(&model, (0, 0, 5), Sharing::NONE).is_err());
+        }
+        let none = Model { time_step: 0.1, ..Model::default() };
+        assert!(check_largest_release(&none, 10, Sharing::NONE).is_ok());
+        assert!(MemoryGuard::default().check(&none, (1000, 0, 5), Sharing::NONE).is_ok());
+    }
+}
