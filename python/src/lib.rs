@@ -7,6 +7,7 @@ mod arrays;
 mod chunks;
 mod command;
 mod detector;
+mod drive;
 mod error;
 mod exclusions;
 mod floats;
@@ -31,6 +32,8 @@ mod module {
     use crate::command::command;
     #[pymodule_export]
     use crate::detector::Detector;
+    #[pymodule_export]
+    use crate::drive::SimulationCore;
     #[pymodule_export]
     use crate::exclusions::Exclusions;
     #[pymodule_export]

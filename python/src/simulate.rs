@@ -148,17 +148,24 @@ pub(crate) fn simulate<'py>(
     options: Options,
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
     fork::use_threads()?;
-    let scenario = match source {
+    let mut run = Run::new(parse_scenario(source)?, &options)?;
+    let advice = [run.scenario.warnings.clone(), run.scenario.late_releases()].concat();
+    run.finish(py)?;
+    Ok((run.dict(py)?, advice))
+}
+
+/// Reads a scenario.
+///
+/// # Errors
+/// `SettingError` for a scenario that is not valid, `OSError` for a file that cannot be read.
+pub(crate) fn parse_scenario(source: Source<'_>) -> PyResult<Scenario> {
+    match source {
         Source::Dict(dict) => parse(toml::to_string(&table(&dict)?).map_err(error::setting)?),
         // No name of a file has several lines.
         Source::Text(text) if text.contains('\n') => parse(text),
         Source::Text(path) => Scenario::read(Path::new(&path)).map_err(error::simulator),
         Source::File(path) => Scenario::read(&path).map_err(error::simulator),
-    };
-    let mut run = Run::new(scenario?, &options)?;
-    let advice = [run.scenario.warnings.clone(), run.scenario.late_releases()].concat();
-    run.finish(py)?;
-    Ok((run.dict(py)?, advice))
+    }
 }
 
 fn parse(text: String) -> PyResult<Scenario> {
