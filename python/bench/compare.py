@@ -1,4 +1,4 @@
-"""Time lazygrid beside what Python programmers take today, as Markdown tables.
+"""Time lazygrid and the tools that Python programmers use today, as Markdown tables.
 
     python bench/compare.py [--spheres 10000 100000 1000000] [--rounds 7] [--install]
 
@@ -215,7 +215,7 @@ def table(title: str, columns: dict[int, dict[str, float]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Time lazygrid beside its peers.")
+    parser = argparse.ArgumentParser(description="Time lazygrid and its peers.")
     parser.add_argument("--spheres", type=int, nargs="+", default=[10_000, 100_000, 1_000_000])
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--install", action="store_true", help="install the peers by pip first")

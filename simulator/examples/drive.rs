@@ -23,7 +23,7 @@ fn model() -> Model {
         name: name.into(),
         reactant,
         products: [None; 2],
-        unbinding: Unbinding::default(),
+        unbinding: Unbinding::Apart(0.0),
         rate: 10.0,
     };
     let transmitter = |name: &str, x| Transmitter {

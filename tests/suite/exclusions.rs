@@ -30,7 +30,8 @@ fn cases() -> impl Strategy<Value = TestInput> {
         1 => triclinic::soup(),
         1 => triclinic::mixture(),
     ];
-    let words = vec(any::<u32>(), EXCLUSION_WORDS).prop_map(|words| words.try_into().expect("so many"));
+    let words =
+        vec(any::<u32>(), EXCLUSION_WORDS).prop_map(|words| words.try_into().expect("EXCLUSION_WORDS words"));
     (scenarios, words).prop_map(|(scenario, words)| scenario.with_exclusions(&words))
 }
 

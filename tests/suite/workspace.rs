@@ -78,12 +78,12 @@ fn all_packages_have_one_version() {
         assert_eq!(package["version"], version, "{}", package["name"]);
     }
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-    for (file, before, behind) in VERSIONED {
+    for (file, before, after) in VERSIONED {
         let text = std::fs::read_to_string(format!("{root}/{file}")).expect("a file of the tree");
         let said: Vec<_> = text
             .split(before)
             .skip(1)
-            .filter_map(|rest| rest.split_once(behind).map(|(said, _)| said))
+            .filter_map(|rest| rest.split_once(after).map(|(said, _)| said))
             .collect();
         assert!(
             !said.is_empty() && said.iter().all(|said| *said == version),

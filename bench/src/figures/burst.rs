@@ -27,7 +27,7 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     carriers, and so does the time in which a burst comes apart: large bursts are followed for a shorter time, in which \
     little of them does. Every contender finds the pairs of the same consecutive steps from each moment on, as contacts \
     leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
-    all threads, but for N3Sim's sweep, which has one.";
+    all threads, except N3Sim's sweep, which has one.";
 
 /// Steps per simulated second (2 ns each): √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
 const STEPS_PER_SECOND: f64 = 5e8;

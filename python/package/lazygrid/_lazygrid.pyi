@@ -415,7 +415,7 @@ class Frame:
 
     @property
     def periodic(self) -> tuple[_Edge | None, _Edge | None, _Edge | None] | None:
-        """The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in
+        """The length of each periodic axis, or the cell vectors of a triclinic box, for :class:`Detector`; ``None`` in
         unbounded space."""
 
 def neighbors_within(
@@ -467,7 +467,7 @@ class SimulationCore:
     def warnings(self) -> list[str]: ...
 
 def simulate(source: Any, options: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return what came of a run, and advice. See :func:`lazygrid.simulate`."""
+    """Return the results of a run, and warnings. See :func:`lazygrid.simulate`."""
 
 def command(arguments: list[str]) -> int:
     """Do what the arguments say, of which the first is the program's name, and return the exit code."""
