@@ -78,7 +78,7 @@ const PATTERNS: [(Pattern, &str, usize); 16] = [
     (Pattern::Pair(&["held", "hold", "holds"], 100, "against"), "checks against", 999),
     (Pattern::Prefixes(&["settle"]), "assign, apply, resolve", 999),
     (
-        Pattern::Prefixes(&["tilts", "orthogonal", "seam"]),
+        Pattern::Prefixes(&["lean", "straight", "seam"]),
         "triclinic, orthogonalized, periodic boundary",
         999,
     ),
@@ -204,7 +204,7 @@ fn only_the_first_line_of_a_comment_is_its_opening() {
 fn patterns_match_whole_words() {
     let phrase = Pattern::Phrases(&["so many"]);
     assert!(phrase.matches("so many spheres") && !phrase.matches("also many"));
-    let prefix = Pattern::Prefixes(&["tilts"]);
+    let prefix = Pattern::Prefixes(&["lean"]);
     assert!(prefix.matches("a triclinic box") && !prefix.matches("clean"));
     let pair = Pattern::Pair(&["from"], 25, "on");
     assert!(pair.matches("from step 5 on, none") && !pair.matches("from one of them"));
