@@ -4,7 +4,7 @@
 
 Every tool finds all pairs of the same spheres from scratch; of lazygrid therefore the skin is off. They fill 5 % of a box,
 which ends, or repeats: equal ones, so that a tool with one cutoff serves, and five sizes of equal number, each half as
-large as the one before, where such a tool takes the largest cutoff and what is too far apart is left out behind it. Tools
+large as the one before, where such a tool takes the largest cutoff and a filter follows. Tools
 take turns, one call each per round; a table has the median of all rounds, and how many times lazygrid's that is. A tool
 whose pairs are not the same ends the program. Everything runs on one thread, as far as the tools let themselves be told.
 Times are of the processor, of the whole process, so that others on the machine do not count as much.

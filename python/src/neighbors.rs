@@ -24,11 +24,11 @@ const CHUNK_ENTRIES: usize = 1 << 14;
 
 /// Atoms are neighbors if they are nearer than this.
 enum Cutoffs<'a> {
-    /// The same for all.
+    /// A single distance for all.
     One(f64),
     /// The sum of the radii of the two.
     Radii(&'a [f64]),
-    /// By the kinds of the two, from a table with this many kinds.
+    /// A table by the kinds of the two.
     Kinds { of: &'a [u32], table: &'a [f64], count: usize },
 }
 
@@ -200,7 +200,7 @@ impl CutoffArg<'_> {
     }
 }
 
-/// What the letters of quantities ask for.
+/// Converts the letters of quantities to options.
 fn options(quantities: &str, with_itself: bool) -> ListOptions {
     let wanted = |quantity| quantities.contains(quantity);
     let options = ListOptions::full().open();

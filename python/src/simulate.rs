@@ -46,7 +46,7 @@ struct Run {
     every: u32,
     frames_every: Option<u32>,
     steps: Vec<u32>,
-    /// By column.
+    /// The counts by column.
     counts: Vec<Vec<u64>>,
     frames: Vec<(u32, State)>,
     /// The pool of the run; `None` for the global pool.

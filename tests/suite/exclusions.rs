@@ -105,7 +105,7 @@ fn all_kinds_of_results_agree() {
         let lists = detector.neighbors(query).expect("neighbours");
         let listed: usize = (0..2000).map(|i| lists.neighbors_of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{variant}");
-        // The same detector without exclusions.
+        // Another call of the detector, without exclusions.
         assert_eq!(detector.count(without), Ok(all as u64), "{variant}");
     }
 }

@@ -77,11 +77,7 @@ const PATTERNS: [(Pattern, &str, usize); 16] = [
     ),
     (Pattern::Pair(&["held", "hold", "holds"], 100, "against"), "checks against", 999),
     (Pattern::Prefixes(&["settle"]), "assign, apply, resolve", 999),
-    (
-        Pattern::Prefixes(&["lean", "straight", "seam"]),
-        "triclinic, orthogonalized, periodic boundary",
-        999,
-    ),
+    (Pattern::Prefixes(&["lean", "straight", "seam"]), "triclinic, orthogonalized, periodic boundary", 999),
     (Pattern::Phrases(&["the way back", "bring back", "brings back"]), "readback", 999),
     (Pattern::Phrases(&["without a word", "last word", "in words"]), "(delete)", 999),
 ];
@@ -177,7 +173,8 @@ fn unclear_phrases_stay_within_their_budgets() {
     let mut lines: [Vec<String>; PATTERNS.len()] = Default::default();
     for (path, text) in &texts {
         for (number, line) in (1..).zip(text.lines()) {
-            let lower = line.to_lowercase();
+            // Python's `is None` is code.
+            let lower = line.replace("is None", "").to_lowercase();
             for ((pattern, ..), found) in PATTERNS.iter().zip(&mut lines) {
                 if pattern.matches(&lower) {
                     found.push(format!("{}:{number}: {}", path.display(), line.trim()));
@@ -205,7 +202,7 @@ fn patterns_match_whole_words() {
     let phrase = Pattern::Phrases(&["so many"]);
     assert!(phrase.matches("so many spheres") && !phrase.matches("also many"));
     let prefix = Pattern::Prefixes(&["lean"]);
-    assert!(prefix.matches("a triclinic box") && !prefix.matches("clean"));
+    assert!(prefix.matches("a box that leans") && !prefix.matches("clean"));
     let pair = Pattern::Pair(&["from"], 25, "on");
     assert!(pair.matches("from step 5 on, none") && !pair.matches("from one of them"));
     assert!(!pair.matches("from a place that is far away, it goes on"));

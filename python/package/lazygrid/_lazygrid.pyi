@@ -164,7 +164,7 @@ class Detector:
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
         """Return neighbor lists: for every sphere all that it overlaps, ascending; each pair is in both lists.
 
-        Of two sets, only the spheres of the first have a list, with indices in the second.
+        For two sets, only the spheres of the first have a list, with indices in the second.
 
         Parameters
         ----------

@@ -14,7 +14,7 @@ use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
 
 /// The engine whose recursion is evaluated.
 const OURS: &str = Algorithm::RecursiveGrid.name();
-/// The same grid without recursion.
+/// A grid of the same kind without recursion.
 const WITHOUT: &str = Algorithm::ArrayGrid.name();
 
 /// The section of one of these figures.
