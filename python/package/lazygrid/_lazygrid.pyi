@@ -244,7 +244,7 @@ class Detector:
 
     @property
     def report(self) -> Report:
-        """What the call that ended last did and why; before the first call, what is known by then. Times are in seconds."""
+        """The report of the call that ended last; before the first call, of the detector. Times are in seconds."""
 
 @final
 class Chunks:
