@@ -18,6 +18,7 @@ mod neighbors;
 mod pool;
 mod read;
 mod report;
+mod result_memory;
 mod settings;
 mod simulate;
 mod spheres;

@@ -14,10 +14,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::arrays::{empty, same_length};
+use crate::arrays::same_length;
 use crate::interruptible::{Work, interruptible};
 use crate::pool::DetectorPool;
-use crate::{error, fork};
+use crate::{error, fork, result_memory};
 
 /// Entries per piece of work.
 const CHUNK_ENTRIES: usize = 1 << 14;
@@ -115,11 +115,11 @@ impl<'py> Arrays<'py> {
     fn new(py: Python<'py>, quantities: &str, found: usize) -> PyResult<Self> {
         let wanted = |quantity| quantities.contains(quantity);
         Ok(Self {
-            i: wanted('i').then(|| empty::<i64, 1>(py, [found])).transpose()?,
-            j: wanted('j').then(|| empty::<i64, 1>(py, [found])).transpose()?,
-            distance: wanted('d').then(|| empty::<f64, 1>(py, [found])).transpose()?,
-            vector: wanted('D').then(|| empty::<f64, 2>(py, [found, 3])).transpose()?,
-            shift: wanted('S').then(|| empty::<i64, 2>(py, [found, 3])).transpose()?,
+            i: wanted('i').then(|| result_memory::array::<i64, 1>(py, [found])).transpose()?,
+            j: wanted('j').then(|| result_memory::array::<i64, 1>(py, [found])).transpose()?,
+            distance: wanted('d').then(|| result_memory::array::<f64, 1>(py, [found])).transpose()?,
+            vector: wanted('D').then(|| result_memory::array::<f64, 2>(py, [found, 3])).transpose()?,
+            shift: wanted('S').then(|| result_memory::array::<i64, 2>(py, [found, 3])).transpose()?,
         })
     }
 
