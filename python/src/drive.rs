@@ -79,7 +79,7 @@ impl SimulationCore {
         if let Some(replica) = replica {
             scenario.seed = seed_of(scenario.seed, replica);
         }
-        // A GPU cannot log arrivals.
+        // On a GPU a log of arrivals ends each batch of steps after one, so the scenario decides.
         scenario.model.logs_arrivals |= backend != Backend::Gpu;
         let pool = threads.map(|threads| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build();
@@ -227,7 +227,9 @@ impl SimulationCore {
     fn arrivals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.lock()?;
         if !inner.scenario.model.logs_arrivals {
-            return Err(error::setting("a run on a GPU logs no arrivals; choose the backend \"cpu\""));
+            return Err(error::setting(
+                "this run on a GPU logs no arrivals; set arrivals = true in [output]",
+            ));
         }
         let arrivals = &inner.arrivals;
         let columns = PyDict::new(py);
@@ -322,7 +324,8 @@ impl Inner {
     fn advance(&mut self, end: u32) -> Result<(), Error> {
         let began = Instant::now();
         while self.simulation.step_count() < end && began.elapsed() < SIGNAL_POLL {
-            let most = end - self.simulation.step_count();
+            // One step at a time tells the steps of arrivals apart.
+            let most = if self.scenario.model.logs_arrivals { 1 } else { end - self.simulation.step_count() };
             match &self.pool {
                 Some(pool) => pool.install(|| self.simulation.advance(most))?,
                 None => self.simulation.advance(most)?,

@@ -228,7 +228,7 @@ def test_gpu_runs_take_changes() -> None:
     run.insert("b", [[9.0, 9.0, 9.0]])
     run.step(2)
     assert run.step_count == 5 and np.isin(ids[4:], run.particles.id).any()
-    with pytest.raises(lazygrid.Error, match="GPU logs no arrivals"):
+    with pytest.raises(lazygrid.Error, match="logs no arrivals"):
         run.arrivals
 
 

@@ -286,7 +286,7 @@ class Simulation:
     @property
     def arrivals(self) -> Arrivals:
         """The particles that absorbing receivers took in the last call of :meth:`step`; with a callback, since its last
-        call. Not on a GPU."""
+        call. On a GPU only if the scenario sets ``arrivals = true`` in ``[output]``."""
         return Arrivals(**self._core.arrivals())
 
     def insert(self, species: str | int, positions: npt.ArrayLike) -> npt.NDArray[np.uint32]:
