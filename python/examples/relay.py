@@ -13,7 +13,7 @@ import lazygrid
 SYMBOL = 200  # steps
 BITS = [1, 0, 1, 1, 0, 0, 1, 0]
 THRESHOLD = 25  # molecules A inside the relay
-BURST = 3000
+BURST = 20_000
 
 SCENARIO = {
     "time-step": 1e-3,

@@ -12,7 +12,7 @@ use lazygrid_sim::{
 
 /// Steps per symbol.
 const SYMBOL: u32 = 200;
-const BURST: u32 = 3000;
+const BURST: u32 = 20_000;
 /// Molecules of the source inside the relay that mean a one.
 const THRESHOLD: u64 = 25;
 

@@ -38,7 +38,7 @@ const OPENINGS: [&str; 12] =
     ["what", "whether", "where", "how", "who", "why", "which", "those", "as", "of", "by", "the same"];
 
 /// The number of comments that still begin with one of them. It may only fall.
-const OPENINGS_BUDGET: usize = 643;
+const OPENINGS_BUDGET: usize = 199;
 
 /// A pattern of a line, in lower case.
 enum Pattern {
@@ -52,34 +52,30 @@ enum Pattern {
 
 /// Patterns, a better wording, and the number of lines that still have them. The numbers may only fall.
 const PATTERNS: [(Pattern, &str, usize); 16] = [
-    (Pattern::Phrases(&["so many"]), "the parameter in backticks", 999),
-    (Pattern::Phrases(&["where there is", "where there are"]), "if … exists", 999),
-    (Pattern::Phrases(&["is none", "are none"]), "is not a …", 999),
-    (
-        Pattern::Phrases(&["whoever", "whatever", "whichever", "nobody", "everybody"]),
-        "the actor by name",
-        999,
-    ),
+    (Pattern::Phrases(&["so many"]), "the parameter in backticks", 25),
+    (Pattern::Phrases(&["where there is", "where there are"]), "if … exists", 0),
+    (Pattern::Phrases(&["is none", "are none"]), "is not a …", 9),
+    (Pattern::Phrases(&["whoever", "whatever", "whichever", "nobody", "everybody"]), "the actor by name", 18),
     (
         Pattern::Phrases(&["what comes of", "what came of", "befall", "befalls", "befell"]),
         "result, event",
-        999,
+        19,
     ),
-    (Pattern::Phrases(&["anew"]), "rebuild", 999),
-    (Pattern::Phrases(&["but for"]), "except", 999),
-    (Pattern::Phrases(&["beside"]), "next to", 999),
-    (Pattern::Phrases(&["behind"]), "after", 999),
-    (Pattern::Pair(&["from"], 25, "on"), "at or above", 999),
+    (Pattern::Phrases(&["anew"]), "rebuild", 5),
+    (Pattern::Phrases(&["but for"]), "except", 7),
+    (Pattern::Phrases(&["beside"]), "next to", 60),
+    (Pattern::Phrases(&["behind"]), "after", 46),
+    (Pattern::Pair(&["from"], 25, "on"), "at or above", 37),
     (
         Pattern::Phrases(&["take down", "takes down", "take up where", "takes up where"]),
         "records, updates",
-        999,
+        0,
     ),
-    (Pattern::Pair(&["held", "hold", "holds"], 100, "against"), "checks against", 999),
-    (Pattern::Prefixes(&["settle"]), "assign, apply, resolve", 999),
-    (Pattern::Prefixes(&["lean", "straight", "seam"]), "triclinic, orthogonalized, periodic boundary", 999),
-    (Pattern::Phrases(&["the way back", "bring back", "brings back"]), "readback", 999),
-    (Pattern::Phrases(&["without a word", "last word", "in words"]), "(delete)", 999),
+    (Pattern::Pair(&["held", "hold", "holds"], 100, "against"), "checks against", 4),
+    (Pattern::Prefixes(&["settle"]), "assign, apply, resolve", 26),
+    (Pattern::Prefixes(&["lean", "straight", "seam"]), "triclinic, orthogonalized, periodic boundary", 46),
+    (Pattern::Phrases(&["the way back", "bring back", "brings back"]), "readback", 1),
+    (Pattern::Phrases(&["without a word", "last word", "in words"]), "(delete)", 1),
 ];
 
 impl Pattern {
