@@ -147,18 +147,22 @@ fn page_is_one_small_file_that_loads_nothing() {
     assert!(page.contains("default-src 'none'") && !page.contains("://") && !page.contains("{{"));
 }
 
+/// The part of the scenes that checks take: on a software adapter, compiling the kernels of all takes a minute.
+static EVERY: LazyLock<u64> =
+    LazyLock::new(|| if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { 1 } else { 15 });
+
 /// Asserts that a check of the page found no fault and did enough.
 fn assert_right(report: &Value) {
     assert_eq!(report["wrong"], 0, "{:#}", report["failures"]);
     assert_eq!(report["ok"], true);
     assert_eq!(report["left_out"], json!([]));
-    assert!(report["scenes"]["searches"].as_u64().unwrap() > 500, "{}", report["scenes"]);
+    assert!(report["scenes"]["searches"].as_u64().unwrap() > 1000 / *EVERY, "{}", report["scenes"]);
 }
 
 #[test]
 fn check_of_the_page_finds_no_fault_on_dawn() {
     if has_dawn() {
-        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap()]));
+        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap(), &EVERY.to_string()]));
     }
 }
 
@@ -179,7 +183,7 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
     if !has_dawn() {
         return;
     }
-    let report = on_dawn(&["measure", PAGE.to_str().unwrap(), "10000"]);
+    let report = on_dawn(&["measure", PAGE.to_str().unwrap(), "1000"]);
     assert_eq!((&report["wrong"], &report["ok"]), (&0.into(), &true.into()), "{:#}", report["failures"]);
     let speeds = report["speeds"].as_array().unwrap();
     assert!(speeds.len() >= 5 * 4, "{} rows: {:#}", speeds.len(), report["left_out"]);
@@ -215,7 +219,7 @@ fn visit(scratch: &Scratch, browser: &str, page: &str, until: &str) -> (String, 
 #[test]
 fn check_of_the_page_finds_no_fault_in_a_browser() {
     let Some(browser) = browser().filter(|_| has_dawn()) else { return };
-    let page = format!("{}#check", PAGE.display());
+    let page = format!("{}#check&every={}", PAGE.display(), *EVERY);
     let scratch = Scratch::new();
     let (result, said, _) =
         visit(&scratch, browser, &page, "document.getElementById('result').textContent !== ''");

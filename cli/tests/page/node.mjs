@@ -1,7 +1,7 @@
 // Runs the page's scripts in Node on Dawn, from the npm package of `kernels/tint`. Prints JSON.
 //
 //     node node.mjs replay MANIFEST.json                               outcome and pairs of each plan of a list
-//     node node.mjs check PAGE.html                                    the object of #check
+//     node node.mjs check PAGE.html EVERY                              the object of #check&every=EVERY
 //     node node.mjs check-altered PAGE.html                            the same with one pair too many expected in a scene
 //     node node.mjs measure PAGE.html SIZE…                            the object of #measure, for these sizes
 //
@@ -51,16 +51,18 @@ async function open(path) {
   return { ...scripts, bundle, player: await scripts.Player.open(gpu) };
 }
 
-async function check(path, alter = () => {}) {
+async function check(path, every, alter = () => {}) {
   const { Checker, checkReport, player, bundle } = await open(path);
   alter(bundle);
-  return checkReport(player, bundle, await new Checker(player, bundle).run(() => {}));
+  const checker = new Checker(player, bundle);
+  checker.take(every);
+  return checkReport(player, bundle, await checker.run(() => {}));
 }
 
 const commands = {
   replay,
-  check: (path) => check(path),
-  "check-altered": (path) => check(path, (bundle) => {
+  check: (path, every) => check(path, Number(every)),
+  "check-altered": (path) => check(path, 1, (bundle) => {
     bundle.checks = bundle.checks.filter(({ expected }) => expected.pairs > 0).slice(0, 1);
     bundle.checks[0].expected.pairs++;
   }),

@@ -107,10 +107,11 @@ class SceneTab {
 
   planTable() {
     const { plan, count } = this.stage.set, { cost } = plan;
+    const bytes = (number) => short(number).replace(/( [kMG])?$/, (unit) => `${unit || " "}B`);
     const rows = [
       ["algorithm", TITLES[plan.algorithm]], ["dispatches", cost.dispatches],
-      ["memory to work in", `${short(cost.working_bytes)}B`], ["memory for pairs", `${short(cost.pair_bytes)}B`],
-      ["bytes moved per sphere", cost.traffic_bytes === null ? "depends on the scene" : Math.round(cost.traffic_bytes / count)],
+      ["memory to work in", bytes(cost.working_bytes)], ["memory for pairs", bytes(cost.pair_bytes)],
+      ["traffic per sphere", cost.traffic_bytes === null ? "varies" : bytes(Math.round(cost.traffic_bytes / count))],
     ];
     element("plan").replaceChildren();
     for (const [name, value] of rows) {
@@ -122,10 +123,11 @@ class SceneTab {
 
   frame(now) {
     const { stage } = this, moved = this.last === undefined || this.paused ? 0 : Math.min(0.1, (now - this.last) / 1000);
-    this.last = now;
     if (stage.set && !this.busy) {
+      const drawn = stage.draw(moved * Number(element("speed").value), (told) => this.told(told));
+      if (!drawn) return;
       this.frames.push(now);
-      stage.draw(moved * Number(element("speed").value), (told) => this.told(told));
+      this.last = now;
       if (stage.frame >= this.pauseAfter && !this.paused) this.pause(true);
     }
   }
@@ -134,14 +136,14 @@ class SceneTab {
     const { stage } = this, { count, asked, plan } = stage.set;
     element("pairs").textContent = outcome.found.toLocaleString("en-US");
     element("per-sphere").textContent = `${(outcome.found / count).toPrecision(3)} per sphere, ${short(count)} spheres`;
-    const scarce = outcome.exceeded.filter((name) => name !== "pairs");
+    const scarce = outcome.exceeded.filter((name) => name !== "pairs" && name !== "work");
     if (scarce.length > 0 && !this.busy) {
       if (asked.size + asked.room + 1 < this.bundle.sizes.length) this.configure(asked.room + 1);
       else element("note").textContent = `the ${scarce.join(" and the ")} exceed what this page has plans for: some pairs are missing; choose fewer spheres`;
       return;
     }
-    element("note").textContent = outcome.exceeded.includes("pairs")
-      ? `all pairs are counted, and the first ${short(plan.pairs)} of them colored` : "";
+    element("note").textContent = outcome.partial ? "the cells are too crowded for one frame: some pairs are missing; choose fewer spheres"
+      : outcome.exceeded.includes("pairs") ? `all pairs are counted, and the first ${short(plan.pairs)} of them colored` : "";
     if (seconds) this.seconds.push(seconds);
     if (this.seconds.length > 60) this.seconds.shift();
     this.stageTable(phases);
@@ -154,7 +156,7 @@ class SceneTab {
     const rows = this.player.timed
       ? [...phases.map((phase, k) => [phase, means[k] / (all || 1), `${(means[k] * 1e3).toFixed(2)} ms`]), ["all pairs", null, `${(all * 1e3).toFixed(2)} ms`]]
       : [["no timestamps", null, ""]];
-    if (Number.isFinite(rate)) rows.push(["picture", null, `${rate.toFixed(0)} frames/s`]);
+    if (Number.isFinite(rate)) rows.push(["picture", null, `${rate.toFixed(rate < 10 ? 1 : 0)} frames/s`]);
     table.replaceChildren();
     for (const [name, part, text] of rows) {
       const row = made("tr", table);
@@ -262,8 +264,9 @@ class Page {
       text: "Every algorithm searches scenes that are hard on grids, in every variant of the kernels that this GPU can run. " +
         "The pairs are compared with those that the CPU found when this page was written.",
       run: async (tab) => {
-        const checker = new Checker(this.player, this.bundle);
-        const all = this.bundle.checks.reduce((sum, { calls }) => sum + calls.length, 0) * checker.variants().length;
+        const asked = new URLSearchParams(location.hash.slice(1)), checker = new Checker(this.player, this.bundle);
+        checker.take(Number(asked.get("every") ?? 1));
+        const all = checker.scenes.reduce((sum, { calls }) => sum + calls.length, 0) * checker.variants().length;
         let done = 0, passed = 0;
         const result = await checker.run(({ scene, algorithm, variant }, what) => {
           Object.assign(element("progress"), { max: all, value: ++done });

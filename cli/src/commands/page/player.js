@@ -112,6 +112,12 @@ class Player {
     return buffer;
   }
 
+  // Submits what an encoder recorded and returns a new one.
+  next(encoder) {
+    this.device.queue.submit([encoder.finish()]);
+    return this.device.createCommandEncoder();
+  }
+
   // Copies a buffer's first `size` bytes to the host.
   async read(source, size) {
     const bytes = Math.max(4, Math.ceil(size / 4) * 4);
@@ -182,6 +188,23 @@ class PlannedCall {
       return { pipeline, bindings, phase, workgroups, indirect };
     });
     this.phases = [...new Set(this.steps.map(({ phase }) => phase))];
+    this.passes = this.grouped(({ phase }) => phase);
+    this.parts = this.grouped(() => "");
+  }
+
+  // The dispatches of consecutive passes: of one part of the plan each, and of one `kind`.
+  grouped(kind) {
+    const passes = [], starts = new Set(this.plan.part_starts);
+    this.steps.forEach((step, at) => {
+      const last = passes.at(-1);
+      if (!last || starts.has(at) || kind(step) !== last.kind) passes.push({ kind: kind(step), starts: starts.has(at), steps: [] });
+      passes.at(-1).steps.push(step);
+    });
+    for (const [at, pass] of passes.entries()) {
+      const same = passes.map(({ kind }, k) => (kind === pass.kind ? k : -1)).filter((k) => k >= 0);
+      Object.assign(pass, { begins: same[0] === at, ends: same.at(-1) === at });
+    }
+    return passes;
   }
 
   dispatch(pass, steps) {
@@ -193,20 +216,17 @@ class PlannedCall {
     }
   }
 
-  // Records the call: in one pass, or with a timer in one pass per phase.
-  encode(encoder, timer) {
-    if (!timer) {
-      const pass = encoder.beginComputePass();
-      this.dispatch(pass, this.steps);
+  // Records the call: in one pass per part, or with a timer in one per phase. Each further part, which may take as long as
+  // drivers allow a submission, goes to the encoder that `next` returns for the one before. Returns the last encoder.
+  encode(encoder, timer, next) {
+    for (const { kind, starts, steps, begins, ends } of timer ? this.passes : this.parts) {
+      if (starts) encoder = next(encoder);
+      const pass = encoder.beginComputePass(timer ? { timestampWrites: timer.writes(this.phases.indexOf(kind), begins, ends) } : {});
+      this.dispatch(pass, steps);
       pass.end();
-      return;
     }
-    this.phases.forEach((phase, at) => {
-      const pass = encoder.beginComputePass({ timestampWrites: timer.writes(at) });
-      this.dispatch(pass, this.steps.filter((step) => step.phase === phase));
-      pass.end();
-    });
-    timer.resolve(encoder);
+    timer?.resolve(encoder);
+    return encoder;
   }
 
   // Records a further part of a call whose outcome is partial.
@@ -218,17 +238,14 @@ class PlannedCall {
 
   // Runs the whole call, in as many submissions as it takes, and returns its outcome.
   async run() {
-    const { device } = this.player;
-    const submit = (record) => {
-      const encoder = device.createCommandEncoder();
-      record(encoder);
-      device.queue.submit([encoder.finish()]);
-    };
-    submit((encoder) => this.encode(encoder));
+    const { device } = this.player, next = (encoder) => this.player.next(encoder);
+    device.queue.submit([this.encode(device.createCommandEncoder(), null, next).finish()]);
     for (;;) {
       const outcome = outcomeOf(this.plan, await this.player.read(this.outcome, this.plan.outcome.bytes));
       if (!outcome.partial) return outcome;
-      submit((encoder) => this.encodeContinuation(encoder));
+      const encoder = device.createCommandEncoder();
+      this.encodeContinuation(encoder);
+      device.queue.submit([encoder.finish()]);
     }
   }
 
@@ -251,8 +268,12 @@ class Timer {
     this.ticks = device.createBuffer({ size: 16 * phases, usage: GPUBufferUsage.QUERY_RESOLVE | GPUBufferUsage.COPY_SRC });
   }
 
-  writes(phase) {
-    return { querySet: this.set, beginningOfPassWriteIndex: 2 * phase, endOfPassWriteIndex: 2 * phase + 1 };
+  // Timestamps of a pass with which a phase begins, ends, or both.
+  writes(phase, begins = true, ends = true) {
+    const writes = { querySet: this.set };
+    if (begins) writes.beginningOfPassWriteIndex = 2 * phase;
+    if (ends) writes.endOfPassWriteIndex = 2 * phase + 1;
+    return begins || ends ? writes : undefined;
   }
 
   resolve(encoder) {

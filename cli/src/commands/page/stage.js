@@ -52,7 +52,7 @@ class Placer {
 // An eye that looks at the origin.
 class Camera {
   constructor() {
-    Object.assign(this, { turn: 0.6, tilt: 0.35, distance: 2.6 });
+    Object.assign(this, { turn: 0.6, tilt: 0.35, distance: 3.6 });
   }
 
   orbit(x, y) {
@@ -153,18 +153,20 @@ class Stage {
     return this.set.kind.scales[this.set.asked.size] * Math.cbrt(0.05 / this.set.filling) * 8388608 * (this.set.kind.is_burst ? 0.6 : 1);
   }
 
-  // Advances by `seconds`, finds all pairs, and draws. Calls `told` with what the frame found, some frames later.
+  // Advances by `seconds`, finds all pairs, and draws. Calls `told` with what the frame found, some
+  // frames later. Returns `false` if the GPU is too busy for another frame.
   draw(seconds, told) {
     const { set, player: { device } } = this;
-    if (!set) return;
+    // The GPU is behind by as many frames as it may be.
+    if (!set || set.staging.length === 0) return false;
     this.frame++;
     this.time += seconds;
-    const encoder = device.createCommandEncoder();
+    let encoder = device.createCommandEncoder();
     const scale = this.scale(), extent = this.extent();
     // A sphere of the uniform scenes crosses the box in about 20 s at speed 1.
     const path = set.kind.is_burst ? this.time : this.time * extent * 0.1;
     this.placer.encode(encoder, set.bindings, set.kind, set.count, scale, path);
-    set.call.encode(encoder, set.timer);
+    encoder = set.call.encode(encoder, set.timer, (full) => this.player.next(full));
     const pass = encoder.beginComputePass();
     pass.setPipeline(this.marking);
     pass.setBindGroup(0, set.markBindings);
@@ -172,6 +174,7 @@ class Stage {
     pass.end();
     const present = this.render(encoder, extent);
     this.readBack(encoder, told, present);
+    return true;
   }
 
   resize() {
@@ -227,18 +230,16 @@ class Stage {
     };
   }
 
-  // Submits, and has outcome and ticks come back if a staging buffer is free.
+  // Submits, and has outcome and ticks come back.
   readBack(encoder, told, present) {
     const { set, player: { device } } = this, staging = set.staging.pop(), { bytes } = set.plan.outcome;
-    if (staging) {
-      encoder.copyBufferToBuffer(set.call.outcome, 0, staging, 0, bytes);
-      if (set.timer) encoder.copyBufferToBuffer(set.timer.ticks, 0, staging, 128, set.timer.ticks.size);
-    }
+    encoder.copyBufferToBuffer(set.call.outcome, 0, staging, 0, bytes);
+    if (set.timer) encoder.copyBufferToBuffer(set.timer.ticks, 0, staging, 128, set.timer.ticks.size);
     device.queue.submit([encoder.finish()]);
     if (present) {
       this.showing = present().catch(() => {}).finally(() => { this.showing = null; });
     }
-    staging?.mapAsync(GPUMapMode.READ).then(() => {
+    staging.mapAsync(GPUMapMode.READ).then(() => {
       const outcome = outcomeOf(set.plan, staging.getMappedRange(0, 128).slice(0, bytes));
       const seconds = set.timer ? Timer.seconds(staging.getMappedRange(128, set.timer.ticks.size).slice(0)) : null;
       staging.unmap();
