@@ -111,7 +111,7 @@ impl GpuRun {
     }
 }
 
-/// Seconds that a call takes at least: every dispatch waits for the one before, and every byte moves once.
+/// Seconds of a call by arithmetic: every dispatch waits for the one before, and every byte moves once.
 fn expected(dispatches: f64, traffic_bytes: f64, bandwidth: f64) -> f64 {
     dispatches * DISPATCH_SECONDS + traffic_bytes / bandwidth
 }
@@ -183,12 +183,12 @@ fn expectations(text: &mut String) {
 ## Expected by arithmetic
 
 The cell list on five sizes of spheres at a filling of 5 %. The plan of a call says how many dispatches it has and how many bytes
-they read and write; `lazygrid plan` prints it. A call takes at least
+they read and write; `lazygrid plan` prints it. By that a call takes about
 
     dispatches × 1.7 µs + bytes ÷ bandwidth
 
-The 1.7 µs are an empty dispatch that waits for the one before, measured on an H200 through Vulkan. The bound leaves out
-instructions, of which the search has the most, scattered memory accesses beyond whole sectors, and the pairs.
+The 1.7 µs are an empty dispatch that waits for the one before, measured on an H200 through Vulkan. The estimate leaves out
+instructions, of which the search has the most, latencies, the pairs, and caches, which hold a million spheres on some devices.
 
 ";
     // Writing to a string cannot fail.
@@ -218,8 +218,8 @@ instructions, of which the search has the most, scattered memory accesses beyond
 
 /// The audit of the kernels, which counts instructions and latencies too.
 const AUDIT: &str = "\
-An audit of every kernel at commit f2b6809, which also counts instructions, registers and latencies (by reading, ±35 %), expects
-two to three times the bound. Its sums, by the same arithmetic and as little measured:
+An audit of every kernel at commit f2b6809 (by reading, ±35 %) also counts instructions, registers, latencies and caches. Its sums,
+which are arithmetic as well:
 
 | device | 10 k | 1 M | 10 M | 100 M |
 | --- | ---: | ---: | ---: | ---: |
