@@ -1,75 +1,75 @@
 //! A report before it is a page.
 
-/// A report.
+/// The whole report.
 #[derive(Clone, Debug, Default)]
 pub struct Document {
-    /// The title.
+    /// Its title.
     pub title: String,
-    /// The sections, in order.
+    /// Its sections, in order.
     pub sections: Vec<Section>,
 }
 
-/// A figure with its text, plots and tables.
+/// A figure with what belongs to it.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
-    /// The title.
+    /// Its title.
     pub title: String,
-    /// Paragraphs. Text between backticks is code; a paragraph that begins with "```sh" is a command.
+    /// Paragraphs, in which what stands between two backticks is code; one that begins with "```sh" is a command.
     pub text: Vec<String>,
-    /// The plots.
+    /// Pictures.
     pub plots: Vec<Plot>,
-    /// The tables, below the plots.
+    /// Tables, below the pictures.
     pub tables: Vec<Table>,
-    /// Notes: skipped measurements with reasons, and cases in which a peer is faster.
+    /// What could not be measured and why, and where somebody else is faster.
     pub notes: Vec<Note>,
 }
 
-/// A note below a figure.
+/// A sentence below a figure.
 #[derive(Clone, Debug)]
 pub struct Note {
-    /// The text.
+    /// What it says.
     pub text: String,
-    /// `true` for a wrong result.
+    /// `true` if something is wrong.
     pub is_error: bool,
 }
 
-/// A plot.
+/// A picture.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// The file name without `.svg`.
+    /// The file's name without `.svg`.
     pub name: String,
-    /// The caption.
+    /// What it shows.
     pub caption: String,
-    /// The plot as SVG.
+    /// The picture as SVG.
     pub svg: String,
 }
 
 /// A table.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
-    /// The caption.
+    /// What it shows.
     pub caption: String,
     /// The names of the columns.
     pub header: Vec<String>,
-    /// Rows, with a cell per column.
+    /// A cell for each column.
     pub rows: Vec<Vec<Cell>>,
 }
 
 /// A cell of a table.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// The text.
+    /// What it says.
     pub text: String,
-    /// The style.
+    /// How it is shown.
     pub kind: Kind,
 }
 
-/// The style of a cell.
+/// How a cell is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Plain.
+    /// As it is.
     Plain,
-    /// The best value.
+    /// The best of its kind.
     Best,
     /// Not measured.
     Absent,
@@ -78,7 +78,7 @@ pub enum Kind {
 }
 
 impl Cell {
-    /// Creates a plain cell.
+    /// One that is shown as it is.
     pub fn plain(text: impl Into<String>) -> Self {
         Self { text: text.into(), kind: Kind::Plain }
     }

@@ -1,44 +1,44 @@
-"""The exceptions of lazygrid."""
+"""What lazygrid raises."""
 
 from __future__ import annotations
 
 
 class Error(Exception):
-    """The base of all errors. The message names the value, the limit and the remedy."""
+    """Whatever lazygrid refuses or fails at. The message names the value, the limit and the remedy."""
 
 
 class InputError(Error, ValueError):
-    """An invalid input: values that are not finite, negative radii, wrong shapes, unknown species."""
+    """An input that is refused: values that are not finite, negative radii, wrong shapes, unknown species."""
 
     index: int | None = None
-    """The index of the first invalid sphere, if a sphere is at fault."""
+    """The first sphere with a value that is refused, where it is one sphere's."""
     value: list[float] | int | None = None
     """Its ``[x, y, z, r]``, or its species id."""
     count: int | None = None
-    """The number of spheres that are not finite or have a negative radius."""
+    """How many spheres are not finite or have a negative radius."""
     second: bool = False
-    """``True`` if the second of two sets is at fault."""
+    """Whether it is of the second of two sets."""
 
 
 class SettingError(Error, ValueError):
-    """A setting out of range, an unknown name, an invalid scenario."""
+    """A setting outside its range, a name that is none, a scenario that makes no sense."""
 
 
 class FileError(Error, ValueError):
-    """A file that does not follow its format. The message names the line or row and the text."""
+    """A file that does not hold what its format asks for. The message names the line or row and the text."""
 
 
 class TooManyPairs(Error):
-    """More pairs than a list may have, or than ``out`` can hold. Nothing was truncated."""
+    """More pairs than a list may hold, or than ``out`` has room for. Nothing was truncated."""
 
     found: int
-    """The exact number of pairs."""
+    """How many pairs there are."""
     limit: int
-    """The largest allowed number."""
+    """How many there may be."""
 
 
 class OutOfMemory(Error, MemoryError):
-    """The system or the GPU is out of memory."""
+    """Memory that the system or the GPU refused."""
 
     bytes: int
-    """The number of requested bytes."""
+    """How many bytes were asked for."""

@@ -9,8 +9,6 @@ pub mod simulation;
 pub mod state;
 pub mod view;
 
-mod edit;
-
 pub(crate) mod checksum;
 pub(crate) mod memory_estimate;
 pub(crate) mod sealed;

@@ -2,7 +2,6 @@ use std::collections::HashMap;
 
 use lazygrid_kernels::kernel::Variant;
 
-use super::bound_buffer::BoundBuffer;
 use crate::Error;
 use crate::gpu::device::{Pipelines, with_error_scope};
 use crate::gpu::plan::{
@@ -70,16 +69,15 @@ enum WorkgroupCount {
 
 impl Recording {
     /// Binds the buffers that `resolve` returns for each binding of each dispatch.
-    pub(crate) fn new<B: Into<BoundBuffer> + PartialEq>(
+    pub(crate) fn new<'a>(
         device: &wgpu::Device,
         pipelines: &Pipelines,
         variant: Variant,
         dispatches: impl IntoIterator<Item = Dispatch>,
-        resolve: impl Fn(&Dispatch, &str) -> B,
+        resolve: impl Fn(&Dispatch, &str) -> &'a wgpu::Buffer,
     ) -> Result<Self, Error> {
         let limits = DeviceLimits::of(device);
         let (sequence, buffers) = DispatchSequence::resolved(dispatches, variant, &limits, resolve);
-        let buffers: Vec<BoundBuffer> = buffers.into_iter().map(B::into).collect();
         Self::from_sequence(device, pipelines, &sequence, &buffers)
     }
 
@@ -88,7 +86,7 @@ impl Recording {
         device: &wgpu::Device,
         pipelines: &Pipelines,
         sequence: &DispatchSequence,
-        buffers: &[BoundBuffer],
+        buffers: &[&wgpu::Buffer],
     ) -> Result<Self, Error> {
         let mut dispatches = Vec::with_capacity(sequence.dispatches.len());
         for dispatch in &sequence.dispatches {
@@ -98,7 +96,7 @@ impl Recording {
                 .zip(&dispatch.buffers)
                 .map(|(binding, &buffer)| wgpu::BindGroupEntry {
                     binding,
-                    resource: buffers[buffer].binding(),
+                    resource: buffers[buffer].as_entire_binding(),
                 })
                 .collect();
             let bindings = with_error_scope(device, kernel.name, 0, || {
@@ -111,7 +109,7 @@ impl Recording {
             let groups = match dispatch.workgroups {
                 Workgroups::Fixed(groups) => WorkgroupCount::Fixed(groups),
                 Workgroups::Indirect { buffer, offset } => {
-                    WorkgroupCount::Indirect(buffers[buffer].buffer.clone(), offset)
+                    WorkgroupCount::Indirect(buffers[buffer].clone(), offset)
                 }
             };
             let pipeline = compiled.pipeline;

@@ -1,35 +1,35 @@
 package io.github.lazygrid;
 
-/** The status of a call of the library, in the order of {@code lazygrid.h}. */
+/** What became of a call of the library. The order is that of {@code lazygrid.h}. */
 public enum Status {
-    /** The call succeeded. */
+    /** The call did what was asked. */
     OK,
-    /** An argument is invalid. */
+    /** An argument is wrong by itself. */
     ARGUMENT,
-    /** Invalid input: not finite, a negative radius, an unknown species, an invalid length or distance. */
+    /** An input is refused: not finite, a negative radius, an unknown species, a length or distance that is none. */
     INPUT,
-    /** A setting is out of range, or two settings contradict each other. */
+    /** A setting is out of range, or two do not go together. */
     SETTING,
     /** A list would hold more pairs than {@link Settings#maxPairs(long)}. */
     TOO_MANY_PAIRS,
-    /** The system or the GPU is out of memory. */
+    /** The system or the GPU refused memory. */
     OUT_OF_MEMORY,
-    /** The system cannot start threads. */
+    /** The system refused threads. */
     THREADS,
-    /** The settings require a GPU, and none can be used. */
+    /** A GPU was asked for and cannot be used. */
     GPU_UNAVAILABLE,
-    /** The input or the result exceeds a limit of the GPU or of a Java buffer. */
+    /** Something does not fit the GPU, or a Java buffer. */
     DEVICE_LIMIT,
-    /** The GPU was lost or rejected a call; create a new detector. */
+    /** The GPU was lost or refused a call; make another detector. */
     DEVICE_LOST,
     /** The GPU did not finish in time. */
     TIMEOUT,
     /** The detector is in use by another thread, or a consumer of pairs searches. */
     BUSY,
-    /** A bug in the library; close the detector. */
+    /** A fault of the library; close the detector. */
     INTERNAL;
 
-    /** The status with this number; {@link #INTERNAL} for an unknown one. */
+    /** The status with that number; one that this version does not know is a fault. */
     static Status of(int number) {
         Status[] all = values();
         return number >= 0 && number < all.length ? all[number] : INTERNAL;
