@@ -149,13 +149,10 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
     let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
     // Receptors take one workgroup per receiver.
-    let max_requeries = seen.max(model.receivers.len());
-    match max_requeries > most {
+    let visits = seen.max(model.receivers.len());
+    match visits > most {
         true => Err(Error::NotOnGpu {
-            what: format!(
-                "so many receivers, at all of which each particle max_requeries: {max_requeries} counts of a receiver and a species, \
-                 beyond {most}"
-            ),
+            what: format!("{visits} counts of a receiver and a species, beyond {most}"),
         }),
         false => Ok(()),
     }
@@ -163,9 +160,9 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
 
 /// Bounds of the displacement of a species in a step that is no diffusion.
 struct Carried {
-    /// By flow and drift, in µm.
+    /// The part by plug flow and drift, in µm.
     drift: [f32; 3],
-    /// By Poiseuille flow, along the vessel, and by its own velocity in any direction, in µm.
+    /// The parts by Poiseuille flow along the vessel, and by its own velocity in any direction, in µm.
     flow: f32,
     own: f32,
     diffusion: f32,

@@ -37,8 +37,8 @@ use crate::{Error, Model};
 pub fn check(model: &Model) -> Result<(), Error> {
     let refused = |what: &str| Err(Error::NotOverRanks { what: what.to_owned() });
     match model.contact {
-        Contact::Separate => refused("contact = \"separate\", which settles overlaps one after the other"),
-        Contact::Elastic => refused("contact = \"elastic\", which settles collisions one after the other"),
+        Contact::Separate => refused("contact = \"separate\", which resolves overlaps in sequence"),
+        Contact::Elastic => refused("contact = \"elastic\", which resolves collisions in sequence"),
         Contact::Count | Contact::Ignore => Ok(()),
     }
 }

@@ -124,7 +124,7 @@ impl Run {
         self.check_backend(&communicator)?;
         let share = RankSlice::new(communicator.rank(), communicator.ranks());
         let is_first = communicator.rank() == 0;
-        // Nobody reads before the first rank has seen to it that nobody writes.
+        // The first rank locks the directory before any rank reads.
         let lock = is_first.then(|| self.lock()).transpose();
         let lock = communicator.agree(lock.map_err(|error| communicator.failure(error.to_string())))?;
         let read = || {

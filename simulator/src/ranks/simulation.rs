@@ -374,7 +374,7 @@ fn deliver_outcomes<C: Communicator>(
         Some((ghosts.rank_of(ghost), OutcomeMessage { at, product, position: outcome.position }))
     };
     let send = outcomes.iter().filter_map(message).collect();
-    let (came, _) = send_to_ranks(communicator, "what comes of ghosts", send)?;
+    let (came, _) = send_to_ranks(communicator, "outcomes of ghosts", send)?;
     outcomes.retain(|outcome| ghost_of(outcome).is_none());
     outcomes.extend(came.into_iter().map(|OutcomeMessage { at, product, position }| ReactantChange {
         at,

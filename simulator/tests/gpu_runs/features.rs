@@ -233,7 +233,7 @@ fn dissociating_swimmers_have_the_velocities_of_the_cpu() {
     compare(&model, 29, 8);
 }
 
-/// What is full of pairs of any kind does not lose a step when its number of particles doubles again and again.
+/// The number of particles doubles again and again, and exceeds the capacity several times.
 #[test]
 fn dissociation_grows_beyond_the_capacity_for_particles() {
     let Some(own) = device() else { return };

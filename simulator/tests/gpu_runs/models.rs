@@ -1,4 +1,4 @@
-//! What is run, and how runs are compared.
+//! Models of the runs, and comparisons of states.
 
 use lazygrid::Algorithm;
 use lazygrid::gpu::GpuDevice;

@@ -11,7 +11,7 @@ use lazygrid_sim::{
 use super::device;
 use super::models::{brownian, by_id, cpu, gpu, species};
 
-/// All counts are the same, and all places but for what rounding adds up to.
+/// Asserts that all counts are equal, and all positions up to accumulated rounding.
 #[track_caller]
 pub(super) fn assert_close(a: &State, b: &State, tolerance: f32) {
     assert_eq!((a.step, a.next_id), (b.step, b.next_id));
@@ -158,7 +158,7 @@ fn receivers_that_are_listed_do_what_they_do_on_the_cpu() {
     assert_close(&there.state().expect("a state"), here.state(), 2e-4);
 }
 
-/// What rests is pushed by what comes, and what comes off a receptor is there again.
+/// Moving surfaces push resting particles, also those that unbind.
 #[test]
 fn what_rests_is_pushed() {
     let pusher = Receiver {
