@@ -314,4 +314,26 @@ mod tests {
         }
         assert!(held > KERNELS.len(), "only {held} structures were compared");
     }
+
+    /// `npm ci --prefix kernels/tint` installs Tint. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
+    #[test]
+    fn tint_accepts_every_text() {
+        let tint = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint");
+        if !tint.join("node_modules").exists() && std::env::var_os("LAZYGRID_REQUIRE_TINT").is_none() {
+            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+            {
+                eprintln!("skipped: Tint is not installed; `npm ci --prefix kernels/tint` does that");
+            }
+            return;
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        for kernel in KERNELS {
+            let path = folder.path().join(kernel.name).with_extension("wgsl");
+            std::fs::write(path, kernel.wgsl()).expect("written");
+        }
+        let check = tint.join("check.mjs");
+        let run =
+            std::process::Command::new("node").arg(check).arg(folder.path()).output().expect("node runs");
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stdout));
+    }
 }
