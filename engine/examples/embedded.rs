@@ -7,7 +7,9 @@ use std::error::Error;
 use std::time::Duration;
 
 use lazygrid::Sphere;
-use lazygrid::gpu::{GpuConfig, GpuDetector, GpuOutput, GpuSpheres, Outcome, optional_features, wgpu};
+use lazygrid::gpu::{
+    GpuConfig, GpuDetector, GpuDevice, GpuOutput, GpuSpheres, Outcome, optional_features, wgpu,
+};
 
 const SPHERES: u32 = 100_000;
 
@@ -45,6 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         cache: None,
     });
 
+    // Probes the adapter once, so that detectors may use its subgroup operations.
+    let _ = GpuDevice::from_wgpu(&device, &queue);
     let mut detector = GpuDetector::new(&device, GpuConfig::default())?;
     let GpuOutput { pairs, outcome, .. } = detector.reserve(SPHERES)?;
     let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {

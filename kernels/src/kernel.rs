@@ -189,6 +189,9 @@ macro_rules! kernels {
 }
 
 kernels! {
+    /// Tests of what kernels assume about subgroups.
+    SUBGROUP_PROBE = "probe" / "subgroup_probe", WORKGROUP_SIZE, subgroups: true, periodic: false, [write("probe")],
+        species: [];
     /// Clears the accumulators of a call.
     CALL_BEGIN = "grid" / "call_begin", 1, subgroups: false, periodic: false,
         [uniform("params"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];

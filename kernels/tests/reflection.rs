@@ -8,7 +8,7 @@ use std::mem::{offset_of, size_of};
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
 use lazygrid_kernels::layout::{
     Bounds, CellListLayout, CellListLevel, Grid, InputStats, LevelKeys, Outcome, RadixPass, SearchParams,
-    SkinParams, SkinState, SortCounts, SpeciesParams,
+    SkinParams, SkinState, SortCounts, SpeciesParams, SubgroupProbe,
 };
 use naga::valid::ModuleInfo;
 use naga::{AddressSpace, Expression, Literal, Module};
@@ -123,7 +123,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             side_pairs,
             interaction,
             first_workgroup,
-            workgroups_per_dispatch
+            workgroups_per_dispatch,
+            opaque_zero
         }),
         layout!(words RadixPass { shift, mask, is_first }),
         layout!(CellListLevel {
@@ -182,6 +183,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             pairs_in_cell_order
         }),
         layout!(words SortCounts { items, counters }),
+        layout!(words SubgroupProbe { faults, invocations, smallest, largest }),
         layout!(words SkinParams { half_skin, limit_squared, candidate_capacity }),
         layout!(words SkinState { displacement, input_changed, is_complete, spheres, rebuild_reason, age, candidates, last_displacement }),
     ];

@@ -10,6 +10,7 @@ mod grid;
 mod grid_levels;
 mod overflow;
 pub mod primitives;
+mod probe;
 mod runs;
 mod skin;
 mod support;
@@ -40,7 +41,8 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
 /// All checks, in the order in which a call runs the kernels.
-pub const CHECKS: [KernelCheck; 34] = [
+pub const CHECKS: [KernelCheck; 35] = [
+    one("subgroup probe", &["subgroup_probe"], |own, _| probe::subgroup_probe(own)),
     one("start of a call", &["call_begin"], |own, _| call::call_begin(own)),
     one("wrapped coordinates", &["spheres_wrap"], |own, _| call::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| call::bounds_reduce(own)),

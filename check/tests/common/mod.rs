@@ -4,6 +4,7 @@
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
+pub(crate) mod periodic;
 pub(crate) mod scenes;
 
 use adapter::or_skip;

@@ -1,5 +1,5 @@
 /// Shared WGSL by the name in `#include`.
-pub(super) const INCLUDES: [(&str, &str); 40] = [
+pub(super) const INCLUDES: [(&str, &str); 41] = [
     ("candidates", include_str!("../shader/shared/candidates.wgsl")),
     ("cell_assignment", include_str!("../shader/shared/cell_assignment.wgsl")),
     ("cell_list", include_str!("../shader/shared/cell_list.wgsl")),
@@ -11,6 +11,7 @@ pub(super) const INCLUDES: [(&str, &str); 40] = [
     ("displacement", include_str!("../shader/shared/displacement.wgsl")),
     ("effective_radius", include_str!("../shader/shared/effective_radius.wgsl")),
     ("entry", include_str!("../shader/shared/entry.wgsl")),
+    ("evaluation_order", include_str!("../shader/shared/evaluation_order.wgsl")),
     ("far_tiles", include_str!("../shader/shared/far_tiles.wgsl")),
     ("float_order", include_str!("../shader/shared/float_order.wgsl")),
     ("inflated_radius", include_str!("../shader/shared/inflated_radius.wgsl")),

@@ -28,3 +28,14 @@ fn variant_for_device_fits_its_workgroup_memory() {
     assert_eq!(given(Some(8), 16 << 10), plain);
     assert_eq!(given(Some(8), 20 << 10), Variant { subgroups: Some(8), wide_tiles: true, ..plain });
 }
+
+/// The probe runs in workgroups of the size of every kernel with subgroup operations.
+#[test]
+fn subgroup_kernels_have_the_workgroup_size_of_the_probe() {
+    let mut count = 0;
+    for kernel in KERNELS.into_iter().filter(|kernel| kernel.uses_subgroups) {
+        assert_eq!(kernel.workgroup_size, SUBGROUP_PROBE.workgroup_size, "{}", kernel.name);
+        count += 1;
+    }
+    assert!(count > 8);
+}

@@ -238,6 +238,9 @@ fn conclude(report: &mut Report, search: &SlabSearch) {
         report.algorithm = ran;
         report.reason += &format!("; {instead}");
     }
+    if let Some(refusal) = session.subgroup_refusal() {
+        report.reason += &format!("; without subgroup operations: {refusal}");
+    }
     if search.slabs != 1 {
         report.reason += &format!("; in {} slabs: the device cannot bind all spheres at once", search.slabs);
     }

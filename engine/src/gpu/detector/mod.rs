@@ -55,6 +55,9 @@ pub(crate) struct AlgorithmChoice {
 impl GpuDetector {
     /// Creates a detector on the caller's device. Kernels are compiled when first needed.
     ///
+    /// Kernels use subgroup operations only after a [`GpuDevice`](crate::gpu::GpuDevice) of the same adapter probed them: make
+    /// one with [`GpuDevice::from_wgpu`](crate::gpu::GpuDevice::from_wgpu) before.
+    ///
     /// # Errors
     /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
     pub fn new(device: &wgpu::Device, settings: GpuConfig) -> Result<Self, Error> {

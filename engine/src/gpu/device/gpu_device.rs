@@ -9,6 +9,7 @@ use super::adapter::{AdapterId, AdapterSummary, enumerate, optional_features, su
 use super::constant::constant_buffer;
 use super::error_scope::with_error_scope;
 use super::pipelines::{Pipeline, Pipelines, pipeline};
+use super::subgroup_probe;
 use crate::Error;
 
 /// Selects whether a search for the best adapter may end at a software rasterizer.
@@ -90,14 +91,17 @@ impl GpuDevice {
             let _ = losing.set(format!("{reason:?}: {message}"));
         });
         log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
+        subgroup_probe::run_once(&device, &queue);
         let pipelines = Pipelines::new(&device);
         Ok(Self { device, queue, adapter: summary, pipelines, lost })
     }
 }
 
 impl GpuDevice {
-    /// Wraps a host application's device and leaves its handlers alone.
+    /// Wraps a host application's device and leaves its handlers alone. The first device of an adapter runs a short probe of
+    /// its subgroups; detectors of an adapter that was never probed do not use subgroup operations.
     pub fn from_wgpu(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
+        subgroup_probe::run_once(device, queue);
         Self {
             adapter: summarize(device.adapter_info(), &device.limits(), device.features()),
             pipelines: Pipelines::new(device),
@@ -203,6 +207,19 @@ impl GpuDevice {
         variant: Variant,
     ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), Error> {
         self.pipelines.get(kernel, variant).map(|Pipeline { pipeline, layout }| (pipeline, layout))
+    }
+
+    /// Returns the reason why kernels do not use the subgroup operations of this device; `None` if they do, or if it has none.
+    pub fn subgroup_refusal(&self) -> Option<&str> {
+        self.pipelines.subgroup_refusal()
+    }
+
+    /// Returns this device with kernels whose texts `rewrite` changes before they are compiled, for tests that stand in for
+    /// another compiler. The rewrite must keep the meaning up to rounding, and all loops.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_rewritten_kernels(self, rewrite: fn(&str) -> String) -> Self {
+        Self { pipelines: self.pipelines.rewritten(rewrite), ..self }
     }
 
     /// Compiles a WGSL text. Returns the compute pipeline and its bind group layout: group 0, bindings numbered from 0.

@@ -6,6 +6,7 @@ mod error_scope;
 mod gpu_device;
 mod mapping;
 mod pipelines;
+mod subgroup_probe;
 
 #[cfg(test)]
 pub(crate) use adapter::card;

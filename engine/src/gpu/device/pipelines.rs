@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
 use super::error_scope::with_error_scope;
+use super::subgroup_probe;
 use crate::Error;
 
 /// Compiled kernels of one device, each made when first needed. Clones share them.
@@ -12,8 +13,14 @@ use crate::Error;
 pub(crate) struct Pipelines {
     device: wgpu::Device,
     variant: Variant,
+    subgroup_refusal: Option<Arc<str>>,
+    /// Changes the text of each kernel before it is compiled.
+    rewrite: Option<KernelRewrite>,
     compiled: Arc<Mutex<Compiled>>,
 }
+
+/// Returns the text of a kernel as another compiler would transform it.
+pub(crate) type KernelRewrite = fn(&str) -> String;
 
 type Compiled = HashMap<(&'static str, Variant), Pipeline>;
 
@@ -24,13 +31,40 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
-    /// Creates an empty cache. Kernels use subgroup operations if the device has the feature.
+    /// Creates an empty cache. Kernels use subgroup operations if the device has the feature and its adapter passed the
+    /// probe of subgroups.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
+        Self::with_refusal(device, subgroup_probe::refusal(device))
+    }
+
+    /// Creates an empty cache for a device whose probe of subgroups gave this result.
+    pub(super) fn with_refusal(device: &wgpu::Device, refusal: Option<String>) -> Self {
         let offered = device.features().contains(wgpu::Features::SUBGROUP);
-        let smallest = offered.then(|| device.adapter_info().subgroup_min_size);
+        let refusal = refusal.filter(|_| offered);
+        let smallest = (offered && refusal.is_none()).then(|| device.adapter_info().subgroup_min_size);
         let memory = device.limits().max_compute_workgroup_storage_size;
         let variant = Variant::for_device(smallest, memory);
-        Self { device: device.clone(), variant, compiled: Arc::default() }
+        Self {
+            device: device.clone(),
+            variant,
+            subgroup_refusal: refusal.map(Arc::from),
+            rewrite: None,
+            compiled: Arc::default(),
+        }
+    }
+
+    /// Compiles one kernel without a cache.
+    pub(super) fn compiled(
+        device: &wgpu::Device,
+        kernel: &'static Kernel,
+        variant: Variant,
+    ) -> Result<Pipeline, Error> {
+        with_error_scope(device, kernel.name, 0, || compile(device, kernel, variant, kernel.wgsl(variant)))
+    }
+
+    /// Returns the reason why kernels do not use the device's subgroup operations, if they do not.
+    pub(crate) fn subgroup_refusal(&self) -> Option<&str> {
+        self.subgroup_refusal.as_deref()
     }
 
     /// Returns the variant of kernels for this device. Other fields of the variant depend on the call.
@@ -43,22 +77,29 @@ impl Pipelines {
         Self { variant: Variant { subgroups: None, ..self.variant }, ..self }
     }
 
+    /// Returns a new cache of kernels whose texts are rewritten.
+    pub(crate) fn rewritten(&self, rewrite: KernelRewrite) -> Self {
+        Self { rewrite: Some(rewrite), compiled: Arc::default(), ..self.clone() }
+    }
+
     pub(crate) fn get(&self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, Error> {
         let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
         match compiled.entry((kernel.name, kernel.effective_variant(variant))) {
             Entry::Occupied(found) => Ok(found.get().clone()),
             Entry::Vacant(vacant) => {
-                let work = || compile(&self.device, kernel, variant);
+                let text = kernel.wgsl(variant);
+                let text = self.rewrite.map_or_else(|| text.clone(), |rewrite| rewrite(&text));
+                let work = || compile(&self.device, kernel, variant, text);
                 Ok(vacant.insert(with_error_scope(&self.device, kernel.name, 0, work)?).clone())
             }
         }
     }
 }
 
-fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline {
+fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant, text: String) -> Pipeline {
     let accesses = kernel.bindings(variant).map(|bound| bound.access);
     // Every kernel clears workgroup memory before it reads it.
-    pipeline(device, kernel.name, accesses, &shader_module(device, kernel, variant), false)
+    pipeline(device, kernel.name, accesses, &shader_module(device, kernel, text), false)
 }
 
 pub(super) fn pipeline(
@@ -107,10 +148,10 @@ pub(super) fn pipeline(
     Pipeline { pipeline, layout }
 }
 
-fn shader_module(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> wgpu::ShaderModule {
+fn shader_module(device: &wgpu::Device, kernel: &Kernel, text: String) -> wgpu::ShaderModule {
     let descriptor = wgpu::ShaderModuleDescriptor {
         label: Some(kernel.name),
-        source: wgpu::ShaderSource::Wgsl(kernel.wgsl(variant).into()),
+        source: wgpu::ShaderSource::Wgsl(text.into()),
     };
     // The counters by which wgpu ends endless loops make all pairs a fifth dearer.
     let mut checks = wgpu::ShaderRuntimeChecks::checked();
@@ -118,5 +159,6 @@ fn shader_module(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> wg
     // SAFETY: all other checks stay enabled, so the obligation is that each loop of the text ends. The text belongs to
     // lazygrid-kernels. Its loop counters approach a constant limit by steps that cannot pass it, or clear a bit at
     // each iteration. `kernels/tests/loops.rs` checks each loop of all texts.
+    // A rewrite must keep the loops; only tests rewrite.
     unsafe { device.create_shader_module_trusted(descriptor, checks) }
 }

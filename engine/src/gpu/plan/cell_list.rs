@@ -26,6 +26,8 @@ const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 /// The largest number of workgroups of the statistics kernel: enough for current devices, and few enough to avoid
 /// contention at its counters.
 const SURVEY_GROUPS: u32 = 1024;
+/// The largest number of workgroups of `occupancy_count`, which stride over the spheres: enough threads for current devices.
+const OCCUPANCY_GROUPS: u32 = 1024;
 /// Spheres per thread of the statistics kernel, up to its largest number of workgroups.
 const SPHERES_PER_THREAD: u32 = 8;
 /// The largest number of spheres for which a dispatch costs more than its work. Such calls minimize dispatches: all
@@ -98,7 +100,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         ],
     };
     if plan.occupancy_slots > 0 {
-        dispatches.push(dispatch(&k::OCCUPANCY_COUNT, per_sphere, GpuPhase::Entries));
+        dispatches.push(dispatch(&k::OCCUPANCY_COUNT, per_sphere.min(OCCUPANCY_GROUPS), GpuPhase::Entries));
     }
     if plan.tile == 0 {
         dispatches.push(dispatch(&k::CELLS_COUNT, per_sphere, GpuPhase::Entries));

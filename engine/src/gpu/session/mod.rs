@@ -102,6 +102,11 @@ pub struct Ticket {
 }
 
 impl GpuSession {
+    /// Returns the reason why kernels do not use the subgroup operations of the device; `None` if they do, or if it has none.
+    pub(crate) fn subgroup_refusal(&self) -> Option<&str> {
+        self.gpu.subgroup_refusal()
+    }
+
     /// Creates a session on this device.
     ///
     /// # Errors

@@ -21,6 +21,9 @@ var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
 var<workgroup> later: array<u32, 512>;
 // The range of the block's spheres.
 var<workgroup> block_range: array<u32, 2>;
+// The number of probes before each end of that range.
+var<workgroup> passed: array<atomic<u32>, 2>;
+const PROBES: u32 = WORKGROUP_SIZE / 2u;
 
 fn slot_of(number: u32) -> u32 {
     return number + number / 32u;
@@ -57,8 +60,32 @@ fn cell_starts_find(
     if (first_cell >= counters) {
         return;
     }
-    if (thread.local_index < 2u) {
-        block_range[thread.local_index] = first_from(first_cell + thread.local_index * BLOCK, 0u, cell_list.spheres);
+    // Either half of the workgroup searches for one end of the range. Each round divides the interval `low..high` by the
+    // number of probes, a power of two: seven bits of the number of spheres.
+    let half = thread.local_index / PROBES;
+    let probe = thread.local_index % PROBES;
+    let end_cell = first_cell + half * BLOCK;
+    var low = 0u;
+    var high = cell_list.spheres;
+    let search_rounds = (32u - countLeadingZeros(cell_list.spheres) + 6u) / 7u;
+    for (var round = 0u; round < search_rounds; round++) {
+        if (probe == 0u) {
+            atomicStore(&passed[half], 0u);
+        }
+        workgroupBarrier();
+        let step = (high - low + PROBES - 1u) / PROBES;
+        let position = low + probe * step;
+        if (position < high && cells[position] < end_cell) {
+            atomicAdd(&passed[half], 1u);
+        }
+        workgroupBarrier();
+        let count = atomicLoad(&passed[half]);
+        high = min(high, low + count * step);
+        low = select(low, low + (count - 1u) * step + 1u, count != 0u);
+        workgroupBarrier();
+    }
+    if (probe == 0u) {
+        block_range[half] = low;
     }
     let begin = workgroupUniformLoad(&block_range[0]);
     let end = workgroupUniformLoad(&block_range[1]);

@@ -1,4 +1,5 @@
-// Counts the spheres in each cell of level 0, if smaller ones may have to leave it.
+// Counts the spheres in each cell of level 0, if smaller ones may have to leave it. Few workgroups stride over the spheres,
+// because most calls end here at once.
 #include layout
 #include cell_list
 #include thread
@@ -26,11 +27,20 @@ fn occupancy_count(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let index = workgroup_index(id, groups) * 256u + thread.local_index;
-    if (cell_list.has_overfull_cells != 0u && index < cell_list.spheres) {
-        let sphere = spheres[index];
-        if (may_pair(index, sphere) && level_of(class_of(effective_radius(index, sphere))) != LISTED) {
-            atomicAdd(&occupancy[occupancy_slot(cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS))], 1u);
+    if (cell_list.has_overfull_cells == 0u) {
+        return;
+    }
+    let first = workgroup_index(id, groups) * 256u + thread.local_index;
+    let stride = groups.x * groups.y * 256u;
+    let rounds = (cell_list.spheres + stride - 1u) / stride;
+    for (var round = 0u; round < rounds; round++) {
+        let index = first + round * stride;
+        if (index < cell_list.spheres) {
+            let sphere = spheres[index];
+            if (may_pair(index, sphere) && level_of(class_of(effective_radius(index, sphere))) != LISTED) {
+                let cell = cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS);
+                atomicAdd(&occupancy[occupancy_slot(cell)], 1u);
+            }
         }
     }
 }

@@ -23,6 +23,8 @@ var<workgroup> members: array<u32, 512>;
 var<workgroup> largest: array<u32, 256>;
 // The largest size class that has cells.
 var<workgroup> base_class: atomic<u32>;
+// Bits of the largest effective radius.
+var<workgroup> largest_of_all: atomic<u32>;
 // The spheres of each level if all leave level 0, and of each side.
 var<workgroup> populations: array<atomic<u32>, 32>;
 var<workgroup> on_side: array<atomic<u32>, 2>;
@@ -195,10 +197,7 @@ fn set_call(count: u32) {
     for (var axis = 0u; axis < 3u; axis++) {
         farthest = max(farthest, max(abs(from_sortable(low[axis])), abs(from_sortable(high[axis]))));
     }
-    var widest = 0.0;
-    for (var size_class = 0u; size_class < CLASSES; size_class++) {
-        widest = max(widest, bitcast<f32>(largest[size_class]));
-    }
+    let widest = bitcast<f32>(atomicLoad(&largest_of_all));
     // Without a valid sphere, the complement of 0 is NaN, and nothing is tested.
     cell_list.ordinary = select(0u, 1u, smallest > 0x1p-40 && farthest < 0x1p58 && widest < 0x1p58);
     outcome_begin(0u, atomicLoad(&stats.quarantined));
@@ -282,9 +281,13 @@ fn configure(local_index: u32) {
     }
     if (local_index == 0u) {
         atomicStore(&base_class, 0u);
+        atomicStore(&largest_of_all, 0u);
         atomicStore(&sampled_pairs, 0u);
     }
     workgroupBarrier();
+    if (largest[local_index] != 0u) {
+        atomicMax(&largest_of_all, largest[local_index]);
+    }
 
     // The number of spheres of this class or a larger one.
     var front = 0u;

@@ -1,10 +1,12 @@
+#include evaluation_order
+
 #ifdef PERIODIC
-// How far apart coordinates are along an axis with this period, or an unbounded one where it is 0. Both lie within
-// half a period of 0, and across the seam parts are added that are not negative, so that no digits cancel.
+// Returns the difference of two coordinates along an axis with this period, 0 for an unbounded axis. Both coordinates lie
+// within half a period of 0. Across the boundary the result is a distance, without a sign.
 fn axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     let half = 0.5 * period;
-    let across = (half - abs(a)) + (half - abs(b));
-    return select(a - b, across, half > 0.0 && abs(a - b) > half);
+    let is_across = half > 0.0 && abs(a - b) > half;
+    return select(a - b, across_boundary(a, b, half), is_across);
 }
 
 fn periods() -> vec3<f32> {
@@ -13,7 +15,11 @@ fn periods() -> vec3<f32> {
 
 fn displacement(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     let lengths = periods();
-    return vec3(axis_displacement(a.x, b.x, lengths.x), axis_displacement(a.y, b.y, lengths.y), axis_displacement(a.z, b.z, lengths.z));
+    return vec3(
+        axis_displacement(a.x, b.x, lengths.x),
+        axis_displacement(a.y, b.y, lengths.y),
+        axis_displacement(a.z, b.z, lengths.z),
+    );
 }
 #else
 fn axis_displacement(a: f32, b: f32, period: f32) -> f32 {

@@ -53,6 +53,8 @@ struct SearchParams {
     first_workgroup: u32,
     // The most workgroups of each dispatch that tests candidates; 0 without a limit.
     workgroups_per_dispatch: u32,
+    // Always 0, which compilers cannot know; see `evaluation_order`.
+    opaque_zero: u32,
 }
 
 // Values of interactions that are not distances.

@@ -1,19 +1,3 @@
-// Scales by 2^100; subnormal values through their bits, because devices may flush them.
-fn scaled_up(value: f32) -> f32 {
-    let bits = bitcast<u32>(value);
-    if ((bits & 0x7f800000u) == 0u) {
-        return select(0x1p-49, -0x1p-49, bits >= 0x80000000u) * f32(bits & 0x007fffffu);
-    }
-    return value * 0x1p100;
-}
-
-// Scales by 2^-70, and smaller values to 0, through the exponent: compilers may move a multiplication behind the
-// difference or sum, which may be infinite.
-fn scaled_down(value: f32) -> f32 {
-    let bits = bitcast<u32>(value);
-    return select(0.0, bitcast<f32>(bits - (70u << 23u)), (bits & 0x7f800000u) > (70u << 23u));
-}
-
 #include displacement
 
 // Returns the difference of two coordinates times 2^100, if it is known to be below 2^-40.
@@ -22,7 +6,7 @@ fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
         // A periodic boundary farther away does not matter.
         return axis_displacement(scaled_up(a), scaled_up(b), scaled_up(select(period, 0x1p22, period > 0x1p22)));
     }
-    return axis_displacement(a, b, period) * 0x1p100;
+    return magnified(axis_displacement(a, b, period), 0x1p100);
 }
 
 // Returns `true` if the centers are at most `reach.x + reach.y` apart, when squares would overflow or underflow.

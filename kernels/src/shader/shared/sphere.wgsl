@@ -1,3 +1,5 @@
+#include evaluation_order
+
 fn is_finite(value: f32) -> bool {
     return (bitcast<u32>(value) & 0x7f800000u) != 0x7f800000u;
 }
@@ -18,8 +20,7 @@ struct Box {
 }
 
 fn box_of(sphere: vec4<f32>, radius: f32) -> Box {
-    // Summed after scaling: the largest float plus a radius of half its ulp is infinite.
-    let half = vec3(radius) + (abs(sphere.xyz) * 0x1p-21 + vec3(radius * 0x1p-21));
+    let half = box_half_width(sphere.xyz, radius);
     return Box(
         clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)),
         clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)),

@@ -26,8 +26,9 @@ var<workgroup> scratch: array<atomic<u32>, #{RADIX_SCRATCH}>;
 var<workgroup> digits: array<u32, 256>;
 
 #ifdef SUBGROUP_RANKING
-// Each subgroup ranks a stretch of the tile of its own, with a table of 16-bit counters, two to a word. Threads
-// of a subgroup follow each other's updates through the broadcast that ends every row.
+// Each subgroup ranks its own part of the tile, with a table of 16-bit counters, two per word. Rows of keys update the
+// counters one after another: a barrier after each row orders the updates of different lanes, which no other rule of the
+// memory model does. Without that order the sort would not be stable.
 fn item_index(thread: Thread, item: u32) -> u32 {
     return thread.subgroup * thread.subgroup_size * ITEMS + item * thread.subgroup_size + thread.lane;
 }
@@ -71,7 +72,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// How many keys of the same digit come before this one in its subgroup's stretch, and the digit above.
+// Returns the number of earlier keys with the same digit in this subgroup's part, and the digit in the upper half. Called
+// by all threads.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = select(NO_DIGIT, digit_of(key), used);
     let same = same_digit(digit);
@@ -82,13 +84,13 @@ fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
         let word = thread.subgroup * 128u + digit / 2u;
         before = (atomicAdd(&scratch[word], ones(same) << half) >> half) & 0xffffu;
     }
+    workgroupBarrier();
     return rank + subgroupShuffle(before, select(0u, lowest_lane(same), used)) + (digit << 16u);
 }
 
-// Subgroups one after another; both halves of a word at once, as neither sum reaches 2^16. Then each table says where in
-// the tile its subgroup's keys of a digit begin.
+// Replaces each subgroup's counts by the positions in the tile at which its keys of each digit begin. Sums both halves of a
+// word at once, as neither reaches 2^16. Called after a barrier.
 fn merge_tables(thread: Thread) {
-    workgroupBarrier();
     if (thread.local_index < 128u) {
         var total = 0u;
         for (var s = 0u; s < thread.subgroups; s++) {

@@ -1,0 +1,30 @@
+//! The check of the subgroup probe.
+
+use lazygrid::gpu::GpuDevice;
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::layout::SubgroupProbe;
+
+use super::support::{KernelError, same, variants};
+use crate::device::{download, run, upload};
+
+/// Checks that all invocations of the probe run, and that it reports the adapter's subgroup sizes if they are full.
+pub(crate) fn subgroup_probe(own: &GpuDevice) -> Result<(), KernelError> {
+    let [least, most] = own.adapter.subgroup_sizes;
+    for variant in variants(own) {
+        let probe = upload(own, &[SubgroupProbe::BEFORE])?;
+        run(own, &k::SUBGROUP_PROBE, variant, SubgroupProbe::WORKGROUPS, &[("probe", &probe)])?;
+        let found = download::<SubgroupProbe>(own, &probe, 1)?[0];
+        let case = || format!("{found:?} of {variant:?}");
+        same(case, &found.invocations, &(SubgroupProbe::WORKGROUPS * k::WORKGROUP_SIZE))?;
+        match variant.subgroups {
+            None => same(case, &found.faults, &SubgroupProbe::NO_SUBGROUPS)?,
+            Some(_) => {
+                let is_known = (found.faults & SubgroupProbe::NO_SUBGROUPS, found.smallest <= found.largest);
+                same(case, &is_known, &(0, true))?;
+                let fits = least <= found.smallest && found.largest <= most;
+                same(case, &(fits || found.refusal(least).is_some()), &true)?;
+            }
+        }
+    }
+    Ok(())
+}
