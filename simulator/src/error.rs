@@ -62,19 +62,31 @@ pub enum Error {
         /// The message of the detector.
         source: lazygrid::Error,
     },
+    /// Particles collided too often in a step.
+    #[error(
+        "step {step}: {particles} particles collided {collisions} times in one step; shorten the time step, or let contact = \"count\" only count overlaps"
+    )]
+    Collisions {
+        /// The step, counted from 0.
+        step: u32,
+        /// The number of particles.
+        particles: u64,
+        /// The number of collisions at which the step was given up.
+        collisions: u64,
+    },
     /// The detector could not be made.
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
     /// A model with something that the GPU back end cannot do.
     #[error("the GPU back end cannot do {what}; choose the CPU")]
     NotOnGpu {
-        /// What that is, and whose.
+        /// The refused part of the model, and its owner.
         what: String,
     },
     /// A model with something that a run over several ranks cannot do.
     #[error("a run over ranks cannot do {what}; run it in one process, with `lazygrid simulate`")]
     NotOverRanks {
-        /// What that is.
+        /// The refused part of the model.
         what: String,
     },
     /// Particles went beyond the range of numbers on the GPU.

@@ -137,6 +137,7 @@ const SHARED: &[(&str, &str)] = &[
     ("decay", include_str!("shader/shared/decay.wgsl")),
     ("event", include_str!("shader/shared/event.wgsl")),
     ("event_rows", include_str!("shader/shared/event_rows.wgsl")),
+    ("first_passage", include_str!("shader/shared/first_passage.wgsl")),
     ("normal", include_str!("shader/shared/normal.wgsl")),
     ("output_order", include_str!("shader/shared/output_order.wgsl")),
     ("params", include_str!("shader/shared/params.wgsl")),
@@ -151,6 +152,7 @@ const SHARED: &[(&str, &str)] = &[
     ("velocity", include_str!("shader/shared/velocity.wgsl")),
     ("velocity_index", include_str!("shader/shared/velocity_index.wgsl")),
     ("vessel", include_str!("shader/shared/vessel.wgsl")),
+    ("wall", include_str!("shader/shared/wall.wgsl")),
 ];
 
 impl Kernel {

@@ -54,7 +54,7 @@ pub struct Species {
     pub mass: f64,
     /// Standard deviation of each component of the velocity at release, in µm/s.
     pub thermal_speed: f64,
-    /// Run speed of a swimmer, in µm/s. It swims in a straight line between tumbles and reflections.
+    /// Run speed of a swimmer, in µm/s. Between tumbles and reflections it swims along a line.
     pub speed: f64,
     /// Rate at which a swimmer tumbles, that is, takes a random direction, in 1/s.
     pub tumble_rate: f64,
@@ -166,9 +166,9 @@ pub enum Contact {
     Ignore,
     /// Overlaps are counted.
     Count,
-    /// Overlapping particles are separated until the gap equals the former overlap.
+    /// Particles collide on their paths as hard spheres that diffuse, and remaining overlaps are separated.
     Separate,
-    /// Approaching particles exchange momentum as smooth elastic spheres.
+    /// Particles collide on their paths and exchange momentum as smooth elastic spheres.
     Elastic,
 }
 

@@ -9,7 +9,7 @@ use crate::Error;
 
 /// All particles of a run, one column per quantity; a particle has the same place in each.
 ///
-/// Its id names a particle for as long as it exists, whatever its place. Places change when particles are removed.
+/// The id names a particle for as long as it exists. Its index changes when particles are removed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Particles {
     /// Coordinates by axis, in µm.
@@ -45,7 +45,7 @@ impl Particles {
         self.id.len()
     }
 
-    /// Returns `true` if there is none.
+    /// Returns `true` if there are no particles.
     pub fn is_empty(&self) -> bool {
         self.id.is_empty()
     }
@@ -161,7 +161,7 @@ impl Particles {
         self.id.truncate(count);
     }
 
-    /// The same particles with those at `order[k]` at place `k`.
+    /// Returns the particles in another order: index `k` has the particle at `order[k]`.
     pub fn permuted(&self, order: &[u32]) -> Self {
         let mut permuted = Self::default();
         for &at in order {
@@ -185,7 +185,7 @@ impl Particles {
         self.first_spheres(self.len())
     }
 
-    /// The same of the first `count`.
+    /// Returns the first `count` particles as spheres.
     pub(crate) fn first_spheres(&self, count: usize) -> Result<Spheres<'_>, Error> {
         let [x, y, z] = self.position.each_ref().map(|column| &column[..count]);
         let spheres = Spheres::columns(x, y, z, &self.radius[..count]).map_err(lazygrid::Error::from)?;

@@ -90,6 +90,15 @@ impl Transmitter {
         }
     }
 
+    /// Returns the species that it releases.
+    pub(crate) fn species(&self) -> impl Iterator<Item = u32> {
+        let steady = match &self.schedule {
+            Schedule::Steady { rates, .. } => rates.as_slice(),
+            _ => &[],
+        };
+        self.release.iter().map(|&(species, _)| species).chain(steady.iter().map(|&(species, _)| species))
+    }
+
     /// Returns the mean number of particles released in steps `begin..end`, by species.
     pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
@@ -112,7 +121,7 @@ impl Transmitter {
         }
     }
 
-    /// Returns the first release time that does not fall within `steps` steps, and the number of bursts from then on.
+    /// Returns the first release time that does not fall within `steps` steps, and the number of bursts at or after it.
     /// The number is `None` for steady release.
     pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
         let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
@@ -191,7 +200,7 @@ mod tests {
         let schedule = Schedule::Steady { from: 0.25, until: 0.6, rates: vec![(1, 100.0)] };
         let transmitter = Transmitter { schedule, ..Transmitter::default() };
         let mean = |begin, end| transmitter.mean_between([begin, end], 0.1)[0].1;
-        // What is there at the beginning of a step came during the one before.
+        // Particles at the beginning of a step were released during the previous one.
         for (begin, end, expected) in [(0, 3, 0.0), (3, 4, 5.0), (4, 5, 10.0), (7, 99, 0.0), (0, 99, 35.0)] {
             assert!((mean(begin, end) - expected).abs() < 1e-9, "{begin}..{end}: {}", mean(begin, end));
         }

@@ -32,7 +32,7 @@ impl Model {
     pub(crate) fn groundless_flow(&self) -> Option<String> {
         let groundless = matches!(self.flow, Some(Flow::Poiseuille { .. })) && self.boundary.vessel.is_none();
         groundless.then(|| {
-            "Poiseuille flow is that in a cylinder, and there is none; make the boundary a cylinder, or the flow a plug"
+            "Poiseuille flow needs a cylinder, and the boundary is not one; make the boundary a cylinder, or the flow a plug"
                 .to_owned()
         })
     }
@@ -188,7 +188,9 @@ impl Model {
         match &transmitter.schedule {
             Schedule::Times(times) => {
                 if !times.is_sorted() || times.iter().any(|time| !(time.is_finite() && *time >= 0.0)) {
-                    return refused(format!("the times of {name} must ascend from 0 on; sort them"));
+                    return refused(format!(
+                        "the times of {name} must be in ascending order and not negative; sort them"
+                    ));
                 }
             }
             Schedule::Message(message) => {

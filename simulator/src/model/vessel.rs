@@ -1,9 +1,9 @@
-//! A straight vessel of circular cross-section.
+//! A vessel of circular cross-section.
 //!
-//! Its wall reflects as a mirror does: the way of a step across the vessel is followed from bounce to bounce. Such ways
-//! keep a uniform density uniform, for any length, because billiards keep volumes.
+//! Its wall reflects the path of a step across the vessel, from reflection to reflection. Such paths keep a uniform density uniform
+//! at any length, because billiards conserve volumes.
 
-/// A cylinder along an axis, of any length; what bounds it there is up to the axis.
+/// A cylinder along an axis, which the boundary of that axis may limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
     /// The axis along which it goes: 0, 1 or 2.
@@ -14,43 +14,44 @@ pub struct Vessel {
     pub radius: f32,
 }
 
-/// Bounces of one step, at most; a particle that is about to have more stays at the wall.
+/// The largest number of reflections in a step. A particle that would have more stays at the wall.
 const BOUNCES: usize = 64;
 
 impl Vessel {
-    /// The region of the centers of spheres of this radius.
+    /// Returns the vessel for the centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         Self { radius: self.radius - radius, ..self }
     }
 
-    /// The two axes across.
-    fn across(&self) -> [usize; 2] {
+    /// Returns the two axes across.
+    pub(crate) fn across(&self) -> [usize; 2] {
         [(self.along + 1) % 3, (self.along + 2) % 3]
     }
 
-    fn offset(&self, p: [f32; 3]) -> [f64; 2] {
-        self.across().map(|k| f64::from(p[k]) - f64::from(self.center[k]))
+    /// Returns the position of a point across the vessel, from the middle line, in µm.
+    pub(crate) fn offset(&self, p: [f64; 3]) -> [f64; 2] {
+        self.across().map(|k| p[k] - f64::from(self.center[k]))
     }
 
-    /// The distance of a point from the middle line, in µm.
+    /// Returns the distance of a point from the middle line, in µm.
     pub fn distance(&self, p: [f32; 3]) -> f64 {
-        let [y, z] = self.offset(p);
+        let [y, z] = self.offset(p.map(f64::from));
         y.hypot(z)
     }
 
-    /// A position, mirrored at the wall where it is beyond; far beyond it comes to the middle.
+    /// Returns a position, mirrored at the wall if it is beyond. A position farther out than twice the radius goes to the middle.
     pub fn confine(&self, mut p: [f32; 3]) -> [f32; 3] {
         let (distance, radius) = (self.distance(p), f64::from(self.radius));
         if distance > radius {
             let factor = (2.0 * radius - distance).max(0.0) / distance;
-            let mirrored = self.offset(p).map(|c| c * factor);
+            let mirrored = self.offset(p.map(f64::from)).map(|c| c * factor);
             self.put(&mut p, mirrored);
         }
         p
     }
 
-    /// Puts a point at a place across; rounding takes it no further than the wall.
+    /// Sets the position across of a point, at most as far out as the wall.
     fn put(&self, p: &mut [f32; 3], at: [f64; 2]) {
         for (k, c) in self.across().into_iter().zip(at) {
             p[k] = (f64::from(self.center[k]) + c) as f32;
@@ -64,15 +65,14 @@ impl Vessel {
         }
     }
 
-    /// Where a particle comes that goes straight from `from` to `to` across the vessel but for bounces, which turn its
-    /// velocity as well.
+    /// Returns the end of a path across the vessel from `from` to `to`, with reflections, which change `velocity` as well.
     pub fn reflect(&self, from: [f32; 3], mut to: [f32; 3], velocity: &mut [f32; 3]) -> [f32; 3] {
         let radius = f64::from(self.radius);
         if self.distance(to) <= radius {
             return to;
         }
-        let mut at = self.offset(from);
-        let end = self.offset(to);
+        let mut at = self.offset(from.map(f64::from));
+        let end = self.offset(to.map(f64::from));
         let mut way = [end[0] - at[0], end[1] - at[1]];
         // Rounding may have left it a little outside.
         let outside = (at[0].hypot(at[1]) / radius).max(1.0);
@@ -119,11 +119,11 @@ mod tests {
         let mut velocity = [3.0, 7.0, 4.0];
         assert_eq!(VESSEL.reflect([1.0, 0.0, -2.0], [2.0, 9.0, -1.0], &mut velocity), [2.0, 9.0, -1.0]);
         assert_eq!(velocity, [3.0, 7.0, 4.0]);
-        // Straight at the wall, and back through the middle.
+        // Perpendicular to the wall, and back through the middle.
         close(VESSEL.reflect([1.0, 0.0, -2.0], [1.0, 1.0, 1.0], &mut velocity), [1.0, 1.0, -1.0]);
         close(velocity, [3.0, 7.0, -4.0]);
         close(VESSEL.reflect([1.0, 0.0, -2.0], [1.0, 1.0, 5.0], &mut velocity), [1.0, 1.0, -3.0 - 0.0]);
-        // Along a square: each bounce turns the way by a right angle.
+        // Along a square: each reflection turns the path by a right angle.
         let half = 2.0_f32.sqrt();
         let start = [1.0 + half, 0.0, -2.0 - half];
         let mut velocity = [0.0, 1.0, 6.0];

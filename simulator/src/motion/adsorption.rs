@@ -15,10 +15,17 @@
 //! √π·X·erfcx(X + y),   X = κ√(Δt/D),   y = (a + b)/√(4DΔt),   erfcx(x) = exp(x²)·erfc(x)
 //! ```
 //!
-//! *On a sphere* of radius R, r times the density obeys the equation of the plane, with κ + D/R in place of κ. `X` in
-//! the argument of erfcx becomes X + √(DΔt)/R; the factor before it is unchanged. The adsorbed fraction of particles
-//! that begin a step at height `a` is then that of Collins and Kimball (*Diffusion-controlled reaction rates*, Journal
-//! of Colloid Science 4 (1949) 425). Neither the step nor κ needs to be small.
+//! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R in place of κ. `X` in
+//! the argument of erfcx becomes X + √(DΔt)/R; the factor before it is unchanged. The free density is that of the half line with
+//! an image at −r, so that a path between the distances r₀ and r₁ from the center is adsorbed with the probability
+//!
+//! ```text
+//! (w·s(a + |b|) − exp(−r₀r₁/DΔt)·s(r₀ + r₁)) / (1 − exp(−r₀r₁/DΔt)),   w = exp(−ab/DΔt) for b > 0, else 1
+//! ```
+//!
+//! where s is the expression above. The adsorbed fraction of particles that begin a step at height `a` is then that of Collins
+//! and Kimball (*Diffusion-controlled reaction rates*, Journal of Colloid Science 4 (1949) 425). Neither the step nor κ needs to
+//! be small.
 //!
 //! *Desorption* is the reverse process. Detailed balance requires that, in equilibrium, as many particles desorb to
 //! each height as adsorb from it. This gives the distribution of heights after desorption. It also gives the desorption
@@ -69,10 +76,19 @@ impl Step {
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// Returns the adsorption probability of a particle that reaches the sphere. `distances` is the sum of its
-    /// distances from the surface before and after the step.
-    pub(crate) fn sticking(&self, distances: f64) -> f64 {
+    /// Returns the adsorption probability of a particle that reaches a plane between heights whose sum is `distances`.
+    fn on_plane(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
+    }
+
+    /// Returns the adsorption probability of a particle that reaches the sphere. `heights` are its distances from the surface
+    /// before and after the step, negative inside.
+    pub(crate) fn sticking(&self, [a, b]: [f64; 2]) -> f64 {
+        let [from, to] = [self.radius + a, self.radius + b];
+        let crossed = if b > 0.0 { a * b } else { 0.0 };
+        let image = -libm::expm1((crossed - from * to) / (self.length * self.length));
+        let [near, far] = [a + b.abs(), from + to].map(|distances| self.on_plane(distances));
+        if image > 0.0 { (far + (near - far) / image).clamp(0.0, 1.0) } else { near }
     }
 
     /// Returns the factor of exp(−y²) in the adsorption probability of a particle that begins at height y·√(4DΔt).
@@ -176,9 +192,42 @@ mod tests {
             for a in [0.0, 0.3, 2.0].map(|a| a * step.length) {
                 // Both signs of b have the same weight, if paths that end outside are weighted with their crossing
                 // probability.
-                let sum = over_heights(&step, |b| 2.0 * spread(a + b) * step.sticking(a + b));
+                let sum = over_heights(&step, |b| 2.0 * spread(a + b) * step.on_plane(a + b));
                 let expected = collins_kimball(&step, a);
                 assert!((sum - expected).abs() < 1e-5 * expected.max(1e-9), "{step:?}: {sum} and {expected}");
+            }
+        }
+    }
+
+    /// Long steps, with paths around the sphere: an integral over the distance of the end from the center.
+    #[test]
+    fn adsorption_in_long_steps_is_that_of_collins_and_kimball() {
+        for (diffusion, radius, kappa) in
+            [(0.04, 1.0, 3.0), (1.0, 1.0, 0.5), (9.0, 1.0, 5.0), (40.0, 0.5, 1.0)]
+        {
+            let step = Step::new(diffusion, 0.1, (radius, kappa));
+            for a in [0.1, 0.5, 2.0].map(|a| a * radius) {
+                let from = radius + a;
+                let bell = |x: f64| {
+                    let scaled = x / (2.0 * step.length);
+                    libm::exp(-scaled * scaled) / (2.0 * step.length * ROOT_PI)
+                };
+                let adsorbed = |to: f64| {
+                    let (b, free) = (to - radius, to / from * (bell(from - to) - bell(from + to)));
+                    let hit = match b > 0.0 {
+                        true => {
+                            let image = libm::exp(-from * to / diffusion);
+                            (libm::exp(-a * b / diffusion) - image) / (1.0 - image)
+                        }
+                        false => 1.0,
+                    };
+                    free * hit * step.sticking([a, b])
+                };
+                let (n, end) = (40_000, from + 12.0 * step.length);
+                let width = end / f64::from(n);
+                let sum = (0..n).map(|k| adsorbed((f64::from(k) + 0.5) * width)).sum::<f64>() * width;
+                let expected = radius / from * collins_kimball(&step, a);
+                assert!((sum / expected - 1.0).abs() < 1e-4, "{step:?} from {a}: {sum} and {expected}");
             }
         }
     }
@@ -217,7 +266,9 @@ mod tests {
     #[test]
     fn an_infinite_reactivity_absorbs() {
         let step = Step::new(0.01, 0.1, (1e9, 1e9));
-        assert!((step.sticking(0.0) - 1.0).abs() < 1e-6 && (step.sticking(0.3) - 1.0).abs() < 1e-6);
+        assert!(
+            (step.sticking([0.0; 2]) - 1.0).abs() < 1e-6 && (step.sticking([0.1, 0.2]) - 1.0).abs() < 1e-6
+        );
     }
 
     /// Uniform concentration before a plane. Andrews' rule adsorbs each particle that ends a step beyond the surface

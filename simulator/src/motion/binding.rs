@@ -23,10 +23,10 @@ pub struct Bound {
     pub direction: [f32; 3],
 }
 
-/// A particle that comes off a receptor in a step.
+/// A particle that unbinds from a receptor in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UnboundParticle {
-    /// Its place among those that are bound.
+    /// Its index among the bound particles.
     at: usize,
     /// Its distance from the surface at the end of the step, in µm.
     height: f32,
@@ -43,7 +43,7 @@ pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
     model.receivers.iter().zip(arrived).map(one).collect()
 }
 
-/// DrawContext comes off in a step before which so many receptors are free.
+/// Returns the particles that unbind in a step, given the number of free receptors of each receiver.
 pub(crate) fn leaving(
     model: &Model,
     bound: &[Bound],
@@ -68,7 +68,7 @@ pub(crate) fn leaving(
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Where a particle is that came off a receiver around this centre, unless walls leave it no domain outside.
+/// Returns the position of a particle that unbinds from a receiver at `center`, or `None` if walls leave no space outside.
 pub(crate) fn place_of(
     model: &Model,
     held: &Bound,
@@ -84,23 +84,23 @@ pub(crate) fn place_of(
 }
 
 impl UnboundParticle {
-    /// Its place among those that are bound.
+    /// Returns its index among the bound particles.
     pub(crate) fn at(self) -> usize {
         self.at
     }
 }
 
-/// A particle that is to bind to a receptor if one is free for it.
+/// A request of a particle to bind to a receptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct BindingRequest {
     receiver: u32,
-    /// Those with less come first.
+    /// The rank; lower ranks are served first.
     rank: u32,
     id: u32,
 }
 
-/// The bids among what befell particles, whose ids `id` says by place.
+/// Returns the binding requests among events. `id` returns the id of a particle by its index.
 pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
     let bid = |event: &Event| match *event {
         Event::Bound { at, receiver, rank, .. } => Some(BindingRequest { receiver, rank, id: id(at) }),
@@ -109,7 +109,8 @@ pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequ
     events.iter().filter_map(bid).collect()
 }
 
-/// The ids that find no free receptor, ascending: of each receiver those of the highest ranks. Equal ranks go by id.
+/// Returns the ids of requests without a free receptor, in ascending order: at each receiver those of the highest ranks. Equal ranks
+/// go by id.
 pub(crate) fn rejected(mut bids: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
     bids.sort_unstable();
     let of_one = bids.chunk_by(|a, b| a.receiver == b.receiver);
@@ -131,14 +132,14 @@ mod tests {
     fn the_first_in_rank_find_receptors() {
         let bound = |at, receiver, rank| Event::Bound { at, receiver, direction: [0.0; 3], rank };
         let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];
-        // Ids run the other way.
+        // Ids descend where indices ascend.
         let rejected = |free: &[u32]| rejected(bids(&events, |at| 100 - at), free);
         assert_eq!(rejected(&[1, 1]), [94, 95, 96]);
         assert_eq!(rejected(&[2, 9]), [0; 0]);
         assert_eq!(rejected(&[0, 2]), [92, 95, 96]);
     }
 
-    /// A run goes on from its state, with what is bound and where receivers have got.
+    /// A resumed run has the bound particles and the receivers of its state.
     #[test]
     fn a_run_goes_on_with_what_is_bound() {
         let receptors = Receptors { count: 3, binding_rate: 20.0, unbinding_rate: 5.0 };

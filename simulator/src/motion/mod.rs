@@ -7,7 +7,9 @@ pub mod propagate;
 pub mod receiver_state;
 
 pub(crate) mod adsorption;
+pub(crate) mod collisions;
 pub(crate) mod receiver_search;
 pub(crate) mod reflection;
 pub(crate) mod surface_events;
 pub(crate) mod vessel_flow;
+pub(crate) mod wall;

@@ -1,17 +1,26 @@
-//! Whether a particle met a receiver within a step, of which only the two ends are known.
+//! Hits of a particle's path on receivers within a step, of which only the two ends are known.
 //!
-//! *Diffusion alone.* With both ends outside, at distances `a` and `b` from the surface, the path met the sphere with
-//! probability exp(−ab/(DΔt)). On average over the angle between the ends that is exact for a sphere.
+//! *Diffusion alone.* The distance from the center of a sphere of radius R is a Markov process by itself. Between ends at the
+//! distances r₀ = R + `a` and r₁ = R + `b` it reached R with the probability
 //!
-//! *Drift alone.* The path is a straight line, which walls turn round.
+//! ```text
+//! (exp(−ab/DΔt) − exp(−r₀r₁/DΔt)) / (1 − exp(−r₀r₁/DΔt))
+//! ```
 //!
-//! *Both.* The average no longer holds where a step of the drift is long: a particle may be carried from one side of the
-//! sphere to the other. The path is then looked at in halves, and those in halves, as the Brownian bridge between their
-//! ends has it, until the drift of a piece is short beside its diffusion or the sphere. Halves far from the sphere are
-//! left alone. All receivers see the same path.
+//! which is exact for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the
+//! density is that of a half line, with an image at −r).
 //!
-//! *Receivers that move* are met in their own frame: their way is taken off that of the particle, and the diffusion of both
-//! bends the path.
+//! *Drift alone.* The path is a line that walls reflect.
+//!
+//! *Both.* A long drift may carry a particle from one side of the sphere to the other, where an average over directions no longer
+//! holds. The path is then halved as the Brownian bridge between its ends has it, and the halves again, until the drift of a
+//! segment is short compared with its diffusion or the sphere. Halves far from the sphere are skipped. All receivers see the
+//! same path.
+//!
+//! *Moving receivers* are hit in their own frame: their displacement is subtracted from that of the particle, and the diffusion
+//! of both bends the path.
+//!
+//! *Several receivers.* Of those that a path hits, the particle reaches the one with the earliest hitting time ([`Hit::time`]).
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, signed_distance};
@@ -28,7 +37,7 @@ pub struct Path {
     pub end: [f32; 3],
     /// The position at the end.
     pub after: [f32; 3],
-    /// The part of the way that is no diffusion.
+    /// The part of the displacement that is not diffusion.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
@@ -39,42 +48,54 @@ pub struct Path {
 pub struct DrawContext {
     /// The seed.
     pub key: Key,
-    /// The particle.
+    /// The id of the particle.
     pub id: u32,
     /// The step.
     pub step: u32,
 }
 
-/// Beyond this exponent the probability is below the smallest random number.
+/// A hit of a path on a receiver: the segment of the path and its heights above the surface at both ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The fraction of the step at the beginning of the segment.
+    begin: f32,
+    /// The fraction of the step that the segment takes.
+    part: f32,
+    /// Heights at both ends, in units of √(2DΔt) of the segment; negative inside.
+    heights: [f32; 2],
+}
+
+/// The exponent above which a probability is below the smallest random number.
 const NEVER: f32 = 17.0;
-/// The part of a receiver's radius that a drift may take a particle in one piece of its path, and the part of the
-/// standard deviation of the piece.
-const PIECE: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
-/// A path bends further than this many standard deviations from the line between its ends in one of 10⁸ cases.
+/// The largest drift of a segment, as a fraction of a receiver's radius and of the standard deviation of the segment.
+const SEGMENT_DRIFT: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
+/// The largest distance of a path from the line between its ends, in standard deviations, except in one of 10⁸ cases.
 pub(crate) const BEND: f32 = 3.1;
-/// Pieces beyond this are not halved any more; the first has number 1, and those of piece `k` have 2k and 2k + 1.
+/// The first segment has number 1, and the halves of segment `k` have 2k and 2k + 1. Segments at or above this number are not
+/// halved.
 const LAST: u32 = 1 << 12;
 
-/// Returns `true` if a path met the receiver. `domain` is where the particle's centre may be.
+/// Returns the hit of a path on a receiver, or `None` if the path misses it. `domain` confines the center of the particle.
 #[inline]
-pub fn hits(body: &ReceiverState, domain: &Boundary, path: &Path, who: DrawContext) -> bool {
-    let b = signed_distance(body.receiver.radius, body.center_at(1.0), domain, path.after);
-    if b <= 0.0 {
-        return true;
+pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawContext) -> Option<Hit> {
+    let radius = receiver.receiver.radius;
+    let b = signed_distance(radius, receiver.center_at(1.0), domain, path.after);
+    if receiver.receiver.kind == ReceiverKind::Endpoint {
+        return (b <= 0.0).then_some(Hit::at(1.0));
     }
-    if body.receiver.kind == ReceiverKind::Endpoint {
-        return false;
-    }
-    let a = signed_distance(body.receiver.radius, body.center, domain, path.before);
-    let diffusion = path.diffusion + body.diffusion;
-    let drift: [f32; 3] = std::array::from_fn(|k| path.drift[k] - body.drift[k]);
-    if drift == [0.0; 3] {
-        return who.crosses(body.place, 0, a * b / diffusion);
-    }
+    let a = signed_distance(radius, receiver.center, domain, path.before);
+    let diffusion = path.diffusion + receiver.diffusion;
+    let drift: [f32; 3] = std::array::from_fn(|k| path.drift[k] - receiver.drift[k]);
     if diffusion == 0.0 {
-        return a < 0.0 || straight(body, domain, path);
+        if a < 0.0 {
+            return Some(Hit::at(0.0));
+        }
+        return line_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
     }
-    let piece = PathSegment {
+    if drift == [0.0; 3] {
+        return who.hits_sphere((receiver.place, 0), radius, [a, b], diffusion);
+    }
+    let segment = PathSegment {
         number: 1,
         ends: [path.before, path.end],
         begin: 0.0,
@@ -82,41 +103,107 @@ pub fn hits(body: &ReceiverState, domain: &Boundary, path: &Path, who: DrawConte
         spread: (2.0 * diffusion).sqrt(),
         drift: length(drift),
     };
-    BrownianBridge { body, domain, who }.hits(piece)
+    BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Returns `true` if the ends of a piece do not tell whether it met a sphere: with this drift and standard deviation
-/// along each axis it may have been carried past.
+/// Returns `true` if the ends of a segment do not tell whether it hit a sphere: a drift this long, compared with the standard
+/// deviation along each axis, may have carried it past.
 pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
-    drift > PIECE[0] * radius && drift > PIECE[1] * spread
+    drift > SEGMENT_DRIFT[0] * radius && drift > SEGMENT_DRIFT[1] * spread
+}
+
+/// Returns 1 − exp(−x) for x ≥ 0, to a few units in the last place. `first_passage.wgsl` has the same operations.
+fn one_minus_exp(x: f32) -> f32 {
+    if x < 0.125 {
+        return x * (1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0)))));
+    }
+    1.0 - libm::expf(-x)
+}
+
+/// Returns the probability that a diffusing path reaches a sphere between two heights above its surface, the second of which is
+/// positive. `diffusion` is DΔt, in µm².
+#[inline]
+pub(crate) fn hit_probability(radius: f32, [a, b]: [f32; 2], diffusion: f32) -> f32 {
+    let exponent = a * b / diffusion;
+    if exponent.is_nan() || exponent >= NEVER {
+        // Includes 0/0, a particle at rest on the surface, which was hit before.
+        return 0.0;
+    }
+    let image = radius * (a + b + radius) / diffusion;
+    libm::expf(-exponent) * one_minus_exp(image) / one_minus_exp(exponent + image)
 }
 
 impl DrawContext {
-    /// Draws where chance decides whether a part of the path met the receiver at a `place` of the model, with
-    /// probability exp(−`exponent`).
+    /// Draws whether a segment of the path that diffuses hit the receiver at a `place` of the model.
     #[inline]
-    fn crosses(self, place: u32, part: u32, exponent: f32) -> bool {
+    fn hits_sphere(
+        self,
+        (place, part): (u32, u32),
+        radius: f32,
+        heights: [f32; 2],
+        diffusion: f32,
+    ) -> Option<Hit> {
         let Self { key, id, step } = self;
+        let [a, b] = heights;
         let word = || key.draw_part([id, place], part, step, Purpose::Receiver)[0];
-        // At rest on the surface that is 0/0; there the particle was met before.
-        exponent < NEVER && open_unit(word()) < libm::expf(-exponent)
+        let probability = if b <= 0.0 || a < 0.0 { 1.0 } else { hit_probability(radius, heights, diffusion) };
+        let hit = probability >= 1.0 || probability > 0.0 && open_unit(word()) < probability;
+        let spread = (2.0 * diffusion).sqrt();
+        hit.then_some(Hit { begin: 0.0, part: 1.0, heights: heights.map(|height| height / spread) })
     }
 }
 
+impl Hit {
+    /// A hit at a given fraction of the step.
+    fn at(time: f32) -> Self {
+        Self { begin: time, part: 0.0, heights: [0.0; 2] }
+    }
+
+    /// Draws the fraction of the step at which the path first hit the receiver at a `place` of the model.
+    ///
+    /// A path of Brownian motion from height α to height ±β that reaches the surface does so for the first time at s, where
+    /// s/(1 − s) has the inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2). It is drawn as the root of a quadratic
+    /// equation in u with one normal and one uniform number (Michael, Schucany and Haas, *Generating random variates using
+    /// transformations with multiple roots*, The American Statistician 30 (1976) 88). The surface counts as a plane here.
+    pub(crate) fn time(&self, who: DrawContext, place: u32) -> f32 {
+        let Self { begin, part, heights: [a, b] } = *self;
+        if part == 0.0 {
+            return begin;
+        }
+        let words = who.key.draw(who.id, place, who.step, Purpose::HitTime);
+        begin + part * first_passage([a, b], normals(words)[0], open_unit(words[2]))
+    }
+}
+
+/// Returns the fraction of a segment at which it first reaches the surface. `normal` and `uniform` are random numbers.
+pub(crate) fn first_passage([a, b]: [f32; 2], normal: f32, uniform: f32) -> f32 {
+    let b = b.abs();
+    if a <= 0.0 {
+        return 0.0;
+    }
+    let square = normal * normal;
+    let sum = 2.0 * a * b + square + (square * (square + 4.0 * a * b)).sqrt();
+    // The smaller root is 2a²/sum, and the larger one sum/2b².
+    if uniform * (a * sum + 2.0 * b * a * a) <= a * sum {
+        return 2.0 * a * a / (sum + 2.0 * a * a);
+    }
+    sum / (sum + 2.0 * b * b)
+}
+
 struct BrownianBridge<'a> {
-    body: &'a ReceiverState,
+    receiver: &'a ReceiverState,
     domain: &'a Boundary,
     who: DrawContext,
 }
 
-/// A part of a path.
+/// A segment of a path.
 struct PathSegment {
     number: u32,
-    /// Without walls and images.
+    /// Both ends, without walls and images.
     ends: [[f32; 3]; 2],
-    /// Which part of the step is over where it begins.
+    /// The fraction of the step at its beginning.
     begin: f32,
-    /// Which part of the step it takes.
+    /// The fraction of the step that it takes.
     part: f32,
     /// Standard deviation of its diffusion along each axis, in µm.
     spread: f32,
@@ -125,29 +212,31 @@ struct PathSegment {
 }
 
 impl BrownianBridge<'_> {
-    /// The height of a point, at a part of the step.
-    fn signed_distance(&self, point: [f32; 3], part: f32) -> f32 {
-        signed_distance(
-            self.body.receiver.radius,
-            self.body.center_at(part),
-            self.domain,
-            self.domain.confine(point),
-        )
+    /// Returns the height of a point above the surface at a fraction of the step.
+    fn height(&self, point: [f32; 3], time: f32) -> f32 {
+        let center = self.receiver.center_at(time);
+        signed_distance(self.receiver.receiver.radius, center, self.domain, self.domain.confine(point))
     }
 
-    fn hits(&self, piece: PathSegment) -> bool {
-        let PathSegment { number, ends: [p, q], begin, part, spread, drift } = piece;
+    fn hits(&self, segment: PathSegment) -> Option<Hit> {
+        let PathSegment { number, ends: [p, q], begin, part, spread, drift } = segment;
         let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
-        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.body.displacement[k]));
+        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.receiver.displacement[k]));
         let half_time = begin + 0.5 * part;
-        // Walls and images bring no two points further apart.
-        if self.signed_distance(middle, half_time) > half + BEND * spread {
-            return false;
+        // Walls and images never increase the distance of two points.
+        if self.height(middle, half_time) > half + BEND * spread {
+            return None;
         }
-        if number >= LAST || !is_long(drift, spread, self.body.receiver.radius) {
-            let [a, b] = [(p, begin), (q, begin + part)].map(|(end, part)| self.signed_distance(end, part));
-            let exponent = a * b / (0.5 * spread * spread);
-            return b <= 0.0 || self.who.crosses(self.body.place, number - 1, exponent);
+        let radius = self.receiver.receiver.radius;
+        if number >= LAST || !is_long(drift, spread, radius) {
+            let heights = [(p, begin), (q, begin + part)].map(|(end, time)| self.height(end, time));
+            let hit = self.who.hits_sphere(
+                (self.receiver.place, number - 1),
+                radius,
+                heights,
+                0.5 * spread * spread,
+            );
+            return hit.map(|hit| Hit { begin, part, ..hit });
         }
         let DrawContext { key, id, step } = self.who;
         let z = normals(key.draw(id, number, step, Purpose::Path));
@@ -161,7 +250,7 @@ impl BrownianBridge<'_> {
             drift: 0.5 * drift,
         };
         self.hits(half_of(2 * number, begin, [p, middle]))
-            || self.hits(half_of(2 * number + 1, half_time, [middle, q]))
+            .or_else(|| self.hits(half_of(2 * number + 1, half_time, [middle, q])))
     }
 }
 
@@ -169,13 +258,13 @@ fn length(v: [f32; 3]) -> f32 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// How often a straight line may be cut on an axis. A particle that crosses a box more often in one step is nowhere in
-/// particular.
+/// The largest number of cuts of a line on an axis. A particle that crosses a box more often in one step has no meaningful
+/// position.
 const CUTS: usize = 1000;
 
-/// Returns `true` if a straight path hits the receiver. It is cut where a wall turns it round, and where another image
-/// of the receiver becomes the nearest one.
-fn straight(body: &ReceiverState, domain: &Boundary, path: &Path) -> bool {
+/// Returns the hit of a path without diffusion. The line is cut where a wall reflects it, and where another image of the
+/// receiver becomes the nearest one.
+fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let radius = f64::from(body.receiver.radius);
@@ -200,12 +289,13 @@ fn straight(body: &ReceiverState, domain: &Boundary, path: &Path) -> bool {
     }
     if cuts.is_empty() {
         let from = domain.displacement(body.center, path.before).map(f64::from);
-        return passes(from, std::array::from_fn(|k| way[k] - f64::from(body.displacement[k])), radius);
+        let way = std::array::from_fn(|k| way[k] - f64::from(body.displacement[k]));
+        return entry_time(from, way, radius).map(|time| Hit::at(time as f32));
     }
     cuts.extend([0.0, 1.0]);
     cuts.retain(|t| (0.0..=1.0).contains(t));
     cuts.sort_unstable_by(f64::total_cmp);
-    cuts.windows(2).any(|cut| {
+    cuts.windows(2).find_map(|cut| {
         let (middle, part) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
         let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * way[k]) as f32);
         let way: [f64; 3] = std::array::from_fn(|k| {
@@ -213,21 +303,22 @@ fn straight(body: &ReceiverState, domain: &Boundary, path: &Path) -> bool {
             own - part * f64::from(body.displacement[k])
         });
         let middle = domain.displacement(body.center_at(middle as f32), domain.confine(point)).map(f64::from);
-        passes(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, radius)
+        let time = entry_time(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, radius)?;
+        Some(Hit::at((cut[0] + part * time) as f32))
     })
 }
 
-/// Returns `true` if a line from a point goes through the sphere of this radius around the origin.
-fn passes(from: [f64; 3], way: [f64; 3], radius: f64) -> bool {
+/// Returns the fraction of a line from a point at which it enters the sphere of this radius around the origin.
+fn entry_time(from: [f64; 3], way: [f64; 3], radius: f64) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let to: [f64; 3] = std::array::from_fn(|k| from[k] + way[k]);
-    let [x, y, z] = from;
-    let [u, v, w] = way;
-    let cross = [y * w - z * v, z * u - x * w, x * v - y * u];
-    let reach = radius * radius;
-    // It is nearest between its ends where it approaches from one and leaves towards the other.
-    let between = dot(from, way) < 0.0 && dot(to, way) > 0.0;
-    dot(from, from) <= reach || dot(to, to) <= reach || between && dot(cross, cross) <= reach * dot(way, way)
+    let outside = dot(from, from) - radius * radius;
+    if outside <= 0.0 {
+        return Some(0.0);
+    }
+    let (square, approach) = (dot(way, way), -dot(from, way));
+    let root = approach * approach - square * outside;
+    let time = outside / (approach + root.max(0.0).sqrt());
+    (approach > 0.0 && root >= 0.0 && time <= 1.0).then_some(time)
 }
 
 #[cfg(test)]
@@ -253,23 +344,28 @@ mod tests {
         let open = Boundary::default();
         let step = path([2.5, 0.0, 0.0], [1.0, 1.25, 0.0], &open, 0.25);
         let n = 20_000;
-        let met =
-            |kind| (0..n).filter(|&id| hits(&body(kind), &open, &step, DrawContext { id, ..DRAWS })).count();
-        let p = (-0.5_f64).exp();
+        let met = |kind| {
+            (0..n)
+                .filter(|&id| hits(&body(kind), &open, &step, DrawContext { id, ..DRAWS }).is_some())
+                .count()
+        };
+        let p = f64::from(hit_probability(1.0, [0.5, 0.25], 0.25));
         let error =
             (met(ReceiverKind::Absorbing) as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
         assert!(error.abs() < 4.0, "{error} standard errors");
         assert_eq!(met(ReceiverKind::Endpoint), 0);
         let at_rest = path([1.0, 1.25, 0.0], [1.0, 1.25, 0.0], &open, 0.0);
-        assert!(!hits(&body(ReceiverKind::Absorbing), &open, &at_rest, DRAWS));
+        assert_eq!(hits(&body(ReceiverKind::Absorbing), &open, &at_rest, DRAWS), None);
         let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
-        assert!(hits(&body(ReceiverKind::Endpoint), &open, &inside, DRAWS));
+        assert_eq!(hits(&body(ReceiverKind::Endpoint), &open, &inside, DRAWS), Some(Hit::at(1.0)));
     }
 
     /// Any number of receivers, and every piece of a path, have draws of their own.
     #[test]
     fn neither_receivers_nor_pieces_share_draws() {
-        let one = |place, part, id| DrawContext { id, ..DRAWS }.crosses(place, part, 0.7);
+        let one = |place, part, id| {
+            DrawContext { id, ..DRAWS }.hits_sphere((place, part), 1.0, [0.7, 1.0], 1.0).is_some()
+        };
         let draws = |place, part| (0..256).map(|id| one(place, part, id)).collect::<Vec<bool>>();
         let places = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];
         let parts = [0, 1, 2, 255, 256, 2 * LAST - 2];
@@ -281,7 +377,7 @@ mod tests {
     #[test]
     fn a_straight_path_is_followed_through_walls_and_images() {
         let met = |domain: &Boundary, before, end| {
-            hits(&body(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS)
+            hits(&body(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS).is_some()
         };
         let open = Boundary::default();
         assert!(met(&open, [-3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
@@ -300,13 +396,61 @@ mod tests {
         assert!(!met(&periodic, [4.0, 1.5, 0.0], [20.0, 1.5, 0.0]));
     }
 
-    /// With a drift so strong that diffusion is nothing beside it, the path is the straight line.
+    /// With a drift much stronger than diffusion, the path is the line between its ends.
     #[test]
     fn halves_of_a_path_follow_the_drift() {
         let open = Boundary::default();
         for (y, expected) in [(0.5, true), (1.2, false)] {
             let step = Path { diffusion: 1e-6, ..path([-3.0, y, 0.0], [9.0, y, 0.0], &open, 0.0) };
-            assert_eq!(hits(&body(ReceiverKind::Absorbing), &open, &step, DRAWS), expected, "{y}");
+            let hit = hits(&body(ReceiverKind::Absorbing), &open, &step, DRAWS);
+            assert_eq!(hit.is_some(), expected, "{y}");
+        }
+    }
+
+    /// The share of paths between two distances that avoid the sphere, by the densities of r times the concentration.
+    #[test]
+    fn hit_probability_of_a_long_step_has_the_image_term() {
+        for (radius, [a, b], diffusion) in [
+            (1.0_f64, [0.5_f64, 0.25_f64], 0.25_f64),
+            (1.0, [2.0, 1.0], 8.0),
+            (0.1, [3.0, 2.0], 50.0),
+            (2.0, [1e-3, 4.0], 1.0),
+        ] {
+            let density = |distance: f64| (-distance * distance / (4.0 * diffusion)).exp();
+            let [from, to] = [radius + a, radius + b];
+            let free = density(from - to) - density(from + to);
+            let expected = 1.0 - (density(a - b) - density(a + b)) / free;
+            let found = hit_probability(radius as f32, [a as f32, b as f32], diffusion as f32);
+            assert!((f64::from(found) - expected).abs() < 1e-5 * expected, "{found} and {expected}");
+        }
+        assert_eq!(hit_probability(0.0, [1.0, 1.0], 1.0), 0.0);
+    }
+
+    /// Hitting times have the inverse Gaussian density of a Brownian bridge, ∝ s^(−3/2)·(1 − s)^(−1/2)·exp(…).
+    #[test]
+    fn hitting_times_are_those_of_a_bridge() {
+        for (heights, seed) in [([1.0_f64, 1.0], 1), ([0.2, 1.5], 2), ([1.5, -0.2], 3), ([0.7, 0.0], 4)] {
+            let n = 20_000;
+            let hit = Hit { begin: 0.0, part: 1.0, heights: heights.map(|h| h as f32) };
+            let who = |id| DrawContext { key: Key::new(seed), id, step: 1 };
+            let times: Vec<f64> = (0..n).map(|id| hit.time(who(id), 2).into()).collect();
+            let [a, b] = heights;
+            let density =
+                |s: f64| s.powf(-1.5) * (1.0 - s).powf(-0.5) * (-0.5 * (a * a / s + b * b / (1.0 - s))).exp();
+            // The substitution s = sin²φ takes the singularities away.
+            let panels = 20_000;
+            let moment = |power: i32| -> f64 {
+                let one = |k: i32| {
+                    let phi = (f64::from(k) + 0.5) / f64::from(panels) * std::f64::consts::FRAC_PI_2;
+                    let s = phi.sin().powi(2);
+                    density(s) * s.powi(power) * phi.sin() * phi.cos()
+                };
+                (0..panels).map(one).sum()
+            };
+            let [whole, first, second] = [0, 1, 2].map(moment);
+            let mean = times.iter().sum::<f64>() / f64::from(n);
+            let error = ((second / whole - (first / whole).powi(2)) / f64::from(n)).sqrt();
+            assert!((mean - first / whole).abs() < 4.0 * error, "{heights:?}: {mean} and {}", first / whole);
         }
     }
 }

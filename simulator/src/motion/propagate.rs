@@ -1,4 +1,4 @@
-//! The step of every particle by itself: it moves, meets walls and receivers, and may decay.
+//! The independent part of a step: every particle moves, is reflected by walls, may hit receivers, and may decay.
 //!
 //! A coordinate becomes `x + (s·z + d)`, where `s` = √(2DΔt), `z` is a standard normal number, and `d` is the drift in
 //! one step (with the particle's own velocity added, where particles have one), each operation rounded to `f32`.
@@ -6,14 +6,16 @@
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::model::boundary::Boundary;
+use crate::model::boundary::{Axis, Boundary};
 use crate::model::particles::Particles;
 use crate::model::{Flow, Model};
+use crate::motion::collisions::Flight;
 use crate::motion::path_hit::{BEND, DrawContext, Path};
 use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::surface_events::ParticleMove;
 use crate::motion::vessel_flow::FlowStep;
+use crate::motion::wall::reflected;
 use crate::random::gaussian::direction;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, probability_threshold};
@@ -21,7 +23,7 @@ use crate::reaction::decay::Decays;
 
 pub use crate::motion::surface_events::Event;
 
-/// The constants of a model for the step of single particles.
+/// The constants of the independent part of a step.
 #[derive(Clone, Debug)]
 pub struct Propagator {
     /// Indexed by species.
@@ -29,15 +31,15 @@ pub struct Propagator {
     pub(crate) time_step: f32,
     with_velocity: bool,
     bounded: bool,
-    /// The region of all particles, of any radius.
+    /// The boundary of points.
     whole: Boundary,
     stream: Option<FlowStep>,
-    /// Receivers that remove particles or turn them back, where they are in this step.
+    /// Receivers that act on particles, with their state in this step.
     pub(crate) bodies: ActiveReceivers,
     pub(crate) decays: Decays,
 }
 
-/// The step of one species.
+/// The constants of one species.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SpeciesStep {
     /// √(2DΔt) in µm.
@@ -46,23 +48,25 @@ pub(crate) struct SpeciesStep {
     pub(crate) diffusion: f32,
     /// Drift in one step, in µm.
     pub(crate) drift: [f32; 3],
-    /// The region of its center.
+    /// The boundary of its center.
     pub(crate) domain: Boundary,
-    /// By how far diffusion bends its way, beside a receiver that diffuses as well, in µm.
+    /// The largest bending of its path by diffusion, of the particle and a receiver together, in µm.
     pub(crate) bend: f32,
+    /// Axes along which walls reflect a path that diffuses and drifts.
+    drifts_at_wall: [bool; 3],
     /// The largest word at which a swimmer tumbles, and its speed in µm/s.
     pub(crate) tumbles: Option<(u32, f32)>,
 }
 
-/// Particles that one task moves.
+/// The number of particles per parallel task.
 const CHUNK: usize = 4096;
-/// Particles whose random numbers are drawn together.
+/// The number of particles whose random numbers are drawn together.
 const BLOCK: usize = 64;
-/// By which part rounding may lengthen a way; far less than what searches look beyond it.
+/// The largest fraction by which rounding lengthens a path; far less than the margin of searches.
 const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
-    /// The step of a model that was checked.
+    /// Creates the constants of a model that [`Model::check`] accepts.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
         let plug = match model.flow {
@@ -79,6 +83,10 @@ impl Propagator {
                 .filter(|_| species.speed > 0.0)
                 .map(|up_to| (up_to, species.speed as f32)),
             domain: model.boundary.inset(species.radius),
+            drifts_at_wall: std::array::from_fn(|k| {
+                let drifts = species.drift[k] + plug[k] != 0.0 && species.diffusion > 0.0;
+                drifts && !species.has_velocity() && matches!(model.boundary.axes[k], Axis::Reflecting { .. })
+            }),
         };
         Self {
             steps: model.species.iter().map(step).collect(),
@@ -92,22 +100,60 @@ impl Propagator {
         }
     }
 
-    /// Moves all particles and returns what befell them, by place. `vicinity` finds the receivers near a particle where that
-    /// is faster than looking at all.
+    /// Returns the paths of all particles in a step, without receivers and collisions.
+    pub(crate) fn flights(&self, particles: &Particles, (key, step): (Key, u32)) -> Vec<Flight> {
+        let of_block = |(block, ids): (usize, &[u32])| {
+            let mut random = [[0.0; BLOCK]; 3];
+            draw(key, ids, step, &mut random);
+            let one = |(k, &id): (usize, &u32)| {
+                let particle = particles.get(block * BLOCK + k);
+                let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
+                let who = DrawContext { key, id, step };
+                self.flight(particle.species, (particle.position, particle.velocity), normal, who)
+            };
+            ids.iter().enumerate().map(one).collect::<Vec<_>>()
+        };
+        particles.id.par_chunks(BLOCK).enumerate().flat_map_iter(of_block).collect()
+    }
+
+    /// Returns the path of a particle in a step, without receivers and collisions. `normal` are standard normal numbers.
+    #[inline(always)]
+    fn flight(
+        &self,
+        species: u32,
+        (before, mut begun): ([f32; 3], [f32; 3]),
+        normal: [f32; 3],
+        who: DrawContext,
+    ) -> Flight {
+        let kind = &self.steps[species as usize];
+        let DrawContext { key, id, step } = who;
+        if let Some(tumbles) = kind.tumbles {
+            tumble(&mut begun, tumbles, key.draw(id, 0, step, Purpose::Tumble));
+        }
+        let mut velocity = begun;
+        let own = self.with_velocity.then_some(&mut velocity);
+        let (path, free_end) = self.path(kind, [before, normal], own, who);
+        Flight { path, free_end, begun, velocity }
+    }
+
+    /// Moves all particles and returns their events, by index. `receiver_search` finds the receivers near a particle if that is
+    /// faster than testing all of them. `flights` are the paths if particles collided on them.
     ///
     /// # Errors
-    /// [`Error::SpeciesStep`] with what the detector said.
+    /// [`Error::Step`] if the detector fails.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
-        mut vicinity: Option<&mut ReceiverSearch>,
+        mut receiver_search: Option<&mut ReceiverSearch>,
+        flights: Option<&[Flight]>,
         (key, step): (Key, u32),
     ) -> Result<Vec<Event>, Error> {
-        let begin = |vicinity: &mut &mut ReceiverSearch| vicinity.begin(particles.len(), &self.bodies);
-        let searches = vicinity.as_mut().is_some_and(begin);
-        let seen = vicinity.as_deref().filter(|_| searches);
+        let begin =
+            |receiver_search: &mut &mut ReceiverSearch| receiver_search.begin(particles.len(), &self.bodies);
+        let searches = receiver_search.as_mut().is_some_and(begin);
+        let seen = receiver_search.as_deref().filter(|_| searches);
         let Particles { position: [x, y, z], velocity, species, id, .. } = &mut *particles;
-        // Columns of velocities are empty where particles have none.
+        // Columns of velocities are empty if no species has one.
         let mut columns = velocity.each_mut().map(|column| column.chunks_mut(CHUNK));
         let velocities: Vec<[&mut [f32]; 3]> = (0..id.len().div_ceil(CHUNK))
             .map(|_| columns.each_mut().map(|chunks| chunks.next().unwrap_or_default()))
@@ -125,25 +171,25 @@ impl Propagator {
             .enumerate()
             .map(|(chunk, (x, y, z, velocity, id, species))| {
                 let chunk = Chunk { base: chunk * CHUNK, position: [x, y, z], velocity, id, species };
-                self.advance_chunk(chunk, seen, (key, step))
+                self.advance_chunk(chunk, (seen, flights), (key, step))
             })
             .unzip();
         let mut events = events.concat();
-        if let Some(vicinity) = vicinity {
+        if let Some(receiver_search) = receiver_search {
             if searches {
-                events.extend(self.search(particles, vicinity, unsure.concat(), step)?);
+                events.extend(self.search(particles, receiver_search, unsure.concat(), step)?);
                 events.sort_by_key(Event::at);
             }
-            vicinity.end(&self.bodies);
+            receiver_search.end(&self.bodies);
         }
         Ok(events)
     }
 
-    /// Moves the particles of a chunk. Returns what befell them, and the ways on which there may be a receiver.
+    /// Moves the particles of a chunk. Returns their events, and the moves that may hit a receiver.
     fn advance_chunk(
         &self,
         chunk: Chunk<'_>,
-        vicinity: Option<&ReceiverSearch>,
+        (receiver_search, flights): (Option<&ReceiverSearch>, Option<&[Flight]>),
         (key, step): (Key, u32),
     ) -> (Vec<Event>, Vec<ParticleMove>) {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
@@ -151,30 +197,37 @@ impl Propagator {
         let (mut events, mut unsure) = (Vec::new(), Vec::new());
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
-            draw(key, ids, step, &mut random);
+            if flights.is_none() {
+                draw(key, ids, step, &mut random);
+            }
             let first = block * BLOCK;
             for (k, &id) in ids.iter().enumerate() {
                 let at = first + k;
-                let kind = &self.steps[species[at] as usize];
-                let mut own = self.with_velocity.then(|| [0, 1, 2].map(|axis: usize| velocity[axis][at]));
-                if let (Some(own), Some(turns)) = (&mut own, kind.tumbles) {
-                    tumble(own, turns, key.draw(id, 0, step, Purpose::Tumble));
-                }
-                let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
-                let mut path = self.path(kind, [x[at], y[at], z[at]], normal, own.as_mut());
+                let flight = match flights {
+                    Some(flights) => flights[base + at],
+                    None => {
+                        let own =
+                            velocity.each_ref().map(|column| column.get(at).copied().unwrap_or_default());
+                        let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
+                        let who = DrawContext { key, id, step };
+                        self.flight(species[at], ([x[at], y[at], z[at]], own), normal, who)
+                    }
+                };
+                let mut path = flight.path;
+                let mut own = self.with_velocity.then_some(flight.velocity);
                 if watches {
                     let place = base + at;
                     let who = DrawContext { key, id, step };
                     let (at, species) = (place as u32, species[at]);
-                    let mut passage = ParticleMove { at, species, who, path, gone: 0.0, velocity: own };
-                    match vicinity {
-                        None => self.resolve_events(&mut passage, self.bodies.all.iter(), &mut events),
-                        Some(vicinity) if vicinity.is_clear(place, &self.reach(&passage)) => {
-                            self.decay(&passage, &mut events);
+                    let mut moved = ParticleMove { at, species, who, path, gone: 0.0, velocity: own };
+                    match receiver_search {
+                        None => self.resolve_events(&mut moved, self.bodies.all.iter(), &mut events),
+                        Some(receiver_search) if receiver_search.is_clear(place, &self.reach(&moved)) => {
+                            self.decay(&moved, &mut events);
                         }
-                        Some(_) => unsure.push(passage),
+                        Some(_) => unsure.push(moved),
                     }
-                    (path, own) = (passage.path, passage.velocity);
+                    (path, own) = (moved.path, moved.velocity);
                 }
                 [x[at], y[at], z[at]] = path.after;
                 if let Some(own) = own {
@@ -185,94 +238,93 @@ impl Propagator {
         (events, unsure)
     }
 
-    /// The distance within which a particle may meet receivers on its path.
+    /// Returns the bounds of a path for the search of receivers.
     #[inline(always)]
-    fn reach(&self, passage: &ParticleMove) -> StepBounds {
-        StepBounds::new(&passage.path, self.more(passage))
+    fn reach(&self, moved: &ParticleMove) -> StepBounds {
+        StepBounds::new(&moved.path, self.more(moved))
     }
 
     /// Applies the events of a particle at `receivers`, and its decays if no receiver keeps it.
     #[inline]
     fn resolve_events<'a>(
         &self,
-        passage: &mut ParticleMove,
+        moved: &mut ParticleMove,
         receivers: impl Iterator<Item = &'a ReceiverState>,
         events: &mut Vec<Event>,
     ) {
-        let space = (&self.steps[passage.species as usize].domain, self.time_step);
-        match self.bodies.resolve(passage, space, receivers) {
+        let space = (&self.steps[moved.species as usize].domain, self.time_step);
+        match self.bodies.resolve(moved, space, receivers) {
             Some(event) => events.push(event),
-            None => self.decay(passage, events),
+            None => self.decay(moved, events),
         }
     }
 
     /// Applies the decays of a particle in the step.
     #[inline]
-    fn decay(&self, passage: &ParticleMove, events: &mut Vec<Event>) {
-        let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *passage;
+    fn decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
+        let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *moved;
         self.decays.for_each_decay(species, (key, id, step), |decay, product| {
             events.push(Event::Decayed { at, decay, product });
         });
     }
 
-    /// How far beyond its way a particle may meet receivers, as diffusion bends it and they come towards it, in µm.
+    /// Returns the distance beyond the line of its path at which a particle may hit receivers, by diffusion and their approach, in µm.
     #[inline(always)]
-    fn more(&self, passage: &ParticleMove) -> f32 {
-        self.steps[passage.species as usize].bend + self.bodies.max_displacement
+    fn more(&self, moved: &ParticleMove) -> f32 {
+        self.steps[moved.species as usize].bend + self.bodies.max_displacement
     }
 
-    /// Has receivers found near particles on their ways, and settles these.
+    /// Searches receivers near the paths of particles, and applies their events.
     fn search(
         &self,
         particles: &mut Particles,
-        vicinity: &mut ReceiverSearch,
+        receiver_search: &mut ReceiverSearch,
         mut unsure: Vec<ParticleMove>,
         step: u32,
     ) -> Result<Vec<Event>, Error> {
         if unsure.is_empty() {
             return Ok(Vec::new());
         }
-        let around_beginning = |passage: &ParticleMove| self.reach(passage).around_beginning();
-        let begins = unsure.iter().map(|passage| (passage.path.before, around_beginning(passage)));
+        let around_beginning = |moved: &ParticleMove| self.reach(moved).around_beginning();
+        let begins = unsure.iter().map(|moved| (moved.path.before, around_beginning(moved)));
         let failed = |source| Error::Step { step, source };
-        let found = vicinity.find(begins, &self.bodies).map_err(failed)?;
-        let settle = |(k, passage): (usize, &mut ParticleMove)| {
-            let (mut events, begun) = (Vec::new(), *passage);
-            let reach = around_beginning(passage);
+        let found = receiver_search.find(begins, &self.bodies).map_err(failed)?;
+        let resolve = |(k, moved): (usize, &mut ParticleMove)| {
+            let (mut events, begun) = (Vec::new(), *moved);
+            let reach = around_beginning(moved);
             let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
-            self.resolve_events(passage, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
-            if self.more(passage) + passage.gone > reach * (1.0 + ROUNDED) {
-                // What came towards it has thrown it beyond those that were looked at.
-                *passage = begun;
+            self.resolve_events(moved, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
+            if self.more(moved) + moved.gone > reach * (1.0 + ROUNDED) {
+                // A receiver that came towards it threw it beyond the receivers that were found.
+                *moved = begun;
                 events.clear();
-                self.resolve_events(passage, self.bodies.all.iter(), &mut events);
+                self.resolve_events(moved, self.bodies.all.iter(), &mut events);
             }
             (events, ball)
         };
-        let settled: Vec<_> = unsure.par_iter_mut().enumerate().with_min_len(BLOCK).map(settle).collect();
+        let resolved: Vec<_> = unsure.par_iter_mut().enumerate().with_min_len(BLOCK).map(resolve).collect();
         let mut events = Vec::new();
-        for (passage, (befell, ball)) in unsure.iter().zip(settled) {
-            let at = passage.at as usize;
-            events.extend(befell);
-            vicinity.clear_spheres[at] = ball;
-            particles.set_position(at, passage.path.after);
-            if let Some(velocity) = passage.velocity {
+        for (moved, (own_events, ball)) in unsure.iter().zip(resolved) {
+            let at = moved.at as usize;
+            events.extend(own_events);
+            receiver_search.clear_spheres[at] = ball;
+            particles.set_position(at, moved.path.after);
+            if let Some(velocity) = moved.velocity {
                 (0..3).for_each(|axis| particles.velocity[axis][at] = velocity[axis]);
             }
         }
         Ok(events)
     }
 
-    /// The way of a particle in a step, with what chance adds along each axis. Walls turn its velocity round, where it
-    /// has one.
+    /// Returns the path of a particle in a step, and its end without walls. Walls reverse its velocity, if it has one.
     #[inline(always)]
     fn path(
         &self,
         kind: &SpeciesStep,
-        before: [f32; 3],
-        normal: [f32; 3],
+        [before, normal]: [[f32; 3]; 2],
         mut velocity: Option<&mut [f32; 3]>,
-    ) -> Path {
+        who: DrawContext,
+    ) -> (Path, [f32; 3]) {
         let SpeciesStep { length, diffusion, mut drift, ref domain, .. } = *kind;
         if let Some(own) = &velocity {
             drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
@@ -281,19 +333,30 @@ impl Propagator {
         if let Some(stream) = &self.stream {
             let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
             drift[stream.vessel.along] += carried.by;
-            return Path { before, end: carried.end, after: carried.after, drift, diffusion };
+            let mut free_end = end;
+            free_end[stream.vessel.along] += carried.by;
+            return (Path { before, end: carried.end, after: carried.after, drift, diffusion }, free_end);
         }
         if !self.bounded {
-            return Path { before, end, after: end, drift, diffusion };
+            return (Path { before, end, after: end, drift, diffusion }, end);
         }
         if let Some(own) = &mut velocity {
             (0..3).filter(|&axis| domain.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
         }
-        Path { before, end, after: domain.confine(end), drift, diffusion }
+        let free_end = end;
+        let mut end = end;
+        if kind.drifts_at_wall != [false; 3] {
+            let words = who.key.draw(who.id, 0, who.step, Purpose::Wall);
+            for axis in (0..3).filter(|&axis| kind.drifts_at_wall[axis]) {
+                let ends = [before[axis], end[axis]];
+                end[axis] = reflected(domain.axes[axis], ends, length, words[axis]).unwrap_or(end[axis]);
+            }
+        }
+        (Path { before, end, after: domain.confine(end), drift, diffusion }, free_end)
     }
 }
 
-/// Gives a swimmer a new direction where chance says so.
+/// Draws whether a swimmer tumbles, and its new direction.
 fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), [word, first, second, _]: [u32; 4]) {
     if word <= up_to {
         *velocity = direction(first, second).map(|c| c * speed);
@@ -320,7 +383,7 @@ fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
     draw_block(key, &block, step, random);
 }
 
-/// The same operations as [`draw_block`] in wider vectors; without fused ones, so with the same result.
+/// The operations of [`draw_block`] in wider vectors. None is fused, so the results are equal.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn draw_avx2(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
@@ -359,13 +422,13 @@ mod tests {
         let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
         let mut shuffled = all.permuted(&order);
         for step in 0..3 {
-            assert!(motion.advance(&mut all, None, (Key::new(1), step)).unwrap().is_empty());
-            motion.advance(&mut shuffled, None, (Key::new(1), step)).unwrap();
+            assert!(motion.advance(&mut all, None, None, (Key::new(1), step)).unwrap().is_empty());
+            motion.advance(&mut shuffled, None, None, (Key::new(1), step)).unwrap();
         }
         assert_eq!(all.permuted(&order), shuffled);
         let [x, ..] = normals(Key::new(1).draw(all.id[5], 0, 2, Purpose::Move));
         let mut two = cloud(10_001);
-        (0..2).for_each(|step| drop(motion.advance(&mut two, None, (Key::new(1), step)).unwrap()));
+        (0..2).for_each(|step| drop(motion.advance(&mut two, None, None, (Key::new(1), step)).unwrap()));
         let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
         assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
     }
@@ -386,7 +449,7 @@ mod tests {
         for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
             particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
         }
-        Propagator::new(&model).advance(&mut particles, None, (Key::new(1), 0)).unwrap();
+        Propagator::new(&model).advance(&mut particles, None, None, (Key::new(1), 0)).unwrap();
         assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
         assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
         assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
@@ -403,7 +466,7 @@ mod tests {
             ..Model::default()
         };
         let n = 100_000;
-        let events = Propagator::new(&model).advance(&mut cloud(n), None, (Key::new(9), 4)).unwrap();
+        let events = Propagator::new(&model).advance(&mut cloud(n), None, None, (Key::new(9), 4)).unwrap();
         for (which, share) in [(0, 0.25), (1, 0.75)] {
             let p = (1.0 - (-2.0_f64).exp()) * share;
             let count = events

@@ -1,16 +1,14 @@
-//! Which particles may meet a receiver in a step.
+//! The search for particles that may hit a receiver in a step.
 //!
-//! Of each particle a ball is known in which there is no receiver, from when the detector last looked. As long as the way
-//! of a particle stays in its ball there is nothing to decide. Those that leave theirs are given to the detector, as
-//! spheres in which they may get about for some time, with the receivers as the other set. So a step costs a
-//! distance per particle, and a search for few.
+//! Every particle has a clear sphere: a sphere without a receiver, known since the detector last searched around the particle. A
+//! path that stays in its clear sphere hits nothing. The other particles go to the detector as spheres that cover several
+//! steps, with the receivers as the second set. So a step costs one distance per particle, and a search for few particles.
 //!
-//! A ball is a fact about space and not about the particle: it stays true whoever takes the place of a particle, and
-//! however that is moved. What is left alone would have met no receiver, to the last bit, so results are those of a loop
-//! over all receivers.
+//! A clear sphere is a fact about space and not about the particle. It stays true if another particle takes the index, and
+//! if the particle moves. Particles that are skipped would have hit no receiver, so the result is bit for bit that of a loop over
+//! all receivers.
 //!
-//! Where most particles are so near receivers that they are given to the detector step after step, the loop is faster, and is
-//! taken for some time.
+//! If most particles leave their clear spheres in every step, the loop is faster and runs for a number of steps.
 
 use lazygrid::{Detector, Neighbors, Sphere};
 
@@ -20,8 +18,8 @@ use crate::model::receiver::{finder, rounding};
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ActiveReceivers;
 
-/// How far a particle may get in this step: in a ball of radius `half` around the middle of its straight way, and beyond
-/// that as far as diffusion bends it and receivers come towards it, `more`. All in µm.
+/// The bounds of a path in a step: a sphere of radius `half` around the middle of its ends, enlarged by `more`, which covers the
+/// bending by diffusion and the approach of receivers. All in µm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepBounds {
     middle: [f32; 3],
@@ -37,59 +35,59 @@ impl StepBounds {
         Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * way[k]), half, more }
     }
 
-    /// How far that is from where the particle begins, in µm.
+    /// Returns the largest distance of the path from its beginning, in µm.
     pub(crate) fn around_beginning(&self) -> f32 {
         2.0 * self.half + self.more
     }
 }
 
-/// The clear_spheres in which there is no receiver, and the search for others.
+/// The clear spheres of particles, and the search for new ones.
 #[derive(Debug)]
 pub(crate) struct ReceiverSearch {
     detector: Detector,
-    /// By the places of particles: centre, and radius with how far receivers had got. All in µm.
+    /// Clear spheres by index of the particle: center, and radius plus `travelled` at the time of the search. All in µm.
     pub(crate) clear_spheres: Vec<[f32; 4]>,
-    /// How far any receiver can have got since all clear_spheres were unknown, in µm.
+    /// The largest displacement of any receiver since all clear spheres were unknown, in µm.
     pub(crate) travelled: f32,
     steps: u32,
-    /// How far the detector looks, as a multiple of the reach of a step. It does not change a result.
+    /// The radius of a search, in bounds of a step. It does not change a result.
     factor: f32,
     queries: Vec<Sphere>,
     receivers: Vec<Sphere>,
     worth: SearchCost,
 }
 
-/// Whether searches cost less than looking at every receiver. Nothing of it changes a result.
+/// The decision whether searches cost less than tests of every receiver. It changes no result.
 #[derive(Debug, Default)]
 struct SearchCost {
     /// Steps with searches in this window.
     steps: u32,
-    /// What they cost, as so many looks at a receiver.
+    /// The cost of these searches, in tests of a receiver.
     cost: u64,
-    /// Steps to come without.
+    /// Coming steps without searches.
     rest: u32,
 }
 
-/// Steps over which searches are held against looks at every receiver. At first no ball is known, and the first searches
-/// say little.
+/// Steps whose searches are compared with tests of every receiver. A single step says little, as no clear sphere is known at
+/// first.
 const WINDOW: u32 = 16;
-/// Steps without a search where these were dearer.
+/// Steps without searches after a window in which searches cost more.
 const REST: u32 = 240;
-/// What a search costs for each particle, and for each receiver that is found near one, in looks at a receiver: about 100 ns,
-/// and 20 ns and often a look, beside 35 ns on the machine of the tables in docs/simulator.md.
+/// The cost of a search per particle and per receiver found near one, in tests of a receiver: about 100 ns, and 20 ns and often
+/// a test, against 35 ns on the machine of the tables in docs/simulator.md.
 const COSTS: [usize; 2] = [3, 1];
 
-/// Nothing is known.
+/// The clear sphere of a particle around which nothing was searched.
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
-/// Steps of moving receivers after which clear_spheres are forgotten, so that rounding adds up to nothing.
+/// Steps of moving receivers after which clear spheres are discarded, so that rounding errors do not add up.
 const FORGET: u32 = 64;
-/// The distances at which the detector looks: the first, the least and the most.
+/// The first, the smallest and the largest `factor`.
 const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
-/// Receivers found per particle, between which the detector looks as far as before.
+/// Receivers found per particle between which `factor` stays the same.
 const FOUND: [usize; 2] = [1, 4];
 
 impl ReceiverSearch {
-    /// A search in the space of a model, where it has receivers.
+    /// Creates a search in the space of a model; `None` if no receiver acts.
     ///
     /// # Errors
     /// [`Error::Detection`] for a box without extent.
@@ -109,7 +107,7 @@ impl ReceiverSearch {
         }))
     }
 
-    /// Before a step of so many particles. Says whether it is to search, or to look at every receiver.
+    /// Begins a step of `particles` particles. Returns `true` if the step searches instead of testing every receiver.
     pub(crate) fn begin(&mut self, particles: usize, bodies: &ActiveReceivers) -> bool {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
@@ -129,7 +127,7 @@ impl ReceiverSearch {
         self.worth.begin()
     }
 
-    /// Behind a step.
+    /// Ends a step.
     pub(crate) fn end(&mut self, bodies: &ActiveReceivers) {
         self.travelled += bodies.max_displacement;
     }
@@ -143,8 +141,8 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.travelled
     }
 
-    /// Finds the receivers near these particles, each with where it begins and how far it reaches. Returns them
-    /// by particle in the order of the bodies, with the distances in which all are found and what is left for the clear_spheres.
+    /// Finds the receivers near particles, each given by its beginning and the radius of the search. Returns the receivers by particle,
+    /// in the order of the model, with the radius within which all are found and the rest for the clear spheres.
     ///
     /// # Errors
     /// Fails if the detector fails.
@@ -163,7 +161,7 @@ impl ReceiverSearch {
         let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
         worth.see([queries.len(), found], clear_spheres.len() * receivers.len());
         let [_, least, most] = FACTORS;
-        // A few say little about the next step.
+        // Few particles say little about the next step.
         if found > FOUND[1] * queries.len().max(16) {
             *factor = (*factor / 1.5).max(least);
         } else if found < FOUND[0] * queries.len() {
@@ -187,7 +185,7 @@ impl SearchCost {
         true
     }
 
-    /// Enters a search for so many particles that found so many receivers, where otherwise so many looks are due in a step.
+    /// Records a search for `particles` particles that found `found` receivers, instead of `all` tests in a step.
     fn see(&mut self, [queries, found]: [usize; 2], looks: usize) {
         self.cost += (COSTS[0] * queries + COSTS[1] * found) as u64;
         if self.cost > u64::from(WINDOW) * looks as u64 {
@@ -196,7 +194,7 @@ impl SearchCost {
     }
 }
 
-/// What rounding may do to the distances between a particle, its ball and receivers, and to how far these got.
+/// The rounding error of distances between a particle, its clear sphere and receivers, and of displacements of receivers.
 fn slack(before: [f32; 3], radius: f32, bodies: &ActiveReceivers, travelled: f32) -> f32 {
     rounding(before, radius + bodies.largest + travelled)
 }
@@ -209,7 +207,7 @@ pub(crate) struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// The receivers that the `k`th particle may meet that reaches so far, and the ball in which there is none.
+    /// Returns the receivers within `reach` of the beginning of particle `k`, and its new clear sphere.
     pub(crate) fn of(
         &self,
         k: usize,

@@ -1,37 +1,37 @@
-//! Ways that surfaces turn back.
+//! Reflection of paths at surfaces of receivers.
 //!
-//! A particle goes straight from bounce to bounce, in the frame of the sphere off which it bounces. Such ways keep a uniform
-//! density uniform, for any length, because billiards keep volumes.
+//! A particle moves along a line from reflection to reflection, in the frame of the sphere that reflects it. Such paths keep a
+//! uniform density uniform at any length, because billiards conserve volumes.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::signed_distance;
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ReceiverState;
 
-/// The result of a path.
+/// A path with reflections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectedPath {
-    /// The path up to its end, as if it were straight.
+    /// The path from its beginning to its end.
     pub(crate) path: Path,
-    /// The place in the model of the first receiver that turned it.
+    /// The index in the model of the first receiver that reflected it.
     pub(crate) first: u32,
-    /// How far the particle goes in all, in µm: farther than its own displacement where spheres come towards it.
+    /// The length of the path, in µm: more than the displacement of the step if spheres come towards the particle.
     pub(crate) gone: f32,
 }
 
-/// A sphere, seen from the particle where it begins.
+/// A sphere relative to the beginning of a path.
 struct Obstacle<'a> {
     body: &'a ReceiverState,
-    /// From the centre to the particle, both at the beginning.
+    /// From the center to the particle, both at the beginning.
     offset: [f64; 3],
     displacement: [f64; 3],
 }
 
-/// Bounces of one step, at most; a particle that is about to have more stays where the last one is.
+/// The largest number of reflections in a step. A particle that would have more stays at the last one.
 const BOUNCES: usize = 64;
 
-/// The displacement of a particle past spheres that turn it back, all of which it is outside. Nothing where none does. Bounces turn
-/// its velocity, in µm per step, as well.
+/// Returns the path of a particle that begins outside all of these spheres, or `None` if no sphere reflects it. Reflections change
+/// `velocity`, in µm per step, as well.
 pub(crate) fn reflect_path(
     bodies: &[&ReceiverState],
     domain: &Boundary,
@@ -39,7 +39,7 @@ pub(crate) fn reflect_path(
     velocity: &mut [f32; 3],
 ) -> Option<ReflectedPath> {
     let mut displacement: [f64; 3] = std::array::from_fn(|k| {
-        // Walls have turned the displacement where it has gone through them.
+        // Walls have reflected the end already.
         let to = if matches!(domain.axes[k], Axis::Reflecting { .. }) { path.after[k] } else { path.end[k] };
         f64::from(to) - f64::from(path.before[k])
     });
@@ -73,7 +73,7 @@ pub(crate) fn reflect_path(
     Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32 })
 }
 
-/// Both images of each sphere that may be in the displacement where space repeats: those nearest to its beginning and to its end.
+/// Returns the images of each sphere that may lie on the path in periodic space: those nearest to its beginning and to its end.
 fn obstacles<'a>(
     bodies: &[&'a ReceiverState],
     domain: &Boundary,
@@ -100,12 +100,12 @@ fn obstacles<'a>(
 }
 
 impl Obstacle<'_> {
-    /// From its centre to the particle that has gone so far, at a time of the step.
+    /// Returns the vector from its center to the particle after the displacement `gone`, at a time of the step.
     fn offset_at(&self, gone: [f64; 3], time: f64) -> [f64; 3] {
         std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
     }
 
-    /// How much later a particle on this displacement meets it that is outside now.
+    /// Returns the time until a particle that is outside meets the sphere.
     fn meeting(&self, gone: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
         let from = self.offset_at(gone, time);
         let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
@@ -117,7 +117,7 @@ impl Obstacle<'_> {
     }
 }
 
-/// A velocity after a bounce off a surface that itself has one.
+/// Returns a velocity after reflection at a moving surface.
 fn turned(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let relative = std::array::from_fn(|k| velocity[k] - of_surface[k]);
     let out = dot(relative, normal);
@@ -128,8 +128,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The end of a displacement, or its beginning where walls or rounding brought the end into a sphere. A sphere that comes over both
-/// pushes the particle before it.
+/// Returns the end of a path, or its beginning if walls or rounding brought the end into a sphere. A sphere that covers both pushes
+/// the particle out.
 fn outside(bodies: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
     let inside = |point: [f32; 3]| {
         let height =

@@ -3,7 +3,7 @@
 use crate::model::boundary::Boundary;
 use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
-use crate::motion::path_hit::{DrawContext, Path, hits};
+use crate::motion::path_hit::{DrawContext, Hit, Path, hits};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::reflection::{ReflectedPath, reflect_path};
 use crate::random::philox::{Purpose, fine_unit};
@@ -26,10 +26,10 @@ pub enum Event {
         receiver: u32,
         /// The position at which it touched the surface, from the center.
         direction: [f32; 3],
-        /// DrawContext comes before it where receptors are few: those with less.
+        /// Its rank among the particles that compete for free receptors; the lowest rank comes first.
         rank: u32,
     },
-    /// It decayed; what came of that may have done so in reflect_path, in the next event.
+    /// It decayed. The product may decay in turn, in the next event.
     Decayed {
         /// The index of the particle.
         at: u32,
@@ -41,6 +41,14 @@ pub enum Event {
 }
 
 impl Event {
+    /// The receiver of the event; `u32::MAX` for a decay.
+    fn receiver(&self) -> u32 {
+        match *self {
+            Self::Arrived { receiver, .. } | Self::Bound { receiver, .. } => receiver,
+            Self::Decayed { .. } => u32::MAX,
+        }
+    }
+
     /// The index of the particle.
     pub fn at(&self) -> u32 {
         match *self {
@@ -57,15 +65,15 @@ pub(crate) struct ParticleMove {
     pub(crate) species: u32,
     pub(crate) who: DrawContext,
     pub(crate) path: Path,
-    /// How far it goes where surfaces reflect_path it, in µm; 0 where none does.
+    /// The length of its reflected path, in µm; 0 if no surface reflects it.
     pub(crate) gone: f32,
     /// Its own, in µm/s, where particles have velocities.
     pub(crate) velocity: Option<[f32; 3]>,
 }
 
 impl ActiveReceivers {
-    /// Returns the event of a particle at the first of `receivers` that it reaches and that keeps it. Receivers that reflect it
-    /// change its path.
+    /// Returns the event of a particle at the receiver that keeps it: of all that its path hits and that keep it, the one that it
+    /// hits first. Receivers that reflect particles change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,
@@ -74,12 +82,36 @@ impl ActiveReceivers {
         receivers: impl Iterator<Item = &'a ReceiverState>,
     ) -> Option<Event> {
         let ParticleMove { at, species, who, path, .. } = *moved;
-        let mut seen = receivers.filter(|body| body.receiver.sees[species as usize]);
+        let seen = receivers.filter(|body| body.receiver.sees[species as usize]);
         if self.any_reflect() {
             return reflect_or_keep(moved, (domain, time_step), seen);
         }
-        let body = seen.find(|body| hits(body, domain, &path, who))?;
-        Some(Event::Arrived { at, receiver: body.place })
+        let mut first = FirstHit::default();
+        for body in seen {
+            if let Some(hit) = hits(body, domain, &path, who) {
+                first.update(hit, who, Event::Arrived { at, receiver: body.place });
+            }
+        }
+        first.event()
+    }
+}
+
+/// The earliest of the hits that end the path of a particle.
+#[derive(Default)]
+struct FirstHit(Option<(Hit, Event)>);
+
+impl FirstHit {
+    /// Records a hit with its event if it is the earliest one. Hitting times are drawn only if there are two hits.
+    fn update(&mut self, hit: Hit, who: DrawContext, event: Event) {
+        let time = |hit: &Hit, event: &Event| hit.time(who, event.receiver());
+        match &self.0 {
+            Some((other, earlier)) if time(other, earlier) <= time(&hit, &event) => {}
+            _ => self.0 = Some((hit, event)),
+        }
+    }
+
+    fn event(self) -> Option<Event> {
+        self.0.map(|(_, event)| event)
     }
 }
 
@@ -103,27 +135,28 @@ fn reflect_or_keep<'a>(
         (moved.path, moved.gone) = (path, gone);
         moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / time_step));
     }
+    let mut first = FirstHit::default();
     for body in near.into_iter().filter(|body| body.receiver.kind != ReceiverKind::Reflecting) {
-        // The path to the surface that reflected it first was straight.
+        // The path to the surface that reflected it first is the original one.
         let taken = match &reflected {
             Some(ReflectedPath { first, path, .. }) if *first != body.place => path,
             _ => &path,
         };
-        if !hits(body, domain, taken, who) {
-            continue;
-        }
-        if !reflects(body) {
-            return Some(Event::Arrived { at, receiver: body.place });
-        }
-        if let Some(event) = stays(at, body, (domain, taken, time_step), who) {
-            return Some(event);
+        let Some(hit) = hits(body, domain, taken, who) else { continue };
+        let event = match reflects(body) {
+            true => adsorb(at, body, (domain, taken, time_step), who),
+            false => Some(Event::Arrived { at, receiver: body.place }),
+        };
+        if let Some(event) = event {
+            first.update(hit, who, event);
         }
     }
-    None
+    first.event()
 }
 
-/// Returns the event of a particle that reached a surface that keeps some of the particles that reach it.
-fn stays(
+/// Returns the event of a particle that reached a surface that keeps some of the particles that reach it, or `None` if the
+/// surface reflects it.
+fn adsorb(
     at: u32,
     body: &ReceiverState,
     (domain, path, time_step): (&Boundary, &Path, f32),
@@ -131,24 +164,25 @@ fn stays(
 ) -> Option<Event> {
     let radius = body.receiver.radius;
     let [a, b] = [(0.0, path.before), (1.0, path.after)]
-        .map(|(part, point)| signed_distance(radius, body.center_at(part), domain, point).abs());
-    let part = match body.sticking {
+        .map(|(part, point)| signed_distance(radius, body.center_at(part), domain, point));
+    let probability = match body.sticking {
         Adsorption::PerStep(probability) => probability,
         Adsorption::Reactivity(reactivity) => {
             let diffusion = f64::from(path.diffusion + body.diffusion);
             let sphere = (f64::from(radius), reactivity);
-            adsorption::Step::new(diffusion, time_step.into(), sphere).sticking(f64::from(a + b))
+            adsorption::Step::new(diffusion, time_step.into(), sphere).sticking([a, b].map(f64::from))
         }
     };
-    // The first word said whether the path met the surface.
+    // The first word said whether the path hit the surface.
     let [_, word, rank, _] = who.key.draw(who.id, body.place, who.step, Purpose::Receiver);
-    if fine_unit(word) >= part {
+    if fine_unit(word) >= probability {
         return None;
     }
     let receiver = body.place;
     if !matches!(body.receiver.kind, ReceiverKind::Receptors(_)) {
         return Some(Event::Arrived { at, receiver });
     }
+    let [a, b] = [a.abs(), b.abs()];
     let time = if a + b > 0.0 { a / (a + b) } else { 0.0 };
     let touching = std::array::from_fn(|k| path.before[k] + time * (path.end[k] - path.before[k]));
     let out = domain.displacement(body.center_at(time), touching);

@@ -1,4 +1,4 @@
-//! A step in a vessel, and with what flows there.
+//! Steps in a vessel with flow.
 
 use crate::model::boundary::Boundary;
 use crate::model::vessel::Vessel;
@@ -14,15 +14,15 @@ pub(crate) struct FlowStep {
 
 /// The end of a step in a flow.
 pub(crate) struct AdvectedPath {
-    /// Without what bounds the vessel along its axis.
+    /// The end without boundaries along the axis of the vessel.
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
-    /// The displacement by the flow along the vessel.
+    /// The displacement by the flow along the vessel, in µm.
     pub(crate) by: f32,
 }
 
 impl FlowStep {
-    /// The vessel of a model that has one.
+    /// Creates the flow of a model with a vessel; `None` without one.
     pub(crate) fn new(model: &Model) -> Option<Self> {
         let mean = match model.flow {
             Some(Flow::Poiseuille { mean }) => mean,
@@ -31,20 +31,20 @@ impl FlowStep {
         Some(Self { vessel: model.boundary.vessel?, fastest: 2.0 * mean * model.time_step })
     }
 
-    /// A step between `ends`, the second as it would be without wall and flow. Velocities turn where walls turn the way.
+    /// Returns a step between `ends`, the second without wall and flow. Walls reverse the velocity.
     pub(crate) fn carry(
         &self,
         domain: &Boundary,
         ends: [[f32; 3]; 2],
         velocity: &mut [f32; 3],
     ) -> AdvectedPath {
-        let [before, straight] = ends;
+        let [before, free_end] = ends;
         let along = self.vessel.along;
         let mut end = match &domain.vessel {
-            Some(vessel) => vessel.reflect(before, straight, velocity),
-            None => straight,
+            Some(vessel) => vessel.reflect(before, free_end, velocity),
+            None => free_end,
         };
-        // The mean of both ends is right to second order in the time step: the way across knows nothing of the flow.
+        // The mean of both ends is right to second order in the time step, as the flow does not change the path across.
         let profile = |p| 1.0 - (self.vessel.distance(p) / f64::from(self.vessel.radius)).powi(2);
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;
         end[along] += by;

@@ -25,7 +25,7 @@ const ROOT_HALF: u32 = 0x3f35_04f3;
 
 /// The natural logarithm of a positive normal number, to about one part in 10⁷.
 #[inline(always)]
-fn ln(value: f32) -> f32 {
+pub(crate) fn ln(value: f32) -> f32 {
     let shifted = value.to_bits().wrapping_sub(ROOT_HALF);
     let exponent = ((shifted as i32) >> 23) as f32;
     let mantissa = f32::from_bits((shifted & 0x007f_ffff).wrapping_add(ROOT_HALF));

@@ -17,7 +17,7 @@ pub enum Purpose {
     Release = 1,
     /// The velocity that a particle is released with.
     Velocity = 2,
-    /// Whether a particle met an absorbing receiver within a step; drawn by particle and receiver.
+    /// The hit of a receiver within a step; drawn by particle and receiver.
     Receiver = 3,
     /// Priority, probability and direction of a candidate pair; drawn by both ids.
     Pair = 4,
@@ -25,7 +25,7 @@ pub enum Purpose {
     Decay = 5,
     /// The position of a particle within a step; drawn by particle and piece of its path.
     Path = 6,
-    /// Whether and how a particle comes apart.
+    /// The dissociation of a particle.
     Dissociation = 7,
     /// The events of a particle between its release and the beginning of the next step.
     PartialStep = 8,
@@ -33,12 +33,16 @@ pub enum Purpose {
     Count = 9,
     /// Which symbol is sent; drawn by transmitter and place in the message.
     Symbol = 10,
-    /// Whether and where a swimmer turns.
+    /// The tumble of a swimmer, and its new direction.
     Tumble = 11,
     /// The displacement of a receiver; drawn by its index in the model.
     ReceiverMotion = 12,
     /// When and where something comes off a receptor.
     Unbinding = 13,
+    /// The time at which a path hit a receiver; drawn by particle and receiver.
+    HitTime = 14,
+    /// The extreme position of a path near a wall; drawn by particle.
+    Wall = 15,
     /// The seed of a replica; drawn by its number.
     Replica = 100,
 }
@@ -71,14 +75,14 @@ impl Key {
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: Key,
-    /// Who draws, the block of words, the step, and what for.
+    /// The id, the block of words, the step, and the purpose.
     counter: [u32; 4],
     words: [u32; 4],
     used: usize,
 }
 
 impl Draws {
-    /// The words of `id` at `step` for a purpose for which nobody draws otherwise.
+    /// Creates the stream of `id` at `step` for a purpose that has no other draws.
     pub fn new(key: Key, id: u32, step: u32, purpose: Purpose) -> Self {
         Self { key, counter: [id, 0, step, purpose as u32], words: [0; 4], used: 4 }
     }

@@ -1,15 +1,15 @@
 //! Decays of single particles while they move.
 //!
-//! A particle may decay several times within a step: the first time is decided for the whole step, and then when that
-//! was, so that what came of it has the rest. Chains of decays are therefore right for steps of any length.
+//! A particle may decay several times within a step. The first decay is drawn for the whole step, then its time, and the product
+//! has the rest of the step. Chains of decays are therefore right for steps of any length.
 
 use crate::model::Model;
 use crate::random::philox::{Key, Purpose, probability_threshold};
 
-/// The decays of a model, made ready.
+/// The decays of a model, by species.
 #[derive(Clone, Debug)]
 pub struct Decays {
-    /// Indexed by species; none of what comes apart into two, which [`Dissociation`](crate::reaction::dissociation::Dissociation) does.
+    /// Decays by species, except into two products, which [`Dissociation`](crate::reaction::dissociation::Dissociation) handles.
     kinds: Vec<SpeciesDecays>,
     time_step: f64,
 }
@@ -21,25 +21,24 @@ struct SpeciesDecays {
     channels: Vec<Channel>,
 }
 
-/// A way in which one species decays.
+/// A decay channel of a species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Channel {
-    /// The largest word at which it decays so within a step.
+    /// The largest word at which it happens within a step.
     pub(crate) up_to: u32,
-    /// Its part of the rate and that of the channels before.
+    /// Its fraction of the rate, plus that of the previous channels.
     pub(crate) share: f64,
-    /// Its place in the model.
+    /// Its index in the model.
     pub(crate) decay: u32,
-    /// The outcome.
+    /// The species of the product.
     pub(crate) product: Option<u32>,
 }
 
-/// Times that one particle decays within a step, at most. So many are rare where a step is shorter than a hundred
-/// lifetimes.
+/// The largest number of decays of one particle within a step. More are rare if a step is shorter than a hundred lifetimes.
 const MOST: u32 = 1000;
 
 impl Decays {
-    /// The decays of a model that was checked.
+    /// Creates the decays of a model that [`Model::check`] accepts.
     pub fn new(model: &Model) -> Self {
         let kinds = (0..model.species.len() as u32).map(|species| kind(model, species)).collect();
         Self { kinds, time_step: model.time_step }
@@ -50,19 +49,19 @@ impl Decays {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }
 
-    /// How a species decays. With rates k₁, k₂, … the probability 1 − exp(−ΣkΔt) is shared out in proportion.
+    /// Returns the decays of a species. With rates k₁, k₂, … the probability 1 − exp(−ΣkΔt) is divided in proportion.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[Channel] {
         &self.kinds[species as usize].channels
     }
 
-    /// The sum of the rates of a species' channels, in 1/s.
+    /// Returns the sum of the rates of a species' channels, in 1/s.
     #[cfg(feature = "gpu")]
     pub(crate) fn rate(&self, species: u32) -> f64 {
         self.kinds[species as usize].rate
     }
 
-    /// Calls `tell` with the place in the model and the product of each decay of a particle in a step.
+    /// Calls `tell` with the index in the model and the product of each decay of a particle in a step.
     #[inline]
     pub fn for_each_decay(
         &self,
@@ -88,7 +87,7 @@ impl Decays {
         }
     }
 
-    /// The same for a particle that has been there for `left` s, with words by generation, from 1 on.
+    /// Continues the decays of a particle for `left` s, with random words by generation, counted from 1.
     pub(crate) fn continue_chain(
         &self,
         mut species: u32,
@@ -110,13 +109,13 @@ impl Decays {
 }
 
 impl SpeciesDecays {
-    /// When a decay happened of which it is known that it did within `time`.
+    /// Returns the time of a decay that happened within `time`.
     fn wait(&self, time: f64, word: u32) -> f64 {
         -libm::log1p(unit(word) * libm::expm1(-self.rate * time)) / self.rate
     }
 }
 
-/// A uniform number in (0, 1).
+/// Returns a uniform number in (0, 1).
 fn unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
@@ -143,7 +142,7 @@ mod tests {
     use super::*;
     use crate::model::{Decay, Species};
 
-    /// A to B at 2/s, B to C at 3/s, and C comes apart; after one step of a second.
+    /// A to B at 2/s, B to C at 3/s, and C dissociates; after one step of a second.
     #[test]
     fn a_chain_is_right_however_long_the_step() {
         let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
@@ -167,7 +166,7 @@ mod tests {
             });
         }
         let [a, b] = [(-2.0_f64).exp(), (-3.0_f64).exp()];
-        // What is no longer A, and what is neither A nor B: with rates k and l, B is k/(l − k)·(exp(−kt) − exp(−lt)).
+        // With rates k and l, exp(−kt) is still A, and B is k/(l − k)·(exp(−kt) − exp(−lt)).
         for (count, p) in counts.into_iter().zip([1.0 - a, 1.0 - a - 2.0 * (a - b)]) {
             let n = f64::from(n);
             let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();

@@ -1,7 +1,7 @@
-//! One particle becomes two: `C -> A + B`.
+//! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! That is decided on what is there before reactions of the same step, and done behind them: what comes apart does not
-//! meet in the same step, and what has just met does not come apart. So each is the inverse of the other.
+//! It is drawn for the particles before reactions of the same step, and applied after them. Products do not react in the same step,
+//! and a product of a reaction does not dissociate in it. So each is the inverse of the other.
 
 use rayon::prelude::*;
 
@@ -12,10 +12,10 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 use crate::reaction::probability::ReactionProbabilities;
 
-/// The decays of all species that come apart, made ready.
+/// The dissociations of a model, by species.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
-    /// Indexed by species: up to which word each of its decays happens.
+    /// By species: the largest word of each of its decays.
     channels: Vec<Vec<(u32, Channel)>>,
     any: bool,
 }
@@ -25,7 +25,7 @@ pub(crate) struct Channel {
     pub(crate) decay: u32,
     pub(crate) products: [Option<Product>; 2],
     pub(crate) unbinding: Unbinding,
-    /// The part of the separation that the first product moves.
+    /// The fraction of the separation that the first product moves.
     pub(crate) share: f32,
 }
 
@@ -33,35 +33,35 @@ pub(crate) struct Channel {
 pub(crate) struct Product {
     pub(crate) species: u32,
     pub(crate) radius: f32,
-    /// The region of its center.
+    /// The boundary of its center.
     domain: Boundary,
 }
 
-/// The outcome of one particle.
+/// The dissociation of one particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dissociated {
     /// The index of the particle.
     pub at: u32,
     /// Its id.
     pub id: u32,
-    /// The decay's place in the model.
+    /// The index of the decay in the model.
     pub decay: u32,
-    /// The species, the radius and the place of each product.
+    /// The species, radius and position of each product.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
 }
 
 impl Dissociated {
-    /// Returns `true` if there is a second product, which needs an id.
+    /// Returns `true` if it has a second product, which needs an id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
     }
 }
 
-/// Particles that one task looks at.
+/// The number of particles per parallel task.
 const TASK: usize = 4096;
 
 impl Dissociation {
-    /// What a model that was checked says about it.
+    /// Creates the dissociations of a model that [`Model::check`] accepts.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
         let center_domains = model.center_domains();
@@ -94,18 +94,18 @@ impl Dissociation {
         Self { any: channels.iter().any(|channels: &Vec<_>| !channels.is_empty()), channels }
     }
 
-    /// Returns `true` if nothing comes apart.
+    /// Returns `true` if no species dissociates.
     pub fn is_empty(&self) -> bool {
         !self.any
     }
 
-    /// The channels of a species, each with the largest word at which it happens.
+    /// Returns the channels of a species, each with the largest word at which it happens.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[(u32, Channel)] {
         &self.channels[species as usize]
     }
 
-    /// What comes apart in a step, by place, but for what is `taken`, ascending places.
+    /// Returns the dissociations of a step by index, without particles at the ascending indices `taken`.
     pub fn splits(&self, particles: &Particles, taken: &[u32], key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
@@ -151,7 +151,7 @@ impl Dissociation {
     }
 }
 
-/// The second product as a particle of its own. It keeps the velocity of what it comes from.
+/// Returns the second product as a particle. It keeps the velocity of its parent.
 pub(crate) fn second(split: &Dissociated, velocity: [f32; 3], id: u32) -> Option<Particle> {
     let (species, radius, position) = split.products[1]?;
     Some(Particle { position, velocity, radius, species, id })

@@ -1,28 +1,27 @@
-//! Which candidate pairs have their turn, where particles are in several: a greedy choice by random priority, found
-//! in parallel.
+//! Matching: the choice of reactions among candidate pairs that share particles. It is greedy by random priority and found in
+//! parallel.
 //!
-//! Every candidate has a key, and keys are totally ordered. In each round those candidates are taken that are best
-//! at all particles they claim; repeated until none is left, that is the same choice as going through all
-//! candidates from the best to the worst (Blelloch, Fineman and Shun, *Greedy sequential maximal independent set and
-//! matching are parallel on average*, SPAA 2012). The keys alone decide: neither the order of candidates nor the
-//! number of threads does.
+//! Every candidate has a key, and keys are totally ordered. Each round takes the candidates that are the best at all particles
+//! they consume. Repeated until no candidate is left, the result is that of a sequential pass from the best to the worst
+//! (Blelloch, Fineman and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012). It
+//! depends on the keys alone, not on the order of candidates or on threads.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
-/// Two particles that may do something with each other.
+/// Two particles that may react.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReactionCandidate {
     /// The indices of the particles.
     pub at: [u32; 2],
-    /// `true` if the candidate needs each of them for itself. It must need one at least.
+    /// `true` for each of them that the reaction consumes; one at least.
     pub consumes: [bool; 2],
-    /// The event, which the caller interprets.
+    /// The index of the rule.
     pub rule: u32,
     /// The priority; the lowest is the best.
     pub priority: u32,
-    /// The ids, the lower one first; they decide between equal priorities.
+    /// The ids in ascending order, which decide between equal priorities.
     pub ids: [u32; 2],
 }
 
@@ -34,48 +33,34 @@ impl ReactionCandidate {
         (self.priority, self.ids)
     }
 
-    /// The places of the particles that it needs for itself.
+    /// Returns the indices of the particles that it consumes.
     pub(crate) fn claimed(&self) -> impl Iterator<Item = usize> {
         let Self { at, consumes, .. } = *self;
         (0..2).filter(move |&k| consumes[k]).map(move |k| at[k] as usize)
     }
 }
 
-/// The rule for the other candidates of a particle that was matched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ConflictPolicy {
-    /// They are dropped: a particle has one turn.
-    Drop,
-    /// They have their turn later: candidates that share a particle come one after the other.
-    Defer,
-}
-
-/// Finds rounds of candidates that do not get in each other's way.
+/// Chooses candidates that share no consumed particle.
 #[derive(Debug, Default)]
 pub struct Matching {
-    /// By place of a particle: one more than the place of the best candidate so far, or one of the values below.
+    /// By index of a particle: one more than the index of the best candidate so far, or one of the values below.
     best: Vec<AtomicU32>,
 }
 
 const NONE: u32 = u32::MAX;
 const TAKEN: u32 = 0;
 
-/// Fewer candidates than this are not worth a task.
+/// The smallest number of candidates per parallel task.
 const TASK: usize = 1024;
-/// Candidates come window by window, from the best on, with one candidate for so many particles, so that few in a
-/// window wait for each other. That changes nothing but the time it takes.
+/// The number of particles per candidate of a window. Candidates are processed in windows, so that few of a window share particles.
+/// The size changes only the time.
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
-    /// Sorts the candidates among `particles` particles from the best to the worst, goes through the rounds, and hands
-    /// each over, as places in `candidates` in ascending order.
-    pub fn rounds(
-        &mut self,
-        candidates: &mut [ReactionCandidate],
-        particles: usize,
-        afterwards: ConflictPolicy,
-        mut turn: impl FnMut(&[ReactionCandidate], &[u32]),
-    ) {
+    /// Sorts the candidates among `particles` particles from the best to the worst. Returns the indices of those that react, in
+    /// ascending order.
+    pub fn greedy(&mut self, candidates: &mut [ReactionCandidate], particles: usize) -> Vec<u32> {
+        let mut chosen = Vec::new();
         if self.best.len() < particles {
             self.best.resize_with(particles, || AtomicU32::new(NONE));
         }
@@ -95,16 +80,11 @@ impl Matching {
                 });
                 let wins = |c: &u32| claimed(*c).all(|p| p.load(Ordering::Relaxed) == c + 1);
                 let winners: Vec<u32> = in_parallel().filter(wins).collect();
-                let waits = |c: &u32| match afterwards {
-                    // Where a better one was taken before, this one is dropped.
-                    ConflictPolicy::Drop => {
-                        !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN)
-                    }
-                    ConflictPolicy::Defer => !wins(c),
-                };
+                // A candidate is dropped if a better one took one of its particles.
+                let waits = |c: &u32| !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN);
                 let left: Vec<u32> = in_parallel().filter(waits).collect();
-                turn(candidates, &winners);
-                // Losers first: a winner's particles are taken whoever else claimed them.
+                chosen.extend_from_slice(&winners);
+                // Losers first, as winners overwrite the entries of their particles.
                 in_parallel().for_each(|c| {
                     let clear = |p: &AtomicU32| {
                         let _ = p.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |there| {
@@ -113,24 +93,14 @@ impl Matching {
                     };
                     claimed(c).for_each(clear);
                 });
-                if afterwards == ConflictPolicy::Drop {
-                    let taken = winners.par_iter().with_min_len(TASK);
-                    taken.for_each(|&c| claimed(c).for_each(|p| p.store(TAKEN, Ordering::Relaxed)));
-                }
+                let taken = winners.par_iter().with_min_len(TASK);
+                taken.for_each(|&c| claimed(c).for_each(|p| p.store(TAKEN, Ordering::Relaxed)));
                 active = left;
             }
         }
-        // Nothing is left behind for the next call.
+        // The next call begins with an empty table.
         let all = candidates.par_iter().with_min_len(TASK);
         all.for_each(|c| c.claimed().for_each(|p| best[p].store(NONE, Ordering::Relaxed)));
-    }
-
-    /// Sorts the candidates, and says which have their turn where a particle has one, as ascending places.
-    pub fn greedy(&mut self, candidates: &mut [ReactionCandidate], particles: usize) -> Vec<u32> {
-        let mut chosen = Vec::new();
-        self.rounds(candidates, particles, ConflictPolicy::Drop, |_, winners| {
-            chosen.extend_from_slice(winners)
-        });
         chosen.sort_unstable();
         chosen
     }
@@ -142,7 +112,7 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// From the best to the worst, each that finds its particles free, by ids.
+    /// Returns the greedy choice from the best to the worst, by ids.
     pub(crate) fn sequential(candidates: &[ReactionCandidate]) -> Vec<[u32; 2]> {
         let mut order: Vec<u32> = (0..candidates.len() as u32).collect();
         order.sort_by_key(|&c| candidates[c as usize].key());
@@ -187,28 +157,11 @@ pub(crate) mod tests {
             shuffled.reverse();
             let expected = sequential(&candidates);
             for mut candidates in [candidates, shuffled] {
-                // What a call leaves behind must not disturb the next one.
+                // The second call uses the table of the first one.
                 let chosen = matching.greedy(&mut candidates, 41);
                 let ids: Vec<_> = chosen.iter().map(|&c| candidates[c as usize].ids).collect();
                 prop_assert_eq!(&ids, &expected);
             }
-        }
-
-        #[test]
-        fn a_queue_goes_by_priority_at_every_particle(mut candidates in candidates()) {
-            let mut last = vec![None; 41];
-            let mut turns = 0;
-            Matching::default().rounds(&mut candidates, 41, ConflictPolicy::Defer, |candidates, winners| {
-                for &c in winners {
-                    turns += 1;
-                    for p in candidates[c as usize].claimed() {
-                        let key = Some(candidates[c as usize].key());
-                        assert!(last[p] < key, "a worse one went first");
-                        last[p] = key;
-                    }
-                }
-            });
-            prop_assert_eq!(turns, candidates.len());
         }
     }
 

@@ -1,4 +1,4 @@
-//! Reactions of two particles: which pairs may react, and what comes of those that do.
+//! Reactions of two particles: the pairs that may react, and the changes of those that do.
 
 pub mod decay;
 pub mod dissociation;
@@ -19,7 +19,7 @@ use crate::random::philox::{Key, Purpose, probability_threshold};
 use crate::reaction::matching::ReactionCandidate;
 use crate::reaction::probability::ReactionProbabilities;
 
-/// The reactions of a model, made ready.
+/// The reactions of a model, by pairs of species.
 #[derive(Clone, Debug)]
 pub struct Reactions {
     /// The number of species that react.
@@ -29,43 +29,43 @@ pub struct Reactions {
     /// By the rows of both species: what may happen, from the inside outwards.
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
-    /// Indexed by reaction: how much of the way together is the first reactant's, and of the way apart the first product's.
+    /// By reaction: the first reactant's fraction of the approach, and the first product's fraction of the separation.
     shares: Vec<[f32; 2]>,
     boundary: Boundary,
-    /// Indexed by species: where walls let their centres be.
+    /// Boundaries of the particle centers, by species.
     center_domains: Vec<Boundary>,
 }
 
-/// A possible reaction of a pair that is near enough.
+/// The possible reactions of a pair within a distance.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactionShell {
     /// The largest distance, if the detector looks farther than that.
     pub(crate) within: Option<f32>,
-    /// One, and what else may happen: the one with the lowest largest word comes first.
+    /// The rules, in ascending order of their largest words.
     rule: ReactionRule,
     others: Vec<ReactionRule>,
 }
 
 impl ReactionShell {
-    /// The rules in the order of their thresholds.
+    /// Returns the rules in the order of their thresholds.
     pub(crate) fn rules(&self) -> impl Iterator<Item = &ReactionRule> {
         std::iter::once(&self.rule).chain(&self.others)
     }
 }
 
-/// The data that decide about a pair.
+/// A reaction rule: a reaction and the words at which it happens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionRule {
     pub(crate) reaction: u32,
     /// The species that is the first reactant.
     pub(crate) first: u32,
-    /// The largest word that means yes.
+    /// The largest random word at which it happens.
     pub(crate) up_to: u32,
-    /// `true` if the first and the second reactant are used up.
+    /// `true` for each reactant that it consumes.
     pub(crate) consumes: [bool; 2],
 }
 
-/// The outcome of one reactant.
+/// The change of one reactant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
     /// The index of the particle.
@@ -76,11 +76,11 @@ pub struct ReactantChange {
     pub position: [f32; 3],
 }
 
-/// Pairs that one task looks at.
+/// The number of pairs per parallel task.
 const TASK: usize = 4096;
 
 impl Reactions {
-    /// The reactions of a model that was checked.
+    /// Creates the reactions of a model that [`Model::check`] accepts.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
         // Only species that react have an entry, so models of many species without reactions have a small table.
@@ -102,12 +102,12 @@ impl Reactions {
         }
     }
 
-    /// Returns `true` if nothing reacts.
+    /// Returns `true` if the model has no reactions.
     pub fn is_empty(&self) -> bool {
         self.reactions.is_empty()
     }
 
-    /// The pairs that chance lets react, in the order of `pairs`.
+    /// Draws the reactions of `pairs`, in their order.
     pub fn candidates(
         &self,
         particles: &Particles,
@@ -148,16 +148,16 @@ impl Reactions {
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
         let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
         let rule = zone.rules().find(|rule| chance <= rule.up_to)?;
-        // Among equals the lower id comes first.
+        // Of one species, the particle with the lower id comes first.
         let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
         let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
         Some(ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids })
     }
 
-    /// What comes of a candidate that has its turn, reactant by reactant; nothing of one that is not used up.
+    /// Returns the changes of the reactants of a candidate, without those that it does not consume.
     ///
-    /// Two reactants meet at their average, weighted so that the one that diffuses faster moved further. One product
-    /// goes there; two go apart by the unbinding radius in a random direction, again the faster one further.
+    /// Two reactants meet at their mean position, weighted so that the one that diffuses faster moves farther. One product
+    /// appears there. Two products separate by the unbinding radius in a random direction, again the faster one farther.
     pub fn outcomes(
         &self,
         particles: &Particles,
@@ -187,8 +187,8 @@ impl Reactions {
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
 
-    /// What comes of all candidates that have their turn. It is found before any is applied, since a catalyst may be in
-    /// several.
+    /// Returns the changes of all reactants. They are computed before any is applied, because a catalyst may take part in several
+    /// reactions.
     pub(crate) fn all_outcomes<'a>(
         &self,
         particles: &Particles,
@@ -199,7 +199,10 @@ impl Reactions {
         chosen.flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
-    /// The reactions of two species by distance, from the innermost shell outwards.
+    /// Returns the single reaction of two species within the range of the detector, if they have at most one.
+    ///
+    /// # Errors
+    /// The reactions, if there are several.
     #[cfg(feature = "gpu")]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         self.zones_of(a, b)
@@ -212,7 +215,7 @@ impl Reactions {
     }
 }
 
-/// What may happen to two species, as words and rules.
+/// Returns the possible reactions of two species, as words and rules.
 fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> Vec<ReactionShell> {
     let all = chances.zones(pair);
     let outermost = all.last().map_or(0.0, |zone| zone.radius).max(reach(model, pair[0], pair[1]));
@@ -235,12 +238,12 @@ fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> V
     all.into_iter().filter_map(zone).collect()
 }
 
-/// Whether the first and the second reactant are used up.
+/// Returns `true` for each reactant that a reaction consumes.
 fn consumes(reaction: &Reaction) -> [bool; 2] {
     [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
 }
 
-/// How much of the way to where they meet is the first reactant's, and of the way apart the first product's.
+/// Returns the first reactant's fraction of the approach, and the first product's fraction of the separation.
 fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
     let consumes = consumes(reaction);
     let together = match consumes {
@@ -256,20 +259,19 @@ fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
     [together, apart]
 }
 
-/// The squared distance of two particles.
+/// Returns the squared distance of two particles.
 pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Boundary) -> f64 {
     let [a, b] = [pair.i, pair.j].map(|at| particles.position_of(at as usize).map(f64::from));
     (0..3).map(|k| boundary.axes[k].displacement_exact(b[k] - a[k])).map(|d| d * d).sum()
 }
 
-/// How far apart two particles of these species may be to matter to each other: the binding radius or, where
-/// overlaps matter, the sum of their radii.
+/// Returns the largest distance at which particles of two species interact by contact.
 fn reach(model: &Model, a: u32, b: u32) -> f32 {
     let touch = model.species[a as usize].radius + model.species[b as usize].radius;
     if model.contact == Contact::Ignore { 0.0 } else { touch }
 }
 
-/// The table of interactions of the detector; `None` if nothing interacts.
+/// Returns the table of interactions of the detector; `None` if nothing interacts.
 ///
 /// # Errors
 /// [`Error::Detection`] for more species than the detector's table may have.

@@ -19,23 +19,22 @@
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′ + κ·[G(r − r₀) − G(r + r₀)]/(4πr₀),
 //! ```
 //!
-//! where κ pairs react in a step for a density of 1. They include those that meet again at once. So κ/Δt is the rate
+//! where κ pairs react in a step for a density of 1. These include pairs that bind again at once. So κ/Δt is the rate
 //! constant that the law of mass action has: with a rate k′ of coming apart, \[C\]/\[A\]\[B\] = κ/(k′Δt).
 
 use crate::Error;
 
-/// Where √(2DΔt), D being the sum of both diffusion coefficients, is more than this part of the binding radius, partners
-/// are so likely to jump over each other that the rate is right only for well-mixed partners; what happens near a
-/// partner or a surface is not resolved.
+/// The largest step √(2DΔt), as a fraction of the binding radius, at which partners rarely jump over each other. D is the sum of both
+/// diffusion coefficients. With longer steps the rate is right for well-mixed partners only.
 pub const LONG_STEP: f64 = 1.0;
 
-/// The longest time step, in s, that is not long beside the binding radius.
+/// Returns the longest time step, in s, at which partners of this binding radius rarely jump over each other.
 pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
     (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
 }
 
-/// The longest time step, in s, that is not long beside the binding radius that has the rate constant at that very
-/// step: where the step is as long as it may be, a radius σ has the constant 4πDσ·c with a c that is known.
+/// Returns the longest time step, in s, at which partners with this rate constant rarely jump over each other. At that step a radius σ
+/// has the constant 4πDσ·c with a known c.
 pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
     let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
     longest_step(radius, diffusion)
@@ -68,7 +67,7 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
 /// the `unbinding` radius, in µm; else as [`binding_radius`].
 ///
 /// # Errors
-/// The same as [`binding_radius`].
+/// The errors of [`binding_radius`].
 pub fn reversible_binding_radius(
     rate: f64,
     unbinding: f64,
@@ -87,7 +86,7 @@ pub fn reversible_rate_constant(binding: f64, unbinding: f64, diffusion: f64, ti
     step.powi(3) / time_step * regained(binding / step, unbinding / step)
 }
 
-/// Where a function that rises goes through 0.
+/// Returns the root of a rising function.
 fn root([mut low, mut high]: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     while high - low > 1e-9 * high {
         let middle = 0.5 * (low + high);
@@ -139,7 +138,7 @@ fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
     let nodes: Vec<(f64, f64)> = panels(b, far);
     let n = nodes.len();
     let kernel = |x: f64, y: f64| gauss(x - y) - gauss(x + y);
-    // Beyond the last panel u = x, but for the unknown, whose integral against the kernel is known.
+    // Beyond the last panel u = x, except for the unknown, whose integral with the kernel is known.
     let mut matrix = vec![vec![0.0; n + 2]; n + 1];
     for (row, &(x, _)) in nodes.iter().enumerate() {
         for (column, &(y, weight)) in nodes.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The releases of transmitters: a pure function of the model, the seed and the step.
 //!
-//! What is released at one time appears at the beginning of a step. What is released all the time appears between two
-//! steps: it moves and decays for the rest of the time, so that numbers are right for steps of any length.
+//! A burst appears at the beginning of a step. Particles of continuous release appear between two
+//! steps: they move and decay for the rest of the time, so that numbers are right for steps of any length.
 
 pub mod origins;
 
@@ -61,7 +61,7 @@ enum Ages {
 }
 
 impl Model {
-    /// What all transmitters release at the beginning of a step, with ids from `next_id` on. `decays` are those of the
+    /// Returns the particles that all transmitters release at the beginning of a step, with ids from `next_id`. `decays` are those of the
     /// model.
     ///
     /// # Errors
@@ -90,7 +90,7 @@ impl Model {
             decayed: vec![0; self.decays.len()],
         };
         let own = slice.of(released - u64::from(next_id));
-        // How many there are before this batch, of all and of its burst.
+        // Numbers of particles before this batch: in all, and in its burst.
         let (mut before, mut place) = (0, 0);
         for (k, batch) in batches.iter().enumerate() {
             // Places count through the entries of one burst.

@@ -37,7 +37,7 @@ pub struct Origins {
 }
 
 impl Origins {
-    /// Records the origin of particles with ids from `first` on. `first` must not be below any id recorded before.
+    /// Records the origin of particles with ids at or above `first`. `first` must not be below any id recorded before.
     pub fn enter(&mut self, first: u32, origin: Option<Origin>) {
         match self.ranges.last_mut() {
             // The previous range is empty.

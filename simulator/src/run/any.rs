@@ -1,4 +1,4 @@
-//! A run on either back end, as those who write files about it need it.
+//! A run on either backend.
 
 use std::borrow::Cow;
 
@@ -21,16 +21,16 @@ pub enum AnySimulation {
     Gpu(Box<GpuSimulation>),
 }
 
-/// Steps after which a run on a GPU comes back, so that it can be watched and stopped.
+/// Steps of one call on a GPU, after which the run can be watched and stopped.
 #[cfg(feature = "gpu")]
 const GPU_STEPS: u32 = 64;
 
 impl AnySimulation {
-    /// A run from `state` on, or from the beginning. [`Backend::Auto`] is the CPU, since back ends round differently
-    /// and a run is to depend on its seed alone; `algorithm` is how the CPU finds pairs.
+    /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because backends round differently and a run must
+    /// depend on its seed alone. `algorithm` finds pairs on the CPU.
     ///
     /// # Errors
-    /// The same as [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if there is no GPU.
+    /// The errors of [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if no GPU is available.
     pub fn begin(
         model: &Model,
         seed: u64,
@@ -60,10 +60,10 @@ impl AnySimulation {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 
-    /// Does the next steps: one on the CPU and several on a GPU, but no more than `most`.
+    /// Performs the next steps: one on the CPU and several on a GPU, but at most `most`.
     ///
     /// # Errors
-    /// The same as [`Simulation::step`] or `GpuSimulation::run`.
+    /// The errors of [`Simulation::step`] or `GpuSimulation::run`.
     #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
     pub fn advance(&mut self, most: u32) -> Result<(), Error> {
         match self {

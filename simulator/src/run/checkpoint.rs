@@ -1,4 +1,4 @@
-//! A run on disk, to go on from.
+//! Checkpoints: the state of a run on disk.
 //!
 //! # Correctness
 //!
@@ -28,20 +28,20 @@ use crate::{Error, Particles, State};
 
 /// Everything that is needed to continue a run bit for bit.
 ///
-/// A run over several ranks has a file of each beside it, with the particles of that rank.
+/// A run over several ranks has one more file per rank, with the particles of that rank.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// The scenario as it was read; another one cannot go on from here.
+    /// The text of the scenario. A run of another scenario cannot be resumed from here.
     pub scenario: String,
     /// The seed.
     pub seed: u64,
-    /// The name of the back end that computed it.
+    /// The name of the backend that computed it.
     pub backend: String,
-    /// Steps between rows, between frames, and between those of the animation, 0 if there is none.
+    /// Steps between rows, between frames, and between frames of the animation (0 without one).
     pub every: [u32; 3],
     /// The files that the run appends to.
     pub files: Vec<FileRecord>,
-    /// The file of each rank; nothing where the state has the particles itself.
+    /// The files of ranks; empty if `state` contains the particles.
     pub parts: Vec<PartRecord>,
     /// The state of the run.
     pub state: State,
@@ -88,8 +88,8 @@ impl PartRecord {
 }
 
 impl Checkpoint {
-    /// Writes a checkpoint in place of the one before, which is untouched until this one is complete. Parts are to be there
-    /// already; those of other checkpoints are taken away then.
+    /// Writes a checkpoint over the previous one, which remains until this one is complete. Parts must have been written. Parts of other
+    /// checkpoints are removed.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -99,8 +99,8 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Writes what a rank, of so many, has of the checkpoint at `path`, and returns the record of that file. `state` is that
-    /// of the rank.
+    /// Writes the part of a rank, of `ranks`, to the checkpoint at `path`, and returns the record of that file. `state` is that of the
+    /// rank.
     pub(crate) fn write_part(
         path: &Path,
         seed: u64,
@@ -115,26 +115,26 @@ impl Checkpoint {
         Ok(PartRecord { particles: counts[0], bound: counts[1], checksum })
     }
 
-    /// Reads a checkpoint; where it is in parts, without them.
+    /// Reads a checkpoint, without its parts.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::CheckpointVersion`] for a file of another version; [`Error::Damaged`] for a file that is not
-    /// as it was written.
+    /// [`Error::Read`]; [`Error::CheckpointVersion`] for a file of another version; [`Error::Damaged`] for a file that differs
+    /// from the one that was written.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let (checkpoint, _): (Self, _) = sealed::read(path, Kind::Whole)?;
         check_columns(path, &checkpoint.state.particles)?;
         Ok(checkpoint)
     }
 
-    /// Where the run stands, with all particles, from the parts of the checkpoint at `path` where it is in parts.
+    /// Returns the state with all particles, also those of the parts of the checkpoint at `path`.
     ///
     /// # Errors
-    /// The same as [`read`](Self::read).
+    /// The errors of [`read`](Self::read).
     pub fn into_state(self, path: &Path) -> Result<State, Error> {
         self.into_slice(path, RankSlice::WHOLE)
     }
 
-    /// The same with a share of the particles and of what is bound.
+    /// Returns the state with a slice of the particles and of the bound particles.
     pub(crate) fn into_slice(self, path: &Path, slice: RankSlice) -> Result<State, Error> {
         let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {
@@ -157,7 +157,7 @@ impl Checkpoint {
             let counts = record.counts();
             let ranges = [0, 1].map(|k| within(&wanted[k], before[k], counts[k]));
             before = [0, 1].map(|k| before[k] + counts[k]);
-            // A part that no rank needs is checked all the same.
+            // A part that no rank needs is checked as well.
             let is_idle = slice.is_first() && counts == [0; 2];
             if ranges.iter().all(Range::is_empty) && !is_idle {
                 continue;
@@ -171,7 +171,7 @@ impl Checkpoint {
     }
 }
 
-/// Reads the file of a rank, which has to be the one that the checkpoint names.
+/// Reads the file of a rank, which must be the one that the checkpoint names.
 fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
     let (part, found): (Part, _) = sealed::read(path, Kind::Part)?;
     let damaged = |damage| Err(Error::Damaged { path: path.to_owned(), damage });
@@ -188,20 +188,20 @@ fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
     }
 }
 
-/// Which of so many elements, before which there are others, are in a range of all.
+/// Returns the range of `count` elements, which follow `before` others, within `range` of all elements.
 fn within(range: &Range<u64>, before: u64, count: u64) -> Range<usize> {
     let at = |place: u64| place.saturating_sub(before).min(count) as usize;
     at(range.start)..at(range.end)
 }
 
-/// The file of a rank beside a checkpoint.
+/// Returns the path of a rank's file.
 fn part_of(path: &Path, step: u32, rank: u32) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(format!(".{step:09}.{rank}"));
     name.into()
 }
 
-/// Takes away the files of ranks that belong to other checkpoints than that of this step and so many parts.
+/// Removes the files of ranks that belong to other checkpoints.
 fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
     let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
     let (Ok(entries), Some(name)) = (std::fs::read_dir(directory), path.file_name()) else { return };
@@ -212,7 +212,7 @@ fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
         let numbers = numbers.and_then(|(of, rank)| Some((of.parse().ok()?, rank.parse().ok()?)));
         let belongs = |(of, rank): (u32, u32)| of == step && rank < parts;
         if numbers.is_some_and(|numbers| !belongs(numbers)) {
-            // Left behind, it is in nobody's way.
+            // A file that remains does no harm.
             drop::<std::io::Result<()>>(std::fs::remove_file(entry.path()));
         }
     }
@@ -235,7 +235,7 @@ mod tests {
     use super::*;
     use crate::{Particle, Totals};
 
-    /// Ranks take what comes in a row, whoever wrote it, and equally much of it.
+    /// Ranks take consecutive particles of all parts, in equal numbers.
     #[test]
     fn shares_of_parts_are_in_order_and_even() {
         let directory = tempfile::tempdir().expect("a directory");
@@ -275,13 +275,13 @@ mod tests {
             let even = |share: &State| share.particles.len().abs_diff(13 / ranks as usize) <= 1;
             assert!(shares.iter().all(even), "{ranks}");
         }
-        // The part without particles counts, too.
+        // The part without particles counts as well.
         let idle = part_of(&path, 3, 1);
         let whole = std::fs::read(&idle).expect("is there");
         std::fs::write(&idle, &whole[1..]).expect("is written");
         let refused = |rank| read.clone().into_slice(&path, RankSlice::new(rank, 2)).is_err();
         assert_eq!([0, 1].map(refused), [true, false]);
-        // A checkpoint without parts takes those of this one away.
+        // A checkpoint without parts removes those of this one.
         Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");
         assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 1);
     }

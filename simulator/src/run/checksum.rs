@@ -33,7 +33,7 @@ impl Digest {
     /// The digest of the next bytes of a reader, `length` of them, or fewer if the reader ends before.
     ///
     /// # Errors
-    /// Those of the reader.
+    /// The errors of the reader.
     pub(crate) fn of_next(reader: impl Read, length: u64) -> io::Result<Self> {
         let mut sink = DigestWriter::new(io::sink(), Self::new());
         io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, reader.take(length)), &mut sink)?;

@@ -10,6 +10,7 @@ pub mod state;
 pub mod view;
 
 pub(crate) mod checksum;
+mod difference;
 pub(crate) mod memory_estimate;
 pub(crate) mod sealed;
 pub(crate) mod time_step_monitor;
@@ -29,7 +30,7 @@ use crate::{AnySimulation, Error, RunView, State};
 /// A run, and its output folder.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The scenario, with its seed, steps and output as they are wanted.
+    /// The scenario, with its seed, steps and output after overrides.
     pub scenario: Scenario,
     /// The file that the scenario is from, for messages.
     pub path: PathBuf,
@@ -39,13 +40,13 @@ pub struct Run {
     pub backend: Backend,
     /// The algorithm by which the CPU finds pairs; it does not change the result.
     pub algorithm: Algorithm,
-    /// Threads; by default all.
+    /// Number of threads; `None` for all.
     pub threads: Option<usize>,
-    /// `true` if to go on from the checkpoint in the directory.
+    /// `true` to resume from the checkpoint in the directory.
     pub resume: bool,
-    /// `true` if to replace a run that is in the directory.
+    /// `true` to replace a run in the directory.
     pub overwrite: bool,
-    /// `true` if to refuse what will not fit the disk, and to stop before that is full.
+    /// `true` to refuse a run that will not fit the disk, and to stop before the disk is full.
     pub space_check: bool,
 }
 
@@ -54,23 +55,23 @@ pub struct Run {
 pub enum RunEnd {
     /// All steps are done.
     Finished,
-    /// It was stopped, and can go on.
+    /// It was stopped, and can be resumed.
     Stopped,
 }
 
-/// Which of several runs beside each other one is.
+/// The position of a run among replicas.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReplicaSlot {
-    /// Its place among them.
+    /// Its index.
     pub(crate) place: u32,
-    /// Their number.
+    /// The number of replicas.
     pub(crate) count: u32,
-    /// How many go on at the same time.
+    /// The number of replicas that run at the same time.
     pub(crate) at_once: u32,
 }
 
 impl ReplicaSlot {
-    /// A run by itself.
+    /// Returns the slot of a single run.
     pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
 
     fn sharing(self) -> Sharing {
@@ -78,17 +79,17 @@ impl ReplicaSlot {
     }
 }
 
-/// Rows of the series after which the disk is looked at.
+/// Rows of the series between checks of the disk.
 const ROWS: u32 = 4096;
 
 impl Run {
-    /// Does all steps and calls `watch` before the first and after each, or on a GPU after several, until it breaks.
-    /// However it ends, the files are closed and there is a checkpoint to go on from.
+    /// Performs all steps and calls `watch` before the first and after each, or on a GPU after several, until it breaks. At the end the
+    /// files are closed, and a checkpoint allows to resume the run.
     ///
     /// # Errors
-    /// [`Error::Write`] before anything is computed where the directory cannot be written or the disk is too small,
-    /// and at any time where the system refuses to write; [`Error::Read`], [`Error::Checkpoint`],
-    /// [`Error::CheckpointVersion`] or [`Error::Damaged`] if there is nothing to go on from; and whatever [`AnySimulation::advance`] says.
+    /// [`Error::Write`] before the first step if the directory cannot be written or the disk is too small, and later if the
+    /// system refuses to write. [`Error::Read`], [`Error::Checkpoint`], [`Error::CheckpointVersion`] or [`Error::Damaged`] if the run
+    /// cannot be resumed. The errors of [`AnySimulation::advance`].
     pub fn run(
         &self,
         watch: impl FnMut(&AnySimulation) -> ControlFlow<()> + Send,
@@ -99,18 +100,18 @@ impl Run {
         }
     }
 
-    /// The same as [`run`](Self::run), in the present pool. What concerns all runs beside each other is said by the first.
+    /// Does the same as [`run`](Self::run) in the current thread pool. The first replica logs messages that concern all.
     pub(crate) fn run_here(
         &self,
-        beside: ReplicaSlot,
+        slot: ReplicaSlot,
         mut watch: impl FnMut(&AnySimulation) -> ControlFlow<()>,
     ) -> Result<(RunEnd, AnySimulation), Error> {
         self.check_formats()?;
-        if beside.place == 0 {
+        if slot.place == 0 {
             self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         }
         let (mut simulation, mut files) =
-            if self.resume { self.resume_run(beside)? } else { self.begin(beside)? };
+            if self.resume { self.resume_run(slot)? } else { self.begin(slot)? };
         let first = simulation.step_count();
         let mut pace = TimeStepMonitor::default();
         let mut memory = MemoryGuard::default();
@@ -122,7 +123,7 @@ impl Run {
             let (step, before) = (simulation.step_count(), TimeStepMonitor::part_of(simulation.totals()));
             let next = self.steps_to_next(step);
             let present = simulation.totals().present.iter().sum();
-            if let Err(error) = memory.check(simulation.model(), (present, step, next), beside.sharing()) {
+            if let Err(error) = memory.check(simulation.model(), (present, step, next), slot.sharing()) {
                 if step > first {
                     self.save(&simulation, &mut files)?;
                 }
@@ -130,7 +131,7 @@ impl Run {
             }
             simulation.advance(next)?;
             pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
-            if self.is_disk_full(&simulation, beside)? {
+            if self.is_disk_full(&simulation, slot)? {
                 self.save(&simulation, &mut files)?;
                 return Err(self.stopped_early(simulation.step_count()));
             }
@@ -148,13 +149,13 @@ impl Run {
             self.save(&simulation, &mut files)?;
         }
         files.convert(simulation.model())?;
-        if beside.place == 0 {
+        if slot.place == 0 {
             pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
         Ok((end, simulation))
     }
 
-    /// Refuses a format in which nothing can be written, before anything is computed.
+    /// Refuses a format that this build cannot write, before the first step.
     fn check_formats(&self) -> Result<(), Error> {
         let Scenario { model, output, .. } = &self.scenario;
         if output.arrow && !cfg!(feature = "arrow") {
@@ -168,18 +169,18 @@ impl Run {
         Ok(())
     }
 
-    /// Where the files of a scenario go unless it is said: a directory of its name, without the extension.
+    /// Returns the default directory of a scenario's files: the name of the scenario without its extension.
     pub fn directory_of(scenario: &Path) -> PathBuf {
         PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
     }
 
-    /// The name of the run in messages and on pages.
+    /// Returns the name of the run in messages and on pages.
     pub fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         format!("{name}, seed {}", self.scenario.seed)
     }
 
-    /// The number of steps until the next output.
+    /// Returns the number of steps until the next output.
     fn steps_to_next(&self, step: u32) -> u32 {
         let output = self.scenario.output;
         let frames = (output.xyz || output.npy).then_some(output.frames_every);
@@ -189,36 +190,32 @@ impl Run {
         left.fold(self.scenario.steps - step, u32::min)
     }
 
-    fn begin(&self, beside: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
+    fn begin(&self, slot: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
-        check_largest_release(model, self.scenario.steps, beside.sharing())?;
+        check_largest_release(model, self.scenario.steps, slot.sharing())?;
         let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
         let lock = output::prepare(&self.directory, self.overwrite)?;
-        // Before anything that is there is replaced.
-        self.check_disk_space(&simulation, beside)?;
+        // Before any file is replaced.
+        self.check_disk_space(&simulation, slot)?;
         output::remove_stale(
             &self.directory,
             &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"],
         )?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
-        // A failure to write shows now.
+        // A failure to write is reported here.
         self.save(&simulation, &mut files)?;
         Ok((simulation, files))
     }
 
-    /// Refuses a run whose files, with those of the runs after it, will surely not fit, and warns where they may not.
-    pub(crate) fn check_disk_space(
-        &self,
-        simulation: &impl RunView,
-        beside: ReplicaSlot,
-    ) -> Result<(), Error> {
+    /// Refuses a run whose files, with those of later replicas, surely do not fit the disk, and warns if they may not fit.
+    pub(crate) fn check_disk_space(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
         }
         let Scenario { steps, output, text, .. } = &self.scenario;
         let DiskEstimate { least, most, checkpoint } = DiskEstimate::of(simulation, *output, *steps, text);
-        let runs = u64::from(beside.count - beside.place);
+        let runs = u64::from(slot.count - slot.place);
         let [least, most, checkpoint] = [least, most, checkpoint].map(|bytes| bytes.saturating_mul(runs));
         let free = self.free_disk_bytes()?;
         if least + checkpoint <= free && most + checkpoint > free {
@@ -245,11 +242,11 @@ impl Run {
         fs4::available_space(&self.directory).map_err(write)
     }
 
-    /// What to say where the disk has no room for what is due.
+    /// Returns the message for a disk without space for the next output.
     pub(crate) fn stopped_early(&self, steps: u32) -> Error {
         self.no_room(format!(
             "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and go on with --resume \
-             (--no-space-check goes on whatever is left)"
+             (--no-space-check continues until the disk is full)"
         ))
     }
 
@@ -258,9 +255,8 @@ impl Run {
         Error::Write { path: self.directory.clone(), source }
     }
 
-    /// Whether what is due now, and a checkpoint behind it, may not fit any more. Rows alone are looked after now and
-    /// then.
-    pub(crate) fn is_disk_full(&self, simulation: &impl RunView, beside: ReplicaSlot) -> Result<bool, Error> {
+    /// Returns `true` if the next output and a checkpoint may not fit the disk. If only rows are due, the disk is checked rarely.
+    pub(crate) fn is_disk_full(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
         if !self.space_check
@@ -268,10 +264,10 @@ impl Run {
         {
             return Ok(false);
         }
-        Ok(self.free_disk_bytes()? < 2 * u64::from(beside.at_once) * output::next_bytes(simulation, output))
+        Ok(self.free_disk_bytes()? < 2 * u64::from(slot.at_once) * output::next_bytes(simulation, output))
     }
 
-    fn resume_run(&self, beside: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
+    fn resume_run(&self, slot: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
         let path = self.checkpoint_path();
         let lock = self.lock()?;
         let checkpoint = Checkpoint::read(&path)?;
@@ -284,13 +280,13 @@ impl Run {
         if backend != simulation.backend().name() {
             self.warn_of_backends(done, &backend, simulation.backend());
         }
-        self.check_disk_space(&simulation, beside)?;
+        self.check_disk_space(&simulation, slot)?;
         let files =
             Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;
         Ok((simulation, files))
     }
 
-    /// Keeps other runs out of the directory of one that goes on.
+    /// Locks the directory of a resumed run.
     pub(crate) fn lock(&self) -> Result<Lock, Error> {
         match Lock::take(&self.directory) {
             Err(Error::Write { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
@@ -300,7 +296,7 @@ impl Run {
         }
     }
 
-    /// Warns where a run goes on elsewhere than it was.
+    /// Warns if a run is resumed on another backend.
     pub(crate) fn warn_of_backends(&self, done: u32, before: &str, now: Backend) {
         log::warn!(
             "the first {done} steps were done on the {before}, those to come are on the {now}: they round differently, so \
@@ -315,22 +311,29 @@ impl Run {
         let own = &self.scenario;
         if *scenario != own.text {
             let name = self.path.display();
+            let differs = match difference::of_scenarios(scenario, &own.text) {
+                Some(what) => format!(": {what}"),
+                None => String::new(),
+            };
             return refused(format!(
-                "it is of another scenario than {name}; give that one, or start the run anew"
+                "it is of another scenario than {name}{differs}; restore the scenario, or start again with --overwrite"
             ));
         }
         if *seed != own.seed {
             return refused(format!("it is of seed {seed} and not {}; give --seed {seed}", own.seed));
         }
         if *every != intervals(own.output) {
-            let [rows, frames, animation] = *every;
-            let animation = match animation {
-                0 => "it has no animation".to_owned(),
-                every => format!("its animation by --animate --animate-every {every}"),
-            };
-            return refused(format!(
-                "its series goes by --series-every {rows} and its frames by --frames-every {frames}; {animation}"
-            ));
+            let now = intervals(own.output);
+            let names = ["--series-every", "--frames-every", "--animate-every"];
+            let options = names.into_iter().zip(every.iter().zip(now)).filter(|(_, (was, is))| *was != is);
+            let said = options.map(|(name, (was, is))| match (was, is, name) {
+                (0, _, "--animate-every") => "it has no animation; leave out --animate".to_owned(),
+                (was, 0, "--animate-every") => {
+                    format!("it has an animation; give --animate --animate-every {was}")
+                }
+                _ => format!("{name} is {was} there and {is} now; give {name} {was}"),
+            });
+            return refused(said.collect::<Vec<_>>().join(", and "));
         }
         if own.steps < state.step {
             return refused(format!(
@@ -347,7 +350,7 @@ impl Run {
         checkpoint.write(&self.checkpoint_path())
     }
 
-    /// A checkpoint of this run, not in parts.
+    /// Returns a checkpoint of this run, without parts.
     pub(crate) fn checkpoint(&self, backend: Backend, files: Vec<FileRecord>, state: State) -> Checkpoint {
         let Scenario { text, seed, output, .. } = &self.scenario;
         Checkpoint {
@@ -361,12 +364,12 @@ impl Run {
         }
     }
 
-    /// The path of the checkpoint.
+    /// Returns the path of the checkpoint.
     pub(crate) fn checkpoint_path(&self) -> PathBuf {
         self.directory.join("checkpoint")
     }
 
-    /// The summary of the run, a line for each count.
+    /// Returns the summary of the run, a line for each count.
     pub fn summary(&self, standing: &impl RunView) -> String {
         let (model, totals) = (standing.model(), standing.totals());
         let mut lines = vec![
@@ -392,12 +395,12 @@ impl Run {
     }
 }
 
-/// Steps between rows, frames, and frames of the animation.
+/// Returns the steps between rows, frames, and frames of the animation.
 fn intervals(output: Output) -> [u32; 3] {
     [output.every, output.frames_every, output.animation.map_or(0, |animation| animation.every)]
 }
 
-/// A pool of so many threads.
+/// Returns a pool of `threads` threads.
 ///
 /// # Errors
 /// [`Error::Threads`].

@@ -1,4 +1,4 @@
-//! Replicas: runs of one scenario that differ in their seeds, and what comes of them on average.
+//! Replicas: runs of one scenario that differ in their seeds, and their mean.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -27,7 +27,7 @@ const ROWS_PER_QUESTION: u32 = 1 << 16;
 /// Several runs of one scenario. Each has a directory of its own, as if it were run by itself with its seed.
 #[derive(Clone, Debug)]
 pub struct Replicas {
-    /// The scenario, and the directory in which the replicas have theirs. Its seed is the one that theirs come from.
+    /// The scenario, the directory that contains those of the replicas, and the seed from which theirs are derived.
     pub run: Run,
     /// Their number.
     pub count: NonZeroU32,
@@ -36,28 +36,27 @@ pub struct Replicas {
 /// The result of replicas.
 #[derive(Clone, Debug)]
 pub struct ReplicaResults {
-    /// `true` if all are done.
+    /// [`RunEnd::Finished`] if all replicas are done.
     pub end: RunEnd,
     /// The numbers of the replicas that have all steps, ascending.
     pub done: Vec<u32>,
 }
 
-/// The seed of a replica, by the seed that was given and its number.
+/// Returns the seed of a replica.
 pub fn seed_of(seed: u64, replica: u32) -> u64 {
     let [low, high, ..] = Key::new(seed).draw(replica, 0, 0, Purpose::Replica);
     u64::from(low) | u64::from(high) << 32
 }
 
 impl Replicas {
-    /// Does all steps of all replicas, as many replicas at once as there are threads. The files do not depend on the number
-    /// of threads.
+    /// Performs all steps of all replicas, as many at once as there are threads, and writes `mean.csv`. The files do not depend on
+    /// the number of threads.
     ///
-    /// Calls `watch` as [`Run::run`] does, with the number of the replica, from several threads; what it returns at any
-    /// of them holds for all. Replicas that were stopped or not begun are done by a run with [`Run::resume`], in which
-    /// there may be more of them.
+    /// Calls `watch` as [`Run::run`] does, with the number of the replica, from several threads. If it breaks, all replicas stop.
+    /// A run with [`Run::resume`] continues stopped replicas and begins the others, of which there may be more.
     ///
     /// # Errors
-    /// The same as [`Run::run`], as an [`Error::Replica`] where it is of one; the others have checkpoints then.
+    /// The errors of [`Run::run`], as [`Error::Replica`] if one replica fails. The others then have checkpoints.
     pub fn run(
         &self,
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
@@ -84,8 +83,8 @@ impl Replicas {
             Backend::Gpu => 1,
             _ => threads.min(self.count.get() as usize),
         };
-        // A worker of one pool for all, as long as it waits for a piece of its own replica, would begin another one
-        // and be done with the first only after that. So each has a pool of its own.
+        // A worker of a common pool that waits for a task of its own replica would begin another replica and finish the first only
+        // after that. So each replica has a pool of its own.
         let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
         let pools = pools.collect::<Result<Vec<_>, _>>()?;
         let course = ReplicaQueue::new(self, at_once as u32);
@@ -113,7 +112,7 @@ impl Replicas {
         self.results(&done)
     }
 
-    /// The folder of a replica's files.
+    /// Returns the directory of a replica.
     pub fn directory_of(&self, replica: u32) -> PathBuf {
         self.run.directory.join(format!("replica-{replica:04}"))
     }
@@ -137,9 +136,9 @@ impl Replicas {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
-        // One shows what they are like.
+        // The animation of one replica is enough.
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
-        // One that was not begun has nothing to go on from.
+        // A replica that was not begun has nothing to resume.
         run.resume &= run.directory.join("checkpoint").exists();
         run
     }
@@ -151,7 +150,7 @@ impl Replicas {
         let lock = match self.run.resume {
             false => {
                 let lock = output::prepare(directory, self.run.overwrite)?;
-                // Else those that are not begun anew for some reason would count as done.
+                // Otherwise replicas of the former run could count as done.
                 for replica in (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists()) {
                     output::remove_stale(&replica, &["checkpoint", "series.csv"])?;
                 }
@@ -256,7 +255,7 @@ impl Replicas {
 /// Returns `true` if the checkpoint in a directory has all steps.
 ///
 /// # Errors
-/// Those of [`Checkpoint::read`] if there is a checkpoint, and [`Error::Damaged`] if the series is not the one that it names.
+/// The errors of [`Checkpoint::read`] if a checkpoint exists, and [`Error::Damaged`] if the series is not the one that it names.
 fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
     let path = directory.join("checkpoint");
     if !path.exists() {
@@ -276,7 +275,7 @@ struct ReplicaQueue<'a> {
     at_once: u32,
     next: AtomicU32,
     stop: AtomicBool,
-    /// How each replica ended that somebody began with, by its number.
+    /// The ends of the replicas that a worker began, by number.
     ended: Mutex<BTreeMap<u32, Result<RunEnd, Error>>>,
 }
 
@@ -286,7 +285,7 @@ impl<'a> ReplicaQueue<'a> {
         Self { replicas, at_once, next, stop, ended: Mutex::default() }
     }
 
-    /// Does one replica after the other until there are no more, or one of them breaks or fails.
+    /// Runs one replica after the other until none is left, `watch` breaks, or a replica fails.
     fn work(&self, watch: &(impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync)) {
         let count = self.replicas.count.get();
         while !self.stop.load(Ordering::Relaxed) {
@@ -294,8 +293,8 @@ impl<'a> ReplicaQueue<'a> {
             if place >= count {
                 return;
             }
-            let beside = ReplicaSlot { place, count, at_once: self.at_once };
-            let ended = self.replicas.replica(place).run_here(beside, |simulation| {
+            let slot = ReplicaSlot { place, count, at_once: self.at_once };
+            let ended = self.replicas.replica(place).run_here(slot, |simulation| {
                 if watch(place, simulation).is_break() {
                     self.stop.store(true, Ordering::Relaxed);
                 }

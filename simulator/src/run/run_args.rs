@@ -1,4 +1,4 @@
-//! RunArgs of a run, for the commands that run scenarios.
+//! Command-line arguments of commands that run scenarios.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -9,8 +9,7 @@ use crate::Error;
 use crate::run::Run;
 use crate::scenario::{Overrides, Scenario};
 
-/// What every command that runs a scenario asks for: the scenario, where it is written, and what is wanted otherwise than it
-/// says.
+/// The arguments that every such command has: the scenario, its output, and overrides.
 #[derive(Clone, Debug, clap::Args)]
 #[non_exhaustive]
 pub struct RunArgs {
@@ -22,7 +21,7 @@ pub struct RunArgs {
     /// The seed of the random numbers [default: the scenario's]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// How many steps the run has in all [default: the scenario's]
+    /// Number of steps of the whole run [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub steps: Option<u32>,
     /// Write a row of the series after every N steps [default: the scenario's]
@@ -31,32 +30,31 @@ pub struct RunArgs {
     /// Write a frame after every N steps [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub frames_every: Option<NonZeroU32>,
-    /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
+    /// Write a checkpoint after every N steps, in addition to the one at the end [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub checkpoint_every: Option<NonZeroU32>,
-    /// Write animation.html, one file that plays the run in three dimensions in any browser
+    /// Write animation.html, a page that plays the run in three dimensions in any browser
     #[arg(long)]
     pub animate: bool,
-    /// Give the animation a frame after every N steps [default: a two-hundredth of the scenario's steps]
+    /// Add a frame to the animation after every N steps [default: a two-hundredth of the scenario's steps]
     #[arg(long, value_name = "N", requires = "animate")]
     pub animate_every: Option<NonZeroU32>,
-    /// Draw no more than N particles in the animation, chosen by their ids; each takes 8 bytes of every frame
+    /// Draw at most N particles in the animation, chosen by their ids; each takes 8 bytes of every frame
     #[arg(long, value_name = "N", requires = "animate", default_value = "20000")]
     pub animate_particles: NonZeroU32,
-    /// Go on from the checkpoint in the output directory
+    /// Resume from the checkpoint in the output directory
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-    /// Replace the run that is in the output directory
+    /// Replace the run in the output directory
     #[arg(long)]
     pub overwrite: bool,
-    /// Begin whatever room the disk has, and go on until it is full
+    /// Run without checking the free space of the disk
     #[arg(long)]
     pub no_space_check: bool,
 }
 
 impl RunArgs {
-    /// Reads the scenario, and makes a run of it that does what is asked for: on the CPU, by the algorithm of its choice, and
-    /// with all threads.
+    /// Reads the scenario and applies the overrides. The run is on the CPU, with the default algorithm and all threads.
     ///
     /// # Errors
     /// The errors of [`Scenario::read`].

@@ -1,12 +1,13 @@
-//! A run, step by step.
+//! A run on the CPU, step by step.
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 
 use crate::Error;
+use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
 use crate::model::receiver::{ReceiverKind, all_inside};
-use crate::model::{Contact, Model};
 use crate::motion::binding::{self, BindingRequest, Bound, UnboundParticle};
+use crate::motion::collisions::Collisions;
 use crate::motion::contact::Contacts;
 use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
@@ -19,15 +20,16 @@ use crate::reaction::{ReactantChange, Reactions, interactions};
 use crate::release::origins::Arrival;
 use crate::run::state::State;
 
-/// A run: a model, a seed, and what has become of it.
+/// A run: a model, a seed, and the state after some steps.
 #[derive(Debug)]
 pub struct Simulation {
     pub(crate) model: Model,
     pub(crate) key: Key,
     pub(crate) state: State,
     motion: Propagator,
-    vicinity: Option<ReceiverSearch>,
+    receiver_search: Option<ReceiverSearch>,
     pub(crate) reactions: Reactions,
+    collisions: Option<Collisions>,
     contacts: Contacts,
     pub(crate) dissociation: Dissociation,
     pub(crate) detector: Option<Detector>,
@@ -35,7 +37,7 @@ pub struct Simulation {
     arrivals: Vec<Arrival>,
 }
 
-/// The step of single particles.
+/// The result of the independent part of a step.
 #[derive(Debug)]
 pub(crate) struct Moved {
     events: Vec<Event>,
@@ -43,21 +45,21 @@ pub(crate) struct Moved {
 }
 
 impl Simulation {
-    /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
+    /// Begins a run. `algorithm` finds pairs on the CPU and does not change the result.
     ///
     /// The work is done in the caller's rayon pool.
     ///
     /// # Errors
-    /// The same as [`State::new`], and [`Error::Detection`] where the detector refuses the model.
+    /// The errors of [`State::new`], and [`Error::Detection`] if the detector refuses the model.
     pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, algorithm, state)
     }
 
-    /// A run that goes on from a state of the same model and seed.
+    /// Resumes a run from a state of the same model and seed.
     ///
     /// # Errors
-    /// The same as [`new`](Self::new).
+    /// The errors of [`new`](Self::new).
     pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {
         model.check()?;
         if !state.belongs_to(&model) {
@@ -67,9 +69,10 @@ impl Simulation {
         let detector = detector(&model, algorithm)?;
         Ok(Self {
             key: Key::new(seed),
-            vicinity: ReceiverSearch::new(&motion.bodies, &model.boundary)?,
+            receiver_search: ReceiverSearch::new(&motion.bodies, &model.boundary)?,
             motion,
             reactions: Reactions::new(&model),
+            collisions: Collisions::new(&model)?,
             contacts: Contacts::new(&model),
             dissociation: Dissociation::new(&model),
             detector,
@@ -80,25 +83,25 @@ impl Simulation {
         })
     }
 
-    /// The model.
+    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// The state of the run.
+    /// Returns the state of the run.
     pub fn state(&self) -> &State {
         &self.state
     }
 
-    /// The time that has passed, in s.
+    /// Returns the simulated time, in s.
     pub fn time(&self) -> f64 {
         f64::from(self.state.step) * self.model.time_step
     }
 
-    /// Places particles by hand, beside what transmitters release. Their ids must not have been used.
+    /// Inserts particles, besides those that transmitters release. Their ids must not have been used.
     ///
     /// # Errors
-    /// [`Error::Model`] for a species that the model does not have; then nothing is placed.
+    /// [`Error::Model`] for a species that the model does not have. Then no particle is inserted.
     pub fn insert(&mut self, particles: &Particles) -> Result<(), Error> {
         let with_velocity = self.model.has_velocity();
         let known = self.model.species.len();
@@ -121,14 +124,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// The number of particles of each species inside a receiver's sphere.
+    /// Returns the number of particles of each species inside a receiver's sphere.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
         let center = self.state.centers[receiver];
         self.model.receivers[receiver].inside(center, &self.model.boundary, &self.state.particles)
     }
 
-    /// What each receiver has to say, by species: arrivals so far, what its receptors hold, or how many are inside a
-    /// transparent one.
+    /// Returns the counts of each receiver, by species: arrivals so far, bound particles, or the particles inside a transparent
+    /// receiver.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let Self { model, state: State { particles, totals, centers, .. }, .. } = self;
         let mut received = all_inside(&model.receivers, centers, &model.boundary, particles);
@@ -139,16 +142,16 @@ impl Simulation {
         received
     }
 
-    /// The particles that arrived in the last step, in the order of ids, in a model that logs arrivals.
+    /// Returns the particles that arrived in the last step, in the order of ids, if the model logs arrivals.
     pub fn arrivals(&self) -> &[Arrival] {
         &self.arrivals
     }
 
-    /// Does one step: receivers and particles move, these meet walls and receivers, come off receptors, and may decay; pairs
-    /// are found, react, and push each other away; transmitters release what is due next.
+    /// Performs one step. Receivers and particles move; particles collide, hit walls and receivers, unbind and decay. Then pairs
+    /// react or are separated, and transmitters release what is due.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], and [`Error::Step`] with what the detector said, such as that there are too many pairs.
+    /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] if the detector fails, for example with too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.arrived);
         let moved = self.advance(&free)?;
@@ -161,24 +164,30 @@ impl Simulation {
         self.finish(RankSlice::WHOLE)
     }
 
-    /// Moves receivers and particles by themselves, where so many receptors of each receiver are free.
+    /// Moves receivers and particles. `free` is the number of free receptors of each receiver.
     pub(crate) fn advance(&mut self, free: &[u32]) -> Result<Moved, Error> {
-        let Self { model, key, state, motion, vicinity, .. } = self;
+        let Self { model, key, state, motion, receiver_search, collisions, .. } = self;
         let now = (*key, state.step);
         let leaving = binding::leaving(model, &state.bound, free, now);
         let places = receiver_state::move_receivers(model, &state.centers, *key, state.step);
         motion.bodies.set(&state.centers, &places, free);
-        let events = motion.advance(&mut state.particles, vicinity.as_mut(), now)?;
+        let mut flights = None;
+        if let Some(collisions) = collisions {
+            let flights = flights.insert(motion.flights(&state.particles, now));
+            state.totals.contacts = collisions.resolve(&state.particles, flights, state.step)?;
+        }
+        let events =
+            motion.advance(&mut state.particles, receiver_search.as_mut(), flights.as_deref(), now)?;
         state.centers = places.iter().map(|place| place.center).collect();
         Ok(Moved { events, leaving })
     }
 
-    /// The particles that are to bind to receptors.
+    /// Returns the binding requests of particles.
     pub(crate) fn bids(&self, moved: &Moved) -> Vec<BindingRequest> {
         binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
     }
 
-    /// Does what befell particles, but for those that find no receptor, which are `rejected`, by ascending ids.
+    /// Applies the events of particles, except binding of those whose ascending ids are `rejected`.
     pub(crate) fn apply_events(&mut self, moved: &Moved, rejected: &[u32]) {
         let mut gone = Vec::new();
         self.arrivals.clear();
@@ -214,11 +223,11 @@ impl Simulation {
         self.let_off(&moved.leaving);
     }
 
-    /// Puts what came off receptors back among the particles.
+    /// Returns unbound particles to the others.
     fn let_off(&mut self, leaving: &[UnboundParticle]) {
         let Self { model, key, state, .. } = self;
         let with_velocity = model.has_velocity();
-        // Those behind move up into the gaps, and are done already.
+        // `swap_remove` fills a gap with a later entry, which is done already.
         for leaving in leaving.iter().rev() {
             let held = state.bound[leaving.at()];
             let center = state.centers[held.receiver as usize];
@@ -233,7 +242,7 @@ impl Simulation {
         }
     }
 
-    /// Turns a particle into another species, or enters it among those to be removed.
+    /// Changes the species of a particle, or records it in `gone` if it has no product.
     fn transform(&mut self, at: u32, product: Option<u32>, gone: &mut Vec<u32>) {
         let Self { model, key, state, .. } = self;
         let State { particles, totals, step, .. } = state;
@@ -246,7 +255,7 @@ impl Simulation {
         particles.species[place] = species;
         particles.radius[place] = new.radius;
         if !model.boundary.is_unbounded() {
-            // What is larger than it was may stand in a wall.
+            // A larger particle may overlap a wall.
             let domain = model.boundary.inset(new.radius);
             particles.set_position(place, domain.confine(particles.position_of(place)));
         }
@@ -259,13 +268,13 @@ impl Simulation {
         }
     }
 
-    /// Finds pairs and lets them react or push each other away. Returns what comes of reactions.
+    /// Finds pairs, and lets them react or separates them. Returns the changes of reactants.
     fn interact(&mut self) -> Result<Vec<ReactantChange>, Error> {
         let (key, step) = (self.key, self.state.step);
         let failed = |source| Error::Step { step, source };
         let Some(detector) = &mut self.detector else { return Ok(Vec::new()) };
         let particles = &mut self.state.particles;
-        if self.reactions.is_empty() && self.model.contact == Contact::Count {
+        if self.reactions.is_empty() && !self.contacts.separate() {
             self.state.totals.pairs = detector.count(particles.spheres()?).map_err(failed)?;
             return Ok(Vec::new());
         }
@@ -276,17 +285,16 @@ impl Simulation {
         let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
         let outcomes = self.reactions.all_outcomes(particles, reacts(), key, step);
         reacts().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
-        if self.contacts.act() {
+        if self.contacts.separate() {
             let mut reacted: Vec<u32> = reacts().flat_map(|c| c.at).collect();
             reacted.sort_unstable();
             let free = |at: u32| reacted.binary_search(&at).is_err();
-            self.state.totals.contacts = self.contacts.settle(particles, pairs, free, (key, step));
+            self.state.totals.contacts += self.contacts.resolve(particles, pairs, free, (key, step));
         }
         Ok(outcomes)
     }
 
-    /// What comes apart of the particles that are not used up by reactions, in the order of ids, which does not depend on
-    /// places.
+    /// Returns the dissociations of particles that no reaction consumed, in the order of ids, which does not depend on storage.
     pub(crate) fn splits(&self, outcomes: &[ReactantChange]) -> Vec<Dissociated> {
         if self.dissociation.is_empty() {
             return Vec::new();
@@ -299,8 +307,8 @@ impl Simulation {
         splits
     }
 
-    /// Applies what comes of reactions and what comes apart. `parents` are the ids of all that come apart into two, ascending;
-    /// second products get ids in their order.
+    /// Applies reactions and dissociations. `parents` are the ids of all particles that dissociate into two, in ascending order. Second
+    /// products get ids in that order.
     pub(crate) fn conclude(
         &mut self,
         outcomes: &[ReactantChange],
@@ -343,17 +351,17 @@ impl Simulation {
         Ok(())
     }
 
-    /// Ends a step: releases what is due at the beginning of the next one, of which this rank has its share.
+    /// Ends a step: releases this rank's share of the particles that are due at the beginning of the next one.
     pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
         self.state.release(&self.model, (&self.motion.decays, self.key), slice)
     }
 }
 
-/// The detector of a model's pairs, by this algorithm; `None` if nothing interacts.
+/// Returns the detector of a model's pairs; `None` if nothing interacts.
 ///
 /// # Errors
-/// [`Error::Detection`] where the detector refuses the model.
+/// [`Error::Detection`] if the detector refuses the model.
 pub(crate) fn detector(model: &Model, algorithm: Algorithm) -> Result<Option<Detector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).order(Order::Unordered);

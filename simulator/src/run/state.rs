@@ -47,7 +47,7 @@ pub struct Totals {
     pub decayed: Vec<u64>,
     /// Pairs that the detector found in the last step.
     pub pairs: u64,
-    /// Overlaps resolved in the last step.
+    /// Collisions and separated overlaps in the last step.
     pub contacts: u64,
 }
 

@@ -1,48 +1,48 @@
 //! The monitor of reactions that are too fast for the time step.
 //!
-//! What comes of a reaction reacts in turn from the next step on, and what has reacted is missing only at its end. Rates
-//! are therefore off by about half of the part of the reactants that reacts in one step.
+//! A product reacts from the next step on, and a reactant is removed only at the end of the step. Rates are therefore off by about
+//! half of the fraction of reactants that react in one step.
 
 use crate::{Model, Totals};
 
-/// The part of the reactants that may react in one step.
+/// The largest fraction of the reactants that may react in one step.
 const FAST: f64 = 0.02;
-/// The part of all reactions that must have been so fast to be worth a word.
+/// The fraction of fast reactions above which a warning is given.
 const MANY: f64 = 0.1;
 
-/// The speeds of reactions so far.
+/// The reactions seen so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimeStepMonitor {
-    /// Indexed by reaction: how many there were, how many of them were too fast, and the largest part that reacted in one step.
+    /// By reaction: all reactions, those in fast steps, and the largest fraction that reacted in one step.
     seen: Vec<(f64, f64, f64)>,
-    /// Particles released before the last look.
+    /// The number of particles released before the last call.
     released: u64,
 }
 
 impl TimeStepMonitor {
-    /// What is looked at of the totals before a step.
+    /// Returns a copy of the totals before a step, for [`see`](Self::see).
     pub(crate) fn part_of(Totals { present, released, reacted, .. }: &Totals) -> Totals {
         let [present, released, reacted] = [present, released, reacted].map(Clone::clone);
         Totals { present, released, reacted, ..Totals::default() }
     }
 
-    /// Looks at what happened in so many steps.
+    /// Records the reactions of `steps` steps.
     pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: u32) {
         self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));
         let released = before.released.iter().sum();
         if std::mem::replace(&mut self.released, released) != released && steps == 1 {
-            // What is released into reach of each other reacts at once, however short the step.
+            // Particles that are released within reach of each other react at once, at any time step.
             return;
         }
         for (place, reaction) in model.reactions.iter().enumerate() {
             let count = (after.reacted[place] - before.reacted[place]) as f64;
             let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
-            // Of A + A two react at a time.
+            // A reaction A + A consumes two of them.
             let there = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
             let part = count / f64::from(steps.max(1)) / there.max(1.0);
             let (all, fast, worst) = &mut self.seen[place];
             *all += count;
-            // A few particles tell nothing.
+            // Few particles are not significant.
             if part > FAST && there > 10.0 {
                 *fast += count;
                 *worst = worst.max(part);
@@ -50,7 +50,7 @@ impl TimeStepMonitor {
         }
     }
 
-    /// The warnings, with their remedies.
+    /// Returns the warnings, with their remedies.
     pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
         let said = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
             (fast > MANY * all).then(|| {
@@ -91,7 +91,7 @@ mod tests {
             ..Totals::default()
         };
         let mut pace = TimeStepMonitor::default();
-        // 4 % of B in each of ten steps, and 1 % of A; then little.
+        // 4 % of B in each of ten steps, and 1 % of A; then less.
         pace.see(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 10);
         assert_eq!(pace.warnings(&model).len(), 1);
         let said = &pace.warnings(&model)[0];

@@ -4,33 +4,32 @@ use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// A run as those see it who write files about it.
+/// A read-only view of a running simulation, for code that writes its files.
 pub trait RunView {
-    /// The model.
+    /// Returns the model.
     fn model(&self) -> &Model;
 
-    /// The number of steps done.
+    /// Returns the number of steps done.
     fn step_count(&self) -> u32;
 
-    /// The time that has passed, in s.
+    /// Returns the simulated time, in s.
     fn time(&self) -> f64 {
         f64::from(self.step_count()) * self.model().time_step
     }
 
-    /// The counts.
+    /// Returns the counts.
     fn totals(&self) -> &Totals;
 
-    /// What each receiver has to say, by species: arrivals so far, what its receptors hold, or how many are inside a
-    /// transparent one.
+    /// Returns the counts of each receiver, by species: arrivals so far, bound particles, or the particles inside a transparent
+    /// receiver.
     fn received(&self) -> Vec<Vec<u64>>;
 
-    /// The particles that arrived in the steps that were done last, in the order of steps and ids, in a model that logs
-    /// arrivals.
+    /// Returns the particles that arrived in the last step, in the order of ids, if the model logs arrivals.
     fn arrivals(&self) -> &[Arrival];
 
-    /// Where the run stands, brought here where it is elsewhere.
+    /// Returns the state, read back from a device or gathered from ranks if necessary.
     ///
     /// # Errors
-    /// [`Error::Detection`] where a device fails that has it.
+    /// [`Error::Detection`] if the device that holds the state fails.
     fn state(&self) -> Result<Cow<'_, State>, Error>;
 }

@@ -52,7 +52,7 @@ pub struct Output {
 }
 
 impl Output {
-    /// Returns `true` if there is a frame after so many steps.
+    /// Returns `true` if the run writes a frame after `step` steps.
     pub fn has_frame(&self, step: u32) -> bool {
         (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
     }
@@ -104,7 +104,7 @@ impl Scenario {
                 None => "is to release".to_owned(),
             };
             Some(format!(
-                "transmitter {} {what} from {first} s on, and the run ends at {end} s; make `steps` more than {}, or take \
+                "transmitter {} {what} at or after {first} s, and the run ends at {end} s; make `steps` more than {}, or take \
                  these times away",
                 t.name,
                 (first / self.model.time_step).ceil()

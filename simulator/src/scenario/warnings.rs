@@ -1,7 +1,8 @@
 //! Warnings about scenarios that may not be meant so, with remedies. Pure functions.
 
 use crate::model::boundary::{Axis, Boundary};
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, signed_distance};
+use crate::model::transmitter::{Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::reaction::probability::undoes;
 use crate::reaction::rate;
@@ -66,7 +67,7 @@ pub(super) fn walls(boundary: &Boundary) -> String {
 /// A number of three digits that is no larger.
 pub(super) fn below(value: f64) -> String {
     let unit = 10_f64.powi(value.log10().floor() as i32 - 2);
-    // Less than rounding can bring back.
+    // Small enough that rounding cannot exceed the value.
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }
 
@@ -86,14 +87,14 @@ pub(super) fn long_step(
     };
     let step = (2.0 * diffusion * time_step).sqrt();
     Some(format!(
-        "'{equation}': a step of {step:.3} µm of one reactant towards the other is long beside the binding radius of \
+        "'{equation}': a step of {step:.3} µm of one reactant towards the other is long compared with the binding radius of \
          {radius:.3} µm, so that reactants jump over each other; the rate is right only where they are well mixed; \
          time-step = {} is short enough",
         below(longest)
     ))
 }
 
-/// The part of a lifetime that a step may take where what comes of it is noticed only in the next one.
+/// The largest time step, as a fraction of a lifetime, if products appear in the next step only.
 const FAST_DECAY: f64 = 0.02;
 /// The part of the mean time to a reaction that a step may take: it is looked for at the ends of steps only.
 const FAST_REACTION: f64 = 0.2;
@@ -115,7 +116,7 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
-    // What goes to and fro between two states does so in the right proportion.
+    // An exchange between two states keeps the right proportion.
     let exchanged = |reaction: &Reaction| {
         let back =
             |decay: &&Decay| undoes(decay, reaction) && matches!(decay.unbinding, Unbinding::Within(_));
@@ -131,7 +132,7 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     (part > FAST_DECAY && (from_pairs || from_splits || late)).then(|| {
         let name = &model.species[species as usize].name;
         format!(
-            "'{}': {:.1} % of {name} decay in a step, and what comes of others does so from the next step on: on average it \
+            "'{}': {:.1} % of {name} decay in a step, and products of others do so in the next step at the earliest: on average one \
              lives half a step too long; time-step = {} is short enough",
             decay.name,
             100.0 * part,
@@ -208,24 +209,131 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
     })
 }
 
-/// Warns of contact that particles jump over, with the longest time step without that.
-pub(super) fn missed_contact(model: &Model) -> Option<String> {
-    if !matches!(model.contact, Contact::Separate | Contact::Elastic) {
-        return None;
+/// The mean number of collisions per particle and step above which the order of events within a step matters: diffusion of
+/// separated particles is slower than in short steps, and receivers see the chord of a bent path.
+const MANY_COLLISIONS: f64 = 1.0;
+/// The number above which a step takes long, though its result is right.
+const COSTLY_COLLISIONS: f64 = 100.0;
+
+/// Warns of many collisions in a step, with the longest time step without that. The density is that of everything that `steps`
+/// steps release in a bounded space.
+pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
+    let sees_paths =
+        !model.reactions.is_empty() || model.receivers.iter().any(|r| r.kind != ReceiverKind::Transparent);
+    let limit = match model.contact {
+        Contact::Separate => MANY_COLLISIONS,
+        Contact::Elastic if sees_paths => MANY_COLLISIONS,
+        Contact::Elastic => COSTLY_COLLISIONS,
+        _ => return None,
+    };
+    let volume = volume(&model.boundary)?;
+    let mut counts = vec![0.0; model.species.len()];
+    for transmitter in &model.transmitters {
+        for (species, count) in transmitter.mean_between([0, steps], model.time_step) {
+            counts[species as usize] += count;
+        }
     }
-    // No pair may need shorter steps than these.
-    let worst = model.species.iter().enumerate().flat_map(|(k, a)| {
-        model.species[k..].iter().filter_map(move |b| Some((longest_contact_step(a, b)?, a, b)))
+    let sphere = |species: &Species| std::f64::consts::PI / 6.0 * (2.0 * f64::from(species.radius)).powi(3);
+    let filled = model.species.iter().zip(&counts).map(|(s, n)| n * sphere(s)).sum::<f64>() / volume;
+    // The contact value of Carnahan and Starling, up to random close packing.
+    let filled = filled.min(0.64);
+    let contact_value = (1.0 - filled / 2.0) / (1.0 - filled).powi(3);
+    // Collisions of one particle with all others: by diffusion per square root of time, and by speed per time.
+    let rates = model.species.iter().filter(|a| a.radius > 0.0 || counts.len() > 1).map(|a| {
+        let with = |(b, &count): (&Species, &f64)| {
+            let cross_section = std::f64::consts::PI * touch(a, b).powi(2);
+            let [diffusion, speed] = relative(a, b);
+            let mean = (8.0 / std::f64::consts::PI).sqrt();
+            [diffusion.sqrt() * mean, speed * mean]
+                .map(|s| s * count / volume * cross_section * contact_value)
+        };
+        let all = model.species.iter().zip(&counts).map(with);
+        all.fold([0.0; 2], |sum, rate| [sum[0] + rate[0], sum[1] + rate[1]])
     });
-    let (longest, a, b) = worst.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (model.time_step > longest).then(|| {
-        let name = if a.name == b.name { format!("two {}", a.name) } else { format!("{} and {}", a.name, b.name) };
+    let of = |[diffusive, ballistic]: [f64; 2], time: f64| diffusive * time.sqrt() + ballistic * time;
+    let worst = rates
+        .zip(&model.species)
+        .max_by(|a, b| of(a.0, model.time_step).total_cmp(&of(b.0, model.time_step)));
+    let (rate, species) = worst?;
+    let expected = of(rate, model.time_step);
+    (expected > limit).then(|| {
+        // The root of ballistic·s² + diffusive·s − limit for s = √t, written so that nothing cancels.
+        let root = 2.0 * limit / (rate[0] + (rate[0].powi(2) + 4.0 * rate[1] * limit).sqrt());
+        let effect = match model.contact {
+            Contact::Separate => {
+                "positions stay those of hard spheres, but they diffuse more slowly than in short steps"
+            }
+            _ if sees_paths => "receivers and reactions see only where such a path begins and ends",
+            _ => "which is right, but takes long",
+        };
         format!(
-            "a step takes {name} {:.3e} µm towards each other, and they touch at {:.3e} µm: most pass through each other \
-             unseen, so that contact does little; time-step = {} resolves it, contact = \"count\" only looks",
-            (relative(a, b)[0] * model.time_step).sqrt() + relative(a, b)[1] * model.time_step,
-            touch(a, b),
-            below(longest)
+            "{} collides about {expected:.1} times in a step: {effect}; time-step = {} has {limit} or fewer",
+            species.name,
+            below(root * root)
+        )
+    })
+}
+
+/// Returns the volume of a space in µm³, or `None` if it is unbounded.
+fn volume(boundary: &Boundary) -> Option<f64> {
+    let length = |axis: Axis| match axis {
+        Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some(f64::from(high - low)),
+        Axis::Open => None,
+    };
+    match &boundary.vessel {
+        Some(vessel) => Some(
+            length(boundary.axes[vessel.along])? * std::f64::consts::PI * f64::from(vessel.radius).powi(2),
+        ),
+        None => boundary.axes.into_iter().map(length).product(),
+    }
+}
+
+/// The part of the pairs of a reversible reaction that may bind again at once.
+const BOUND_AGAIN: f64 = 0.02;
+
+/// Warns of a reversible reaction that approaches its equilibrium more slowly than its rates say, because pairs that come apart
+/// bind again at once. Those are counted in the rate, so that the equilibrium itself is right.
+pub(super) fn slow_relaxation(
+    equation: &str,
+    [rate, radius, unbinding]: [f64; 3],
+    diffusion: f64,
+    time_step: f64,
+) -> Option<String> {
+    let again = 1.0 - rate::rate_constant(radius, diffusion, time_step) / rate;
+    (again > BOUND_AGAIN).then(|| {
+        format!(
+            "'{equation}': {:.1} % of the pairs that come apart by {unbinding} µm bind again at once; the equilibrium is that of \
+             the rates, but it is approached {:.1} % more slowly; a larger unbinding-radius makes this less",
+            100.0 * again,
+            100.0 * again
+        )
+    })
+}
+
+/// Warns of a transmitter all of whose particles appear inside a receiver that takes them at once.
+pub(super) fn released_inside(
+    transmitter: &Transmitter,
+    receivers: &[Receiver],
+    boundary: &Boundary,
+) -> Option<String> {
+    let half = |edges: [f32; 3]| 0.5 * edges.iter().map(|edge| edge * edge).sum::<f32>().sqrt();
+    let extent = match transmitter.shape {
+        Shape::Point => 0.0,
+        Shape::Gaussian(width) => 3.0 * width,
+        Shape::Shell(_, radius) => radius,
+        Shape::Box(edges) | Shape::Lattice(edges, _) => half(edges),
+        Shape::Cylinder(_, radius, length) => radius.hypot(0.5 * length),
+    };
+    let takes = |receiver: &&Receiver| {
+        matches!(receiver.kind, ReceiverKind::Absorbing | ReceiverKind::Endpoint)
+            && transmitter.species().any(|species| receiver.sees[species as usize])
+            && signed_distance(receiver.radius, receiver.center, boundary, transmitter.center) + extent < 0.0
+    };
+    receivers.iter().find(takes).map(|receiver| {
+        format!(
+            "transmitter {} is inside receiver {}, which absorbs all that it releases in the first step; move one of them, if \
+             that is not meant",
+            transmitter.name, receiver.name
         )
     })
 }
@@ -234,24 +342,13 @@ fn touch(a: &Species, b: &Species) -> f64 {
     f64::from(a.radius) + f64::from(b.radius)
 }
 
-/// Of the way of two particles towards each other: twice the sum of their diffusion coefficients, and their speed.
+/// Returns the relative motion of two particles: twice the sum of their diffusion coefficients, and the standard deviation of
+/// their relative speed along an axis.
 fn relative(a: &Species, b: &Species) -> [f64; 2] {
     let drift: f64 = a.drift.iter().zip(b.drift).map(|(u, v)| (u - v).powi(2)).sum();
-    let squares = [a.thermal_speed, b.thermal_speed, a.speed, b.speed].map(|speed| speed * speed);
-    let thermal: f64 = squares.into_iter().sum();
-    [2.0 * (a.diffusion + b.diffusion), drift.sqrt() + thermal.sqrt()]
-}
-
-/// The time step, in s, in which two particles move towards each other as far as they touch: √(Dt) + vt = r for the
-/// numbers of [`relative`]. Nothing for points, which never touch, and for what does not move.
-fn longest_contact_step(a: &Species, b: &Species) -> Option<f64> {
-    let ([diffusion, speed], reach) = (relative(a, b), touch(a, b));
-    if reach == 0.0 || diffusion + speed == 0.0 {
-        return None;
-    }
-    // The root of v·s² + √D·s − r for s = √t, written so that nothing cancels.
-    let root = 2.0 * reach / (diffusion.sqrt() + (diffusion + 4.0 * speed * reach).sqrt());
-    Some(root * root)
+    let thermal = a.thermal_speed.powi(2) + b.thermal_speed.powi(2);
+    let swimming = (a.speed.powi(2) + b.speed.powi(2)) / 3.0;
+    [2.0 * (a.diffusion + b.diffusion), (drift / 3.0 + thermal + swimming).sqrt()]
 }
 
 #[cfg(test)]
@@ -264,15 +361,15 @@ mod tests {
         Species { name: "A".into(), radius, diffusion, mass: 1.0, thermal_speed, ..Species::default() }
     }
 
-    /// The number that an warnings says.
-    fn advised(text: &str) -> f64 {
-        let rest = text.split("time-step = ").nth(1).expect("an warnings");
+    /// Returns the time step that a warning suggests.
+    fn suggested(text: &str) -> f64 {
+        let rest = text.split("time-step = ").nth(1).expect("a warning");
         rest.split(' ').next().expect("a number").parse().expect("a number")
     }
 
     proptest! {
         #[test]
-        fn advice_about_a_rate_is_right_when_followed(
+        fn time_step_of_a_rate_warning_is_right_when_followed(
             rate in -6.0..6.0_f64, diffusion in -4.0..4.0_f64, time_step in -12.0..2.0_f64
         ) {
             let [rate, diffusion, time_step] = [rate, diffusion, time_step].map(|x| 10_f64.powf(x));
@@ -281,7 +378,7 @@ mod tests {
                 long_step("A + B -> C", (radius, diffusion, Some(rate)), time_step)
             };
             if let Some(text) = says(time_step) {
-                let better = advised(&text);
+                let better = suggested(&text);
                 prop_assert!(better < time_step, "{text}");
                 prop_assert_eq!(says(better), None);
                 // And not needlessly short.
@@ -290,19 +387,22 @@ mod tests {
         }
 
         #[test]
-        fn advice_about_contact_is_right_when_followed(
+        fn time_step_of_a_collision_warning_is_right_when_followed(
             radius in -3.0..1.0_f64, diffusion in -4.0..4.0_f64, speed in -3.0..3.0_f64, still in 0..3
         ) {
             let [radius, mut diffusion, mut speed] = [radius, diffusion, speed].map(|x| 10_f64.powf(x));
             if still == 0 { diffusion = 0.0 }
             if still == 1 { speed = 0.0 }
-            let says = |time_step: f64| missed_contact(&Model {
+            let edge = (20.0 * radius) as f32;
+            let says = |time_step: f64| many_collisions(&Model {
                 time_step,
                 species: vec![species(radius as f32, diffusion, speed), species(0.0, diffusion, 0.0)],
                 contact: Contact::Separate,
+                boundary: Boundary::periodic([0.0; 3], [edge; 3]),
+                transmitters: vec![Transmitter { release: vec![(0, 500), (1, 20)], ..Transmitter::default() }],
                 ..Model::default()
-            });
-            let better = advised(&says(1e12).expect("an warnings"));
+            }, 1);
+            let better = suggested(&says(1e12).expect("a warning"));
             prop_assert_eq!(says(better), None);
             prop_assert!(says(1.02 * better).is_some(), "{} is too cautious", better);
         }

@@ -26,7 +26,7 @@ fn dyadic_runs_are_those_of_the_cpu() {
     for seed in [1, 2] {
         let mut model = dyadic();
         if seed == 2 {
-            // Pairs across the seams of a box in which all drift round.
+            // Pairs across the periodic boundaries of a box in which all particles drift.
             model.boundary.axes[0] = Axis::Periodic { low: -4.0, high: 4.0 };
             model.boundary.axes[2] = Axis::Periodic { low: -4.0, high: 4.0 };
         }

@@ -78,7 +78,7 @@ pub(crate) fn dyadic() -> Model {
             lattice([0.0; 3], &[0.0, 7.0], 0, 8),
             lattice([0.125, 0.25, 0.0], &[0.0], 1, 16),
             lattice([0.25, 0.25, 0.25], &[0.0, 3.0, 4.0], 3, 4),
-            // What comes between two steps has decayed and drifted before it gets there.
+            // Particles released between two steps have decayed and drifted before the step.
             Transmitter {
                 schedule: Schedule::Steady { from: 0.5, until: 6.5, rates: vec![(2, 8.0), (0, 2.5)] },
                 numbers: CountDistribution::Poisson,

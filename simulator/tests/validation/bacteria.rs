@@ -35,7 +35,7 @@ pub(crate) fn run_and_tumble() -> Vec<Row> {
         let (measured, error) = mean(&squares_after(steps));
         rows.push(Row::new(format!("mean square way after {time} s"), exact(time), measured, 4.0 * error));
         if steps == 1000 {
-            // Of 6Dt the first lifetime is missing.
+            // The first lifetime is missing from 6Dt.
             let (d, by) = (speed * speed / rate / 3.0, 6.0 * (time - 1.0 / rate));
             rows.push(Row::new("D = v²τ/3", d, measured / by, 4.0 * error / by));
         }

@@ -87,7 +87,7 @@ fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     sum / total
 }
 
-/// The law of mass action for receptors, from well resolved steps to such as are long beside binding and unbinding.
+/// The law of mass action for receptors, from well resolved steps to steps that are long compared with binding and unbinding.
 pub(crate) fn receptors() -> Vec<Row> {
     const N: u32 = 200;
     const EDGE: f64 = 4.0;
@@ -133,12 +133,12 @@ pub(crate) fn receptors() -> Vec<Row> {
     [(0.005, 2.0), (0.02, 2.0), (0.02, 0.2)].map(row).into()
 }
 
-/// Particles uniform in a periodic box but for a sphere, and the shells around that.
+/// Particles uniform in a periodic box outside a sphere, and the shells around it.
 pub(crate) fn reflecting() -> Vec<Row> {
     const N: u32 = 20_000;
     const RADIUS: f32 = 1.0;
     let mut rows = Vec::new();
-    // What goes as fast as everything around it is at rest beside that.
+    // A sphere that moves with the flow is at rest relative to it.
     for (what, diffusion, velocity) in
         [("at rest", 0.0, [0.0; 3]), ("diffusing", 0.5, [0.0; 3]), ("in a flow", 0.0, [20.0, 0.0, 0.0])]
     {
@@ -222,14 +222,14 @@ fn diffusing() -> Row {
         diffusion: OWN,
         ..Receiver::default()
     };
-    let beside = |[x, y, z]: [f32; 3]| Transmitter {
+    let near = |[x, y, z]: [f32; 3]| Transmitter {
         center: [x + DISTANCE as f32, y, z],
         ..burst(Shape::Point, &[(0, BURST)])
     };
     let model = Model {
         time_step: time / f64::from(count),
         species: vec![species("A", 0.0, D)],
-        transmitters: places.clone().map(beside).collect(),
+        transmitters: places.clone().map(near).collect(),
         receivers: places.map(receiver).collect(),
         ..Model::default()
     };

@@ -21,7 +21,7 @@ const SYMBOLS: u32 = 100;
 /// Seconds from a symbol to the next, and steps.
 const SYMBOL_TIME: f64 = 0.2;
 const STEPS: u32 = 50;
-/// From so many arrivals on a receiver takes a symbol for 1.
+/// The number of arrivals at or above which a receiver reads a symbol as 1.
 const THRESHOLD: usize = 12;
 
 fn model(numbers: &str) -> Model {
@@ -142,7 +142,7 @@ pub(crate) fn other_modulations() -> Vec<Row> {
     rows
 }
 
-/// Symbols of two bits in each of so many runs.
+/// The number of symbols of two bits in each run, and of runs.
 const FEW_SYMBOLS: u32 = 30;
 const RUNS: u64 = 16;
 /// Of those a receiver takes a slot for the next higher level where so many arrive.
@@ -186,7 +186,7 @@ fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     std::array::from_fn(|symbol| {
         let wins = |count: usize| -> f64 {
             let below = |other: usize| -> f64 {
-                // Of as many the first is taken.
+                // Of equal numbers the first is taken.
                 let most = if other < symbol { count } else { count + 1 };
                 counts[other].iter().take(most).sum()
             };

@@ -3,42 +3,45 @@
 use std::f64::consts::PI;
 
 use lazygrid::{Config, Detector, Space};
+use lazygrid_sim::random::philox::{open_unit, philox};
 use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species};
+use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, share_error, species, steps};
+use crate::setup::{begin, burst, mean, share_error, species, steps};
 
-/// Spheres of diameter 1 that fill 40 % of a periodic box.
+/// The largest volume fraction.
 const PACKING: f64 = 0.40;
-/// Spheres along an edge of the lattice that they begin on.
+/// The number of spheres along an edge of the lattice on which they begin.
 const EDGE: u32 = 12;
 
-fn model(contact: Contact, time_step: f64, kind: Species) -> Model {
-    let n = EDGE.pow(3);
-    let length = (f64::from(n) * PI / 6.0 / PACKING).cbrt() as f32;
+/// Spheres of diameter 1 in a periodic box, at a volume fraction.
+fn model((contact, packing): (Contact, f64), time_step: f64, kind: Species, edge: u32) -> Model {
+    let n = edge.pow(3);
+    let length = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
     Model {
         time_step,
         species: vec![kind],
         contact,
         boundary: Boundary::periodic([-length / 2.0; 3], [length / 2.0; 3]),
-        transmitters: vec![burst(Shape::Lattice([length; 3], [EDGE; 3]), &[(0, n)])],
+        transmitters: vec![burst(Shape::Lattice([length; 3], [edge; 3]), &[(0, n)])],
         ..Model::default()
     }
 }
 
 /// The contact value g(σ⁺) = (1 − φ/2)/(1 − φ)³ of Carnahan and Starling for spheres pushed apart and for elastic ones;
-/// what elastic collisions conserve.
+/// the quantities that elastic collisions conserve.
 pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
-    let elastic = model(Contact::Elastic, 1e-3, elastic);
+    let elastic = model((Contact::Elastic, PACKING), 0.02, elastic, EDGE);
     let mut simulation = begin(&elastic, 1);
     steps(&mut simulation, 1);
     let before = conserved(&simulation.state().particles);
-    steps(&mut simulation, 3_000);
+    steps(&mut simulation, 150);
     let mut shells = Shells::new(&elastic);
     for _ in 0..100 {
-        steps(&mut simulation, 60);
+        steps(&mut simulation, 3);
         shells.add(&simulation.state().particles);
     }
     let melted = &simulation.state().particles;
@@ -49,17 +52,112 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     rows.push(Row::new("relative drift of momentum", 0.0, drift / before.speeds, 1e-5));
 
     // Diffusion would take long to forget the lattice, so it begins where the elastic ones ended.
-    let mut pushed = model(Contact::Separate, 5e-6, species("A", 0.5, 1.0));
+    let mut pushed = model((Contact::Separate, PACKING), 0.02, species("A", 0.5, 1.0), EDGE);
     pushed.transmitters.clear();
     let mut simulation = begin(&pushed, 1);
     simulation.insert(melted).expect("known species");
-    steps(&mut simulation, 3_000);
+    steps(&mut simulation, 20);
     let mut shells = Shells::new(&pushed);
     for _ in 0..100 {
-        steps(&mut simulation, 60);
+        steps(&mut simulation, 2);
         shells.add(&simulation.state().particles);
     }
     rows.push(Row::new("g(σ⁺), pushed apart", expected, shells.contact_value(), 0.05 * expected));
+    rows
+}
+
+/// The compressibility factor of Carnahan and Starling.
+fn compressibility(packing: f64) -> f64 {
+    (1.0 + packing + packing.powi(2) - packing.powi(3)) / (1.0 - packing).powi(3)
+}
+
+/// The pressure of elastic spheres by the rate Γ of the collisions of one, at steps from a fraction of the diameter to several.
+/// With Γ = 4nσ²g·√(πkT/m) and P/nkT = 1 + (2π/3)·nσ³g, the compressibility factor is 1 + √π·σΓ/(6·√(kT/m)).
+pub(crate) fn elastic_pressure() -> Vec<Row> {
+    let mut cases = vec![(0.2, 0.5), (0.4, 0.05), (0.4, 3.0)];
+    cases.extend((0..4).map(|case| {
+        let [u, v, ..] = philox([case, 0, 0, 0], [28, 1]).map(|word| f64::from(open_unit(word)));
+        (0.05 + 0.35 * u, 0.03 * 100_f64.powf(v))
+    }));
+    let row = |&(packing, time_step): &(f64, f64)| {
+        let sphere = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
+        let model = model((Contact::Elastic, packing), time_step, sphere, 8);
+        let mut simulation = begin(&model, 3);
+        steps(&mut simulation, (8.0 / time_step).ceil() as u32);
+        let count = (30.0 / time_step).ceil() as u32;
+        let mut collisions = 0;
+        for _ in 0..count {
+            steps(&mut simulation, 1);
+            collisions += simulation.state().totals.contacts;
+        }
+        let particles = &simulation.state().particles;
+        let n = particles.len() as f64;
+        let thermal = (2.0 / 3.0 * conserved(particles).energy / n).sqrt();
+        let rate = 2.0 * collisions as f64 / (n * f64::from(count) * time_step);
+        let measured = 1.0 + PI.sqrt() / 6.0 * rate / thermal;
+        let expected = compressibility(packing);
+        Row::new(
+            format!("pressure at {packing:.2}, step {time_step:.2} σ"),
+            expected,
+            measured,
+            0.02 * expected,
+        )
+    };
+    cases.par_iter().map(row).collect()
+}
+
+/// Long-time diffusion of spheres that are separated, over that of free ones. It falls with the volume fraction at any step, and
+/// short steps have the value of Brownian dynamics, about 0.49 at 0.3.
+pub(crate) fn crowded_diffusion() -> Vec<Row> {
+    const PACKINGS: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
+    let cases: Vec<(f64, f64)> =
+        [0.1, 0.3, 1.0].into_iter().flat_map(|step| PACKINGS.map(|packing| (step, packing))).collect();
+    let found: Vec<(f64, f64)> = cases.par_iter().map(|&case| slowed_diffusion(case)).collect();
+    let mut rows = vec![Row::new("D/D₀ at 0.3, step 0.1 σ", 0.49, found[2].0, 0.03)];
+    for (of_step, cases) in found.chunks(PACKINGS.len()).zip(cases.chunks(PACKINGS.len())) {
+        for k in 1..PACKINGS.len() {
+            let [(more, one), (less, other)] = [of_step[k - 1], of_step[k]];
+            let (step, packing) = cases[k];
+            // The fall is to be more than its error.
+            let what = format!("D/D₀ falls from {:.1} to {packing}, step {step} σ", PACKINGS[k - 1]);
+            let (fall, error) = (more - less, 4.0 * one.hypot(other));
+            rows.push(Row { must_differ: true, ..Row::new(what, 0.0, fall.max(0.0), error) });
+        }
+    }
+    rows
+}
+
+/// D/D₀ at a step √(2DΔt) in diameters and a volume fraction, with its standard error.
+fn slowed_diffusion((step, packing): (f64, f64)) -> (f64, f64) {
+    let time_step = step * step / 2.0;
+    let model = model((Contact::Separate, packing), time_step, species("A", 0.5, 1.0), 8);
+    let mut simulation = begin(&model, 4);
+    let [window, windows] = [(1.0 / time_step) as u32, 6];
+    steps(&mut simulation, 2 * window);
+    let particles = simulation.state().particles.len();
+    let mut ratios = Vec::new();
+    for _ in 0..windows {
+        let mut moved = vec![[0.0_f32; 3]; particles];
+        let mut last = by_id(&simulation.state().particles);
+        for _ in 0..window {
+            steps(&mut simulation, 1);
+            let now = by_id(&simulation.state().particles);
+            for ((moved, from), to) in moved.iter_mut().zip(&last).zip(&now) {
+                let d = model.boundary.displacement(*from, *to);
+                (0..3).for_each(|k| moved[k] += d[k]);
+            }
+            last = now;
+        }
+        let square: f64 = moved.iter().flatten().map(|&c| f64::from(c).powi(2)).sum();
+        ratios.push(square / (particles as f64 * 6.0 * f64::from(window) * time_step));
+    }
+    mean(&ratios)
+}
+
+/// Positions in the order of ids.
+fn by_id(particles: &Particles) -> Vec<[f32; 3]> {
+    let mut rows = vec![[0.0; 3]; particles.len()];
+    (0..particles.len()).for_each(|at| rows[particles.id[at] as usize] = particles.position_of(at));
     rows
 }
 
@@ -105,7 +203,7 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
 struct Conserved {
     energy: f64,
     momentum: [f64; 3],
-    /// The sum of all speeds, beside which a drift of momentum is measured.
+    /// The sum of all speeds, the scale of a drift of momentum.
     speeds: f64,
 }
 
@@ -121,7 +219,7 @@ fn conserved(particles: &Particles) -> Conserved {
     sums
 }
 
-/// How many pairs are how far apart, between contact and some way beyond.
+/// Numbers of pairs by distance, from contact outwards.
 struct Shells {
     space: Space,
     volume: f64,
@@ -150,7 +248,7 @@ impl Shells {
         for pair in self.detector.pairs(&rows).expect("pairs") {
             let [a, b] = [pair.i, pair.j].map(|k| particles.position_of(k as usize).into());
             let distance = self.space.distance_squared(a, b).sqrt();
-            // What a step has pushed into a third sphere counts as in contact.
+            // Rounding may leave spheres in contact overlapping a little.
             let shell = ((distance - 1.0).max(0.0) / WIDTH) as usize;
             if let Some(count) = self.counts.get_mut(shell) {
                 *count += 1;

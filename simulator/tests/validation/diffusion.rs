@@ -1,4 +1,4 @@
-//! How far particles get.
+//! Displacements of particles.
 
 use lazygrid_sim::{Model, Shape};
 

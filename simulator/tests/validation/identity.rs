@@ -85,7 +85,7 @@ fn run(algorithm: Algorithm, threads: usize) -> State {
     })
 }
 
-/// The same bytes after 1 000 steps for any number of threads and any algorithm, and the same by id in any order.
+/// Equal bytes after 1 000 steps for any number of threads and any algorithm, and equal particles by id in any order.
 pub(crate) fn same_bytes() -> Vec<Row> {
     let reference = run(Algorithm::Auto, 1);
     let mut rows = Vec::new();
@@ -103,7 +103,7 @@ pub(crate) fn same_bytes() -> Vec<Row> {
     rows
 }
 
-/// How many particles differ between a run and one from the same particles in another order.
+/// The number of particles that differ between a run and one from the same particles in another order.
 fn permuted() -> u64 {
     let mut model = model();
     model.transmitters.truncate(1);

@@ -51,7 +51,7 @@ impl Row {
 /// An item of the list, and what measures it.
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 27] = [
+const ITEMS: [Item; 32] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -79,6 +79,11 @@ const ITEMS: [Item; 27] = [
     ("25-reflecting", bodies::reflecting),
     ("26-moving", bodies::moving),
     ("27-shift-keying", channel::shift_keying),
+    ("28-elastic-pressure", crowd::elastic_pressure),
+    ("29-crowded-diffusion", crowd::crowded_diffusion),
+    ("30-long-steps", receivers::long_steps),
+    ("31-neighbors", receivers::neighbors),
+    ("32-drift-at-wall", receivers::drift_at_wall),
 ];
 
 fn main() -> ExitCode {

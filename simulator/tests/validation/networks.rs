@@ -30,7 +30,7 @@ fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> Model {
     ))
 }
 
-/// How many of n + n are bound on average, with the equilibrium constant K = [C]/[A][B] in a volume: with m bound the
+/// The mean number of n + n that are bound, with the equilibrium constant K = [C]/[A][B] in a volume: with m bound the
 /// weight is (n over m)²·m!·(K/V)^m.
 fn bound(n: u32, constant: f64) -> f64 {
     let (mut weight, mut sum, mut first) = (1.0, 1.0, 0.0);
@@ -132,7 +132,7 @@ fn rate_equations([there, back, onwards]: [f64; 3], time: f64) -> [f64; 2] {
     })
 }
 
-/// What appears everywhere and decays is a Poisson number, however long the steps; so is what it turns into.
+/// The number of particles that appear everywhere and decay is a Poisson number at any step; so is that of their products.
 pub(crate) fn births() -> Vec<Row> {
     let text = "time-step = 1\nsteps = 1\n[boundary]\nkind = \"reflecting\"\nlow = [0, 0, 0]\nhigh = [1, 2, 5]\n\
                 [[species]]\nname = \"A\"\nradius = 0.1\ndiffusion = 0.1\n\

@@ -1,4 +1,4 @@
-//! How fast reactants meet.
+//! Rates at which reactants meet.
 
 use std::f64::consts::PI;
 

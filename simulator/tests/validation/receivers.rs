@@ -1,6 +1,8 @@
-//! What receivers count.
+//! Counts of receivers.
 
-use lazygrid_sim::{Model, Receiver, ReceiverKind, Shape, Species, Transmitter};
+use lazygrid_sim::random::philox::{open_unit, philox};
+use lazygrid_sim::{Adsorption, Boundary, Model, Receiver, ReceiverKind, Shape, Species, Transmitter};
+use rayon::prelude::*;
 
 use crate::Row;
 use crate::setup::{begin, burst, in_ball, share_error, species, steps};
@@ -73,10 +75,10 @@ pub(crate) fn absorbing_in_flow() -> Vec<Row> {
     rows
 }
 
-/// How fast particles and an absorbing sphere pass each other.
+/// The relative speed of particles and an absorbing sphere.
 pub(crate) const FLOW: f64 = 10.0;
 
-/// What the sphere takes where particles drift along x and it goes along x at these velocities.
+/// The share that the sphere takes if particles and the sphere move along x at these velocities.
 pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Row {
     let (start, n) = ([-4.0_f32, 1.0, 0.0], 40_000_u32);
     let distance = f64::from(start[0].hypot(start[1]));
@@ -124,4 +126,131 @@ fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
     }
     // The factors exp(−x) of kₗ were left out.
     (-kappa * distance * cosine - kappa * (distance - 1.0)).exp() * sum
+}
+
+/// Share that an absorbing sphere of radius 1 takes in steps of 0.3 to 4 radii, from drawn distances, in a drawn number of steps.
+pub(crate) fn long_steps() -> Vec<Row> {
+    const CASES: u32 = 16;
+    let n = 20_000_u32;
+    let row = |case: u32| {
+        let words = philox([case, 0, 0, 0], [33, 1]);
+        let between = |low: f64, high: f64, word: u32| low + (high - low) * f64::from(open_unit(word));
+        let (step, start) = (between(0.3, 4.0, words[0]), between(1.1, 4.0, words[1]));
+        let count = 1 + words[2] % 12;
+        let time_step = step * step / 2.0;
+        let receiver =
+            Receiver { name: "rx".to_owned(), radius: 1.0, sees: vec![true], ..Receiver::default() };
+        let from = [0.0, start as f32, 0.0];
+        let model = Model {
+            time_step,
+            species: vec![species("A", 0.0, 1.0)],
+            transmitters: vec![Transmitter { center: from, ..burst(Shape::Point, &[(0, n)]) }],
+            receivers: vec![receiver],
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 40 + u64::from(case));
+        steps(&mut simulation, count);
+        let expected = libm::erfc((start - 1.0) / (4.0 * f64::from(count) * time_step).sqrt()) / start;
+        let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
+        let what = format!("from {start:.2} R in {count} steps of {step:.2} R");
+        Row::new(what, expected, share, 4.0 * share_error(expected, n.into()))
+    };
+    (0..CASES).into_par_iter().map(row).collect()
+}
+
+/// The gap between the surfaces of two spheres of radius 1.
+const GAP: f64 = 0.1;
+
+/// Two equal spheres take as much each of what begins at the same distance from both, and absorbing ones take together what the
+/// method of images says.
+pub(crate) fn neighbors() -> Vec<Row> {
+    let kinds = [ReceiverKind::Absorbing, ReceiverKind::Partial(Adsorption::Reactivity(2.0))];
+    let cases: Vec<_> =
+        kinds.into_iter().flat_map(|kind| [0.25, 0.5, 1.0].map(|step| (kind, step))).collect();
+    let (n, time, height) = (10_000_u32, 100.0, 1.5);
+    let rows = |&(kind, step): &(ReceiverKind, f64)| {
+        let time_step = step * step / 2.0;
+        let receiver = |sign: f64| Receiver {
+            name: "rx".to_owned(),
+            center: [(sign * (1.0 + GAP / 2.0)) as f32, 0.0, 0.0],
+            radius: 1.0,
+            kind,
+            sees: vec![true],
+            ..Receiver::default()
+        };
+        let model = Model {
+            time_step,
+            species: vec![species("A", 0.0, 1.0)],
+            transmitters: vec![Transmitter {
+                center: [0.0, height as f32, 0.0],
+                ..burst(Shape::Point, &[(0, n)])
+            }],
+            receivers: vec![receiver(-1.0), receiver(1.0)],
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 8);
+        steps(&mut simulation, (time / time_step) as u32);
+        let [first, second] = [0, 1].map(|k| simulation.state().totals.arrived[k][0] as f64);
+        let both = first + second;
+        let name = if kind == ReceiverKind::Absorbing { "absorbing" } else { "partial" };
+        let mut rows = vec![Row::new(
+            format!("first of two, {name}, step {step} R"),
+            0.5,
+            first / both,
+            4.0 * share_error(0.5, both),
+        )];
+        if kind == ReceiverKind::Absorbing {
+            let expected = reached_by_two(height, time);
+            let tolerance = 4.0 * share_error(expected, n.into());
+            rows.push(Row::new(format!("both, step {step} R"), expected, both / f64::from(n), tolerance));
+        }
+        rows
+    };
+    cases.par_iter().flat_map(rows).collect()
+}
+
+/// Share of what begins in the middle plane of two spheres, at a height above their line, that reaches one of them within a long
+/// time. The potential of both spheres at 1 is that of charges q, at distances x from the centers, and their images:
+/// q′ = −q/(d − x) at x′ = 1/(d − x). Later arrivals are those of a sphere of the same capacity.
+fn reached_by_two(height: f64, time: f64) -> f64 {
+    let distance = 2.0 + GAP;
+    let (mut charge, mut place, mut potential, mut capacity) = (1.0, 0.0, 0.0, 0.0);
+    for _ in 0..400 {
+        potential += 2.0 * charge / height.hypot(distance / 2.0 - place);
+        capacity += 2.0 * charge;
+        (charge, place) = (-charge / (distance - place), 1.0 / (distance - place));
+    }
+    potential - (1.0 - potential) * capacity / (std::f64::consts::PI * time).sqrt()
+}
+
+/// The density at a wall towards which particles drift, in the steady state: v/D at the wall, falling by exp(−vx/D).
+pub(crate) fn drift_at_wall() -> Vec<Row> {
+    let (n, layer, width) = (20_000_u32, 0.1_f32, 12.0_f32);
+    let row = |&ratio: &f64| {
+        // v = D = 1, and vΔt = ratio·√(2DΔt).
+        let time_step = 2.0 * ratio * ratio;
+        let model = Model {
+            time_step,
+            species: vec![Species { drift: [-1.0, 0.0, 0.0], ..species("A", 0.0, 1.0) }],
+            transmitters: vec![Transmitter {
+                center: [1.5, 0.0, 0.0],
+                ..burst(Shape::Box([3.0, 1.0, 1.0]), &[(0, n)])
+            }],
+            boundary: Boundary::reflecting([0.0, -1.0, -1.0], [width, 1.0, 1.0]),
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 12);
+        steps(&mut simulation, (12.0 / time_step).ceil() as u32);
+        let mut shares = Vec::new();
+        for _ in 0..8 {
+            steps(&mut simulation, (3.0 / time_step).ceil() as u32);
+            let particles = &simulation.state().particles;
+            let near = particles.position[0].iter().filter(|&&x| x < layer).count();
+            shares.push(near as f64 / f64::from(n));
+        }
+        let measured = shares.iter().sum::<f64>() / shares.len() as f64;
+        let expected = -(-f64::from(layer)).exp_m1();
+        Row::new(format!("share at a wall, vΔt = {ratio}·√(2DΔt)"), expected, measured, 0.02 * expected)
+    };
+    [0.1, 0.2, 1.0].par_iter().map(row).collect()
 }

@@ -22,6 +22,8 @@
 
 #include velocity_index
 #include receiver_cells
+#include first_passage
+#include wall
 #include path_hit
 #include decay
 
@@ -37,19 +39,25 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let kind = species_rows[tag.x];
     let path = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
     var here = Moved(vec4(path.after, before.w), tag.x, path.velocity);
-    var arrives = false;
+    // The event of the earliest hit.
+    var first = NOTHING;
+    var first_hit: Hit;
     let near_receivers = receivers_near(kind, before.xyz, reach_of(path) + kind.bend + trajectory.max_displacement);
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
-        let event = event_rows[event_at(near_receivers, k)];
-        if (meets(event, receiver_at(event.receiver, control.step), path, kind.diffusion, tag.y)) {
-            atomicAdd(&control.tallies[event.tally], 1u);
-            here.sphere.w = radius_of_arrived(event.receiver);
-            arrives = true;
-            break;
+        let place = event_at(near_receivers, k);
+        let event = event_rows[place];
+        let hit = hit_of(event, receiver_at(event.receiver, control.step), path, kind.diffusion, tag.y);
+        if (hit.is_hit && is_earlier(hit, event.receiver, first_hit, first, tag.y)) {
+            first = place;
+            first_hit = hit;
         }
     }
-    if (!arrives) {
+    if (first == NOTHING) {
         here = decay(here, tag.y);
+    } else {
+        let event = event_rows[first];
+        atomicAdd(&control.tallies[event.tally], 1u);
+        here.sphere.w = radius_of_arrived(event.receiver);
     }
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);

@@ -26,6 +26,8 @@
 
 #include velocity_index
 #include receiver_cells
+#include first_passage
+#include wall
 #include path_hit
 #include decay
 #include reflection
@@ -39,7 +41,7 @@ fn free_receptors(receiver: u32) -> u32 {
 }
 
 // Returns true if a particle that reached a surface adsorbs; `word` is its draw.
-fn adsorbs(event: EventRow, distances: f32, word: u32) -> bool {
+fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     if (event.kind == PER_STEP) {
         return word <= event.threshold;
     }
@@ -47,7 +49,7 @@ fn adsorbs(event: EventRow, distances: f32, word: u32) -> bool {
     if (event.kind == RECEPTORS) {
         own *= f32(free_receptors(event.receiver));
     }
-    return unit_32(word) < adsorption_probability(surface_of(own, event.length, event.radius), distances);
+    return unit_32(word) < adsorption_probability(surface_of(own, event.length, event.radius), a, b);
 }
 
 // Requests a receptor, with the direction from the center to the point of contact.
@@ -84,6 +86,29 @@ fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     return vec4(place, kind.radius);
 }
 
+// The path on which a particle may hit a receiver: the original one if the receiver reflected it first.
+fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
+    if (reflected.first == receiver) {
+        return path;
+    }
+    return Path(path.before, reflected.end, reflected.after, path.velocity);
+}
+
+// Requests a receptor for a particle on a path that hit its receiver.
+fn bind(at: u32, place: u32, path: Path, id: u32) {
+    let event = event_rows[place];
+    let receiver = receiver_at(event.receiver, control.step);
+    let a = abs(signed_distance(event.radius, receiver.center, path.before));
+    let b = abs(signed_distance(event.radius, receiver.center + receiver.displacement, path.after));
+    var time = 0.0;
+    if (a + b > 0.0) {
+        time = a / (a + b);
+    }
+    let words = philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
+    let touching = path.before + time * (path.end - path.before);
+    request_binding(at, place, touching, receiver.center + time * receiver.displacement, words.z);
+}
+
 // The step of a free particle.
 fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32) -> Moved {
     let reflected = reflect_path(kind, path);
@@ -96,46 +121,46 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     var here = Moved(vec4(reflected.after, radius), tag.x, reflected.velocity);
     let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
     let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
+    // The event of the earliest hit that keeps the particle.
+    var first = NOTHING;
+    var first_hit: Hit;
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let place = event_at(near_receivers, k);
         let event = event_rows[place];
         let receiver = receiver_at(event.receiver, control.step);
+        let a = signed_distance(event.radius, receiver.center, path.before);
         // A particle inside may leave.
-        let leaves = event.kind > REFLECTING && signed_distance(event.radius, receiver.center, path.before) < 0.0;
-        if (event.kind == REFLECTING || leaves) {
+        if (event.kind == REFLECTING || (event.kind > REFLECTING && a < 0.0)) {
             continue;
         }
-        var taken = path;
-        if (reflected.first != event.receiver) {
-            // Another surface reflected the path first.
-            taken.end = reflected.end;
-            taken.after = reflected.after;
-        }
-        if (!meets(event, receiver, taken, kind.diffusion, tag.y)) {
+        let taken = path_to(event.receiver, path, reflected);
+        let hit = hit_of(event, receiver, taken, kind.diffusion, tag.y);
+        if (!hit.is_hit) {
             continue;
         }
         if (event.kind > REFLECTING) {
-            let a = abs(signed_distance(event.radius, receiver.center, taken.before));
-            let b = abs(signed_distance(event.radius, receiver.center + receiver.displacement, taken.after));
+            let b = signed_distance(event.radius, receiver.center + receiver.displacement, taken.after);
             let words = philox(vec4(tag.y, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
-            if (!adsorbs(event, a + b, words.y)) {
+            if (!adsorbs(event, a, b, words.y)) {
                 continue;
             }
-            if (event.kind == RECEPTORS) {
-                var time = 0.0;
-                if (a + b > 0.0) {
-                    time = a / (a + b);
-                }
-                let touching = taken.before + time * (taken.end - taken.before);
-                request_binding(at, place, touching, receiver.center + time * receiver.displacement, words.z);
-                return here;
-            }
         }
-        atomicAdd(&control.tallies[event.tally], 1u);
-        here.sphere.w = radius_of_arrived(event.receiver);
+        if (is_earlier(hit, event.receiver, first_hit, first, tag.y)) {
+            first = place;
+            first_hit = hit;
+        }
+    }
+    if (first == NOTHING) {
+        return decay(here, tag.y);
+    }
+    let event = event_rows[first];
+    if (event.kind == RECEPTORS) {
+        bind(at, first, path_to(event.receiver, path, reflected), tag.y);
         return here;
     }
-    return decay(here, tag.y);
+    atomicAdd(&control.tallies[event.tally], 1u);
+    here.sphere.w = radius_of_arrived(event.receiver);
+    return here;
 }
 
 @compute @workgroup_size(256)

@@ -5,25 +5,28 @@ use std::collections::HashMap;
 use super::*;
 use crate::gpu::device::encoded;
 use crate::gpu::layout::{EventRow, ReceptorRow};
+use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
 use crate::motion::binding::{bids, rejected};
-use crate::motion::path_hit::Path;
+use crate::motion::path_hit::{Path, first_passage, hit_probability};
 use crate::motion::propagate::Event;
 use crate::motion::receiver_state::ReceiverState;
 use crate::motion::reflection::reflect_path;
+use crate::motion::wall::reflected;
 use crate::random::philox::{Draws, open_unit};
 
 #[test]
 fn adsorption_and_unbinding_equal_those_of_the_cpu() {
     let Some(own) = device() else { return };
-    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include unit_32\n#include adsorption";
+    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include unit_32\n#include first_passage\n#include adsorption";
     let body = "let length = ldexp(1.0, i32((k / 24u) % 8u) - 6);
         let surface = surface_of(ldexp(1.0, i32(k % 24u) - 16), length, 0.5);
         params.key = vec2(5u, 6u);
         var draws = Draws(vec4(k, 0u, 3u, PURPOSE_UNBINDING), vec4(0u), 4u);
-        let distances = 0.5 * length * f32((k / 192u) % 16u);
-        out[k] = bitcast<vec4<u32>>(vec4(adsorption_probability(surface, distances), effective_part(surface),
+        let a = 0.25 * length * f32((k / 192u) % 8u);
+        let b = max(0.5 * length * f32((k / 1536u) % 8u) - length, -0.375);
+        out[k] = bitcast<vec4<u32>>(vec4(adsorption_probability(surface, a, b), effective_part(surface),
             height_after(surface, &draws), length));";
     let found = evaluate(&own, pieces, body, 12_288);
     let (mut others, time_step) = (0, 0.1);
@@ -32,10 +35,15 @@ fn adsorption_and_unbinding_equal_those_of_the_cpu() {
         let length = 2f64.powi((k / 24 % 8) as i32 - 6);
         let reactivity = 2f64.powi((k % 24) as i32 - 16) * length / time_step;
         let step = adsorption::Step::new(length * length, time_step, (0.5, reactivity));
-        let distances = 0.5 * length * f64::from(k / 192 % 16);
+        let heights = [
+            0.25 * length * f64::from(k / 192 % 8),
+            (0.5 * length * f64::from(k / 1536 % 8) - length).max(-0.375),
+        ];
         let close = |found: f64, exact: f64| (found / exact - 1.0).abs() < 1e-5;
         assert_eq!(scale, length);
-        assert!(close(stays, step.sticking(distances)), "{k}: {stays} and not {}", step.sticking(distances));
+        // Probabilities below are differences of nearly equal numbers.
+        let expected = step.sticking(heights);
+        assert!((stays - expected).abs() < 2e-5 * expected + 2e-7, "{k}: {stays} and not {expected}");
         assert!(close(part, step.effective_part()), "{k}: {part} and not {}", step.effective_part());
         let mut draws = Draws::new(Key([5, 6]), k, 3, Purpose::Unbinding);
         // A trial at the threshold may fall either way.
@@ -280,4 +288,36 @@ fn lowest_ranks_bind_to_free_receptors() {
     }
     let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
     assert_eq!((&tallies, removed), (&bound, bound.iter().sum()));
+}
+
+#[test]
+fn hits_and_their_times_equal_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include first_passage\n#include wall";
+    let body = "let words = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
+        let more = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
+        let a = 2.0 * open_unit(words.x);
+        let b = 2.0 * open_unit(words.y);
+        let diffusion = ldexp(0.5, i32(k % 12u) - 5);
+        let normal = normals(more).x;
+        out[k] = bitcast<vec4<u32>>(vec4(hit_probability(0.75, a, b, diffusion),
+            first_passage(vec2(a, b - 1.0), normal, open_unit(words.z)),
+            reflected_at_wall(-0.5, 8.0, vec2(a - 0.5, b - 1.5), 0.7, words.w), normal));";
+    let found = evaluate(&own, pieces, body, 4096);
+    let mut others = 0;
+    for (k, found) in (0..).zip(found) {
+        let words = philox([k, 1, 2, 3], [4, 5]);
+        let [hit, time, end, normal] = found.map(f32::from_bits);
+        let [a, b] = [2.0 * open_unit(words[0]), 2.0 * open_unit(words[1])];
+        let diffusion = 0.5 * 2_f32.powi((k % 12) as i32 - 5);
+        let expected = hit_probability(0.75, [a, b], diffusion);
+        assert!((hit - expected).abs() <= 1e-5 * expected + 1e-9, "{k}: {hit} and not {expected}");
+        let expected = first_passage([a, b - 1.0], normal, open_unit(words[2]));
+        // A uniform number at the threshold may choose either root.
+        others += u32::from((time - expected).abs() > 1e-5);
+        let axis = Axis::Reflecting { low: -0.5, high: 8.0 };
+        let expected = reflected(axis, [a - 0.5, b - 1.5], 0.7, words[3]).unwrap_or(b - 1.5);
+        assert!((end - expected).abs() < 1e-5, "{k}: {end} and not {expected}");
+    }
+    assert!(others <= 2, "{others} of 4096 times are others");
 }

@@ -54,15 +54,16 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
     }
 }
 
-/// What befalls particles in some steps, and where they are, with or without a search; and how many steps searched.
+/// Returns the events and positions of particles in some steps, with or without a search, and the number of steps that searched.
 fn run(
     model: &Model,
     steps: u32,
     searches: bool,
 ) -> ((Vec<crate::motion::propagate::Event>, Particles), usize) {
     let mut motion = Propagator::new(model);
-    let mut vicinity = ReceiverSearch::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
-    assert_eq!(vicinity.is_some(), searches);
+    let mut receiver_search =
+        ReceiverSearch::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+    assert_eq!(receiver_search.is_some(), searches);
     let mut searched = 0;
     let mut particles = Particles::default();
     for id in 0..1500 {
@@ -73,10 +74,13 @@ fn run(
     let mut centers: Vec<[f32; 3]> = model.receivers.iter().map(|receiver| receiver.center).collect();
     let mut all = Vec::new();
     for step in 0..steps {
-        searched += usize::from(vicinity.as_ref().is_some_and(|vicinity| vicinity.worth.rest == 0));
+        searched += usize::from(
+            receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.worth.rest == 0),
+        );
         let places = move_receivers(model, &centers, Key::new(3), step);
         motion.bodies.set(&centers, &places, &vec![5; centers.len()]);
-        let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), step)).unwrap();
+        let events =
+            motion.advance(&mut particles, receiver_search.as_mut(), None, (Key::new(3), step)).unwrap();
         let mut gone: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
         particles.remove(&mut gone);
         centers = places.iter().map(|place| place.center).collect();
@@ -157,13 +161,14 @@ fn what_a_particle_is_thrown_at_is_found() {
         };
         let after = [true, false].map(|searches| {
             let mut motion = Propagator::new(&model);
-            let mut vicinity =
+            let mut receiver_search =
                 ReceiverSearch::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
             let mut particles = Particles::default();
             particles.push(Particle::default(), false);
             let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
             motion.bodies.set(&centers, &move_receivers(&model, &centers, Key::new(3), 0), &[0; 3]);
-            let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), 0)).unwrap();
+            let events =
+                motion.advance(&mut particles, receiver_search.as_mut(), None, (Key::new(3), 0)).unwrap();
             (events, particles)
         });
         assert_eq!(after[0], after[1]);

@@ -48,17 +48,25 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         if let Some(message) = model.idle_contact() {
             return Err(Problem::at(contact.span(), message));
         }
-        warnings.extend(warnings::missed_contact(&model).map(|message| Problem::at(contact.span(), message)));
     }
     let names = Names(&model.species);
     let (reactions, decays) =
         reactions::resolve((&file.reactions, &file.decays), &names, model.time_step, &mut warnings)?;
     let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
     receivers.extend(receivers::bodies(&file.transmitters, names.0.len()));
+    let spans: Vec<_> = file.transmitters.iter().map(|one| one.name.span()).collect();
     let mut transmitters =
         transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut warnings)?;
     transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut warnings)?);
     model = Model { reactions, decays, transmitters, receivers, ..model };
+    if let Some(contact) = &file.contact {
+        let message = warnings::many_collisions(&model, file.steps);
+        warnings.extend(message.map(|message| Problem::at(contact.span(), message)));
+    }
+    for (transmitter, span) in model.transmitters.iter().zip(spans) {
+        let message = warnings::released_inside(transmitter, &model.receivers, &model.boundary);
+        warnings.extend(message.map(|message| Problem::at(span, message)));
+    }
     let every = file.output.every.map_or(1, Into::into);
     let output = Output {
         every,

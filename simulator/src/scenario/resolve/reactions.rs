@@ -189,8 +189,14 @@ impl Network<'_> {
             ReactionRate::PerStep(_) => None,
         };
         let file::Reaction { rate, rate_inside, equation, .. } = draft.file;
+        let undone = self.decays.iter().find(|decay| rate.is_some() && undoes(decay, &draft.bare));
+        let slow = undone.and_then(|decay| {
+            let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
+            let numbers = [total, reaction.binding_radius.into(), apart.into()];
+            warnings::slow_relaxation(&reaction.name, numbers, draft.diffusion, self.time_step)
+        });
         let span = rate.as_ref().or(rate_inside.as_ref()).map_or(equation.span(), Spanned::span);
-        long.into_iter().chain(fast).map(|message| Problem::at(span.clone(), message)).collect()
+        long.into_iter().chain(fast).chain(slow).map(|message| Problem::at(span.clone(), message)).collect()
     }
 }
 

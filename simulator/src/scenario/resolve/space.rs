@@ -94,7 +94,7 @@ pub(super) fn flow(flow: Option<&file::Flow>, boundary: &Boundary) -> Result<Opt
     let along = |speed: f64| match &boundary.vessel {
         Some(vessel) => Ok(std::array::from_fn(|k| if k == vessel.along { speed } else { 0.0 })),
         None => {
-            let message = "a speed is along a cylinder, and there is none; give a velocity".to_owned();
+            let message = "a speed needs a cylinder, and the boundary is not one; give a velocity".to_owned();
             Err(Problem::at(span.clone(), message))
         }
     };

@@ -151,7 +151,7 @@ fn disk(radius: f32) -> f64 {
     std::f64::consts::PI * f64::from(radius).powi(2)
 }
 
-/// Refuses a sphere behind walls, and advises about one outside a periodic box.
+/// Refuses a sphere outside walls, and warns of one outside a periodic box.
 pub(super) fn check_place(
     boundary: &Boundary,
     span: std::ops::Range<usize>,

@@ -47,7 +47,7 @@ fn what_comes_apart_may_come_together_again() {
     );
     let kept = (1.0 - (-50e-5_f64).exp()) / 50e-5;
     assert!((is / (0.5 * kept) - 1.0).abs() < 1e-4, "{is}");
-    // Where they meet anywhere in a ball, they come apart in it; touching where nothing else is said.
+    // Products of a reaction within a ball separate within it; by default they touch.
     let model = network(&(reaction("A + B -> C", "rate-inside = 100") + &apart(""))).unwrap().model;
     assert_eq!(
         (model.reactions[0].binding_radius, model.reactions[0].chance),
@@ -208,11 +208,7 @@ fn what_does_not_go_together_is_refused() {
             "radius",
             "0.1 between walls across the cylinder",
         ),
-        (
-            "[flow]\nprofile = \"poiseuille\"\nspeed = 1\n".into(),
-            "profile",
-            "along a cylinder, and there is none",
-        ),
+        ("[flow]\nprofile = \"poiseuille\"\nspeed = 1\n".into(), "profile", "a speed needs a cylinder"),
         ("[flow]\nprofile = \"plug\"\n".into(), "profile", "either a velocity, or a speed"),
         (
             "[boundary]\nkind = \"cylinder\"\nradius = 1\n".to_owned()

@@ -71,7 +71,7 @@ fn advice_about_surfaces_is_right_when_followed() {
     let surfaces = [
         ("radius = 0.2\nkind = \"reflecting\"", "is in the wrong places"),
         ("radius = 0.2\nkind = \"partial\"\nrate = 1", "is in the wrong places"),
-        // What drifts there goes too far beside what diffuses.
+        // The drift of a step is long compared with its diffusion.
         ("radius = 9\nkind = \"partial\"\nrate = 1\nvelocity = [200, 0, 0]", "by drift"),
         (
             "radius = 9\nkind = \"receptors\"\ncount = 1\nbinding-rate = 1\nunbinding-rate = 900",

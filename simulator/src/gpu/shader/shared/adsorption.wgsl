@@ -28,9 +28,23 @@ fn surface_of(own: f32, length: f32, radius: f32) -> Surface {
     return Surface(own, own + length / radius, length, radius);
 }
 
-// The adsorption probability of a path between two distances from the surface, given their sum.
-fn adsorption_probability(surface: Surface, distances: f32) -> f32 {
+// The adsorption probability of a path that reaches a plane, given the sum of both distances from it.
+fn on_plane(surface: Surface, distances: f32) -> f32 {
     return min(ROOT_PI * surface.own * erfcx(surface.all + distances / (2.0 * surface.length)), 1.0);
+}
+
+// The adsorption probability of a path that reaches the sphere, between two heights above its surface, negative inside.
+fn adsorption_probability(surface: Surface, a: f32, b: f32) -> f32 {
+    let before = surface.radius + a;
+    let after = surface.radius + b;
+    let exponent = select(before * after, surface.radius * (a + b + surface.radius), b > 0.0);
+    let image = one_minus_exp(exponent / (surface.length * surface.length));
+    let near = on_plane(surface, a + abs(b));
+    let far = on_plane(surface, before + after);
+    if (image > 0.0) {
+        return clamp(far + (near - far) / image, 0.0, 1.0);
+    }
+    return near;
 }
 
 // erfcx(y) - erfcx(x + y), by derivatives where the difference would cancel.

@@ -94,6 +94,3 @@ const PARTIAL: u32 = 3u;
 const PER_STEP: u32 = 4u;
 const RECEPTORS: u32 = 5u;
 const DECAY: u32 = 6u;
-
-// At larger exponents the probability is below the smallest random number.
-const NEVER: f32 = 17.0;

@@ -6,6 +6,8 @@ const PURPOSE_DECAY: u32 = 5u;
 const PURPOSE_DISSOCIATION: u32 = 7u;
 const PURPOSE_TUMBLE: u32 = 11u;
 const PURPOSE_UNBINDING: u32 = 13u;
+const PURPOSE_HIT_TIME: u32 = 14u;
+const PURPOSE_WALL: u32 = 15u;
 
 // Lower and upper half of a product.
 fn wide(a: u32, b: u32) -> vec2<u32> {

@@ -1,0 +1,87 @@
+//! Reflection at walls of paths that diffuse and drift.
+//!
+//! Mirroring the end of a step at a wall is exact for diffusion alone. With a drift towards the wall it leaves too few particles
+//! near the wall. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod):
+//!
+//! ```text
+//! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
+//! ```
+//!
+//! with the wall at 0. Given both ends `a` and `b` of a step, the path is a Brownian bridge for any drift. Its minimum m
+//! has the distribution P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt, which is inverted in closed form. So the end of a step of
+//! any length is exact as long as the path does not reach the opposite wall as well.
+
+use crate::model::boundary::Axis;
+use crate::random::gaussian::ln;
+use crate::random::philox::open_unit;
+
+/// The exponent above which a probability is below the smallest random number.
+const NEVER: f32 = 17.0;
+
+/// Returns the end of a step along an axis if the path between `before` and `end` touches the nearer wall, else `None`.
+/// `spread` is √(2DΔt) in µm, and `word` a random word. `wall.wgsl` has the same operations.
+#[inline]
+pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
+    let Axis::Reflecting { low, high } = axis else { return None };
+    let is_low = (before - low) + (end - low) < (high - before) + (high - end);
+    let [a, b] = if is_low { [before - low, end - low] } else { [high - before, high - end] };
+    let square = spread * spread;
+    if 2.0 * a * b >= NEVER * square {
+        return None;
+    }
+    let lowest = 0.5 * (a + b - ((b - a) * (b - a) - 2.0 * square * ln(open_unit(word))).sqrt());
+    let inside = b - lowest;
+    (lowest < 0.0).then_some(if is_low { low + inside } else { high - inside })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::gaussian::normals;
+    use crate::random::philox::{Key, Purpose};
+
+    /// The density of reflected Brownian motion with drift μ after one step (Harrison, *Brownian Motion and Stochastic Flow
+    /// Systems*, section 3.6): P(Y ≤ y) = Φ((y − a − μ)/s) − exp(2μy/s²)·Φ((−y − a − μ)/s).
+    #[test]
+    fn step_with_drift_has_the_closed_distribution() {
+        let normal = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
+        let n = 40_000_u32;
+        for (case, (start, drift, spread)) in
+            [(0.0_f32, -0.2_f32, 1.0_f32), (0.3, -1.0, 1.0), (0.5, 0.4, 0.7), (1.0, -2.5, 1.0)]
+                .into_iter()
+                .enumerate()
+        {
+            for is_low in [true, false] {
+                let axis = Axis::Reflecting { low: -1.0, high: 99.0 };
+                let mut below = [0_u32; 3];
+                let levels = [0.1, 0.5, 1.5].map(|y| y * spread);
+                for id in 0..n {
+                    let key = Key::new(case as u64);
+                    let z = normals(key.draw(id, 0, 0, Purpose::Move))[0];
+                    let moved = spread * z + drift;
+                    let [before, end] = if is_low {
+                        [start - 1.0, start - 1.0 + moved]
+                    } else {
+                        [99.0 - start, 99.0 - start - moved]
+                    };
+                    let word = key.draw(id, 0, 0, Purpose::Wall)[0];
+                    let after = reflected(axis, [before, end], spread, word).unwrap_or(end);
+                    let y = if is_low { after + 1.0 } else { 99.0 - after };
+                    assert!(y >= -1e-4, "{y}");
+                    levels.iter().zip(&mut below).for_each(|(level, count)| *count += u32::from(y <= *level));
+                }
+                for (level, count) in levels.into_iter().zip(below) {
+                    let [a, mu, s, y] = [start, drift, spread, level].map(f64::from);
+                    let expected =
+                        normal((y - a - mu) / s) - (2.0 * mu * y / (s * s)).exp() * normal((-y - a - mu) / s);
+                    let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
+                    let found = f64::from(count) / f64::from(n);
+                    assert!(
+                        (found - expected).abs() < 4.0 * error,
+                        "{case}, {level}: {found} and {expected}"
+                    );
+                }
+            }
+        }
+    }
+}
