@@ -168,7 +168,7 @@ def test_too_many_pairs_are_an_error_with_their_number() -> None:
         ({"threads": 0}, "threads = 0 is out of range"),
         ({"periodic": (1.0, -2.0, None)}, "length -2 of the periodic axis y"),
         ({"backend": "cpu", "algorithm": "lazy-grid"}, "lazy-grid does not run on the cpu backend"),
-        ({"backend": "cpu", "adapter": "nvidia"}, "leave one of them out"),
+        ({"backend": "cpu", "adapter": "nvidia"}, "omit one of them"),
     ],
 )
 def test_settings_are_refused_by_value(keywords: dict[str, object], message: str) -> None:
