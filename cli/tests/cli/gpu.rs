@@ -118,7 +118,7 @@ fn what_was_calibrated_is_kept_and_used() {
     assert!(run.out.contains(&lazygrid::gpu::adapters()[0].name) && run.out.contains(&file), "{}", run.out);
     let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
     let below = kept["calibrations"][0]["naive_below"].as_u64().unwrap();
-    assert!(kept["calibrations"][0]["skin"]["search"].as_f64().unwrap() > 0.0, "{kept}");
+    assert!(kept["calibrations"][0]["skin"]["search_ns"].as_f64().unwrap() > 0.0, "{kept}");
     assert!(run.out.contains("nanoseconds for each sphere"), "{}", run.out);
     let (measured, _) = reason();
     assert!(measured.contains("(measured on this adapter)"), "{measured}");

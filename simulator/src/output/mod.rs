@@ -204,7 +204,9 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
     }
     let foreign = [SERIES, SYMBOLS, XYZ, ARRIVALS, RELEASES, ANIMATED, "animation.html", "mean.csv"];
-    if let Some(name) = foreign.into_iter().find(|name| !overwrite && holds(name)) {
+    // A device or a FIFO in the place of a file has no content to lose.
+    let is_file = |name: &str| directory.join(name).is_file();
+    if let Some(name) = foreign.into_iter().find(|name| !overwrite && is_file(name)) {
         let message = format!(
             "it holds a file {name} of no run that can be continued; replace the file with --overwrite, or choose another \
              directory"
