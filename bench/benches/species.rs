@@ -1,4 +1,4 @@
-//! Species that seldom or never pair, and two sets: each scene with a table of interactions beside the same search without
+//! Species that seldom or never pair, and two sets: each scene with a table of interactions, and the same search without
 //! one, on the CPU and on a GPU.
 //!
 //! `cargo bench -p lazygrid-bench --bench species -- enzymes`

@@ -56,7 +56,7 @@ pub trait PairFinder {
         None
     }
 
-    /// A note on the last call; empty if there is none.
+    /// A note on the last call; empty without a note.
     fn note(&self) -> String {
         String::new()
     }
@@ -390,11 +390,11 @@ mod tests {
         let mut before_the_last = std::collections::BTreeSet::new();
         for seed in 0..50 {
             let turns = turns(5, seed);
-            let place = |k| turns.iter().position(|&turn| turn == k).expect("everybody has a turn");
+            let place = |k| turns.iter().position(|&turn| turn == k).expect("each contender has a turn");
             assert_eq!((turns.len(), (0..5).map(place).sum::<usize>()), (5, 10));
             before_the_last.insert(place(4).checked_sub(1).map(|place| turns[place]));
         }
-        assert_eq!(before_the_last.len(), 5, "nobody and each of the other four");
+        assert_eq!(before_the_last.len(), 5, "none and each of the other four");
     }
 
     #[test]

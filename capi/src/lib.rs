@@ -1,7 +1,7 @@
 //! lazygrid for C and C++. `include/lazygrid.h` is the documentation; a test compares it with this crate.
 //!
 //! Each exported function follows one pattern. It converts its pointers to references, slices and [`OutPtr`]s, and checks
-//! whatever can be checked; the header asks the caller for the rest. The work runs inside [`status::guarded`], which turns a
+//! all that can be checked; the header asks the caller for the rest. The work runs inside [`status::guarded`], which turns a
 //! panic into a status. A detector is in a mutex on which functions call `try_lock` only, so a second thread or a callback
 //! gets an error instead of waiting.
 //!

@@ -1,5 +1,5 @@
 /*
- * Boxes that lean, groups and excluded pairs, each result against the plain loop. Ends with 0 and "N passed, 0 failed", or
+ * Tilted boxes, groups and excluded pairs, each result against the plain loop. Ends with 0 and "N passed, 0 failed", or
  * names the line. C99.
  */
 #include "checks.h"
@@ -8,10 +8,10 @@
 
 enum { COUNT = 160, SPLIT = 60, MOST = COUNT * COUNT };
 
-/* Edges of a box that leans by more than half an edge. Images that are more than four cell_vectors away touch nothing here. */
-static const double leaning[9] = {4, 0, 0, 3, 4, 0, -1, 2.5, 5};
+/* Edges of a triclinic box by more than half an edge. Images that are more than four cell_vectors away touch nothing here. */
+static const double tilted[9] = {4, 0, 0, 3, 4, 0, -1, 2.5, 5};
 
-/* Coordinates and radii of whole thirty-seconds, so that the plain loop is exact; they leave the box, which leans. */
+/* Coordinates and radii of whole thirty-seconds, so that the plain loop is exact; they leave the triclinic box. */
 static void fill(float *rows, uint32_t seed) {
     size_t k;
     for (k = 0; k < 4 * COUNT; k++) {
@@ -108,7 +108,7 @@ static void boxes_lean(void) {
     for (repeating = 1; repeating <= 3; repeating++) {
         double cell_vectors[9] = {0};
         uint64_t wanted;
-        memcpy(cell_vectors, leaning, (size_t)repeating * 3 * sizeof *cell_vectors);
+        memcpy(cell_vectors, tilted, (size_t)repeating * 3 * sizeof *cell_vectors);
         wanted = plain_loop(rows, cell_vectors, &nothing, expected);
         CHECK(wanted > 100);
         for (k = 0; k < 4; k++) {
@@ -227,11 +227,11 @@ static void two_sets_leave_out_the_same(void) {
     fill(rows, 3);
     for (k = 0; k < COUNT; k++) groups[k] = k % 4 == 3 ? LAZYGRID_NO_GROUP : (uint32_t)k % 4;
     b = lazygrid_rows(COUNT - SPLIT, rows + 4 * SPLIT);
-    settings.cell_vectors = leaning;
+    settings.cell_vectors = tilted;
     detector = detector_of(&settings);
     for (i = 0; i < SPLIT; i++) {
         for (j = 0; j < COUNT - SPLIT; j++) {
-            if (!touch(rows + 4 * i, rows + 4 * (SPLIT + j), leaning)) continue;
+            if (!touch(rows + 4 * i, rows + 4 * (SPLIT + j), tilted)) continue;
             if ((i + j) % 4 == 0) {
                 list[listed].i = i;
                 list[listed++].j = j;
@@ -295,7 +295,7 @@ int main(void) {
     boxes_lean();
     edges_are_refused();
     what_is_left_out_is_no_pair(NULL);
-    what_is_left_out_is_no_pair(leaning);
+    what_is_left_out_is_no_pair(tilted);
     two_sets_leave_out_the_same();
     lists_are_refused();
     printf("%d passed, %d failed\n", passed, failed);

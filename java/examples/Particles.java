@@ -6,7 +6,7 @@ final class Particles {
     final int count;
     final FloatBuffer rows;
 
-    /** So many at arbitrary places of a cube, the same for the same seed. */
+    /** Particles at random positions of a cube, the same for the same seed. */
     Particles(int count, float edge, FloatBuffer rows, long seed) {
         this.count = count;
         this.rows = rows;

@@ -1,10 +1,10 @@
-"""Time lazygrid beside what Python programmers take today, as Markdown tables.
+"""Time lazygrid and the tools that Python programmers use today, as Markdown tables.
 
     python bench/compare.py [--spheres 10000 100000 1000000] [--rounds 7] [--install]
 
 Every tool finds all pairs of the same spheres from scratch; of lazygrid therefore the skin is off. They fill 5 % of a box,
 which ends, or repeats: equal ones, so that a tool with one cutoff serves, and five sizes of equal number, each half as
-large as the one before, where such a tool takes the largest cutoff and what is too far apart is left out behind it. Tools
+large as the one before, where such a tool takes the largest cutoff and a filter follows. Tools
 take turns, one call each per round; a table has the median of all rounds, and how many times lazygrid's that is. A tool
 whose pairs are not the same ends the program. Everything runs on one thread, as far as the tools let themselves be told.
 Times are of the processor, of the whole process, so that others on the machine do not count as much.
@@ -215,7 +215,7 @@ def table(title: str, columns: dict[int, dict[str, float]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Time lazygrid beside its peers.")
+    parser = argparse.ArgumentParser(description="Time lazygrid and its peers.")
     parser.add_argument("--spheres", type=int, nargs="+", default=[10_000, 100_000, 1_000_000])
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--install", action="store_true", help="install the peers by pip first")

@@ -1,4 +1,4 @@
-"""Time a call from Python, with float32 and float64 rows, beside the same call of the C library.
+"""Time a call from Python, with float32 and float64 rows, and the same call of the C library.
 
     python bench/overhead.py [--spheres 2 1000] [--rounds 21]
     cargo build --release -p lazygrid-capi && python bench/overhead.py target/release/liblazygrid.so
@@ -131,7 +131,7 @@ def medians(calls: list[Callable[[], Any]], rounds: int, repeat: int) -> list[fl
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Time a call from Python beside the same call from C.")
+    parser = argparse.ArgumentParser(description="Time a call from Python and the same call from C.")
     parser.add_argument("library", nargs="?", help="the path of liblazygrid.so; without it only Python is timed")
     parser.add_argument("--spheres", type=int, nargs="+", default=[2, 1000, 100_000, 1_000_000])
     parser.add_argument("--rounds", type=int, default=15)

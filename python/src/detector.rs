@@ -173,7 +173,7 @@ impl Detector {
 
     /// Return neighbor lists: for every sphere all that it overlaps, ascending; each pair is in both lists.
     ///
-    /// Of two sets, only the spheres of the first have a list, with indices in the second.
+    /// For two sets, only the spheres of the first have a list, with indices in the second.
     ///
     /// Parameters
     /// ----------
@@ -294,7 +294,7 @@ impl Detector {
         Ok(lease.parts().0.memory_for(spheres))
     }
 
-    /// What the call that ended last did and why; before the first call, what is known by then. Times are in seconds.
+    /// The report of the call that ended last; before the first call, of the detector. Times are in seconds.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         report::dict(py, &self.pool.report())

@@ -29,14 +29,14 @@ fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> 
     })
 }
 
-/// What an exception knows beside its message.
+/// The value of an attribute of an exception.
 enum Attribute {
     Whole(u64),
     Truth(bool),
     Numbers([f64; 4]),
 }
 
-/// What the engine says, as an exception.
+/// Converts an error of the engine to an exception.
 pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
     use lazygrid::Error;
     let message = error.to_string();
@@ -57,7 +57,7 @@ pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
     }
 }
 
-/// What is wrong with an input, as an exception that knows index and value.
+/// Converts an invalid input to an exception with index and value.
 pub(crate) fn input(error: InputError) -> PyErr {
     match error {
         InputError::SecondSet(error) => {
@@ -96,33 +96,33 @@ fn described(error: InputError) -> (String, Vec<(&'static str, Attribute)>) {
     (message, attributes)
 }
 
-/// Anything else.
+/// Any other error.
 pub(crate) fn other(message: impl ToString) -> PyErr {
     exception("Error", message.to_string(), &[])
 }
 
-/// A setting that is none.
+/// An invalid setting.
 pub(crate) fn setting(message: impl ToString) -> PyErr {
     exception("SettingError", message.to_string(), &[])
 }
 
-/// A name that is none of those known.
+/// An unknown name.
 pub(crate) fn unknown(name: lazygrid::UnknownName) -> PyErr {
     setting(name)
 }
 
-/// An array that is not what is needed.
+/// An array of the wrong type, shape or layout.
 pub(crate) fn array(message: impl ToString) -> PyErr {
     exception("InputError", message.to_string(), &[])
 }
 
-/// More pairs than an array has room for.
+/// More pairs than an array can hold.
 pub(crate) fn too_many(message: String, [found, limit]: [usize; 2]) -> PyErr {
     let attributes = [("found", Attribute::Whole(found as u64)), ("limit", Attribute::Whole(limit as u64))];
     exception("TooManyPairs", message, &attributes)
 }
 
-/// What a reader says; the options of the command line by their names in Python.
+/// Converts an error of a reader. Names the options of the command line as in Python.
 pub(crate) fn file(error: lazygrid_io::Error) -> PyErr {
     use lazygrid_io::Error;
     let mut message = error.to_string();
@@ -139,7 +139,7 @@ pub(crate) fn file(error: lazygrid_io::Error) -> PyErr {
     }
 }
 
-/// What the simulator says.
+/// Converts an error of the simulator to an exception.
 pub(crate) fn simulator(error: lazygrid_sim::Error) -> PyErr {
     use lazygrid_sim::Error;
     let message = error.to_string();

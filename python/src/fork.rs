@@ -1,5 +1,5 @@
-//! What becomes of threads when a process is copied: they are gone. Work that waits for them would never end, so a copy of
-//! a process that had started them refuses to begin any.
+//! Detection of forked processes. A fork has no threads of its parent, and work that waits for them never ends. A forked
+//! process whose parent had started threads therefore refuses calls.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -7,9 +7,9 @@ use pyo3::prelude::*;
 
 use crate::error;
 
-/// Whether this process, or one that it is a copy of, has made use of a pool of threads.
+/// `true` if this process or its parent has used a thread pool.
 static STARTED: AtomicBool = AtomicBool::new(false);
-/// Whether that was before this process was copied.
+/// `true` if that was before a fork.
 static GONE: AtomicBool = AtomicBool::new(false);
 
 /// The number of copies that lead from the first process to this one.
@@ -39,13 +39,13 @@ impl Process {
     }
 }
 
-/// Sees to it that copies know what they are.
+/// Registers a handler that runs in forked processes.
 ///
 /// # Errors
 /// Those of Python's `os.register_at_fork`.
 pub(crate) fn watch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let os = module.py().import("os")?;
-    // There is none where processes are not copied.
+    // Platforms without fork have no such function.
     if let Ok(register) = os.getattr("register_at_fork") {
         let keywords = [("after_in_child", pyo3::wrap_pyfunction!(forked, module)?)];
         register.call((), Some(&pyo3::types::IntoPyDict::into_py_dict(keywords, module.py())?))?;
@@ -59,10 +59,10 @@ fn forked() {
     GONE.store(STARTED.load(Ordering::Relaxed), Ordering::Relaxed);
 }
 
-/// Asked before threads are made use of.
+/// Records the use of threads.
 ///
 /// # Errors
-/// `Error` where they are gone.
+/// `Error` in a forked process whose parent has used threads.
 pub(crate) fn use_threads() -> PyResult<()> {
     if GONE.load(Ordering::Relaxed) {
         return Err(gone());

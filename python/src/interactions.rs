@@ -39,7 +39,7 @@ impl Interactions {
     }
 
     fn lock(&self) -> MutexGuard<'_, lazygrid::Interactions> {
-        // A table is whole whatever panicked.
+        // A panic never leaves a table incomplete.
         self.table.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

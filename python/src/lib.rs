@@ -7,6 +7,7 @@ mod arrays;
 mod chunks;
 mod command;
 mod detector;
+mod drive;
 mod error;
 mod exclusions;
 mod floats;
@@ -17,6 +18,7 @@ mod neighbors;
 mod pool;
 mod read;
 mod report;
+mod result_memory;
 mod settings;
 mod simulate;
 mod spheres;
@@ -31,6 +33,8 @@ mod module {
     use crate::command::command;
     #[pymodule_export]
     use crate::detector::Detector;
+    #[pymodule_export]
+    use crate::drive::SimulationCore;
     #[pymodule_export]
     use crate::exclusions::Exclusions;
     #[pymodule_export]

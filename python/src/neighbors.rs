@@ -14,21 +14,21 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::arrays::{empty, same_length};
+use crate::arrays::same_length;
 use crate::interruptible::{Work, interruptible};
 use crate::pool::DetectorPool;
-use crate::{error, fork};
+use crate::{error, fork, result_memory};
 
 /// Entries per piece of work.
 const CHUNK_ENTRIES: usize = 1 << 14;
 
 /// Atoms are neighbors if they are nearer than this.
 enum Cutoffs<'a> {
-    /// The same for all.
+    /// A single distance for all.
     One(f64),
     /// The sum of the radii of the two.
     Radii(&'a [f64]),
-    /// By the kinds of the two, from a table with this many kinds.
+    /// A table by the kinds of the two.
     Kinds { of: &'a [u32], table: &'a [f64], count: usize },
 }
 
@@ -115,11 +115,11 @@ impl<'py> Arrays<'py> {
     fn new(py: Python<'py>, quantities: &str, found: usize) -> PyResult<Self> {
         let wanted = |quantity| quantities.contains(quantity);
         Ok(Self {
-            i: wanted('i').then(|| empty::<i64, 1>(py, [found])).transpose()?,
-            j: wanted('j').then(|| empty::<i64, 1>(py, [found])).transpose()?,
-            distance: wanted('d').then(|| empty::<f64, 1>(py, [found])).transpose()?,
-            vector: wanted('D').then(|| empty::<f64, 2>(py, [found, 3])).transpose()?,
-            shift: wanted('S').then(|| empty::<i64, 2>(py, [found, 3])).transpose()?,
+            i: wanted('i').then(|| result_memory::array::<i64, 1>(py, [found])).transpose()?,
+            j: wanted('j').then(|| result_memory::array::<i64, 1>(py, [found])).transpose()?,
+            distance: wanted('d').then(|| result_memory::array::<f64, 1>(py, [found])).transpose()?,
+            vector: wanted('D').then(|| result_memory::array::<f64, 2>(py, [found, 3])).transpose()?,
+            shift: wanted('S').then(|| result_memory::array::<i64, 2>(py, [found, 3])).transpose()?,
         })
     }
 
@@ -200,7 +200,7 @@ impl CutoffArg<'_> {
     }
 }
 
-/// What the letters of quantities ask for.
+/// Converts the letters of quantities to options.
 fn options(quantities: &str, with_itself: bool) -> ListOptions {
     let wanted = |quantity| quantities.contains(quantity);
     let options = ListOptions::full().open();

@@ -40,7 +40,7 @@ pub(crate) struct Frame {
     names: Vec<String>,
     /// The simulator's number of the time step, where the file has one.
     step: Option<i64>,
-    /// The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in
+    /// The length of each periodic axis, or the cell vectors of a triclinic box, for :class:`Detector`; ``None`` in
     /// unbounded space.
     periodic: Option<(Option<CellVector>, Option<CellVector>, Option<CellVector>)>,
 }

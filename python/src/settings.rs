@@ -8,7 +8,7 @@ use pyo3::types::PyBool;
 
 use crate::error;
 
-/// What is said of a detector in words and numbers.
+/// The keywords of a detector.
 pub(crate) struct Settings<'s> {
     pub(crate) backend: &'s str,
     pub(crate) algorithm: &'s str,
@@ -20,10 +20,10 @@ pub(crate) struct Settings<'s> {
 }
 
 impl Settings<'_> {
-    /// The same for the engine.
+    /// Converts the keywords to the engine's settings.
     ///
     /// # Errors
-    /// `SettingError` for a name that is none.
+    /// `SettingError` for an unknown name.
     pub(crate) fn config(self) -> PyResult<Config> {
         let config = Config::default()
             .backend(self.backend.parse().map_err(error::unknown)?)

@@ -18,7 +18,7 @@ use crate::arrays;
 use crate::interruptible::SIGNAL_POLL;
 use crate::{error, fork};
 
-/// What is run: a file, its text, or the same as a dictionary.
+/// A scenario: a file, its text, or a dictionary.
 #[derive(FromPyObject)]
 pub(crate) enum Source<'py> {
     Dict(Bound<'py, PyDict>),
@@ -26,7 +26,7 @@ pub(crate) enum Source<'py> {
     File(PathBuf),
 }
 
-/// How a run goes where the scenario does not say so, or something else.
+/// The options of a run, which override the scenario.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Options {
@@ -39,17 +39,17 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-/// A run and what is kept of it.
+/// A run and its recorded results.
 struct Run {
     scenario: Scenario,
     simulation: AnySimulation,
     every: u32,
     frames_every: Option<u32>,
     steps: Vec<u32>,
-    /// By column.
+    /// The counts by column.
     counts: Vec<Vec<u64>>,
     frames: Vec<(u32, State)>,
-    /// Where the work is done; with all threads if there is none.
+    /// The pool of the run; `None` for the global pool.
     pool: Option<ThreadPool>,
 }
 
@@ -75,7 +75,7 @@ impl Run {
         Ok(Self { scenario, simulation, every, frames_every, steps, counts, frames, pool })
     }
 
-    /// Does all steps, and looks for signals now and then.
+    /// Does all steps and polls for signals.
     fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
         self.record().map_err(error::simulator)?;
         while self.simulation.step_count() < self.scenario.steps {
@@ -85,7 +85,7 @@ impl Run {
         Ok(())
     }
 
-    /// Does steps until it is time to look for signals.
+    /// Does steps until it is time to poll for signals.
     fn some_steps(&mut self) -> Result<(), Error> {
         let began = Instant::now();
         while self.simulation.step_count() < self.scenario.steps && began.elapsed() < SIGNAL_POLL {
@@ -102,7 +102,7 @@ impl Run {
         Ok(())
     }
 
-    /// Keeps what is due after the steps done so far.
+    /// Records the row and the frame of the present step, if due.
     fn record(&mut self) -> Result<(), Error> {
         let step = self.simulation.step_count();
         if step.is_multiple_of(self.every) {
@@ -116,7 +116,7 @@ impl Run {
         Ok(())
     }
 
-    /// All of it by name.
+    /// The results by name.
     fn dict<'py>(self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let model = &self.scenario.model;
         let last = self.simulation.state().map_err(error::simulator)?.into_owned();
@@ -140,7 +140,7 @@ impl Run {
     }
 }
 
-/// Return what came of a run, and advice. See :func:`lazygrid.simulate`.
+/// Return the results of a run, and warnings. See :func:`lazygrid.simulate`.
 #[pyfunction]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
@@ -148,17 +148,24 @@ pub(crate) fn simulate<'py>(
     options: Options,
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
     fork::use_threads()?;
-    let scenario = match source {
+    let mut run = Run::new(parse_scenario(source)?, &options)?;
+    let advice = [run.scenario.warnings.clone(), run.scenario.late_releases()].concat();
+    run.finish(py)?;
+    Ok((run.dict(py)?, advice))
+}
+
+/// Reads a scenario.
+///
+/// # Errors
+/// `SettingError` for a scenario that is not valid, `OSError` for a file that cannot be read.
+pub(crate) fn parse_scenario(source: Source<'_>) -> PyResult<Scenario> {
+    match source {
         Source::Dict(dict) => parse(toml::to_string(&table(&dict)?).map_err(error::setting)?),
         // No name of a file has several lines.
         Source::Text(text) if text.contains('\n') => parse(text),
         Source::Text(path) => Scenario::read(Path::new(&path)).map_err(error::simulator),
         Source::File(path) => Scenario::read(&path).map_err(error::simulator),
-    };
-    let mut run = Run::new(scenario?, &options)?;
-    let advice = [run.scenario.warnings.clone(), run.scenario.late_releases()].concat();
-    run.finish(py)?;
-    Ok((run.dict(py)?, advice))
+    }
 }
 
 fn parse(text: String) -> PyResult<Scenario> {
@@ -184,7 +191,7 @@ fn particles<'py>(py: Python<'py>, step: u32, state: State) -> PyResult<Bound<'p
     Ok(named)
 }
 
-/// What transmitters send, a row for each symbol, as `symbols.csv` of the command line.
+/// The sent symbols, a row each, as `symbols.csv` of the command line.
 fn symbols<'py>(py: Python<'py>, model: &Model, seed: u64) -> PyResult<Bound<'py, PyDict>> {
     let (mut times, mut names, mut sent) = (Vec::new(), Vec::new(), Vec::new());
     for (place, transmitter) in (0..).zip(&model.transmitters) {
@@ -207,7 +214,7 @@ fn table(dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
     let entry = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
         Ok((key.extract::<String>()?, toml_value(&value)?))
     };
-    // What is None is left out, as it is where a scenario does not name it.
+    // `None` stands for a key that the scenario does not have.
     dict.iter().filter(|(_, value)| !value.is_none()).map(entry).collect()
 }
 

@@ -23,7 +23,7 @@ pub(crate) struct Arguments<'a, 'py> {
     pub(crate) second: Option<&'a Bound<'py, PyAny>>,
     /// An array, or a tuple of two if there is a second set.
     pub(crate) species: Option<&'a Bound<'py, PyAny>>,
-    /// As `species`.
+    /// Groups in the form of `species`.
     pub(crate) groups: Option<&'a Bound<'py, PyAny>>,
     pub(crate) exclusions: Option<&'a Bound<'py, Exclusions>>,
 }

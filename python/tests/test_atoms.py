@@ -161,8 +161,8 @@ def test_anything_with_positions_will_do() -> None:
     )
 
 
-def leaning(atoms: Any, cutoff: Any, self_interaction: bool = False) -> int:
-    """As `same`, but for the rounding of distances in cells that lean."""
+def tilted(atoms: Any, cutoff: Any, self_interaction: bool = False) -> int:
+    """As `same`, except for the rounding of distances in triclinic cells."""
     expected = ordered(neighbor_list("ijdDS", atoms, cutoff, self_interaction=self_interaction))
     found = lazygrid.neighbor_list("ijdDS", atoms, cutoff, self_interaction=self_interaction)
     for k, (mine, theirs) in enumerate(zip(found, expected)):
@@ -182,13 +182,13 @@ def test_cells_that_lean() -> None:
     atoms.rattle(0.3, rng=np.random.default_rng(2))
     for pbc in (True, (True, True, False), (False, True, False), False):
         atoms.pbc = pbc
-        assert leaning(atoms, 4.0, self_interaction=pbc is not True) > 1000
+        assert tilted(atoms, 4.0, self_interaction=pbc is not True) > 1000
     # The same crystal, with a cell whose vectors are far from the shortest.
     atoms.pbc = True
     atoms.set_cell(np.array([[1, 0, 0], [3, 1, 0], [-2, 2, 1]]) @ atoms.cell[:])
     atoms.positions += np.random.default_rng(3).integers(-3, 4, (len(atoms), 3)) @ atoms.cell[:]
-    assert leaning(atoms, {("Cu", "Cu"): 3.0}) > 500
-    assert leaning(atoms, np.linspace(0.5, 2.0, len(atoms))) > 500
+    assert tilted(atoms, {("Cu", "Cu"): 3.0}) > 500
+    assert tilted(atoms, np.linspace(0.5, 2.0, len(atoms))) > 500
 
 
 @given(
@@ -214,9 +214,9 @@ def test_any_cell(
     positions = random.uniform(-1, 2, (count, 3)) @ cell
     atoms = Atoms(random.choice(["H", "O"], count), positions=positions, cell=cell, pbc=pbc)
     for cutoff in (0.3, 2.0, 7.0):
-        leaning(atoms, cutoff)
-        leaning(atoms, {("H", "O"): 0.8 * cutoff, ("H", "H"): 0.4 * cutoff})
-        leaning(atoms, random.uniform(0, cutoff / 2, count))
+        tilted(atoms, cutoff)
+        tilted(atoms, {("H", "O"): 0.8 * cutoff, ("H", "H"): 0.4 * cutoff})
+        tilted(atoms, random.uniform(0, cutoff / 2, count))
 
 
 def crystals() -> list[Any]:
@@ -250,12 +250,12 @@ def test_cells_smaller_than_the_cutoff() -> None:
     assert len(all_crystals) > 100
     for atoms in all_crystals:
         for cutoff in (3.0, 5.0, 6.0):
-            found += leaning(atoms, cutoff)
+            found += tilted(atoms, cutoff)
         symbols = sorted(set(atoms.symbols))
-        leaning(atoms, {(a, b): 3.1 + 0.4 * k for k, a in enumerate(symbols) for b in symbols})
-        leaning(atoms, natural_cutoffs(atoms, mult=1.3), self_interaction=True)
+        tilted(atoms, {(a, b): 3.1 + 0.4 * k for k, a in enumerate(symbols) for b in symbols})
+        tilted(atoms, natural_cutoffs(atoms, mult=1.3), self_interaction=True)
     assert found > 20_000
-    assert leaning(Atoms("H", cell=(0.5, 0.6, 30), pbc=(True, True, False)), 4.0, self_interaction=True) > 150
+    assert tilted(Atoms("H", cell=(0.5, 0.6, 30), pbc=(True, True, False)), 4.0, self_interaction=True) > 150
 
 
 def test_molecules() -> None:

@@ -1,4 +1,4 @@
-"""Groups, excluded pairs, and boxes that lean, against the definition."""
+"""Groups, excluded pairs, and triclinic boxes, against the definition."""
 
 from __future__ import annotations
 

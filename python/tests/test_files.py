@@ -132,7 +132,7 @@ def test_files_of_several_frames(tmp_path: Path) -> None:
 
 
 def test_a_box_that_leans(tmp_path: Path) -> None:
-    path = tmp_path / "leaning.xyz"
+    path = tmp_path / "tilted.xyz"
     path.write_text('1\nLattice="9 0 0 3 8 0 0 0 7" pbc="T T F" Properties=pos:R:3:radius:R:1\n1 2 3 0.5\n')
     frame = lazygrid.read(path)
     assert frame.periodic == ((9.0, 0.0, 0.0), (3.0, 8.0, 0.0), None)

@@ -4,52 +4,52 @@ use std::ops::Range;
 
 use crate::number::{count, time};
 
-/// More labels than this make an axis no clearer.
-const MOST: usize = 8;
-/// The values of a decade that may get a label, from few to many.
+/// The largest number of labels.
+const MAX_LABELS: usize = 8;
+/// Sets of values of a decade that get labels, in ascending size.
 const DECADES: [&[f64]; 4] = [&[1.0], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 5.0, 7.0]];
-/// The steps between labels where an axis spans less than [`NARROW`], as multiples of powers of ten.
+/// Steps between labels of an axis below [`NARROW`], as multiples of powers of ten.
 const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
-/// Largest over smallest value of an axis on which decades have too few labels.
+/// The ratio of the largest to the smallest value below which decades give too few labels.
 const NARROW: f64 = 6.0;
 
-/// How values are laid out along an axis.
+/// The scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// Equal ratios are equally long.
+    /// Equal ratios have equal lengths.
     Logarithmic,
-    /// Equal differences are.
+    /// Equal differences have equal lengths.
     Linear,
 }
 
 impl Scale {
-    /// How far along a value lies.
-    pub(crate) fn place(self, value: f64) -> f64 {
+    /// The position of a value, in arbitrary units.
+    pub(crate) fn position(self, value: f64) -> f64 {
         match self {
             Self::Logarithmic => value.ln(),
             Self::Linear => value,
         }
     }
 
-    /// Returns `true` if a value has a place.
+    /// Returns `true` if a value has a position.
     pub(crate) fn holds(self, value: f64) -> bool {
         value.is_finite() && (self == Self::Linear || value > 0.0)
     }
 }
 
-/// What an axis measures.
+/// The quantity of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Spheres: `100 k`.
     Count,
     /// Seconds: `1 ms`.
     Time,
-    /// Anything else: `0.75`.
+    /// Other numbers: `0.75`.
     Number,
 }
 
 impl Quantity {
-    /// A value as it is written on an axis.
+    /// Formats a value for an axis.
     pub(crate) fn label(self, value: f64) -> String {
         match self {
             Self::Count if value.fract() == 0.0 && (1.0..1e15).contains(&value) => count(value as usize),
@@ -62,7 +62,7 @@ impl Quantity {
     }
 }
 
-/// At most three figures, or all of a whole number below 10 000; outside 0.001 to a million with an exponent.
+/// Formats at most three digits, or all of an integer below 10,000; with an exponent outside 0.001 to a million.
 fn number(value: f64) -> String {
     let size = value.abs();
     if value.fract() == 0.0 && size < 1e4 {
@@ -82,50 +82,55 @@ fn without_zeros(number: &str) -> &str {
     if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { number }
 }
 
-/// How much room labels have along an axis, in pixels.
+/// The space for labels along an axis, in pixels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Room {
-    /// Length of the axis.
+pub(crate) struct LabelSpace {
+    /// The length of the axis.
     pub(crate) axis: f64,
-    /// What a label takes besides its characters.
+    /// The space of a label besides its characters.
     pub(crate) gap: f64,
-    /// What each character of it takes: its width along a horizontal axis, nothing along a vertical one.
+    /// The space of each character: its width along a horizontal axis, 0 along a vertical one.
     pub(crate) character: f64,
-    /// How values are laid out.
+    /// The scale.
     pub(crate) scale: Scale,
 }
 
-impl Room {
-    /// Returns `true` if labels at these values, which ascend, keep apart.
+impl LabelSpace {
+    /// Returns `true` if labels at these ascending values do not overlap.
     fn holds(&self, ticks: &[f64], range: &Range<f64>, quantity: Quantity) -> bool {
-        let [low, high] = [range.start, range.end].map(|value| self.scale.place(value));
-        let place = |value: f64| (self.scale.place(value) - low) / (high - low) * self.axis;
+        let [low, high] = [range.start, range.end].map(|value| self.scale.position(value));
+        let position = |value: f64| (self.scale.position(value) - low) / (high - low) * self.axis;
         let width = |value: f64| quantity.label(value).chars().count() as f64 * self.character;
         ticks.windows(2).all(|pair| {
             let [a, b] = [pair[0], pair[1]];
-            place(b) - place(a) >= self.gap + 0.5 * (width(a) + width(b))
+            position(b) - position(a) >= self.gap + 0.5 * (width(a) + width(b))
         })
     }
 }
 
-/// The values of `range` that get a label: as many as are clear and keep apart.
-pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
-    if room.scale == Scale::Linear {
-        return even(range, quantity, room);
+/// The values of `range` that get a label: as many as do not overlap, up to the largest number.
+pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
+    if space.scale == Scale::Linear {
+        return even(range, quantity, space);
     }
     let decades = DECADES.iter().map(|values| of_decades(range, values));
-    let fits = |ticks: &Vec<f64>| ticks.len() <= MOST && room.holds(ticks, range, quantity);
+    let fits = |ticks: &Vec<f64>| ticks.len() <= MAX_LABELS && space.holds(ticks, range, quantity);
     let candidates = decades.chain(sparse(range)).chain(steps(range)).filter(fits);
     // The first of those with as many labels has the roundest values.
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
 }
 
-/// The values that were measured where each can have its label, else as many round ones as can.
-pub(crate) fn ticks_at(measured: &[f64], range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+/// The measured values if all labels fit; otherwise as many round values as fit.
+pub(crate) fn ticks_at(
+    measured: &[f64],
+    range: &Range<f64>,
+    quantity: Quantity,
+    space: LabelSpace,
+) -> Vec<f64> {
     let mut values = measured.to_vec();
     values.sort_by(f64::total_cmp);
     values.dedup();
-    if room.holds(&values, range, quantity) { values } else { ticks(range, quantity, room) }
+    if space.holds(&values, range, quantity) { values } else { ticks(range, quantity, space) }
 }
 
 fn of_decades(range: &Range<f64>, values: &[f64]) -> Vec<f64> {
@@ -140,7 +145,7 @@ fn sparse(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     (2..powers.len().max(2)).map(move |step| powers.iter().copied().step_by(step).collect())
 }
 
-/// Values at the same distance from each other, where the axis is narrow.
+/// Equidistant values of a narrow axis.
 fn steps(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     let exponent = range.end.log10().floor() as i32;
     let is_narrow = range.end / range.start < NARROW;
@@ -149,25 +154,25 @@ fn steps(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
         let (first, last) = ((range.start / step).ceil() as u64, (range.end / step).floor() as u64);
         // Rounded, since a multiple of 0.1 is not.
         let value = |k: u64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step);
-        (last.saturating_sub(first) <= MOST as u64).then(|| (first.max(1)..=last).map(value).collect())
+        (last.saturating_sub(first) <= MAX_LABELS as u64).then(|| (first.max(1)..=last).map(value).collect())
     })
 }
 
-/// Values at the same distance from each other on a linear axis: as many as keep apart.
-fn even(range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+/// Equidistant values of a linear axis: as many as do not overlap.
+fn even(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
     let exponent = (range.end - range.start).log10().floor() as i32;
     let sizes = (exponent - 2..=exponent).flat_map(|k| STEPS.map(|step| scaled(step, k)));
     let multiples = |step: f64| {
         let (first, last) = ((range.start / step).ceil() as i64, (range.end / step).floor() as i64);
         // Rounded, since a multiple of 0.1 is not; without the sign of −0.
         let value = |k: i64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step) + 0.0;
-        (first..=last).take(MOST + 1).map(value).collect::<Vec<f64>>()
+        (first..=last).take(MAX_LABELS + 1).map(value).collect::<Vec<f64>>()
     };
-    let fits = |ticks: &Vec<f64>| ticks.len() <= MOST && room.holds(ticks, range, quantity);
+    let fits = |ticks: &Vec<f64>| ticks.len() <= MAX_LABELS && space.holds(ticks, range, quantity);
     sizes.map(multiples).find(fits).unwrap_or_default()
 }
 
-/// Exact where a product with a power of ten would not be.
+/// Divides by negative powers of ten, which is exact where a product is not.
 fn scaled(value: f64, exponent: i32) -> f64 {
     format!("{value}e{exponent}").parse().unwrap_or(f64::NAN)
 }
@@ -176,11 +181,12 @@ fn scaled(value: f64, exponent: i32) -> f64 {
 mod tests {
     use super::*;
 
-    const ACROSS: Room = Room { axis: 640.0, gap: 18.0, character: 10.0, scale: Scale::Logarithmic };
-    const UP: Room = Room { axis: 460.0, gap: 32.0, character: 0.0, scale: Scale::Logarithmic };
+    const ACROSS: LabelSpace =
+        LabelSpace { axis: 640.0, gap: 18.0, character: 10.0, scale: Scale::Logarithmic };
+    const UP: LabelSpace = LabelSpace { axis: 460.0, gap: 32.0, character: 0.0, scale: Scale::Logarithmic };
 
-    fn labels(range: Range<f64>, quantity: Quantity, room: Room) -> Vec<String> {
-        ticks(&range, quantity, room).into_iter().map(|value| quantity.label(value)).collect()
+    fn labels(range: Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<String> {
+        ticks(&range, quantity, space).into_iter().map(|value| quantity.label(value)).collect()
     }
 
     #[test]
@@ -210,7 +216,7 @@ mod tests {
         assert_eq!(labels(0.8..150.0, Quantity::Number, UP), ["1", "2", "5", "10", "20", "50", "100"]);
         // Far more decades than labels.
         let many = labels(1e-12..1e12, Quantity::Number, ACROSS);
-        assert!((3..=MOST).contains(&many.len()), "{many:?}");
+        assert!((3..=MAX_LABELS).contains(&many.len()), "{many:?}");
     }
 
     #[test]
@@ -226,14 +232,14 @@ mod tests {
     fn labels_keep_apart_and_say_different_things() {
         // 13 pixels from each other, with 35 to 40 of text each.
         assert!(!ACROSS.holds(&[900.0, 1000.0], &(100.0..20_000.0), Quantity::Number));
-        for room in [ACROSS, UP] {
+        for space in [ACROSS, UP] {
             for quantity in [Quantity::Count, Quantity::Time, Quantity::Number] {
                 for k in -80..60 {
                     for span in [1.69, 3.0, 9.0, 12.0, 90.0, 1e3, 1e5, 1e9] {
                         let low = 1.37_f64.powi(k);
                         let range = low..low * span;
-                        let ticks = ticks(&range, quantity, room);
-                        assert!(ticks.len() >= 2 && room.holds(&ticks, &range, quantity), "{range:?}");
+                        let ticks = ticks(&range, quantity, space);
+                        assert!(ticks.len() >= 2 && space.holds(&ticks, &range, quantity), "{range:?}");
                         for &tick in ticks.iter().filter(|_| quantity == Quantity::Number) {
                             let said: f64 = quantity.label(tick).parse().unwrap();
                             assert!((said / tick - 1.0).abs() < 1e-9, "{said} at {tick}");
@@ -258,19 +264,19 @@ mod tests {
 
     #[test]
     fn a_linear_axis_has_even_labels_and_zero() {
-        let linear = |room: Room| Room { scale: Scale::Linear, ..room };
+        let linear = |space: LabelSpace| LabelSpace { scale: Scale::Linear, ..space };
         let labels = |range| labels(range, Quantity::Number, linear(ACROSS));
         assert_eq!(labels(0.0..2.05), ["0", "0.5", "1", "1.5", "2"]);
         assert_eq!(labels(-1.2..1.2), ["-1", "-0.5", "0", "0.5", "1"]);
         assert_eq!(labels(0.0..5300.0), ["0", "1000", "2000", "3000", "4000", "5000"]);
-        for room in [ACROSS, UP].map(linear) {
+        for space in [ACROSS, UP].map(linear) {
             for k in -60..60 {
                 for part in [0.0, 0.3, 0.9] {
                     let high = 1.37_f64.powi(k);
                     let range = part * high..high;
-                    let ticks = ticks(&range, Quantity::Number, room);
+                    let ticks = ticks(&range, Quantity::Number, space);
                     assert!(
-                        ticks.len() >= 2 && room.holds(&ticks, &range, Quantity::Number),
+                        ticks.len() >= 2 && space.holds(&ticks, &range, Quantity::Number),
                         "{range:?}: {ticks:?}"
                     );
                     assert!(ticks.iter().all(|tick| *tick >= range.start && *tick <= range.end), "{range:?}");

@@ -1,75 +1,75 @@
 //! A report before it is a page.
 
-/// The whole report.
+/// A report.
 #[derive(Clone, Debug, Default)]
 pub struct Document {
-    /// Its title.
+    /// The title.
     pub title: String,
-    /// Its sections, in order.
+    /// The sections, in order.
     pub sections: Vec<Section>,
 }
 
-/// A figure with what belongs to it.
+/// A figure with its text, plots and tables.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
-    /// Its title.
+    /// The title.
     pub title: String,
-    /// Paragraphs, in which what stands between two backticks is code; one that begins with "```sh" is a command.
+    /// Paragraphs. Text between backticks is code; a paragraph that begins with "```sh" is a command.
     pub text: Vec<String>,
-    /// Pictures.
+    /// The plots.
     pub plots: Vec<Plot>,
-    /// Tables, below the pictures.
+    /// The tables, below the plots.
     pub tables: Vec<Table>,
-    /// What could not be measured and why, and where somebody else is faster.
+    /// Notes: skipped measurements with reasons, and cases in which a peer is faster.
     pub notes: Vec<Note>,
 }
 
-/// A sentence below a figure.
+/// A note below a figure.
 #[derive(Clone, Debug)]
 pub struct Note {
-    /// What it says.
+    /// The text.
     pub text: String,
-    /// `true` if something is wrong.
+    /// `true` for a wrong result.
     pub is_error: bool,
 }
 
-/// A picture.
+/// A plot.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// The file's name without `.svg`.
+    /// The file name without `.svg`.
     pub name: String,
-    /// What it shows.
+    /// The caption.
     pub caption: String,
-    /// The picture as SVG.
+    /// The plot as SVG.
     pub svg: String,
 }
 
 /// A table.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
-    /// What it shows.
+    /// The caption.
     pub caption: String,
     /// The names of the columns.
     pub header: Vec<String>,
-    /// A cell for each column.
+    /// Rows, with a cell per column.
     pub rows: Vec<Vec<Cell>>,
 }
 
 /// A cell of a table.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// What it says.
+    /// The text.
     pub text: String,
-    /// How it is shown.
+    /// The style.
     pub kind: Kind,
 }
 
-/// How a cell is shown.
+/// The style of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// As it is.
+    /// Plain.
     Plain,
-    /// The best of its kind.
+    /// The best value.
     Best,
     /// Not measured.
     Absent,
@@ -78,7 +78,7 @@ pub enum Kind {
 }
 
 impl Cell {
-    /// One that is shown as it is.
+    /// Creates a plain cell.
     pub fn plain(text: impl Into<String>) -> Self {
         Self { text: text.into(), kind: Kind::Plain }
     }

@@ -11,7 +11,7 @@ th{background:#f3f3f3}caption{text-align:left;padding:.3rem 0;color:#555}.best{f
 .error{color:#fff;background:#c00}li.error{background:none;color:#c00;font-weight:700}figure{margin:1rem 0}\
 svg{max-width:100%;height:auto}.wide{overflow-x:auto}";
 
-/// The document as one page that needs no other file.
+/// Formats the document as one self-contained page.
 pub fn page(document: &Document) -> String {
     let title = escaped(&document.title);
     let mut out = format!(
@@ -69,7 +69,7 @@ fn cell(cell: &Cell) -> String {
     format!("<td{class}>{}</td>", escaped(&cell.text))
 }
 
-/// Text in which what stands between two backticks is code, as in Markdown.
+/// Converts text between backticks to code, as Markdown does.
 fn inline(text: &str) -> String {
     let text = escaped(text);
     let parts: Vec<&str> = text.split('`').collect();
@@ -79,7 +79,7 @@ fn inline(text: &str) -> String {
     pairs.chunks(2).map(code).collect::<String>() + &rest.join("`")
 }
 
-/// Adapter names and reasons come from elsewhere.
+/// Escapes text, as adapter names and reasons come from other programs.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -1,4 +1,4 @@
-//! What figures and simulations leave for people: text, tables and plots as one page that needs no other file.
+//! Reports of figures and simulations: text, tables and plots as one self-contained page.
 //!
 //! A [`Document`] is plain data; [`plot::lines`] draws a [`Plot`] and [`html::page`] makes the page.
 

@@ -1,6 +1,6 @@
 //! Numbers as they are written in tables and at axes.
 
-/// A number of spheres as it is written in tables.
+/// Formats a number of spheres for tables.
 pub fn count(n: usize) -> String {
     match n {
         1_000_000.. if n.is_multiple_of(100_000) => format!("{} M", n as f64 / 1e6),
@@ -9,7 +9,7 @@ pub fn count(n: usize) -> String {
     }
 }
 
-/// A unit for about so many seconds, and how many of it a second has.
+/// A unit for about `seconds` seconds, and its number in a second.
 pub fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
         s if s < 1e-9 => (1e12, "ps"),
@@ -20,13 +20,13 @@ pub fn unit(seconds: f64) -> (f64, &'static str) {
     }
 }
 
-/// A number with three figures.
+/// Formats a number with three digits.
 pub fn three_figures(value: f64) -> String {
     let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
     format!("{value:.digits$}")
 }
 
-/// Seconds with a unit and three figures.
+/// Formats seconds with a unit and three digits.
 pub fn time(seconds: f64) -> String {
     let (factor, unit) = unit(seconds);
     format!("{} {unit}", three_figures(seconds * factor))

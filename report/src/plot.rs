@@ -6,28 +6,28 @@ use std::ops::Range;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
 
-use crate::axis::{Quantity, Room, Scale, ticks, ticks_at};
+use crate::axis::{LabelSpace, Quantity, Scale, ticks, ticks_at};
 
-/// A point of a line, with a bar for how far it scatters.
+/// A point of a line with an error bar.
 #[derive(Clone, Copy, Debug)]
-pub struct Mark {
+pub struct PlotPoint {
     at: (f64, f64),
     bar: (f64, f64),
 }
 
-impl Mark {
-    /// A value at a place, and the ends of its bar.
+impl PlotPoint {
+    /// Creates a point from its x, its value and the ends of its bar.
     pub fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
         Self { at: (x, y), bar }
     }
 
-    /// With its value in parts of `by`.
+    /// Divides the value and the bar by `by`.
     #[must_use]
     pub fn over(self, by: f64) -> Self {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Returns `true` if it has a place.
+    /// Returns `true` if the point has a position on the axes.
     fn is_shown(&self, scale: Scale) -> bool {
         [self.at.0, self.at.1, self.bar.0, self.bar.1].into_iter().all(|value| scale.holds(value))
     }
@@ -36,18 +36,18 @@ impl Mark {
 /// A line of a plot.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// What the legend calls it.
+    /// The name in the legend.
     pub name: String,
-    /// Its points, from left to right.
-    pub points: Vec<Mark>,
-    /// `true` if it is dashed.
+    /// The points, in ascending x.
+    pub points: Vec<PlotPoint>,
+    /// `true` for a dashed line.
     pub dashed: bool,
-    /// Which colour; lines that belong together share one.
+    /// The index of the color; related lines share one.
     pub colour: usize,
 }
 
 impl Series {
-    fn marks(&self, scale: Scale) -> impl Iterator<Item = Mark> + Clone {
+    fn marks(&self, scale: Scale) -> impl Iterator<Item = PlotPoint> + Clone {
         self.points.iter().copied().filter(move |mark| mark.is_shown(scale))
     }
 
@@ -56,31 +56,31 @@ impl Series {
     }
 }
 
-/// What a plot shows: its title, and what each axis is called and measures.
+/// The title and the axes of a plot.
 #[derive(Clone, Copy, Debug)]
 pub struct Axes<'a> {
     /// The title of the plot.
     pub title: &'a str,
-    /// The name of the axis below, and what it measures.
+    /// The horizontal axis: title and quantity.
     pub x: (&'a str, Quantity),
-    /// The same of the axis beside.
+    /// The vertical axis: title and quantity.
     pub y: (&'a str, Quantity),
-    /// How values are laid out along both.
+    /// The scale of both axes.
     pub scale: Scale,
 }
 
 const SIZE: (u32, u32) = (1120, 600);
-/// Width of the legend beside the plot, enough for the longest name.
+/// Width of the legend to the right of the plot, enough for the longest name.
 const LEGEND: u32 = 320;
 const FONT: &str = "sans-serif";
-/// Height of titles. Letters are about four fifths of these heights, from one line's top to the next.
+/// Height of titles. Letters have about four fifths of these line heights.
 const TITLE: u32 = 27;
-/// Height of what stands at the axes.
+/// Height of the labels of axes.
 const TEXT: u32 = 22;
 /// Height of the names of lines.
 const NAMES: u32 = 19;
 const MARGIN: u32 = 12;
-/// What the labels and the name of each axis take.
+/// The space for the labels and the title of each axis.
 const BELOW: u32 = 64;
 const LEFT: u32 = 110;
 const COLOURS: [RGBColor; 10] = [
@@ -97,13 +97,13 @@ const COLOURS: [RGBColor; 10] = [
 ];
 const GRID: RGBColor = RGBColor(225, 225, 225);
 
-/// Lines of more points than this have none drawn.
+/// The largest number of points that are drawn as circles.
 const POINTS: usize = 50;
 
-/// The plot as SVG; none where no series has a point.
+/// Draws the plot as SVG; `None` without points.
 ///
 /// # Errors
-/// Where the drawing fails.
+/// Fails if the drawing backend fails.
 pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
     let scale = axes.scale;
     let marks = || series.iter().flat_map(|line| line.marks(scale));
@@ -115,7 +115,7 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
         let root = root.titled(axes.title, (FONT, TITLE))?;
-        let (area, beside) = root.split_horizontally(SIZE.0 - LEGEND);
+        let (area, legend) = root.split_horizontally(SIZE.0 - LEGEND);
         let measured: Vec<f64> = marks().map(|mark| mark.at.0).collect();
         let x = range(scale, measured.iter().copied());
         let y = range(scale, marks().flat_map(|mark| [mark.at.1, mark.bar.0, mark.bar.1]));
@@ -127,8 +127,8 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
             .x_label_area_size(BELOW)
             .y_label_area_size(LEFT)
             .build_cartesian_2d(
-                Along { scale, range: x, ticks: at_x },
-                Along { scale, range: y, ticks: at_y },
+                AxisTicks { scale, range: x, ticks: at_x },
+                AxisTicks { scale, range: y, ticks: at_y },
             )?;
         let (x_label, y_label) = (|value: &f64| axes.x.1.label(*value), |value: &f64| axes.y.1.label(*value));
         let mut mesh = chart.configure_mesh();
@@ -139,7 +139,7 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
             let colour = line.colour();
             let marks = || line.marks(scale);
             let points = || marks().map(|mark| mark.at);
-            let bar = |Mark { at: (x, _), bar: (low, high) }| {
+            let bar = |PlotPoint { at: (x, _), bar: (low, high) }| {
                 PathElement::new([(x, low), (x, high)], colour.mix(0.35).stroke_width(5))
             };
             chart.draw_series(marks().filter(|mark| mark.bar.0 < mark.bar.1).map(bar))?;
@@ -151,7 +151,7 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
             if points().count() <= POINTS {
                 chart.draw_series(points().map(|p| Circle::new(p, 3, colour.filled())))?;
             }
-            name(&beside, row, line)?;
+            name(&legend, row, line)?;
         }
         root.present()?;
     }
@@ -160,41 +160,47 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
 
 /// A line of the legend.
 fn name<B: DrawingBackend>(
-    beside: &DrawingArea<B, plotters::coord::Shift>,
+    legend: &DrawingArea<B, plotters::coord::Shift>,
     row: i32,
     line: &Series,
 ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
     let (colour, middle) = (line.colour(), 24 + 24 * row);
     let gap = if line.dashed { 5 } else { 0 };
-    beside.draw(&PathElement::new([(0, middle), (9 - gap, middle)], colour.stroke_width(2)))?;
-    beside.draw(&PathElement::new([(9 + gap, middle), (18, middle)], colour.stroke_width(2)))?;
-    beside.draw(&Text::new(line.name.clone(), (24, middle - NAMES as i32 / 2), (FONT, NAMES)))
+    legend.draw(&PathElement::new([(0, middle), (9 - gap, middle)], colour.stroke_width(2)))?;
+    legend.draw(&PathElement::new([(9 + gap, middle), (18, middle)], colour.stroke_width(2)))?;
+    legend.draw(&Text::new(line.name.clone(), (24, middle - NAMES as i32 / 2), (FONT, NAMES)))
 }
 
-/// Room for labels below an area of this width. Characters are about half as wide as a line is high.
-fn across(width: u32, scale: Scale) -> Room {
+/// Space for labels below an area of this width. Characters are about half as wide as a line is high.
+fn across(width: u32, scale: Scale) -> LabelSpace {
     let text = f64::from(TEXT);
-    Room { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text, scale }
+    LabelSpace { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text, scale }
 }
 
-/// Room for labels beside an area of this height.
-fn up(height: u32, scale: Scale) -> Room {
-    Room { axis: f64::from(height - 2 * MARGIN - BELOW), gap: 1.5 * f64::from(TEXT), character: 0.0, scale }
+/// Space for labels next to an area of this height.
+fn up(height: u32, scale: Scale) -> LabelSpace {
+    LabelSpace {
+        axis: f64::from(height - 2 * MARGIN - BELOW),
+        gap: 1.5 * f64::from(TEXT),
+        character: 0.0,
+        scale,
+    }
 }
 
 /// An axis, with the values that get labels.
-struct Along {
+struct AxisTicks {
     scale: Scale,
     range: Range<f64>,
     ticks: Vec<f64>,
 }
 
-impl Ranged for Along {
+impl Ranged for AxisTicks {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
 
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        let [low, at, high] = [self.range.start, *value, self.range.end].map(|value| self.scale.place(value));
+        let [low, at, high] =
+            [self.range.start, *value, self.range.end].map(|value| self.scale.position(value));
         let part = (at - low) / (high - low);
         limit.0 + (part * f64::from(limit.1 - limit.0)).round() as i32
     }
@@ -208,7 +214,7 @@ impl Ranged for Along {
     }
 }
 
-/// The values' range with a little room, more than a point. A linear axis of what is not negative begins at 0.
+/// The range of the values with a margin. A linear axis of non-negative values begins at 0.
 fn range(scale: Scale, values: impl Iterator<Item = f64>) -> Range<f64> {
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = values.fold(ends, |(low, high), v| (low.min(v), high.max(v)));
@@ -216,8 +222,8 @@ fn range(scale: Scale, values: impl Iterator<Item = f64>) -> Range<f64> {
         Scale::Logarithmic => low / 1.3..high * 1.3,
         Scale::Linear => {
             let low = low.min(0.0);
-            let room = if high > low { 0.03 * (high - low) } else { 1.0 };
-            (if low < 0.0 { low - room } else { 0.0 })..high + room
+            let space = if high > low { 0.03 * (high - low) } else { 1.0 };
+            (if low < 0.0 { low - space } else { 0.0 })..high + space
         }
     }
 }

@@ -55,7 +55,7 @@ pub fn any_spheres() -> Spheres {
 pub fn mixture(spheres: Spheres) -> impl Strategy<Value = TestInput> {
     let table = vec(any::<u32>(), TABLE_WORDS);
     (spheres, vec(any::<u32>(), 601), table).prop_map(|(spheres, ids, table)| {
-        let table = table.try_into().expect("so many words");
+        let table = table.try_into().expect("TABLE_WORDS words");
         let mixture = families::mixture(&spheres, &table, &ids[..spheres.len()]);
         TestInput { spheres, mixture: Some(mixture), ..TestInput::default() }
     })

@@ -92,13 +92,13 @@ fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> 
 }
 
 fn spaces() -> [Space; 5] {
-    let lean = [Some([7.3, 0.0, 0.0]), Some([2.9, 6.1, 0.0]), Some([-1.7, 0.4, 5.9])];
+    let tilts = [Some([7.3, 0.0, 0.0]), Some([2.9, 6.1, 0.0]), Some([-1.7, 0.4, 5.9])];
     [
         Space::UNBOUNDED,
         Space::periodic([Some(10.1), Some(8.0 / 3.0), None]).expect("lengths"),
         Space::periodic([Some(10.0), Some(7.0), Some(6.5)]).expect("lengths"),
-        Space::triclinic(lean).expect("edges"),
-        Space::triclinic([lean[0], None, lean[2]]).expect("edges"),
+        Space::triclinic(tilts).expect("edges"),
+        Space::triclinic([tilts[0], None, tilts[2]]).expect("edges"),
     ]
 }
 

@@ -30,7 +30,8 @@ fn cases() -> impl Strategy<Value = TestInput> {
         1 => triclinic::soup(),
         1 => triclinic::mixture(),
     ];
-    let words = vec(any::<u32>(), EXCLUSION_WORDS).prop_map(|words| words.try_into().expect("so many"));
+    let words =
+        vec(any::<u32>(), EXCLUSION_WORDS).prop_map(|words| words.try_into().expect("EXCLUSION_WORDS words"));
     (scenarios, words).prop_map(|(scenario, words)| scenario.with_exclusions(&words))
 }
 
@@ -104,7 +105,7 @@ fn all_kinds_of_results_agree() {
         let lists = detector.neighbors(query).expect("neighbours");
         let listed: usize = (0..2000).map(|i| lists.neighbors_of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{variant}");
-        // The same detector without exclusions.
+        // Another call of the detector, without exclusions.
         assert_eq!(detector.count(without), Ok(all as u64), "{variant}");
     }
 }

@@ -111,15 +111,15 @@ fn is_itself(entry: &Entry) -> bool {
 }
 
 fn spaces() -> [Space; 7] {
-    let lean = [Some([2.3, 0.0, 0.0]), Some([1.9, 2.1, 0.0]), Some([-0.7, 0.4, 2.9])];
+    let tilts = [Some([2.3, 0.0, 0.0]), Some([1.9, 2.1, 0.0]), Some([-0.7, 0.4, 2.9])];
     let cube = 1.805;
     let primitive = [Some([0.0, cube, cube]), Some([cube, 0.0, cube]), Some([cube, cube, 0.0])];
     [
         Space::UNBOUNDED,
         Space::periodic([Some(2.0); 3]).expect("lengths"),
         Space::periodic([None, Some(10.1), Some(1.3)]).expect("lengths"),
-        Space::triclinic(lean).expect("edges"),
-        Space::triclinic([None, lean[1], lean[2]]).expect("edges"),
+        Space::triclinic(tilts).expect("edges"),
+        Space::triclinic([None, tilts[1], tilts[2]]).expect("edges"),
         Space::triclinic(primitive).expect("edges"),
         Space::periodic([Some(40.0), Some(30.0), None]).expect("lengths"),
     ]

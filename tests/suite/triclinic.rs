@@ -33,7 +33,7 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
 }
 
 /// A triclinic cell with tilts of up to 0.4 of its length, periodic along all vectors, with spheres in it.
-fn leaning(n: usize, radii: &[f32], edge: f32) -> TestInput {
+fn tilted_input(n: usize, radii: &[f32], edge: f32) -> TestInput {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
     TestInput { space: families::space(edges), ..spheres.into() }
@@ -136,10 +136,10 @@ fn tiny_distances_to_images_are_exact() {
 #[test]
 fn tilts_by_whole_lengths_have_no_effect() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
-    let straight = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
+    let orthogonal = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
     let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
     let [of_straight, of_leaning] =
-        [straight, families::space(edges)].map(|space| TestInput { space, ..spheres.clone().into() });
+        [orthogonal, families::space(edges)].map(|space| TestInput { space, ..spheres.clone().into() });
     let expected = of_straight.oracle();
     assert!(expected.len() > 500);
     assert_eq!(of_leaning.oracle(), expected);
@@ -156,7 +156,7 @@ fn large_boxes_give_identical_pairs() {
         (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 2.0], 8.0),
     ];
     for (radii, edge) in cases {
-        let scenario = leaning(4000, radii, edge);
+        let scenario = tilted_input(4000, radii, edge);
         let expected = scenario.oracle();
         assert!(expected.len() > 1000, "{}", expected.len());
         for variant in variants::all() {
@@ -176,7 +176,7 @@ fn large_boxes_give_identical_pairs() {
 /// Lists, neighbor lists, counts, streams and limits agree.
 #[test]
 fn all_kinds_of_results_agree() {
-    let scenario = leaning(2000, &[0.4, 0.1], 8.0);
+    let scenario = tilted_input(2000, &[0.4, 0.1], 8.0);
     let expected = scenario.oracle();
     let most = expected.len() as u64;
     for variant in variants::each_algorithm() {
@@ -259,7 +259,7 @@ fn candidate_lists_are_reused() {
         if variant.algorithm != Algorithm::CellList {
             continue;
         }
-        let mut scenario = leaning(1500, &[0.2], 8.0);
+        let mut scenario = tilted_input(1500, &[0.2], 8.0);
         let config = variant.settings().space(scenario.space).skin(Skin::Fixed(0.2));
         let mut detector = Detector::new(config).expect("a detector");
         let mut served = 0;
@@ -307,7 +307,7 @@ fn dependent_cell_vectors_are_refused() {
 
 #[test]
 fn bad_spheres_are_named_by_input_coordinates() {
-    let mut scenario = leaning(100, &[0.1], 5.0);
+    let mut scenario = tilted_input(100, &[0.1], 5.0);
     scenario.spheres[40].center.y = f32::INFINITY;
     scenario.spheres[70].radius = -1.0;
     for variant in variants::all() {

@@ -78,12 +78,12 @@ fn all_packages_have_one_version() {
         assert_eq!(package["version"], version, "{}", package["name"]);
     }
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-    for (file, before, behind) in VERSIONED {
+    for (file, before, after) in VERSIONED {
         let text = std::fs::read_to_string(format!("{root}/{file}")).expect("a file of the tree");
         let said: Vec<_> = text
             .split(before)
             .skip(1)
-            .filter_map(|rest| rest.split_once(behind).map(|(said, _)| said))
+            .filter_map(|rest| rest.split_once(after).map(|(said, _)| said))
             .collect();
         assert!(
             !said.is_empty() && said.iter().all(|said| *said == version),
@@ -115,6 +115,44 @@ fn dependencies_respect_the_layers() {
             assert!(!ours || !kind.is_null() || allowed.contains(&on), "{name} depends on {on}");
             let gpu = on.starts_with("wgpu") && ["lazygrid-kernels", "lazygrid-host"].contains(&name);
             assert!(!gpu, "{name} makes no device call and has no use for {on}");
+        }
+    }
+}
+
+/// The dependencies that a manifest names, in all tables whose names end with `dependencies`.
+fn dependencies(manifest: &str) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    let mut is_dependencies = false;
+    for line in manifest.lines() {
+        if let Some(table) = line.strip_prefix('[') {
+            is_dependencies = table.trim_end_matches(']').ends_with("dependencies");
+        } else if is_dependencies && let Some((name, _)) = line.split_once(['.', ' ', '=']) {
+            names.insert(name.to_owned());
+        }
+    }
+    names.retain(|name| name.chars().next().is_some_and(char::is_alphabetic));
+    names
+}
+
+#[test]
+fn each_dependency_is_listed_in_the_architecture() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let architecture =
+        std::fs::read_to_string(format!("{root}/ARCHITECTURE.md")).expect("a file of the tree");
+    let (_, table) = architecture.split_once("## Dependencies").expect("a table of dependencies");
+    let listed: BTreeSet<&str> = table.split(|c: char| !(c.is_alphanumeric() || "-_".contains(c))).collect();
+    let outside = ["Cargo.toml", "distributed/mpi/Cargo.toml", "fuzz/Cargo.toml", "python/Cargo.toml"];
+    let metadata = metadata();
+    let packages = metadata["packages"].as_array().expect("packages");
+    let inside = packages.iter().map(|package| package["manifest_path"].as_str().expect("a path").to_owned());
+    for path in inside.chain(outside.map(|path| format!("{root}/{path}"))) {
+        let manifest = std::fs::read_to_string(&path).expect("a file of the tree");
+        for name in dependencies(&manifest) {
+            let is_own = name.starts_with("lazygrid") || name == "engine";
+            assert!(
+                is_own || listed.contains(name.as_str()),
+                "{path}: {name} has no line in ARCHITECTURE.md"
+            );
         }
     }
 }

@@ -36,7 +36,7 @@ struct Args {
     threads: usize,
     /// PairFinder at each step, without a skin
     #[arg(long)]
-    anew: bool,
+    rebuild: bool,
     /// Write each value to this CSV file
     #[arg(long)]
     csv: Option<PathBuf>,
@@ -175,7 +175,7 @@ fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<ContenderFactory> {
 
 fn config(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> Config {
     let order = if output == Output::List { Order::Canonical } else { Order::Unordered };
-    let skin = if args.anew { Skin::Off } else { Skin::Auto };
+    let skin = if args.rebuild { Skin::Off } else { Skin::Auto };
     Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(threads).order(order).skin(skin)
 }
 

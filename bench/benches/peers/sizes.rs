@@ -105,7 +105,7 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     let mut command = Command::new(std::env::current_exe()?);
     command.args(["--child", "--scene", scene.name(), "--algorithm", algorithm.name()]);
     command.args(["--output", &name(output), "--threads", &args.threads.to_string()]);
-    command.args(args.anew.then_some("--anew"));
+    command.args(args.rebuild.then_some("--rebuild"));
     command.args(["--n", &n.to_string(), "--steps", &options.steps.to_string()]);
     command.args(["--seed", &options.seed.to_string()]);
     let output = command.output()?;

@@ -21,13 +21,13 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     releases carriers of ten radii, 1 to 10 nm in equal numbers, from one point into unbounded water of 25 °C, where \
     they diffuse as Stokes and Einstein say. Hard spheres cannot all be at one point. So they begin as a ball of which \
     they fill half, each anywhere in it, and push each other apart before they move until none overlap; that widens the \
-    ball by a few percent. From then on they diffuse and push each other apart (`separate`) all the time, in steps of \
+    ball by a few percent. Then they diffuse and push each other apart (`separate`) all the time, in steps of \
     2 ns, in which the smallest move no more than their radius along each axis. Engines are timed after 1, 10, 100 … \
     steps in figure 5a, after 1, 100, 10 000 … in 5b, and at the end. The cost of a step grows with the number of \
     carriers, and so does the time in which a burst comes apart: large bursts are followed for a shorter time, in which \
-    little of them does. Every contender finds the pairs of the same consecutive steps from each moment on, as contacts \
+    little of them does. Every contender finds the pairs of the same consecutive steps after each moment, as contacts \
     leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
-    all threads, but for N3Sim's sweep, which has one.";
+    all threads, except N3Sim's sweep, which has one.";
 
 /// Steps per simulated second (2 ns each): √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
 const STEPS_PER_SECOND: f64 = 5e8;

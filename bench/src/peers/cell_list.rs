@@ -36,7 +36,7 @@ impl Tuning {
             // One class suffices, as a cell of the largest spheres holds no more spheres than a vector compares.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
             Scene::Burst => Self { edge: 0.51, class: 4.0 },
-            // By default, transceivers and carriers have separate grids.
+            // Transceivers and carriers have separate grids by default.
             Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => Self::DEFAULT,
         }
     }
@@ -136,7 +136,7 @@ impl CellList {
         self.find_plainly(spheres);
     }
 
-    /// The same code, compiled with wider vectors.
+    /// A copy of the code, compiled with wider vectors.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn find_with_avx2(&mut self, spheres: &[Sphere]) {

@@ -1,5 +1,5 @@
 // Molecules that interact, in the event loop of ns-3: a channel that diffuses and reacts, a step at an event, with lazygrid
-// for who meets whom. What its receiver counts is held against what lazygrid's simulator counts in the same scenario.
+// for who meets whom. A test compares the counts of its receiver with those of lazygrid's simulator in the same scenario.
 //
 //     lazygrid simulate channel.toml --replicas 64 --output expected
 //     c++ -std=c++17 channel.cc $(pkg-config --cflags --libs lazygrid) -lns3-core && ./a.out expected/mean.csv 64
@@ -61,7 +61,7 @@ public:
         }
     }
 
-    // A step now, and from then on.
+    // The first step, which schedules the next ones.
     void Step() {
         const double length = std::sqrt(2 * diffusion_ * time_step_.GetSeconds());
         for (auto &position : positions_) {
@@ -99,7 +99,7 @@ private:
         return settings;
     }
 
-    // Pairs in random order, and a molecule reacts once: whoever comes first.
+    // Pairs in random order, and a molecule reacts once: the first pair wins.
     void React() {
         if (positions_.empty()) return;
         // Points that lazygrid reads where ns-3's vectors lie.
@@ -144,7 +144,7 @@ struct Tally {
     double Error() const { return std::sqrt(std::max(0.0, squares - sum * sum / count) / (count - 1) / count); }
 };
 
-// What is counted every so many steps.
+// The counts at regular steps.
 struct Response {
     std::vector<Tally> received = std::vector<Tally>(steps / every + 1), left = received;
     int step = 0;
@@ -166,7 +166,7 @@ void RunOnce(std::uint64_t number, Response &response) {
     response.step = 0;
     channel->Release(acid, count_of_each, 0);
     sample();
-    // A step at the same moment would come behind what was scheduled before it.
+    // A step at the same time would run after events that were scheduled before it.
     const auto after = ns3::MicroSeconds(release_of_base + time_step / 2);
     ns3::Simulator::Schedule(after, &DiffusiveChannel::Release, channel, base, count_of_each, base_y);
     ns3::Simulator::Schedule(ns3::MicroSeconds(time_step), &DiffusiveChannel::Step, channel);

@@ -114,7 +114,7 @@ pub struct FailedCase {
     pub what: String,
     /// The failing scene, if the failure has one.
     pub scenario: Option<TestInput>,
-    /// The options of `lazygrid detect` that reproduce the failure, as far as they exist; empty if there are none.
+    /// The options of `lazygrid detect` that reproduce the failure, as far as they exist.
     pub options: String,
 }
 

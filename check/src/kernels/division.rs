@@ -72,7 +72,7 @@ impl Division {
         matches!(self, Self::Species { .. })
     }
 
-    /// The same call of spheres that are divided in this way.
+    /// A call of spheres that are divided in this way.
     pub(crate) fn divide(self, call: SearchParams) -> SearchParams {
         let second_set_start =
             if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };

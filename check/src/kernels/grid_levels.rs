@@ -235,12 +235,12 @@ pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
             let (first, all) = density_plain(&cells, tau);
             let mut bounds = Bounds { depth_mask: depths_of(&cells), ..Bounds::zeroed() };
             let (input, call) = (upload(own, &packed(&cells))?, upload(own, &[call(2, tau)])?);
-            let (grid, settled) = (upload_one(own, &grid(size, 2))?, upload(own, &[bounds])?);
+            let (grid, expected_bounds) = (upload_one(own, &grid(size, 2))?, upload(own, &[bounds])?);
             let density = upload(own, &first)?;
             let bound = [
                 ("params", &call),
                 ("grid", &grid),
-                ("bounds", &settled),
+                ("bounds", &expected_bounds),
                 ("cells", &input),
                 ("occupancy", &density),
             ];
@@ -251,7 +251,7 @@ pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
                 let descends = own.at(0).all().any(|cell| is_dense(first[slot(0, cell)], tau));
                 bounds.descending[own.depth as usize] += u32::from(descends);
             }
-            same(|| case("bounds"), &download::<Bounds>(own, &settled, 1)?[0], &bounds)?;
+            same(|| case("bounds"), &download::<Bounds>(own, &expected_bounds, 1)?[0], &bounds)?;
         }
     }
     Ok(())

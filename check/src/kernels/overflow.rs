@@ -204,7 +204,9 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
                 tiles => left.min((tiles / (shares * (k::CANDIDATES_PER_INVOCATION / 256))).max(1)),
             };
             let case = || {
-                format!("{blocks} blocks from {begin} on of {shares} shares, {tiles_per_submission} a part")
+                format!(
+                    "{blocks} blocks, the first {begin}, of {shares} shares, {tiles_per_submission} a part"
+                )
             };
             let expected = Outcome { deferred_begin: begin, deferred_end: begin + taken, ..listed };
             same(case, &download::<Outcome>(own, &outcome, 1)?[0], &expected)?;

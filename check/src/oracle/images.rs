@@ -80,8 +80,8 @@ impl ImageOracle {
                 .fold(f64::INFINITY, f64::min),
             _ => {
                 let least = (-near.dot(*edge) / edge.length_squared()).round();
-                let beside = [-1.0, 0.0, 1.0].map(|beside| self.image(vector, turned(least + beside)));
-                beside.into_iter().map(squared).fold(f64::INFINITY, f64::min)
+                let offset = [-1.0, 0.0, 1.0].map(|offset| self.image(vector, turned(least + offset)));
+                offset.into_iter().map(squared).fold(f64::INFINITY, f64::min)
             }
         }
     }

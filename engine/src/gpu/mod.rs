@@ -19,7 +19,7 @@ pub use calibration::{CrossoverSample, calibrate};
 pub use config::GpuConfig;
 pub use costs::{Calibration, Crossover};
 pub use detector::{
-    CellOrder, GpuDetector, GpuOutput, GpuSkinDetector, GpuSpheres, SphereCount, read_outcome,
+    BufferRange, CellOrder, GpuDetector, GpuOutput, GpuSkinDetector, GpuSpheres, SphereCount, read_outcome,
 };
 pub use device::{AdapterId, AdapterSummary, GpuDevice, SoftwareAdapter, adapters, optional_features};
 pub use encode::{BoundScan, BoundSort, KeyValueBuffers, PrefixScan, RadixSort};

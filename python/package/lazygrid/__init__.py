@@ -14,10 +14,11 @@ from ._files import read
 from ._lazygrid import NO_GROUP, Chunks, Detector, Exclusions, Frame, Frames, Interactions
 from ._lazygrid import VERSION as __version__
 from ._once import pairs
-from ._simulation import Particles, Simulation, simulate
+from ._simulation import Arrivals, ParticleColumns, Particles, Simulation, SimulationResult, simulate
 
 __all__ = [
     "NO_GROUP",
+    "Arrivals",
     "Chunks",
     "Detector",
     "Error",
@@ -28,9 +29,11 @@ __all__ = [
     "InputError",
     "Interactions",
     "OutOfMemory",
+    "ParticleColumns",
     "Particles",
     "SettingError",
     "Simulation",
+    "SimulationResult",
     "TooManyPairs",
     "__version__",
     "neighbor_list",

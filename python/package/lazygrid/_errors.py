@@ -1,44 +1,44 @@
-"""What lazygrid raises."""
+"""The exceptions of lazygrid."""
 
 from __future__ import annotations
 
 
 class Error(Exception):
-    """Whatever lazygrid refuses or fails at. The message names the value, the limit and the remedy."""
+    """The base of all errors. The message names the value, the limit and the remedy."""
 
 
 class InputError(Error, ValueError):
-    """An input that is refused: values that are not finite, negative radii, wrong shapes, unknown species."""
+    """An invalid input: values that are not finite, negative radii, wrong shapes, unknown species."""
 
     index: int | None = None
-    """The first sphere with a value that is refused, where it is one sphere's."""
+    """The index of the first invalid sphere, if a sphere is at fault."""
     value: list[float] | int | None = None
     """Its ``[x, y, z, r]``, or its species id."""
     count: int | None = None
-    """How many spheres are not finite or have a negative radius."""
+    """The number of spheres that are not finite or have a negative radius."""
     second: bool = False
-    """Whether it is of the second of two sets."""
+    """``True`` if the second of two sets is at fault."""
 
 
 class SettingError(Error, ValueError):
-    """A setting outside its range, a name that is none, a scenario that makes no sense."""
+    """A setting out of range, an unknown name, an invalid scenario."""
 
 
 class FileError(Error, ValueError):
-    """A file that does not hold what its format asks for. The message names the line or row and the text."""
+    """A file that does not follow its format. The message names the line or row and the text."""
 
 
 class TooManyPairs(Error):
-    """More pairs than a list may hold, or than ``out`` has room for. Nothing was truncated."""
+    """More pairs than a list may have, or than ``out`` can hold. Nothing was truncated."""
 
     found: int
-    """How many pairs there are."""
+    """The exact number of pairs."""
     limit: int
-    """How many there may be."""
+    """The largest allowed number."""
 
 
 class OutOfMemory(Error, MemoryError):
-    """Memory that the system or the GPU refused."""
+    """The system or the GPU is out of memory."""
 
     bytes: int
-    """How many bytes were asked for."""
+    """The number of requested bytes."""

@@ -29,13 +29,13 @@ def read(
     path
         The file.
     frame
-        Which frame, from 0 on. It may be left out where the file has one.
+        The index of the frame, which starts at 0. It may be omitted for a file with one frame.
     format
         ``csv``, ``npy``, ``xyz``, ``lammps`` or ``smoldyn``; else by extension, else by content.
     radii
         Radii by species, in the file's length unit, which win over those of the file.
     periodic
-        The lengths of the periodic axes, ``None`` for one that is unbounded; or ``"none"``, whatever the file says.
+        The lengths of the periodic axes, ``None`` for one that is unbounded; or ``"none"`` for unbounded space. Overrides the file.
         By default the file's box counts, where it declares one.
     ids
         Whether ids are read too.
@@ -43,7 +43,7 @@ def read(
     Raises
     ------
     FileError
-        With line or row and text, where something else stands than the format asks for; where there is no such
+        For a file that does not follow its format, with line or row and text; if there is no such
         frame, or several and none was chosen.
     OSError
         Where the system refuses the file.

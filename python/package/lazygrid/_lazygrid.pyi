@@ -22,6 +22,7 @@ __all__ = [
     "Frames",
     "NO_GROUP",
     "simulate",
+    "SimulationCore",
     "VERSION",
 ]
 
@@ -163,7 +164,7 @@ class Detector:
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
         """Return neighbor lists: for every sphere all that it overlaps, ascending; each pair is in both lists.
 
-        Of two sets, only the spheres of the first have a list, with indices in the second.
+        For two sets, only the spheres of the first have a list, with indices in the second.
 
         Parameters
         ----------
@@ -243,7 +244,7 @@ class Detector:
 
     @property
     def report(self) -> Report:
-        """What the call that ended last did and why; before the first call, what is known by then. Times are in seconds."""
+        """The report of the call that ended last; before the first call, of the detector. Times are in seconds."""
 
 @final
 class Chunks:
@@ -414,7 +415,7 @@ class Frame:
 
     @property
     def periodic(self) -> tuple[_Edge | None, _Edge | None, _Edge | None] | None:
-        """The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in
+        """The length of each periodic axis, or the cell vectors of a triclinic box, for :class:`Detector`; ``None`` in
         unbounded space."""
 
 def neighbors_within(
@@ -427,8 +428,46 @@ def neighbors_within(
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the neighbors of atoms by quantity. See :func:`lazygrid.neighbor_list`."""
 
+@final
+class SimulationCore:
+    """A run, step by step. See :class:`lazygrid.Simulation`."""
+
+    def __new__(
+        cls,
+        source: Any,
+        *,
+        seed: int | None,
+        replica: int | None,
+        backend: str,
+        algorithm: str,
+        threads: int | None,
+        checkpoint: str | os.PathLike[str] | None,
+    ) -> Self: ...
+    def step(self, steps: int) -> None: ...
+    def insert(self, species: int, positions: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]: ...
+    def remove(self, ids: npt.NDArray[np.uint32]) -> int: ...
+    def emit(self, transmitter: int, species: int, count: int) -> npt.NDArray[np.uint32]: ...
+    def particles(self) -> dict[str, Any]: ...
+    def counts(self) -> dict[str, int]: ...
+    def arrivals(self) -> dict[str, Any]: ...
+    def checkpoint(self, path: str | os.PathLike[str]) -> None: ...
+    @property
+    def step_count(self) -> int: ...
+    @property
+    def time_step(self) -> float: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def species(self) -> list[str]: ...
+    @property
+    def transmitters(self) -> list[str]: ...
+    @property
+    def receivers(self) -> list[str]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+
 def simulate(source: Any, options: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return what came of a run, and advice. See :func:`lazygrid.simulate`."""
+    """Return the results of a run, and warnings. See :func:`lazygrid.simulate`."""
 
 def command(arguments: list[str]) -> int:
     """Do what the arguments say, of which the first is the program's name, and return the exit code."""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _lazygrid
+from . import _arrays, _lazygrid
+from ._errors import SettingError
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Particles:
     """All particles at one moment, in the order of their ids."""
 
     step: int
-    """How many steps were done."""
+    """The number of steps done."""
     position: npt.NDArray[np.float32]
     """In µm, of shape ``(n, 3)``."""
     velocity: npt.NDArray[np.float32] | None
@@ -27,37 +28,351 @@ class Particles:
     radius: npt.NDArray[np.float32]
     """In µm, of shape ``(n,)``."""
     species: npt.NDArray[np.uint32]
-    """By their order in the scenario, of shape ``(n,)``."""
+    """Indices of species, of shape ``(n,)``."""
     id: npt.NDArray[np.uint32]
-    """The same for as long as a particle exists, of shape ``(n,)``."""
+    """Ids, of shape ``(n,)``. A particle keeps its id."""
 
     def __len__(self) -> int:
         return len(self.id)
 
     @property
     def spheres(self) -> npt.NDArray[np.float32]:
-        """As :class:`Detector` takes them: a new array of shape ``(n, 4)``, in µm."""
+        """Rows ``x, y, z, r`` in µm, as :class:`Detector` takes them: a new array of shape ``(n, 4)``."""
         return np.column_stack([self.position, self.radius])
 
 
 @dataclass(frozen=True)
+class ParticleColumns:
+    """All particles of a :class:`Simulation`, a read-only array per quantity, in no particular order.
+
+    On the CPU the arrays view the memory of the simulation, without a copy. They never change: the next step leaves their
+    memory to them if they are still in use, and continues on a copy.
+    """
+
+    step: int
+    """The number of steps done."""
+    x: npt.NDArray[np.float32]
+    """Coordinates in µm, of shape ``(n,)``."""
+    y: npt.NDArray[np.float32]
+    z: npt.NDArray[np.float32]
+    vx: npt.NDArray[np.float32] | None
+    """Velocities in µm/s, of shape ``(n,)``; ``None`` in a model without velocities."""
+    vy: npt.NDArray[np.float32] | None
+    vz: npt.NDArray[np.float32] | None
+    radius: npt.NDArray[np.float32]
+    """Radii in µm, of shape ``(n,)``."""
+    species: npt.NDArray[np.uint32]
+    """Indices of species, of shape ``(n,)``; :attr:`Simulation.species` has their names."""
+    id: npt.NDArray[np.uint32]
+    """Ids, of shape ``(n,)``. A particle keeps its id, and no id is used twice."""
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    @property
+    def position(self) -> npt.NDArray[np.float32]:
+        """Positions in µm: a new array of shape ``(n, 3)``."""
+        return np.column_stack([self.x, self.y, self.z])
+
+    @property
+    def spheres(self) -> tuple[npt.NDArray[np.float32], ...]:
+        """The columns ``(x, y, z, radius)``, as :class:`Detector` takes them, without a copy."""
+        return self.x, self.y, self.z, self.radius
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """Particles that receivers took, a row each, in the order of their arrival: columns of shape ``(m,)``."""
+
+    step: npt.NDArray[np.uint32]
+    """The number of steps done when it had arrived."""
+    receiver: npt.NDArray[np.uint32]
+    """The index of the receiver; :attr:`Simulation.receivers` has their names."""
+    species: npt.NDArray[np.uint32]
+    """The index of the species on arrival."""
+    id: npt.NDArray[np.uint32]
+    """The id of the particle."""
+    transmitter: npt.NDArray[np.int64]
+    """The index of the transmitter of the particle, or -1 for an inserted one."""
+    released: npt.NDArray[np.int64]
+    """The step at whose beginning the particle was released, or -1."""
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+
 class Simulation:
-    """What came of a run."""
+    """A run of the simulator that a program drives step by step.
+
+    >>> simulation = lazygrid.Simulation("acid-base.toml", seed=1)
+    >>> while simulation.time < 1.0:
+    ...     simulation.step(10)
+    ...     if simulation.counts["rx:acid"] > 100:
+    ...         simulation.emit("tx-base", 500)
+
+    Between two steps the program may read particles, counts and arrivals, insert and remove particles, and let
+    transmitters emit. The run depends only on the scenario, the seed and these changes, on the CPU bit for bit.
+
+    Parameters
+    ----------
+    scenario
+        A TOML file; or its text, which a string with a line break is; or the same as a dictionary. Lengths are in µm,
+        times in s. The simulation may do more or fewer ``steps`` than the scenario says.
+    seed
+        The seed of the random numbers; by default the scenario's.
+    backend
+        ``cpu`` or ``gpu``. On a GPU, changes read all particles back and upload them again.
+    algorithm
+        The search of pairs on the CPU; it does not change the result.
+    threads
+        CPU threads; by default all.
+
+    Raises
+    ------
+    SettingError
+        For a scenario that is not valid, with its line and key.
+    """
+
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Mapping[str, Any],
+        *,
+        seed: int | None = None,
+        backend: str = "cpu",
+        algorithm: str = "auto",
+        threads: int | None = None,
+    ) -> None:
+        self._begin(scenario, seed=seed, backend=backend, algorithm=algorithm, threads=threads)
+
+    def _begin(
+        self,
+        scenario: str | os.PathLike[str] | Mapping[str, Any],
+        *,
+        seed: int | None = None,
+        replica: int | None = None,
+        backend: str = "cpu",
+        algorithm: str = "auto",
+        threads: int | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+    ) -> None:
+        source = dict(scenario) if isinstance(scenario, Mapping) else scenario
+        self._core = _lazygrid.SimulationCore(
+            source,
+            seed=seed,
+            replica=replica,
+            backend=backend,
+            algorithm=algorithm,
+            threads=threads,
+            checkpoint=checkpoint,
+        )
+        for message in self._core.warnings:
+            warnings.warn(message, stacklevel=3)
+        self.species: list[str] = self._core.species
+        self.transmitters: list[str] = self._core.transmitters
+        self.receivers: list[str] = self._core.receivers
+
+    @classmethod
+    def resume(
+        cls,
+        scenario: str | os.PathLike[str] | Mapping[str, Any],
+        checkpoint: str | os.PathLike[str],
+        *,
+        backend: str = "cpu",
+        algorithm: str = "auto",
+        threads: int | None = None,
+    ) -> Simulation:
+        """Return the run of a file that :meth:`checkpoint` has written, which continues bit for bit.
+
+        Checkpoints of the command line serve too.
+
+        Raises
+        ------
+        Error
+            For a checkpoint of another scenario, and for a damaged one.
+        """
+        simulation = cls.__new__(cls)
+        simulation._begin(scenario, backend=backend, algorithm=algorithm, threads=threads, checkpoint=checkpoint)
+        return simulation
+
+    @classmethod
+    def replicas(
+        cls,
+        scenario: str | os.PathLike[str] | Mapping[str, Any],
+        count: int,
+        *,
+        seed: int | None = None,
+        backend: str = "cpu",
+        algorithm: str = "auto",
+        threads: int | None = None,
+    ) -> Iterator[Simulation]:
+        """Yield ``count`` runs of one scenario with independent seeds, those of ``lazygrid simulate --replicas``.
+
+        Each begins when the iterator comes to it. Steps release the interpreter's lock, so that threads can run several
+        at once:
+
+        >>> with concurrent.futures.ThreadPoolExecutor() as pool:
+        ...     results = list(pool.map(run, lazygrid.Simulation.replicas(scenario, 20, threads=1)))
+        """
+        for replica in range(count):
+            simulation = cls.__new__(cls)
+            simulation._begin(
+                scenario, seed=seed, replica=replica, backend=backend, algorithm=algorithm, threads=threads
+            )
+            yield simulation
+
+    def step(
+        self, steps: int = 1, *, callback: Callable[[Simulation], object] | None = None, every: int = 1
+    ) -> None:
+        """Do some steps.
+
+        Parameters
+        ----------
+        steps
+            The number of steps.
+        callback
+            Called with the simulation after every ``every`` steps and at the end. It may read and change the simulation.
+            If it returns ``False``, no further step is done.
+        every
+            The number of steps between two calls of ``callback``.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            After Ctrl-C; the simulation stays at the step that it has reached.
+        """
+        if callback is None:
+            self._core.step(steps)
+            return
+        if every < 1:
+            raise SettingError(f"every = {every} is out of range; choose at least one step")
+        while steps > 0:
+            done = min(every, steps)
+            self._core.step(done)
+            steps -= done
+            if callback(self) is False:
+                return
+
+    @property
+    def step_count(self) -> int:
+        """The number of steps done."""
+        return self._core.step_count
+
+    @property
+    def time_step(self) -> float:
+        """The length of a step in s."""
+        return self._core.time_step
+
+    @property
+    def time(self) -> float:
+        """The simulated time in s."""
+        return self.step_count * self.time_step
+
+    @property
+    def seed(self) -> int:
+        """The seed of the random numbers."""
+        return self._core.seed
+
+    @property
+    def particles(self) -> ParticleColumns:
+        """All particles, on the CPU without a copy."""
+        return ParticleColumns(**self._core.particles())
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Counts by name, as the columns of ``series.csv``: particles of each species, reactions and decays so far,
+        ``receiver:species``, and pairs and resolved contacts of the last step."""
+        return self._core.counts()
+
+    @property
+    def arrivals(self) -> Arrivals:
+        """The particles that absorbing receivers took in the last call of :meth:`step`; with a callback, since its last
+        call. On a GPU only if the scenario sets ``arrivals = true`` in ``[output]``."""
+        return Arrivals(**self._core.arrivals())
+
+    def insert(self, species: str | int, positions: npt.ArrayLike) -> npt.NDArray[np.uint32]:
+        """Insert particles and return their ids.
+
+        Parameters
+        ----------
+        species
+            The name or the index of their species.
+        positions
+            In µm, of shape ``(n, 3)``; wrapped or reflected into the boundary.
+
+        Raises
+        ------
+        InputError, SettingError
+            For positions of another shape or not finite, and for an unknown species. Then nothing changes.
+        """
+        rows = np.require(np.reshape(positions, (-1, 3)), np.float32, ["C", "A"])
+        return self._core.insert(_index(species, self.species, "species"), rows)
+
+    def remove(self, ids: npt.ArrayLike) -> int:
+        """Remove particles by id, free or bound, and return their number. Unknown ids are ignored."""
+        return self._core.remove(_arrays.whole(ids, "ids"))
+
+    def emit(self, transmitter: str | int, count: int, species: str | int | None = None) -> npt.NDArray[np.uint32]:
+        """Let a transmitter release particles now, besides those of its schedule, and return their ids.
+
+        Parameters
+        ----------
+        transmitter
+            The name or the index of the transmitter, whose center and shape the particles have.
+        count
+            The number of particles.
+        species
+            The name or the index of their species; may be omitted if the scenario has one.
+
+        Raises
+        ------
+        SettingError
+            For an unknown transmitter or species. Then nothing changes.
+        """
+        if species is None:
+            if len(self.species) > 1:
+                raise SettingError(f"the scenario has {len(self.species)} species; choose one of {', '.join(self.species)}")
+            species = 0
+        at = _index(transmitter, self.transmitters, "transmitter")
+        return self._core.emit(at, _index(species, self.species, "species"), count)
+
+    def checkpoint(self, path: str | os.PathLike[str]) -> None:
+        """Write the state to a file, from which :meth:`resume` continues. The file appears when it is complete."""
+        self._core.checkpoint(path)
+
+    def __repr__(self) -> str:
+        particles = sum(self.counts[name] for name in self.species)
+        return f"<lazygrid.Simulation: {particles} particles after {self.step_count} steps>"
+
+
+def _index(given: str | int, names: list[str], what: str) -> int:
+    """The index of a name."""
+    if isinstance(given, str):
+        if given not in names:
+            raise SettingError(f"unknown {what} '{given}'; expected one of {', '.join(names)}")
+        return names.index(given)
+    if not 0 <= given < len(names):
+        raise SettingError(f"{what} {given} is out of range; the scenario has {len(names)}")
+    return given
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """The result of :func:`simulate`."""
 
     series: dict[str, npt.NDArray[Any]]
     """Columns of equal length, as of ``series.csv`` of the command line, for ``pandas.DataFrame(run.series)``:
-    ``step``, ``time`` in s, particles by species, reactions and decays so far, what receivers say of each species as
-    ``receiver:species``, pairs and settled contacts of the last step."""
+    ``step``, ``time`` in s, particles by species, reactions and decays so far, counts of receivers as
+    ``receiver:species``, pairs and resolved contacts of the last step."""
     symbols: dict[str, Any]
-    """What transmitters sent: columns ``time`` in s, ``transmitter`` and ``symbol``."""
+    """The sent symbols: columns ``time`` in s, ``transmitter`` and ``symbol``."""
     particles: Particles
     """The particles at the end."""
     frames: list[Particles]
-    """The particles after every so many steps, where ``frames_every`` was given."""
+    """The particles at the steps of ``frames_every``."""
     species: list[str]
-    """The names of the species, by id."""
+    """The names of the species, by index."""
     seed: int
-    """The seed that was used."""
+    """The seed of the run."""
     time_step: float
     """In s."""
 
@@ -72,11 +387,11 @@ def simulate(
     backend: str = "cpu",
     algorithm: str = "auto",
     threads: int | None = None,
-) -> Simulation:
+) -> SimulationResult:
     """Run a scenario of particles that diffuse, react, collide and are received.
 
-    The result depends on the scenario and the seed alone; on a GPU it has the same statistics. Nothing is written to
-    the disk. What the scenario probably does not mean is a ``UserWarning``.
+    The result depends only on the scenario and the seed; on a GPU it has the same statistics. Nothing is written to
+    disk. A likely mistake in the scenario is a ``UserWarning``. :class:`Simulation` runs step by step.
 
     Parameters
     ----------
@@ -84,20 +399,20 @@ def simulate(
         A TOML file; or its text, which a string with a line break is; or the same as a dictionary. Lengths are in µm,
         times in s.
     seed, steps, every
-        Win over the scenario's: the seed of the random numbers, the steps in all, the steps between rows of the series.
+        Override the scenario: the seed of the random numbers, the number of steps, the steps between rows of the series.
     frames_every
-        Keep all particles after every so many steps. By default only those at the end are kept.
+        The steps between frames, which keep all particles. By default only those at the end are kept.
     backend
         ``cpu`` or ``gpu``.
     algorithm
-        How pairs are found, on the CPU; it does not change the result.
+        The search of pairs on the CPU; it does not change the result.
     threads
-        Threads of the CPU; by default all.
+        CPU threads; by default all.
 
     Raises
     ------
     SettingError
-        With line and key of what is wrong in the scenario.
+        For a scenario that is not valid, with its line and key.
     KeyboardInterrupt
         After Ctrl-C; the run is lost.
     """
@@ -114,7 +429,7 @@ def simulate(
     run, advice = _lazygrid.simulate(source, options)
     for message in advice:
         warnings.warn(message, stacklevel=2)
-    return Simulation(
+    return SimulationResult(
         series=run["series"],
         symbols=run["symbols"],
         particles=Particles(**run["particles"]),

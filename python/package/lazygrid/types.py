@@ -48,7 +48,7 @@ class Candidates(TypedDict):
     displacement_fraction: float
     """The part, from 0 to 1, of what a sphere may move that one has moved."""
     rebuilt: str | None
-    """Why they were found anew in this call; ``None`` where they were kept."""
+    """The reason of a rebuild in this call; ``None`` if the list was reused."""
 
 
 class Report(TypedDict):

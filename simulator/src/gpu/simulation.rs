@@ -177,6 +177,11 @@ impl GpuSimulation {
         f64::from(self.step) * self.model.time_step
     }
 
+    /// The seed of the run.
+    pub fn seed(&self) -> u64 {
+        self.key.seed()
+    }
+
     /// The counts.
     pub fn totals(&self) -> &Totals {
         &self.totals

@@ -57,6 +57,11 @@ impl Key {
         Self([seed as u32, (seed >> 32) as u32])
     }
 
+    /// The seed.
+    pub const fn seed(self) -> u64 {
+        self.0[0] as u64 | (self.0[1] as u64) << 32
+    }
+
     /// Four random words for particle `id` (and `other`, where two have a draw in common, or 0) at `step`.
     #[inline(always)]
     pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {

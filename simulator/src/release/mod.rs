@@ -7,6 +7,8 @@ pub mod origins;
 
 pub mod time;
 
+use std::ops::Range;
+
 use rand_distr::{Distribution, Poisson};
 
 use crate::error::Error;
@@ -106,6 +108,22 @@ impl Model {
             place += batch.count;
         }
         Ok(out)
+    }
+
+    /// A burst of one species from a transmitter, with these ids.
+    pub(crate) fn burst(&self, from: &Transmitter, species: u32, ids: Range<u32>, key: Key) -> Released {
+        let mut out = Released {
+            particles: Particles::default(),
+            next_id: ids.end,
+            released: vec![0; self.species.len()],
+            decayed: vec![0; self.decays.len()],
+        };
+        let batch = Batch { from, species, count: ids.end - ids.start, ages: Ages::None };
+        let decays = Decays::new(self);
+        for (nth, id) in (0..).zip(ids) {
+            self.add(&batch, (id, nth, nth), (&decays, key), &mut out);
+        }
+        out
     }
 
     /// What all transmitters release at the beginning of a step, in the order of ids: the transmitter, the species, and

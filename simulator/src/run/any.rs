@@ -73,6 +73,15 @@ impl AnySimulation {
         }
     }
 
+    /// The seed of the run.
+    pub fn seed(&self) -> u64 {
+        match self {
+            Self::Cpu(run) => run.key.seed(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => run.seed(),
+        }
+    }
+
     /// The backend.
     pub fn backend(&self) -> Backend {
         match self {

@@ -9,6 +9,8 @@ pub mod simulation;
 pub mod state;
 pub mod view;
 
+mod edit;
+
 pub(crate) mod checksum;
 mod difference;
 pub(crate) mod memory_estimate;

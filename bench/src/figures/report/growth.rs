@@ -9,7 +9,7 @@ use super::super::fit::exponent;
 use super::super::row::{Row, Status};
 use super::table::{Column, best_of_columns, by_engine, by_size, engines, find, gpu_times, mean};
 use lazygrid_report::number::{count, time};
-use lazygrid_report::plot::{Axes, Mark, Series, lines};
+use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
 
 /// Minimum number of spheres for fits: below it, fixed costs hide the growth.
@@ -90,7 +90,7 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
 fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
     let points = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
-        points.map(|row| Mark::new(row.n as f64, row.mean().0, row.quartiles()).over(of(row))).collect()
+        points.map(|row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(of(row))).collect()
     };
     let name = |engine: &str| if dashed { format!("{engine}, equal") } else { engine.to_owned() };
     let engines = engines(rows).into_iter().enumerate();
@@ -105,7 +105,7 @@ fn means(rows: &[&Row], columns: &[Column]) -> Table {
         exponent(points).map_or_else(|| "–".to_owned(), |k| format!("{k:.2}"))
     };
     let caption = format!(
-        "Mean wall time of a run ± standard deviation (runs); k is fitted to the medians, from {FIT_FROM} spheres on"
+        "Mean wall time of a run ± standard deviation (runs); k is fitted to the medians of at least {FIT_FROM} spheres"
     );
     let mut table = by_engine(caption, rows, columns, |row| mean(row, time));
     best_of_columns(&mut table, rows, columns, |row| row.mean().0);

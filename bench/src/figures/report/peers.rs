@@ -10,23 +10,23 @@ use super::table::{
     pairs, scenes, sizes,
 };
 use lazygrid_report::number::count;
-use lazygrid_report::plot::{Axes, Mark, Series, lines};
+use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Plot, Quantity, Scale, Section, Table};
 
 /// Maps a row to a point of a plot: its position, its value, and the middle half of the runs.
-type Shown = fn(&Row) -> Mark;
+type Shown = fn(&Row) -> PlotPoint;
 
 /// Figure 4: trees that are kept between steps and grids that are rebuilt, with small steps on one thread.
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let mut section = Section {
-        title: "Figure 4: one thread, beside trees that are kept from step to step".to_owned(),
+        title: "Figure 4: one thread, trees with state between steps".to_owned(),
         text: vec![
             "Every sphere moves by a tenth of its radius in a random direction at each step, up to 100 steps, fewer \
              where they take long; the number is in brackets. Two warm-up steps are dropped, as trees write all their \
              boxes with the margin in the second. Bullet is the real library: one proxy per sphere, kept; as shipped, \
              with a margin of 0.05, and tuned, with a margin of the largest radius for equal spheres and half of it \
              for five sizes. parry3d is what a Rust program would take. The plain cell list, its cells chosen for the scene, is the yardstick; the Verlet list, its skin chosen \
-             for the scene, keeps pairs that may soon overlap. lazygrid's cell-list searches anew at every step, and its \
+             for the scene, keeps pairs that may soon overlap. lazygrid's cell-list searches from scratch at every step, and its \
              own choice keeps what it expects to be worth it."
                 .to_owned(),
             "Ratios are of the total time of all steps that both ran, as a tree with a margin is slow only now and \
@@ -40,8 +40,8 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         let rows: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene).collect();
         let columns = by_size(&rows);
         let title = format!("Figure 4: {scene}");
-        let by_size = |row: &Row| Mark::new(row.n as f64, row.mean().0, row.quartiles());
-        let one = |row: &Row| Mark::new(row.n as f64, row.mean().0, row.quartiles()).over(row.n as f64);
+        let by_size = |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles());
+        let one = |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(row.n as f64);
         let spheres = ("spheres", Quantity::Count);
         let axes = Axes {
             scale: Scale::Logarithmic,
@@ -73,14 +73,14 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
                 It takes part where the environment variable LAZYGRID_LAMMPS_LIB names its library. Ratios are of the total time \
                 of all steps that both ran.";
     let mut section = Section {
-        title: "Figure 4, shorter steps: one thread, beside lists with a skin".to_owned(),
+        title: "Figure 4, shorter steps: one thread, lists with a skin".to_owned(),
         text: vec![text.to_owned()],
         ..Section::default()
     };
     for (scene, n, what, rows) in groups(rows) {
         let columns = by_setting(&rows, "");
         let shown = |row: &Row| {
-            Mark::new(row.at.unwrap_or_default(), row.mean().0, row.quartiles()).over(row.n as f64)
+            PlotPoint::new(row.at.unwrap_or_default(), row.mean().0, row.quartiles()).over(row.n as f64)
         };
         let x = ("step in radii", Quantity::Number);
         let y = ("mean time of a step per sphere", Quantity::Time);
@@ -119,7 +119,7 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
             let y = ("median time of a search", Quantity::Time);
             let axes =
                 Axes { scale: Scale::Logarithmic, title: &title, x: ("simulated time", Quantity::Time), y };
-            let shown = |row: &Row| Mark::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
+            let shown = |row: &Row| PlotPoint::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
             section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{n}"), shown)?);
         }
         section.tables.push(over_time(&title, &rows, &columns));
@@ -161,7 +161,7 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
             let at = |n: usize| {
                 let of = |engine| find(&now, engine, Column::Size(n));
                 let times = Times::of(of(peer)?, of(ours)?)?;
-                Some(Mark::new(n as f64, times.total, times.quartiles()))
+                Some(PlotPoint::new(n as f64, times.total, times.quartiles()))
             };
             let name = format!("{}, {peer}", moment.name());
             let points = sizes(&now).into_iter().filter_map(at).collect();

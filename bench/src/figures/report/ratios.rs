@@ -34,7 +34,7 @@ pub(super) struct Times {
 }
 
 impl Times {
-    /// The ratios for the steps that both ran; `None` if there are none.
+    /// The ratios for the steps that both ran; `None` without such steps.
     pub(super) fn of(peer: &Row, ours: &Row) -> Option<Self> {
         let both = || peer.wall.iter().zip(&ours.wall);
         let by_step: Vec<f64> = both().map(|(p, o)| p / o).collect();
@@ -138,7 +138,7 @@ fn verdict(what: &str, rows: &[&Row], columns: &[Column], pair: (&str, &str)) ->
     if !even.is_empty() {
         faster.push(format!("about as fast at {}", even.join(", ")));
     }
-    (!faster.is_empty()).then(|| format!("{what}: {peer} beside {ours}: {}.", faster.join(", ")))
+    (!faster.is_empty()).then(|| format!("{what}: {peer} over {ours}: {}.", faster.join(", ")))
 }
 
 fn on_software(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -> String {
@@ -178,10 +178,7 @@ mod tests {
         let columns = super::super::table::by_size(&rows);
         let notes: Vec<String> = verdicts("equal", &rows, &columns).into_iter().map(|n| n.text).collect();
         assert_eq!(notes.len(), 3, "{notes:?}");
-        assert_eq!(
-            notes[0],
-            "equal: tree beside recursive-grid: 2.00 × as fast at 10, about as fast at 100."
-        );
+        assert_eq!(notes[0], "equal: tree over recursive-grid: 2.00 × as fast at 10, about as fast at 100.");
         assert!(notes[1].contains("slower than a peer at 1 of 1 points"), "{}", notes[1]);
         assert!(notes[2].ends_with("is as fast as CPU path's own choice."), "{}", notes[2]);
     }

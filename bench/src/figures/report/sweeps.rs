@@ -8,7 +8,7 @@ use super::table::{
     Column, by_engine, by_setting, cell, engines, find, groups, mark_best, median, scenes, sizes,
 };
 use lazygrid_report::number::count;
-use lazygrid_report::plot::{Axes, Mark, Series, lines};
+use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 
 /// Minimum speed-up that counts as scaling.
@@ -54,7 +54,9 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
 pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Box<dyn Error>> {
     let of = |engine: &str| {
         let measured = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
-        measured.map(|row| Mark::new(row.at.unwrap_or_default(), row.median(), row.quartiles())).collect()
+        measured
+            .map(|row| PlotPoint::new(row.at.unwrap_or_default(), row.median(), row.quartiles()))
+            .collect()
     };
     let line = |(colour, engine): (usize, &str)| Series {
         name: engine.to_owned(),

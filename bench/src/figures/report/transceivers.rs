@@ -14,7 +14,7 @@ use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
 
 /// The engine whose recursion is evaluated.
 const OURS: &str = Algorithm::RecursiveGrid.name();
-/// The same grid without recursion.
+/// A grid of the same kind without recursion.
 const WITHOUT: &str = Algorithm::ArrayGrid.name();
 
 /// The section of one of these figures.
@@ -29,7 +29,7 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
         let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
         section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{scene}-{n}"))?);
         section.tables.push(medians(figure, &what, &rows, &columns));
-        section.tables.push(beside(&what, &rows, &columns));
+        section.tables.push(compared(&what, &rows, &columns));
         section.notes.extend(verdict(figure, &what, &rows, &columns));
         section.notes.extend((figure == Figure::SizeRatio).then(|| growth(&what, &rows)).flatten());
         section.notes.extend(verdicts(&what, &rows, &columns));
@@ -49,7 +49,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
         ),
         _ => (
             "Transceivers among carriers",
-            "So many transceivers among carriers, 10, 100 or 1000 times as large, centres uniform in a ball of which all \
+            "Transceivers, by their number, among carriers, 10, 100 or 1000 times as large, centres uniform in a ball of which all \
              fill 5 %, so that a carrier lies in one with a chance of 5 % at the most. The fewer they are, the more \
              carriers are in one of the cells that they ask for, and those the recursive grid splits. Where no cell \
              holds more than τ, it does what the array grid does; where they hold hardly more, splitting them costs more \
@@ -85,7 +85,7 @@ fn fitted(rows: &[&Row], engine: &str) -> Option<f64> {
 }
 
 /// A table of the time ratios of all other engines.
-fn beside(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
+fn compared(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let others: Vec<&Row> = rows.iter().copied().filter(|row| row.engine != OURS).collect();
     let ratio = |row: &Row| {
         let column = columns.iter().find(|column| column.holds(row))?;
@@ -120,7 +120,7 @@ fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Opt
     let varied = figure.varied().unwrap_or_default();
     (!said.is_empty()).then(|| Note {
         text: format!(
-            "{what}: beside {WITHOUT}, {OURS} is, by {varied}, {}; how many times as fast.",
+            "{what}: compared with {WITHOUT}, {OURS} is, by {varied}, {}; how many times as fast.",
             said.join(", ")
         ),
         is_error: false,
@@ -165,10 +165,10 @@ mod tests {
         let note = verdict(Figure::Transceivers, "s", &rows, &by_setting(&rows, "")).expect("a note");
         assert_eq!(
             note.text,
-            "s: beside array-grid, recursive-grid is, by transceivers, faster (3.00 at 1), about as fast (0.95 at 10), \
+            "s: compared with array-grid, recursive-grid is, by transceivers, faster (3.00 at 1), about as fast (0.95 at 10), \
              slower (0.50 at 100); how many times as fast."
         );
-        let table = beside("s", &rows, &by_setting(&rows, ""));
+        let table = compared("s", &rows, &by_setting(&rows, ""));
         assert_eq!((table.rows.len(), table.rows[0][1].text.as_str()), (1, "3.00 (2.00–3.50)"));
     }
 

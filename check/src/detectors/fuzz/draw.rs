@@ -43,7 +43,7 @@ impl Round {
 }
 
 /// A triclinic space: a family and the words of the scene, which determine the cell. All spheres of a round are of that
-/// family: spheres of other families may lie so many boxes away that `f64` cannot distinguish the images.
+/// family: spheres of other families may lie too many boxes away that `f64` cannot distinguish the images.
 #[derive(Clone, Copy)]
 struct Triclinic {
     family: PeriodicSceneFamily,

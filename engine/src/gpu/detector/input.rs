@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::Error;
+use crate::gpu::encode::BoundBuffer;
 #[cfg(doc)]
 use crate::gpu::{GpuDetector, Outcome};
 
@@ -27,16 +28,68 @@ impl From<u32> for SphereCount<'_> {
     }
 }
 
+/// A buffer, or a range of it: `&buffer`, `buffer.slice(..)`, or [`BufferRange::new`]. A call binds only the bytes that it
+/// needs, so that the buffer itself may exceed the device's binding limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BufferRange<'a> {
+    buffer: &'a wgpu::Buffer,
+    offset: u64,
+    size: u64,
+}
+
+impl<'a> BufferRange<'a> {
+    /// The bytes of a buffer from `offset`, which must be a multiple of the device's
+    /// `min_storage_buffer_offset_alignment`.
+    pub fn new(buffer: &'a wgpu::Buffer, offset: u64) -> Self {
+        Self { buffer, offset, size: buffer.size().saturating_sub(offset) }
+    }
+
+    /// Binds the first `bytes` bytes of the range.
+    fn bound(self, bytes: u64) -> BoundBuffer {
+        BoundBuffer::range(self.buffer, self.offset, bytes)
+    }
+
+    /// Rejects a range that is too short, misaligned or without `STORAGE` usage.
+    fn check(&self, what: &'static str, needed: u64, alignment: u32) -> Result<(), Error> {
+        let storage = self.buffer.usage().contains(wgpu::BufferUsages::STORAGE);
+        if self.size < needed || !storage {
+            let usage = if storage { "" } else { ", with STORAGE usage" };
+            return Err(Error::Buffer { what, size: self.size, needed, usage });
+        }
+        if !self.offset.is_multiple_of(alignment.into()) {
+            let range = "choose a multiple of the device's `min_storage_buffer_offset_alignment`";
+            return Err(Error::InvalidSetting {
+                name: "buffer offset",
+                value: self.offset.to_string(),
+                range,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl<'a> From<&'a wgpu::Buffer> for BufferRange<'a> {
+    fn from(buffer: &'a wgpu::Buffer) -> Self {
+        Self::new(buffer, 0)
+    }
+}
+
+impl<'a> From<wgpu::BufferSlice<'a>> for BufferRange<'a> {
+    fn from(slice: wgpu::BufferSlice<'a>) -> Self {
+        Self { buffer: slice.buffer(), offset: slice.offset(), size: slice.size() }
+    }
+}
+
 /// Spheres that are on the GPU already.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct GpuSpheres<'a> {
     /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
-    pub(in crate::gpu) spheres: &'a wgpu::Buffer,
+    pub(in crate::gpu) spheres: BufferRange<'a>,
     /// The number of spheres.
     pub(in crate::gpu) count: SphereCount<'a>,
     /// A `u32` species id per sphere, where the settings have interactions; `STORAGE` usage.
-    pub(in crate::gpu) species: Option<&'a wgpu::Buffer>,
+    pub(in crate::gpu) species: Option<BufferRange<'a>>,
     /// Only pairs whose smaller index lies in here are counted and written.
     pub(in crate::gpu) window: Range<u32>,
     /// The number of spheres of the first of two sets, before those of the second; 0 for one set.
@@ -44,14 +97,15 @@ pub struct GpuSpheres<'a> {
 }
 
 impl<'a> GpuSpheres<'a> {
-    /// The first `count` spheres of a buffer, a number or a [`SphereCount`]: all their pairs, for any species.
-    pub fn new(spheres: &'a wgpu::Buffer, count: impl Into<SphereCount<'a>>) -> Self {
-        Self { spheres, count: count.into(), species: None, window: Self::ALL, split: 0 }
+    /// The first `count` spheres of a buffer or a range of it; `count` is a number or a [`SphereCount`]. Asks for all their
+    /// pairs, for any species.
+    pub fn new(spheres: impl Into<BufferRange<'a>>, count: impl Into<SphereCount<'a>>) -> Self {
+        Self { spheres: spheres.into(), count: count.into(), species: None, window: Self::ALL, split: 0 }
     }
 
     /// Adds a `u32` species id per sphere, needed if the settings have interactions; `STORAGE` usage.
-    pub fn with_species(self, species: &'a wgpu::Buffer) -> Self {
-        Self { species: Some(species), ..self }
+    pub fn with_species(self, species: impl Into<BufferRange<'a>>) -> Self {
+        Self { species: Some(species.into()), ..self }
     }
 
     /// Asks for pairs whose smaller index is in `window` only, so that a result larger than the output can be taken in
@@ -72,37 +126,34 @@ impl<'a> GpuSpheres<'a> {
     /// The window that every pair is in.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
-    /// Refuses buffers that are too short or cannot be bound, and species if there is no table, or none if there is.
-    /// Returns how many spheres there may be.
-    pub(in crate::gpu) fn check(&self, has_table: bool) -> Result<u32, Error> {
+    /// Rejects ranges that are too short or cannot be bound, and species without a table, or a table without species.
+    /// Returns the largest number of spheres.
+    pub(in crate::gpu) fn check(&self, has_table: bool, device: &wgpu::Device) -> Result<u32, Error> {
+        let alignment = device.limits().min_storage_buffer_offset_alignment;
         let spheres = match self.count {
             SphereCount::Host(count) => count,
             SphereCount::Buffer { buffer, at_most } => {
-                check_buffer("count", buffer, 4)?;
+                BufferRange::from(buffer).check("count", 4, alignment)?;
                 at_most
             }
         };
-        check_buffer("spheres", self.spheres, u64::from(spheres.max(1)) * 16)?;
+        self.spheres.check("spheres", 16 * u64::from(spheres.max(1)), alignment)?;
         if let Some(species) = self.species {
-            check_buffer("species", species, u64::from(spheres.max(1)) * 4)?;
+            species.check("species", 4 * u64::from(spheres.max(1)), alignment)?;
         }
         match self.species.is_some() == has_table {
             true => Ok(spheres),
             false => Err(Error::SpeciesBuffer),
         }
     }
-}
 
-/// Refuses a buffer that is too short or cannot be bound.
-pub(in crate::gpu) fn check_buffer(
-    what: &'static str,
-    buffer: &wgpu::Buffer,
-    needed: u64,
-) -> Result<(), Error> {
-    let storage = buffer.usage().contains(wgpu::BufferUsages::STORAGE);
-    if buffer.size() < needed || !storage {
-        let usage = if storage { "" } else { ", with STORAGE usage" };
-        return Err(Error::Buffer { what, size: buffer.size(), needed, usage });
+    /// Returns the bindings of spheres, species and count in a call of up to `spheres` spheres.
+    pub(super) fn bound(&self, spheres: u32) -> (BoundBuffer, Option<BoundBuffer>, Option<BoundBuffer>) {
+        let spheres = u64::from(spheres.max(1));
+        let count = match self.count {
+            SphereCount::Host(_) => None,
+            SphereCount::Buffer { buffer, .. } => Some(BufferRange::from(buffer).bound(4)),
+        };
+        (self.spheres.bound(16 * spheres), self.species.map(|species| species.bound(4 * spheres)), count)
     }
-    Ok(())
 }

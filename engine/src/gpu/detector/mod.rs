@@ -13,7 +13,7 @@ use lazygrid_kernels::{Algorithm, Space};
 
 pub(crate) use capacity::CapacitySnapshot;
 use capacity::EntryCapacity;
-pub use input::{GpuSpheres, SphereCount};
+pub use input::{BufferRange, GpuSpheres, SphereCount};
 pub use output::{CellOrder, GpuOutput, read_outcome};
 use prepared::{Key, Prepared};
 pub use skin_detector::GpuSkinDetector;
@@ -292,7 +292,7 @@ impl GpuDetector {
         choice: AlgorithmChoice,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuOutput, Error> {
-        let spheres = input.check(self.tables.is_some())?;
+        let spheres = input.check(self.tables.is_some(), &self.device)?;
         let mut prepared = self.prepare(spheres, choice)?;
         let bound = self.bind_prepared(&mut prepared, choice, input);
         let output = self.prepared.insert(prepared).output();

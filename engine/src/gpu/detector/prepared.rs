@@ -5,12 +5,12 @@ use std::collections::{BTreeSet, HashMap};
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::layout::SearchParams;
 
-use super::input::{GpuSpheres, SphereCount};
+use super::input::GpuSpheres;
 use super::output::{CellOrder, GpuOutput};
 use super::tables::Tables;
 use crate::Error;
 use crate::gpu::device::{Pipelines, constant_buffer};
-use crate::gpu::encode::{Buffers, Recording, SmallCache};
+use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Dispatch, Plan, Resource};
 
 /// Everything that depends on the size of a call.
@@ -24,19 +24,16 @@ pub(super) struct Prepared {
 /// The buffers and sizes that a recording is valid for.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Key {
-    pub(crate) spheres: wgpu::Buffer,
-    pub(crate) species: Option<wgpu::Buffer>,
-    pub(crate) count: Option<wgpu::Buffer>,
+    pub(crate) spheres: BoundBuffer,
+    pub(crate) species: Option<BoundBuffer>,
+    pub(crate) count: Option<BoundBuffer>,
     pub(crate) call: SearchParams,
 }
 
 impl Key {
     pub(crate) fn of(input: &GpuSpheres<'_>, call: SearchParams) -> Self {
-        let count = match input.count {
-            SphereCount::Host(_) => None,
-            SphereCount::Buffer { buffer, .. } => Some(buffer.clone()),
-        };
-        Self { spheres: input.spheres.clone(), species: input.species.cloned(), count, call }
+        let (spheres, species, count) = input.bound(call.spheres);
+        Self { spheres, species, count, call }
     }
 }
 
@@ -70,17 +67,16 @@ impl Prepared {
             let call_plan = plan.call_plan(&constants, pipelines.variant(), &DeviceLimits::of(device));
             let bound = call_plan.buffers.iter().map(|buffer| {
                 Ok(match (buffer.resource, tables, &key.species, &key.count) {
-                    (Resource::Own(id), ..) => buffers.get(id).clone(),
+                    (Resource::Own(id), ..) => buffers.get(id).into(),
                     (Resource::Spheres, ..) => key.spheres.clone(),
                     (Resource::Species, _, Some(species), _) => species.clone(),
                     (Resource::Count, _, _, Some(count)) => count.clone(),
-                    (Resource::Reach, Some(tables), ..) => tables.reach.clone(),
-                    (Resource::Table, Some(tables), ..) => tables.table.clone(),
-                    _ => constant_buffer(device, "a constant of a call", buffer.constant())?,
+                    (Resource::Reach, Some(tables), ..) => (&tables.reach).into(),
+                    (Resource::Table, Some(tables), ..) => (&tables.table).into(),
+                    _ => (&constant_buffer(device, "a constant of a call", buffer.constant())?).into(),
                 })
             });
-            let bound = bound.collect::<Result<Vec<_>, Error>>()?;
-            let bound: Vec<_> = bound.iter().collect();
+            let bound = bound.collect::<Result<Vec<BoundBuffer>, Error>>()?;
             Recording::from_sequence(device, pipelines, &call_plan.sequence, &bound)
         })
     }

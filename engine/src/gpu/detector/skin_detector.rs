@@ -21,7 +21,7 @@ use crate::gpu::Outcome;
 use crate::gpu::SkinState;
 use crate::gpu::config::{GpuConfig, check};
 use crate::gpu::device::{Pipelines, constant_buffer};
-use crate::gpu::encode::{Buffers, Recording, SmallCache};
+use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, skin};
 
 /// The usable fraction of half the skin: below 1 by more than rounding can hide.
@@ -202,7 +202,7 @@ impl GpuSkinDetector {
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuOutput, Error> {
-        let spheres = input.check(self.tables.is_some())?;
+        let spheres = input.check(self.tables.is_some(), &self.device)?;
         let pairs = self.settings.pair_capacity;
         let (parts, _) = skin::candidate_parts(self.search.pair_capacity(), self.search.budget());
         let has_room = |had: &Resident| had.capacities[0] >= spheres && had.capacities[1..] == [pairs, parts];
@@ -213,9 +213,9 @@ impl GpuSkinDetector {
         let Resident { buffers, candidates, .. } = &mut resident;
         // Candidates serve any window, and one set or two.
         let kept = GpuSpheres {
-            spheres: buffers.get(BufferId::ReferenceSpheres),
+            spheres: buffers.get(BufferId::ReferenceSpheres).into(),
             count: input.count,
-            species: buffers.find(BufferId::ReferenceSpecies),
+            species: buffers.find(BufferId::ReferenceSpecies).map(Into::into),
             window: GpuSpheres::ALL,
             split: 0,
         };
@@ -267,28 +267,30 @@ impl GpuSkinDetector {
             let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;
             let full = constant_buffer(&self.device, "workgroups", bytemuck::cast_slice(groups))?;
             let counts = Buffers::allocate(&self.device, &[(BufferId::DispatchCounts, full.size())])?;
-            let own = |id| buffers.get(id);
-            let resolve = |dispatch: &Dispatch, binding: &str| match (binding, &self.tables, &key.species) {
-                ("skin", ..) => &skin,
-                ("count_source", ..) => key.count.as_ref().unwrap_or(&params[&0]),
-                ("spheres", ..) => &key.spheres,
-                ("species", _, Some(species)) => species,
-                ("table", Some(tables), _) => &tables.table,
-                ("reference", ..) => own(BufferId::ReferenceSpheres),
-                ("reference_species", Some(_), _) => own(BufferId::ReferenceSpecies),
-                ("state", ..) => state.get(BufferId::SkinState),
-                ("full_counts", ..) => &full,
-                ("dispatch_counts", ..) => counts.get(BufferId::DispatchCounts),
-                // The indirect arguments of the search if it has any; else a buffer that nothing reads.
-                ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => {
-                    search.and_then(Recording::indirect_args).unwrap_or(own(BufferId::DispatchArgs))
+            let own = |id| BoundBuffer::from(buffers.get(id));
+            let resolve = |dispatch: &Dispatch, binding: &str| -> BoundBuffer {
+                match (binding, &self.tables, &key.species) {
+                    ("skin", ..) => (&skin).into(),
+                    ("count_source", ..) => key.count.clone().unwrap_or_else(|| (&params[&0]).into()),
+                    ("spheres", ..) => key.spheres.clone(),
+                    ("species", _, Some(species)) => species.clone(),
+                    ("table", Some(tables), _) => (&tables.table).into(),
+                    ("reference", ..) => own(BufferId::ReferenceSpheres),
+                    ("reference_species", Some(_), _) => own(BufferId::ReferenceSpecies),
+                    ("state", ..) => state.get(BufferId::SkinState).into(),
+                    ("full_counts", ..) => (&full).into(),
+                    ("dispatch_counts", ..) => counts.get(BufferId::DispatchCounts).into(),
+                    // The indirect arguments of the search if it has any; else a buffer that nothing reads.
+                    ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => search
+                        .and_then(Recording::indirect_args)
+                        .map_or_else(|| own(BufferId::DispatchArgs), BoundBuffer::from),
+                    ("dispatch", ..) => own(BufferId::DispatchArgs),
+                    ("candidates", ..) => (&found.pairs).into(),
+                    ("found", ..) => (&found.outcome).into(),
+                    ("outcome", ..) => own(BufferId::Outcome),
+                    ("pairs", ..) => own(BufferId::Pairs),
+                    _ => (&params[&dispatch.first_group]).into(),
                 }
-                ("dispatch", ..) => own(BufferId::DispatchArgs),
-                ("candidates", ..) => &found.pairs,
-                ("found", ..) => &found.outcome,
-                ("outcome", ..) => own(BufferId::Outcome),
-                ("pairs", ..) => own(BufferId::Pairs),
-                _ => &params[&dispatch.first_group],
             };
             let periodic = self.settings.space.is_periodic();
             let variant = Variant { species: self.tables.is_some(), periodic, ..self.pipelines.variant() };

@@ -2,6 +2,7 @@ use std::collections::HashMap;
 
 use lazygrid_kernels::kernel::Variant;
 
+use super::bound_buffer::BoundBuffer;
 use crate::Error;
 use crate::gpu::device::{Pipelines, with_error_scope};
 use crate::gpu::plan::{
@@ -69,15 +70,16 @@ enum WorkgroupCount {
 
 impl Recording {
     /// Binds the buffers that `resolve` returns for each binding of each dispatch.
-    pub(crate) fn new<'a>(
+    pub(crate) fn new<B: Into<BoundBuffer> + PartialEq>(
         device: &wgpu::Device,
         pipelines: &Pipelines,
         variant: Variant,
         dispatches: impl IntoIterator<Item = Dispatch>,
-        resolve: impl Fn(&Dispatch, &str) -> &'a wgpu::Buffer,
+        resolve: impl Fn(&Dispatch, &str) -> B,
     ) -> Result<Self, Error> {
         let limits = DeviceLimits::of(device);
         let (sequence, buffers) = DispatchSequence::resolved(dispatches, variant, &limits, resolve);
+        let buffers: Vec<BoundBuffer> = buffers.into_iter().map(B::into).collect();
         Self::from_sequence(device, pipelines, &sequence, &buffers)
     }
 
@@ -86,7 +88,7 @@ impl Recording {
         device: &wgpu::Device,
         pipelines: &Pipelines,
         sequence: &DispatchSequence,
-        buffers: &[&wgpu::Buffer],
+        buffers: &[BoundBuffer],
     ) -> Result<Self, Error> {
         let mut dispatches = Vec::with_capacity(sequence.dispatches.len());
         for dispatch in &sequence.dispatches {
@@ -96,7 +98,7 @@ impl Recording {
                 .zip(&dispatch.buffers)
                 .map(|(binding, &buffer)| wgpu::BindGroupEntry {
                     binding,
-                    resource: buffers[buffer].as_entire_binding(),
+                    resource: buffers[buffer].binding(),
                 })
                 .collect();
             let bindings = with_error_scope(device, kernel.name, 0, || {
@@ -109,7 +111,7 @@ impl Recording {
             let groups = match dispatch.workgroups {
                 Workgroups::Fixed(groups) => WorkgroupCount::Fixed(groups),
                 Workgroups::Indirect { buffer, offset } => {
-                    WorkgroupCount::Indirect(buffers[buffer].clone(), offset)
+                    WorkgroupCount::Indirect(buffers[buffer].buffer.clone(), offset)
                 }
             };
             let pipeline = compiled.pipeline;

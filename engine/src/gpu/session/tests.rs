@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
 
 use super::*;
-use crate::gpu::detector::GpuSkinDetector;
+use crate::gpu::detector::{BufferRange, GpuSkinDetector};
 use crate::gpu::device::device_or_skip;
 
 /// A cloud, and a crowd in which each sphere overlaps the next two.
@@ -187,4 +187,53 @@ fn first_answer_above_the_staged_pairs_is_copied_not_searched_again() {
     assert_eq!(session.finish(first, u64::MAX).map(<[Pair]>::len), Ok(6105));
     assert_eq!((session.submissions().searches, session.submissions().copies), (2, 0));
     assert_eq!(session.finish(second, u64::MAX).map(<[Pair]>::len), Ok(6105));
+}
+
+#[test]
+fn ranges_of_a_pooled_buffer_above_the_binding_limit_are_searched() {
+    let Some(gpu) = device_or_skip() else { return };
+    let limits = gpu.device.limits();
+    let (offset, size) = (1 << 20, limits.max_storage_buffer_binding_size + (2 << 20));
+    if size > limits.max_buffer_size.min(1 << 30) {
+        return;
+    }
+    let spheres = spheres();
+    let pool = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("pool"),
+        size,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    gpu.queue.write_buffer(&pool, offset, bytemuck::cast_slice(&spheres));
+    let mut session = GpuSession::new(gpu.clone(), GpuConfig::default()).expect("made");
+    let expected = finish(&mut session, &spheres);
+    let count = spheres.len() as u32;
+    for &algorithm in Algorithm::GPU {
+        let settings = GpuConfig::default().algorithm(algorithm);
+        let mut detector = GpuDetector::new(&gpu.device, settings.clone()).expect("made");
+        let (_, found) =
+            encode(&gpu, &mut detector, &GpuSpheres::new(BufferRange::new(&pool, offset), count));
+        assert_eq!(found, expected, "{algorithm}");
+        // A later range of the same buffer is another input.
+        let slice = pool.slice(offset + 16 * 256..);
+        let (_, found) = encode(&gpu, &mut detector, &GpuSpheres::new(slice, count - 256));
+        let later = expected.iter().filter(|pair| pair.i >= 256);
+        let later: Vec<Pair> = later.map(|pair| Pair { i: pair.i - 256, j: pair.j - 256 }).collect();
+        assert_eq!(found, later, "{algorithm}");
+        if algorithm != Algorithm::CellList {
+            continue;
+        }
+        let mut skin = GpuSkinDetector::new(&gpu.device, settings, 0.1).expect("made");
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let input = GpuSpheres::new(BufferRange::new(&pool, offset), count);
+        let output = skin.encode(&mut encoder, &input).expect("recorded");
+        let outcome = crate::gpu::read_outcome(&read(&gpu, encoder, &output.outcome)).expect("an outcome");
+        assert_eq!((outcome.found(), outcome.overflow), (expected.len() as u64, 0), "{algorithm}");
+    }
+    let mut detector = GpuDetector::new(&gpu.device, GpuConfig::default()).expect("made");
+    let refused = |detector: &mut GpuDetector, range: BufferRange<'_>| {
+        detector.bind(&GpuSpheres::new(range, count)).expect_err("refused").to_string()
+    };
+    assert!(refused(&mut detector, BufferRange::new(&pool, 4)).contains("buffer offset"));
+    assert!(refused(&mut detector, pool.slice(offset..offset + 160).into()).contains("160"));
 }

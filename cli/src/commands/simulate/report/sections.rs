@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::ops::Range;
 
-use lazygrid_report::plot::{Axes, Mark, Series, lines};
+use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 use lazygrid_results::bit_errors::BitErrors;
 use lazygrid_results::channel::{Channels, spaced};
@@ -288,9 +288,9 @@ fn plot(
     Ok(lines(&axes, series)?.map(|svg| Plot { name: name.to_owned(), caption: String::new(), svg }))
 }
 
-fn mark(x: f64, mean: f64, error: Option<f64>) -> Mark {
+fn mark(x: f64, mean: f64, error: Option<f64>) -> PlotPoint {
     let error = error.unwrap_or(0.0);
-    Mark::new(x, mean, (mean - error, mean + error))
+    PlotPoint::new(x, mean, (mean - error, mean + error))
 }
 
 fn title(way: Link, model: &Model) -> String {

@@ -26,12 +26,11 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * <p>Searches take a {@link Query}: one set of spheres or two, with or without exclusions. For one set the spheres
  * themselves do.
  *
- * <p>Buffers that come out of a search lie in the detector's memory. They must not be used after the next search with
- * it, nor after it is closed: what is read then is anything, or ends the process. {@link #pairsAsArray} has no such
- * rule.
+ * <p>Result buffers are in the detector's memory. Do not use them after the next search or after {@link #close}: reads
+ * then return arbitrary values or crash the process. {@link #pairsAsArray} returns a copy.
  *
  * <p>Any thread may call, one at a time: a second one, and a consumer that calls back, get
- * {@link Status#BUSY}. A detector that is not closed keeps its memory until the process ends.
+ * {@link Status#BUSY}. A detector keeps its memory until it is closed.
  */
 public final class Detector implements AutoCloseable {
     /** Where results stand in {@link #places}: two addresses or numbers, or a {@code lazygrid_list}. */
@@ -141,7 +140,7 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * How many pairs there are. Needs no memory for them, so that any number can be counted.
+     * Counts the pairs. The memory does not depend on their number.
      *
      * @param query which spheres, where they are now
      * @return the number
@@ -160,7 +159,7 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * How many pairs there are among one set.
+     * Counts the pairs among one set.
      *
      * @param spheres where they are now
      * @return the number
@@ -202,9 +201,9 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The neighbor list with all periodic images within reach, also in a box that is smaller than the reach, where a
-     * sphere may be the neighbor of its own images. It is computed in double precision. Excluded pairs and spheres of
-     * one group are left out with all their images. Valid until the next search.
+     * The neighbor list with all periodic images within the cutoff, also in a box that is smaller than the cutoff, where a
+     * sphere may neighbor its own images. It is computed in double precision. Exclusions and groups apply to
+     * all images. Valid until the next search.
      *
      * @param query which spheres, where they are now
      * @param options what is wanted; an empty set: the pairs of a full list
@@ -245,18 +244,18 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Hands the pairs over in chunks; memory stays bounded for any number of pairs.
+     * Passes the pairs to a consumer in chunks; memory stays bounded for any number of pairs.
      *
      * @param query which spheres, where they are now
      * @param chunk the most pairs of a chunk, at least 1
      * @param consumer takes them
-     * @return how many were handed over
-     * @throws LazygridException as {@link #count(Query)}; and whatever the consumer throws
+     * @return the number of delivered pairs
+     * @throws LazygridException as {@link #count(Query)}; and the exceptions of the consumer
      */
     public long stream(Query query, int chunk, PairConsumer consumer) {
         enter(query);
         try {
-            // Written by whichever thread of the library, read when all have ended.
+            // A thread of the library writes it; it is read after all have ended.
             Throwable[] thrown = new Throwable[1];
             int status = NativeApi.stream(detector, question, chunk, (pairs, count) -> {
                 try {
@@ -278,21 +277,21 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Hands the pairs among one set over in chunks.
+     * Passes the pairs among one set to a consumer in chunks.
      *
      * @param spheres where they are now
      * @param chunk the most pairs of a chunk, at least 1
      * @param consumer takes them
-     * @return how many were handed over
-     * @throws LazygridException as {@link #stream(Query, int, PairConsumer)}; and whatever the consumer throws
+     * @return the number of delivered pairs
+     * @throws LazygridException as {@link #stream(Query, int, PairConsumer)}; and the exceptions of the consumer
      */
     public long stream(Spheres spheres, int chunk, PairConsumer consumer) {
         return stream(Query.of(spheres), chunk, consumer);
     }
 
     /**
-     * What the last search did and why, as JSON: "spheres", "pairs", "backend", "adapter", "algorithm", "reason",
-     * "gpu", "candidates" (null where it searched without any), and "phases", seconds by name.
+     * Returns the report of the last search as JSON: "spheres", "pairs", "backend", "adapter", "algorithm", "reason",
+     * "gpu", "candidates" (null without a candidate list), and "phases", seconds by name.
      *
      * @return one JSON object
      */
@@ -307,7 +306,7 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * An estimate of the bytes that the detector holds for so many spheres, besides the result.
+     * Estimates the bytes that the detector needs for a number of spheres, besides the result.
      *
      * @param spheres how many
      * @return bytes; -1 where a GPU cannot hold them
@@ -323,7 +322,7 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Frees the detector and all that it handed out. A second time it does nothing.
+     * Frees the detector and its buffers. A second call does nothing.
      *
      * @throws LazygridException {@link Status#BUSY} while a search runs
      */
@@ -361,9 +360,9 @@ public final class Detector implements AutoCloseable {
         return new LazygridException(Status.BUSY, "the detector is in use, or a consumer searches");
     }
 
-    /** Throws what a status means; {@code detector} is 0 where there is none. */
+    /** Throws the exception of a status; {@code detector} is 0 without a detector. */
     static void check(int status, long detector) {
-        // What is busy has no message of its own.
+        // BUSY has no message.
         if (status == Status.BUSY.ordinal()) throw busy();
         if (status != 0) throw new LazygridException(Status.of(status), NativeApi.lastError(detector));
     }

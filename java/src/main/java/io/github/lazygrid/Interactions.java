@@ -3,7 +3,7 @@ package io.github.lazygrid;
 import java.util.ArrayList;
 import java.util.List;
 
-/** A table: for any two species, what makes them a pair. It is checked when a detector is made with it. */
+/** A symmetric table: for any two species, the condition for a pair. The constructor of a detector checks it. */
 public final class Interactions {
     /** One call of {@link #set}. */
     record Entry(int a, int b, Interaction interaction) {}
@@ -15,7 +15,7 @@ public final class Interactions {
     /**
      * A table in which every two species have the same interaction.
      *
-     * @param species how many there are, with ids from 0 on; at most 4096
+     * @param species the number of species, at most 4096; ids start at 0
      * @param all the interaction of all
      */
     public Interactions(int species, Interaction all) {
@@ -28,7 +28,7 @@ public final class Interactions {
      *
      * @param a one species
      * @param b the other, or the same
-     * @param interaction what makes them a pair
+     * @param interaction the condition for a pair
      * @return this table
      */
     public Interactions set(int a, int b, Interaction interaction) {

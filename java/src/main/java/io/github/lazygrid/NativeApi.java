@@ -10,16 +10,16 @@ import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 
 /**
- * The functions of {@code lazygrid.h}, called through JNA. From Java 22 on another class of this name takes its place,
- * which calls them through {@code java.lang.foreign}. Pointers are numbers, which on 64-bit machines are passed alike.
+ * The functions of {@code lazygrid.h}, called through JNA. Java 22 and later use another class of this name, which calls
+ * them through {@code java.lang.foreign}. Pointers are numbers, which 64-bit machines pass in the same way.
  */
 final class NativeApi {
-    /** What takes chunks of a stream: the address of pairs and their number; returns 0 to go on. It throws nothing. */
+    /** Receives the address and the number of pairs; returns 0 to continue. Must not throw. */
     interface Consumer {
         int take(long pairs, long count);
     }
 
-    /** The same as C calls it. */
+    /** The callback in C. */
     interface PairCallback extends Callback {
         int take(Pointer context, Pointer pairs, long count);
     }
@@ -85,7 +85,7 @@ final class NativeApi {
         ensureJna();
     }
 
-    /** Says what to do where JNA is missing, which would else show as a class that is not found. */
+    /** Names the remedy if JNA is missing; without this, the error would be a class that is not found. */
     private static void ensureJna() {
         try {
             Class.forName("com.sun.jna.Native");

@@ -12,7 +12,7 @@ public record Skin(Kind kind, double distance) {
     public enum Kind {
         /** Candidates where that is expected to take less time. */
         AUTO,
-        /** Every search begins anew. */
+        /** Every search starts from scratch. */
         OFF,
         /** Candidates up to a given distance. */
         FIXED
@@ -21,7 +21,7 @@ public record Skin(Kind kind, double distance) {
     /** Candidates where spheres move so little that it is expected to take less time; by the spheres, not by a clock. */
     public static final Skin AUTO = new Skin(Kind.AUTO, 0);
 
-    /** Every search begins anew. */
+    /** Every search starts from scratch. */
     public static final Skin OFF = new Skin(Kind.OFF, 0);
 
     /**

@@ -12,15 +12,15 @@ import java.util.ArrayList;
 import java.util.List;
 
 /**
- * Spheres in direct buffers of the caller, which each search reads, in single or double precision. No number is rounded.
- * Made once, they serve every step of a simulation that writes to the same buffers. What counts is what lies between
- * position and limit when they are made.
+ * Spheres in direct buffers of the caller, in single or double precision, which each search reads. No number is rounded.
+ * They serve every step of a simulation that writes to the same buffers. The values between position and limit at
+ * construction count.
  *
- * <p>Lengths are in one unit, the caller's. A radius of 0 is a point. Rows and columns of floats are searched where they
- * are; other spheres are copied by the search.
+ * <p>Lengths are in one unit, the caller's. A radius of 0 is a point. Searches read rows and columns of floats in
+ * place and copy other layouts.
  */
 public final class Spheres {
-    /** The group of spheres that are in none. */
+    /** The group number of spheres without a group. */
     public static final int NO_GROUP = -1;
 
     /** Size of {@code lazygrid_spheres} on 64-bit machines. */
@@ -177,7 +177,7 @@ public final class Spheres {
         return new Spheres(centers.remaining() / 3, precision, xyzr, 3, 0, List.of(centers, radius));
     }
 
-    /** A view of its own of a buffer with so many values for each sphere. */
+    /** A duplicate of a buffer with {@code each} values per sphere. */
     private static Buffer interleaved(Buffer given, String name, int each) {
         check(given, name);
         if (given.remaining() % each != 0) {

@@ -1,35 +1,35 @@
 package io.github.lazygrid;
 
-/** What became of a call of the library. The order is that of {@code lazygrid.h}. */
+/** The status of a call of the library, in the order of {@code lazygrid.h}. */
 public enum Status {
-    /** The call did what was asked. */
+    /** The call succeeded. */
     OK,
-    /** An argument is wrong by itself. */
+    /** An argument is invalid. */
     ARGUMENT,
-    /** An input is refused: not finite, a negative radius, an unknown species, a length or distance that is none. */
+    /** Invalid input: not finite, a negative radius, an unknown species, an invalid length or distance. */
     INPUT,
-    /** A setting is out of range, or two do not go together. */
+    /** A setting is out of range, or two settings contradict each other. */
     SETTING,
     /** A list would hold more pairs than {@link Settings#maxPairs(long)}. */
     TOO_MANY_PAIRS,
-    /** The system or the GPU refused memory. */
+    /** The system or the GPU is out of memory. */
     OUT_OF_MEMORY,
-    /** The system refused threads. */
+    /** The system cannot start threads. */
     THREADS,
-    /** A GPU was asked for and cannot be used. */
+    /** The settings require a GPU, and none can be used. */
     GPU_UNAVAILABLE,
-    /** Something does not fit the GPU, or a Java buffer. */
+    /** The input or the result exceeds a limit of the GPU or of a Java buffer. */
     DEVICE_LIMIT,
-    /** The GPU was lost or refused a call; make another detector. */
+    /** The GPU was lost or rejected a call; create a new detector. */
     DEVICE_LOST,
     /** The GPU did not finish in time. */
     TIMEOUT,
     /** The detector is in use by another thread, or a consumer of pairs searches. */
     BUSY,
-    /** A fault of the library; close the detector. */
+    /** A bug in the library; close the detector. */
     INTERNAL;
 
-    /** The status with that number; one that this version does not know is a fault. */
+    /** The status with this number; {@link #INTERNAL} for an unknown one. */
     static Status of(int number) {
         Status[] all = values();
         return number >= 0 && number < all.length ? all[number] : INTERNAL;

@@ -18,11 +18,11 @@ import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 
 /**
- * The functions of {@code lazygrid.h}, called through {@code java.lang.foreign}: what Java 22 and later take in place
- * of the class of this name that calls through JNA. Pointers are numbers, which on 64-bit machines are passed alike.
+ * The functions of {@code lazygrid.h}, called through {@code java.lang.foreign}. Java 22 and later use this class instead
+ * of the one that calls through JNA. Pointers are numbers, which 64-bit machines pass in the same way.
  */
 final class NativeApi {
-    /** What takes chunks of a stream: the address of pairs and their number; returns 0 to go on. It throws nothing. */
+    /** Receives the address and the number of pairs; returns 0 to continue. Must not throw. */
     interface Consumer {
         int take(long pairs, long count);
     }
@@ -60,7 +60,7 @@ final class NativeApi {
     private static final MethodHandle MEMORY_FOR =
         function("memory_for", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
 
-    /** What C calls for a chunk: context, pairs and their number. */
+    /** The callback for a chunk: context, pairs and their number. */
     private static final FunctionDescriptor PAIR_CALLBACK =
         FunctionDescriptor.of(JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle TAKE;
@@ -93,7 +93,7 @@ final class NativeApi {
         return consumer.take(pairs, count);
     }
 
-    /** The address of what lies at the position of a direct buffer, whatever the {@code size} of its values. */
+    /** The address of the value at the position of a direct buffer; {@code size} is unused. */
     static long address(Buffer buffer, int size) {
         return MemorySegment.ofBuffer(buffer).address();
     }

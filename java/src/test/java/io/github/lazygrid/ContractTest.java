@@ -19,7 +19,7 @@ import java.util.regex.Matcher;
 import java.util.regex.Pattern;
 
 /**
- * What the documentation promises, on whichever callMethod this Java calls the library. Arguments: that callMethod, {@code JNA} or
+ * What the documentation promises, by the technique with which this Java calls the library. Arguments: that technique, {@code JNA} or
  * {@code java.lang.foreign}, and the path of {@code lazygrid.h}. Ends with 0 and "N passed, 0 failed".
  */
 public final class ContractTest {

@@ -129,7 +129,7 @@ final class Precisions {
                 check(Arrays.equals(detector.pairsAsArray(query), expected), "across, " + algorithm);
                 check(detector.count(query) == expected.length / 2, "count across, " + algorithm);
                 check(detector.neighbors(query).indices().remaining() == expected.length / 2, "lists, " + algorithm);
-                // Each touches itself and its neighbors, whichever precision the sets have.
+                // Each touches itself and its neighbors, in any precision of the sets.
                 Query mixed = Query.across(Spheres.rows(floats), Spheres.rows(doubles(floats)));
                 check(detector.count(mixed) == 148, "both precisions, " + algorithm);
             }

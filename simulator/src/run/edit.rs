@@ -1,0 +1,315 @@
+//! Changes of a run between two steps by the program that drives it: particles that appear, disappear or are emitted.
+//!
+//! New particles take the next free ids, as those of transmitters do. Their random numbers depend on their ids, so a run
+//! still depends only on the model, the seed and the changes.
+
+use std::ops::Range;
+
+use crate::model::Model;
+use crate::model::particles::{Particle, Particles};
+use crate::random::philox::{Key, Purpose};
+use crate::release::origins::Origin;
+use crate::{AnySimulation, Error, Simulation, State};
+
+impl State {
+    /// Adds particles of one species at these positions, in µm, with the velocities of released particles. Positions
+    /// outside the boundary are wrapped or reflected into it. Returns the ids.
+    ///
+    /// # Errors
+    /// [`Error::Model`] for an unknown species or a position that is not finite; [`Error::OutOfIds`];
+    /// [`Error::OutOfMemory`]. Then nothing changes.
+    pub(crate) fn add(
+        &mut self,
+        model: &Model,
+        key: Key,
+        species: u32,
+        positions: &[[f32; 3]],
+    ) -> Result<Range<u32>, Error> {
+        let kind = known(model, species)?;
+        if let Some(at) = positions.iter().position(|position| position.iter().any(|x| !x.is_finite())) {
+            let position = positions[at];
+            return Err(Error::Model(format!("position {at} is {position:?}; it must be finite")));
+        }
+        let ids = self.take_ids(positions.len() as u64)?;
+        self.particles.reserve(positions.len() as u64, model.has_velocity())?;
+        let domain = model.boundary.inset(kind.radius);
+        for (id, &position) in ids.clone().zip(positions) {
+            let velocity = kind.own_velocity(key.draw(id, 0, 0, Purpose::Velocity));
+            let position = domain.confine(position);
+            let particle = Particle { position, velocity, radius: kind.radius, species, id };
+            self.particles.push(particle, model.has_velocity());
+        }
+        self.next_id = ids.end;
+        self.totals.released[species as usize] += positions.len() as u64;
+        self.totals.present[species as usize] += positions.len() as u64;
+        if model.logs_arrivals {
+            self.origins.enter(ids.start, None);
+        }
+        Ok(ids)
+    }
+
+    /// Removes the particles with these ids, free or bound. Returns their number; unknown ids are ignored.
+    pub(crate) fn remove(&mut self, ids: &[u32]) -> usize {
+        let mut ids = ids.to_vec();
+        ids.sort_unstable();
+        let is_named = |id: u32| ids.binary_search(&id).is_ok();
+        let places = (0_u32..).zip(&self.particles.id).filter(|&(_, &id)| is_named(id));
+        let mut places: Vec<u32> = places.map(|(place, _)| place).collect();
+        for &place in &places {
+            self.totals.present[self.particles.species[place as usize] as usize] -= 1;
+        }
+        self.particles.remove(&mut places);
+        let before = self.bound.len();
+        let arrived = &mut self.totals.arrived;
+        self.bound.retain(|bound| {
+            let is_kept = !is_named(bound.id);
+            if !is_kept {
+                arrived[bound.receiver as usize][bound.species as usize] -= 1;
+            }
+            is_kept
+        });
+        places.len() + before - self.bound.len()
+    }
+
+    /// Releases `count` particles of a species from a transmitter, with its shape, besides those of its schedule. Returns
+    /// the ids.
+    ///
+    /// # Errors
+    /// [`Error::Model`] for an unknown transmitter or species; [`Error::OutOfIds`]; [`Error::OutOfMemory`]. Then nothing
+    /// changes.
+    pub(crate) fn emit(
+        &mut self,
+        model: &Model,
+        key: Key,
+        transmitter: u32,
+        (species, count): (u32, u32),
+    ) -> Result<Range<u32>, Error> {
+        let from = model.transmitters.get(transmitter as usize).ok_or_else(|| {
+            let known = model.transmitters.len();
+            Error::Model(format!("there is no transmitter {transmitter}; the model has {known}"))
+        })?;
+        known(model, species)?;
+        let ids = self.take_ids(count.into())?;
+        self.particles.reserve(count.into(), model.has_velocity())?;
+        let released = model.burst(from, species, ids.clone(), key);
+        self.next_id = ids.end;
+        self.totals.enter(&released);
+        self.particles.append(released.particles);
+        if model.logs_arrivals {
+            self.origins.enter(ids.start, Some(Origin { transmitter, step: self.step }));
+        }
+        Ok(ids)
+    }
+
+    /// The next `count` ids.
+    fn take_ids(&self, count: u64) -> Result<Range<u32>, Error> {
+        let released = u64::from(self.next_id) + count;
+        match released > lazygrid::MAX_SPHERES {
+            true => Err(Error::OutOfIds { released }),
+            false => Ok(self.next_id..released as u32),
+        }
+    }
+}
+
+/// The species with this index.
+fn known(model: &Model, species: u32) -> Result<&crate::Species, Error> {
+    model.species.get(species as usize).ok_or_else(|| {
+        let known = model.species.len();
+        Error::Model(format!("there is no species {species}; the model has {known}"))
+    })
+}
+
+impl Simulation {
+    /// Adds particles of one species at these positions, in µm, with the velocities of released particles. Positions
+    /// outside the boundary are wrapped or reflected into it. Returns the ids.
+    ///
+    /// # Errors
+    /// [`Error::Model`] for an unknown species or a position that is not finite; [`Error::OutOfIds`];
+    /// [`Error::OutOfMemory`]. Then nothing changes.
+    pub fn add(&mut self, species: u32, positions: &[[f32; 3]]) -> Result<Range<u32>, Error> {
+        self.state.add(&self.model, self.key, species, positions)
+    }
+
+    /// Removes the particles with these ids, free or bound. Returns their number; unknown ids are ignored.
+    pub fn remove(&mut self, ids: &[u32]) -> usize {
+        self.state.remove(ids)
+    }
+
+    /// Releases `count` particles of a species from the transmitter with this index, with its shape, besides those of its
+    /// schedule. Returns the ids.
+    ///
+    /// # Errors
+    /// [`Error::Model`] for an unknown transmitter or species; [`Error::OutOfIds`]; [`Error::OutOfMemory`]. Then nothing
+    /// changes.
+    pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
+        self.state.emit(&self.model, self.key, transmitter, (species, count))
+    }
+
+    /// Takes the particles and leaves a copy, so that a program can keep the columns while the run continues.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`]. Then nothing changes.
+    pub fn detach_particles(&mut self) -> Result<Particles, Error> {
+        let has_velocity = self.state.particles.has_velocity();
+        let mut copy = Particles::default();
+        copy.reserve(self.state.particles.len() as u64, has_velocity)?;
+        copy.append(self.state.particles.clone());
+        Ok(std::mem::replace(&mut self.state.particles, copy))
+    }
+}
+
+impl AnySimulation {
+    /// As [`Simulation::add`]. On a GPU the state is read back and uploaded again.
+    ///
+    /// # Errors
+    /// As [`Simulation::add`]; also [`Error::Detection`] if the GPU fails.
+    pub fn add(&mut self, species: u32, positions: &[[f32; 3]]) -> Result<Range<u32>, Error> {
+        self.edit(|state, model, key| state.add(model, key, species, positions))
+    }
+
+    /// As [`Simulation::remove`]. On a GPU the state is read back and uploaded again.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] if the GPU fails.
+    pub fn remove(&mut self, ids: &[u32]) -> Result<usize, Error> {
+        self.edit(|state, _, _| Ok(state.remove(ids)))
+    }
+
+    /// As [`Simulation::emit`]. On a GPU the state is read back and uploaded again.
+    ///
+    /// # Errors
+    /// As [`Simulation::emit`]; also [`Error::Detection`] if the GPU fails.
+    pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
+        self.edit(|state, model, key| state.emit(model, key, transmitter, (species, count)))
+    }
+
+    /// Changes the state between two steps.
+    fn edit<T>(
+        &mut self,
+        change: impl FnOnce(&mut State, &Model, Key) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        match self {
+            Self::Cpu(run) => change(&mut run.state, &run.model, run.key),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => {
+                let (mut state, model, seed) = (run.state()?, run.model().clone(), run.seed());
+                let changed = change(&mut state, &model, Key::new(seed))?;
+                *self = Self::begin(
+                    &model,
+                    seed,
+                    lazygrid::Backend::Gpu,
+                    lazygrid::Algorithm::Auto,
+                    Some(state),
+                )?;
+                Ok(changed)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Algorithm;
+
+    use super::*;
+    use crate::{Shape, Species, Transmitter};
+
+    fn simulation() -> Simulation {
+        let species = |name: &str, radius| Species {
+            name: name.into(),
+            diffusion: 10.0,
+            mass: 1.0,
+            radius,
+            ..Species::default()
+        };
+        let ball = Transmitter {
+            name: "ball".into(),
+            shape: Shape::Shell(0.0, 2.0),
+            release: vec![(0, 50)],
+            ..Transmitter::default()
+        };
+        let model = Model {
+            time_step: 0.001,
+            species: vec![species("a", 0.1), species("b", 0.2)],
+            transmitters: vec![ball],
+            logs_arrivals: true,
+            ..Model::default()
+        };
+        Simulation::new(model, 7, Algorithm::Auto).expect("a valid model")
+    }
+
+    #[test]
+    fn added_particles_take_the_next_ids_and_move_with_the_others() {
+        let mut run = simulation();
+        let ids = run.add(1, &[[1.0, 2.0, 3.0], [-1.0, 0.0, 0.0]]).expect("a known species");
+        assert_eq!(ids, 50..52);
+        assert_eq!(
+            (run.state.totals.present.clone(), run.state.totals.released.clone()),
+            (vec![50, 2], vec![50, 2])
+        );
+        let particles = &run.state.particles;
+        assert_eq!(
+            (particles.position_of(50), particles.radius[50], particles.id[51]),
+            ([1.0, 2.0, 3.0], 0.2, 51)
+        );
+        assert_eq!(run.state.origins.of(50), None);
+        run.step().expect("a step");
+        assert_ne!(run.state.particles.position_of(50), [1.0, 2.0, 3.0]);
+        let refused = run.add(2, &[[0.0; 3]]).expect_err("an unknown species").to_string();
+        assert_eq!(refused, "there is no species 2; the model has 2");
+        assert!(run.add(0, &[[0.0, f32::NAN, 0.0]]).is_err());
+        assert_eq!(run.state.particles.len(), 52);
+    }
+
+    #[test]
+    fn removed_particles_are_gone_from_totals_and_columns() {
+        let mut run = simulation();
+        run.add(1, &[[0.0; 3]]).expect("a known species");
+        assert_eq!(run.remove(&[50, 3, 3, 1000]), 2);
+        assert_eq!(run.state.totals.present, [49, 0]);
+        assert!(!run.state.particles.id.contains(&3) && !run.state.particles.id.contains(&50));
+        run.step().expect("a step");
+        assert_eq!(run.add(0, &[[0.0; 3]]).expect("a known species"), 51..52, "ids are never used twice");
+    }
+
+    #[test]
+    fn emitted_particles_have_the_shape_and_origin_of_their_transmitter() {
+        let mut run = simulation();
+        (0..3).for_each(|_| run.step().expect("a step"));
+        let ids = run.emit(0, 1, 1000).expect("a known transmitter");
+        assert_eq!(ids, 50..1050);
+        let origin = Some(Origin { transmitter: 0, step: 3 });
+        assert_eq!([50, 1049].map(|id| run.state.origins.of(id)), [origin; 2]);
+        let radius =
+            |at: usize| run.state.particles.position_of(at).map(|x| x * x).iter().sum::<f32>().sqrt();
+        let radii: Vec<f32> = (50..1050).map(radius).collect();
+        assert!(radii.iter().all(|&radius| radius <= 2.0));
+        // Uniform in the ball: half of its volume is within 2^(-1/3) of the radius; 1000 draws, four standard errors.
+        let inner = radii.iter().filter(|&&radius| radius < 2.0 * 0.5_f32.cbrt()).count();
+        assert!(inner.abs_diff(500) < 64, "{inner}");
+        assert!(run.emit(1, 0, 1).is_err() && run.emit(0, 2, 1).is_err());
+    }
+
+    #[test]
+    fn edited_runs_depend_on_seed_and_edits_only() {
+        let run = || {
+            let mut run = simulation();
+            run.step().expect("a step");
+            run.emit(0, 0, 20).expect("a known transmitter");
+            run.remove(&[0, 1]);
+            run.step().expect("a step");
+            run.state.clone()
+        };
+        assert_eq!(run(), run());
+    }
+
+    #[test]
+    fn detached_particles_do_not_change() {
+        let mut run = simulation();
+        let kept = run.detach_particles().expect("memory");
+        assert_eq!(kept, run.state.particles);
+        run.step().expect("a step");
+        assert_eq!(kept.len(), 50);
+        assert_ne!(kept, run.state.particles);
+    }
+}
