@@ -116,7 +116,8 @@ fn reassociated_contracted_and_flushed_kernels_stay_within_the_contract() {
 #[test]
 fn kernels_without_a_guard_leave_the_contract() {
     let Some(own) = device() else { return };
-    let cases: [(&str, fn(&str) -> String); 2] = [
+    type Rewrite = fn(&str) -> String;
+    let cases: [(&str, Rewrite); 2] = [
         ("periodic boundary", |text| transformed(&unguarded(text, "across_boundary"), &[Reassociate])),
         ("tiny differences", |text| transformed(&unguarded(text, "magnified"), &[Distribute])),
     ];

@@ -40,7 +40,7 @@ pub(crate) enum Command {
     /// Write a scene to a file
     Generate(Generate),
     /// Run a scenario of diffusing, reacting and colliding particles
-    Simulate(Simulate),
+    Simulate(Box<Simulate>),
     /// List GPU adapters and the CPU's vector width
     Devices,
     /// Measure the GPU: the number of spheres from which a grid is faster, and the costs of skins

@@ -1,6 +1,5 @@
 //! Inputs and environments in which a command refuses to begin, and files of others that it leaves alone.
 #![cfg(target_os = "linux")]
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
 use std::process::{Command, Stdio};

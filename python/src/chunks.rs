@@ -48,8 +48,9 @@ impl Chunks {
         let (to, chunks) = sync_channel(AHEAD);
         let thread = thread::Builder::new().name("lazygrid stream".into());
         let spawned = thread.spawn(move || search(lease, &owned, chunk, &to));
-        spawned
-            .map_err(|refused| error::engine(Error::ThreadPool { threads: 1, reason: refused.to_string() }))?;
+        spawned.map_err(|refused| {
+            error::engine(Error::ThreadPool { threads: 1, reason: refused.to_string() })
+        })?;
         Ok(Self { chunks: Mutex::new(Some(chunks)), stopper, process: Process::current() })
     }
 

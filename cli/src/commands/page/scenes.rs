@@ -90,7 +90,7 @@ impl Kind {
             if index < self.giants {
                 return self.giant_radius;
             }
-            self.radii[((word(index, 3) >> 16) * self.radii.len() as u32 >> 16) as usize]
+            self.radii[(((word(index, 3) >> 16) * self.radii.len() as u32) >> 16) as usize]
         };
         (0..count)
             .map(|index| Sphere::new([0, 1, 2].map(|axis| step(index, axis) * scale), radius(index)))

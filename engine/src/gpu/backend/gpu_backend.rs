@@ -167,7 +167,7 @@ impl SearchBackend for GpuBackend {
             skin_controller.as_deref_mut().filter(|_| search.is_bound_at_once(&request))
         {
             let skin = match choice::can_use_skin(asked_for, algorithm, spheres, &known.skin) {
-                Ok(()) => skin_controller.next(&request, &known.skin.into())?,
+                Ok(()) => skin_controller.next(&request, &known.skin)?,
                 Err(why) => {
                     log::debug!("no candidates: {why}");
                     skin_controller.restart();

@@ -107,7 +107,8 @@ mod tests {
     fn wrong_probe_chooses_the_portable_variant() {
         let Some(gpu) = device_or_skip() else { return };
         if !gpu.adapter.has_subgroups {
-            return eprintln!("skipped: no subgroup operations");
+            // Without subgroup operations there is no variant to refuse.
+            return;
         }
         let smallest = gpu.adapter.subgroup_sizes[0];
         let probe = probed(&gpu.device, &gpu.queue, smallest).expect("a result");

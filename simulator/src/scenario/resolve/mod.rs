@@ -44,10 +44,10 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         let species = species(one, &model)?;
         model.species.push(species);
     }
-    if let Some(contact) = &file.contact {
-        if let Some(message) = model.idle_contact() {
-            return Err(Problem::at(contact.span(), message));
-        }
+    if let Some(contact) = &file.contact
+        && let Some(message) = model.idle_contact()
+    {
+        return Err(Problem::at(contact.span(), message));
     }
     let names = Names(&model.species);
     let (reactions, decays) =
