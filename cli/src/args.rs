@@ -40,7 +40,7 @@ pub(crate) enum Command {
     /// Write a scene to a file
     Generate(Generate),
     /// Run a scenario of diffusing, reacting and colliding particles
-    Simulate(Box<Simulate>),
+    Simulate(Simulate),
     /// List GPU adapters and the CPU's vector width
     Devices,
     /// Measure the GPU: the number of spheres from which a grid is faster, and the costs of skins
@@ -58,7 +58,7 @@ pub(crate) enum Command {
     /// Write a page that runs, checks and measures the kernels in a browser with WebGPU
     Page(PageArgs),
     /// Write the plan of a GPU call as JSON, for programs that run the kernels themselves
-    Plan(PlanArgs),
+    Plan(Box<PlanArgs>),
     /// Write a completion script for a shell to standard output
     Completions {
         /// The shell
