@@ -51,7 +51,7 @@ mkdir -p "$prefix"/include "$prefix"/lib/pkgconfig "$prefix"/lib/cmake/lazygrid
 install -m 644 "$here"/include/lazygrid.h "$here"/include/lazygrid.hpp "$prefix/include/"
 install -m 755 "$built/$link" "$prefix/lib/$shared"
 install -m 644 "$built/liblazygrid.a" "$prefix/lib/"
-# Tables of lines for debuggers are three quarters of the files. The functions of the library keep their names.
+# Line tables for debuggers are most of the files. The functions of the library keep their names.
 if [ $profile = release ] && command -v strip >/dev/null; then
     if [ "$(uname)" = Darwin ]; then
         strip -x "$prefix/lib/$shared" && strip -S "$prefix/lib/liblazygrid.a"

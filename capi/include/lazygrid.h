@@ -410,16 +410,15 @@ LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector,
  * Returns the report of the last search as one JSON object: "spheres" and "pairs" (numbers; for two sets the spheres of both),
  * "backend", "adapter" (null on the CPU), "algorithm", "reason", "gpu" (the cost of a GPU call: "dispatches", "working_bytes",
  * "pair_bytes", "traffic_bytes"; null on the CPU), "candidates" (the candidate list: "count", "age" in calls,
- * "displacement_fraction", the largest used fraction of a displacement limit from 0 to 1, "rebuilt", the reason of a rebuild in this call or null; null
- * without a list), "phases" (seconds by name, in order). Later versions may add names. The text lives until the next
- * lazygrid_report_json with that detector.
+ * "displacement_fraction", the largest used fraction of a displacement limit from 0 to 1, "rebuilt", the reason of a rebuild in
+ * this call or null; null without a list), "phases" (seconds by name, in order). Later versions may add names. The text lives
+ * until the next lazygrid_report_json with that detector.
  */
 LAZYGRID_API lazygrid_status lazygrid_report_json(lazygrid_detector *detector, const char **json);
 
 /*
  * Estimates the bytes that the detector needs for `spheres` spheres, besides the result; on the CPU an upper bound. More than
- * 2^32 - 2 spheres count as that many. UINT64_MAX
- * if a GPU cannot hold them.
+ * 2^32 - 2 spheres count as that many. UINT64_MAX if a GPU cannot hold them.
  */
 LAZYGRID_API lazygrid_status lazygrid_memory_for(lazygrid_detector *detector, uint64_t spheres, uint64_t *bytes);
 

@@ -30,7 +30,10 @@ static int touch(const float *a, const float *b, const double *cell_vectors) {
                 double squared = 0;
                 for (axis = 0; axis < 3; axis++) {
                     double d = (double)a[axis] - b[axis];
-                    if (cell_vectors != NULL) d += (double)x * cell_vectors[axis] + (double)y * cell_vectors[3 + axis] + (double)z * cell_vectors[6 + axis];
+                    if (cell_vectors != NULL) {
+                        d += (double)x * cell_vectors[axis] + (double)y * cell_vectors[3 + axis]
+                            + (double)z * cell_vectors[6 + axis];
+                    }
                     squared += d * d;
                 }
                 if (squared <= reach * reach) return 1;

@@ -34,7 +34,7 @@ fn on_cpu(spheres: &[Sphere]) -> Vec<Pair> {
 fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
     let error = result.err().expect("the device is gone").into();
     assert!(matches!(error, Error::DeviceLost { .. }), "{error}");
-    assert!(error.to_string().contains("make a new device and a new detector"), "{error}");
+    assert!(error.to_string().contains("create a new device and a new detector"), "{error}");
 }
 
 #[test]

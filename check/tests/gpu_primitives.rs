@@ -47,7 +47,7 @@ fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Acces
 /// order, but software adapters start with the first.
 fn both_ways(kernel: &Kernel) -> [String; 2] {
     let forwards = kernel.wgsl(Variant::default());
-    let backwards = forwards.replace("Place(local_index)", "Place(255u - local_index)");
+    let backwards = forwards.replace("Thread(local_invocation)", "Thread(255u - local_invocation)");
     assert_ne!(forwards, backwards);
     [forwards, backwards]
 }

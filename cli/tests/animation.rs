@@ -180,7 +180,7 @@ fn a_resumed_animation_is_the_same_and_a_thinned_one_says_so() {
     assert!(page(&parts) == page(&whole), "the page is another one");
     let scenario = scratch.path("clouds.toml");
     let run = LAZYGRID.run(["simulate", &scenario, "--output", &parts, "--resume"]).fails();
-    assert!(run.err.contains("its animation by --animate --animate-every 1"), "{}", run.err);
+    assert!(run.err.contains("it has an animation; give --animate --animate-every 1"), "{}", run.err);
 
     let few = scene(&page(&animated(&scratch, "few", &["--animate-particles", "200"])));
     assert_eq!(few["note"], "1 of 4 particles is drawn, chosen by its id");

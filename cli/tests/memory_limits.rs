@@ -58,7 +58,7 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
     let spheres = scratch.path("spheres.npy");
     LAZYGRID.run(["generate", "five-sizes", "-n", "500000", "-o", &spheres]).succeeds();
     let text = scratch.path("spheres.csv");
-    LAZYGRID.run(["generate", "five-sizes", "-n", "150000", "-o", &text]).succeeds();
+    LAZYGRID.run(["generate", "five-sizes", "-n", "500000", "-o", &text]).succeeds();
     let pairs = scratch.path("pairs.csv");
     let burst = scratch.write("burst.toml", &BURST.replace("COUNT", "150000"));
     let run = scratch.path("run");

@@ -5,6 +5,7 @@ use crate::wgsl;
 
 mod includes;
 mod sizes;
+mod subgroup_probe;
 
 use includes::INCLUDES;
 use sizes::{SCAN_ITEMS, SPHERES_PER_THREAD};
@@ -14,6 +15,7 @@ pub use sizes::{
     MAX_ENTRY_OBJECTS, MAX_LOOP_ITERATIONS, NAIVE_ITERATIONS_PER_TILE, NAIVE_TILES, NARROW_TILE, NEAR,
     RUN_ITERATIONS_PER_TILE, RUN_TILES, SCAN_TILE, SCANNED_AT_ONCE, WIDE_TILE, WORKGROUP_SIZE,
 };
+pub use subgroup_probe::SubgroupProbe;
 
 /// The use of a binding by a kernel; the position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -5,10 +5,10 @@ mod reflection;
 
 use std::mem::{offset_of, size_of};
 
-use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
+use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, SubgroupProbe, Variant};
 use lazygrid_kernels::layout::{
     Bounds, CellListLayout, CellListLevel, Grid, InputStats, LevelKeys, Outcome, RadixPass, SearchParams,
-    SkinParams, SkinState, SortCounts, SpeciesParams, SubgroupProbe,
+    SkinParams, SkinState, SortCounts, SpeciesParams,
 };
 use naga::valid::ModuleInfo;
 use naga::{AddressSpace, Expression, Literal, Module};

@@ -165,9 +165,10 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     scenes
 }
 
-/// For the most demanding kind of scene. Equal spheres take nearly as much with single-level grids.
+/// For the most demanding kind of scene. Equal spheres take nearly as much with single-level grids. The bound includes the
+/// growth of buffers, which inputs of constant size do not need.
 #[test]
-fn memory_for_exceeds_the_peak_by_at_most_half() {
+fn memory_for_exceeds_the_peak_by_at_most_two_thirds() {
     let mut measurement = Measurement::alone();
     for variant in on_cpu(variants::each_algorithm()) {
         let n = if variant.algorithm == Algorithm::Naive { 5000 } else { 20_000 };
@@ -184,7 +185,7 @@ fn memory_for_exceeds_the_peak_by_at_most_half() {
             most = most.max(peak);
             equal = if scene == "equal" { peak } else { equal };
         }
-        assert!(bound * 2 <= most * 3, "{variant}: {bound} bytes announced where {most} are taken");
+        assert!(bound * 3 <= most * 5, "{variant}: {bound} bytes announced where {most} are taken");
         let is_of_one_level = variant.algorithm != Algorithm::RecursiveGrid;
         assert!(!is_of_one_level || bound <= equal * 2, "{variant}: {bound} bytes announced, {equal} taken");
     }

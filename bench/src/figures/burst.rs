@@ -38,7 +38,7 @@ const STILL: f64 = 1e-30;
 /// Relative increase of the radii while carriers are initially pushed apart. Overlaps smaller than the last digit of a
 /// coordinate are never resolved; without this margin they would remain.
 const MARGIN: f32 = 1e-3;
-/// Maximum number of initial pushes. A million carriers take about 50.
+/// Maximum number of initial pushes.
 const PUSHES: u32 = 200;
 
 /// The steps after which engines are timed: 1, `times`, `times²`, …, and `last`.
@@ -95,11 +95,6 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
     for _ in 0..PUSHES {
         pushed.step()?;
-        let totals = &pushed.state().totals;
-        // If many carriers with margins overlap, some without margins do too.
-        if totals.pairs > totals.present.iter().sum::<u64>() / 10 {
-            continue;
-        }
         let mut state = pushed.state().clone();
         let State { particles, .. } = &mut state;
         for (radius, &species) in particles.radius.iter_mut().zip(&particles.species) {

@@ -2,7 +2,7 @@
 
 use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::SubgroupProbe;
+use lazygrid_kernels::kernel::SubgroupProbe;
 
 use super::support::{KernelError, same, variants};
 use crate::device::{download, run, upload};

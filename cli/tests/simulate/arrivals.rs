@@ -48,9 +48,21 @@ every = 20
 
 #[test]
 fn every_arrival_is_logged_with_the_transmitter_of_origin() {
+    assert_arrivals_are_logged("cpu");
+}
+
+#[test]
+fn gpu_logs_every_arrival_with_the_transmitter_of_origin() {
+    if has_gpu() {
+        assert_arrivals_are_logged("gpu");
+    }
+}
+
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn assert_arrivals_are_logged(backend: &str) {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
-    lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &out, "--backend", backend]).succeeds();
     let arrivals = rows(&(out.clone() + "/arrivals.csv"));
     // As many as were counted.
     for row in rows(&(out.clone() + "/series.csv")) {
@@ -121,18 +133,7 @@ fn a_resumed_log_is_the_same_to_the_last_byte() {
     );
 }
 
-#[test]
-fn a_gpu_refuses_the_log_by_name() {
-    if !has_gpu() {
-        return;
-    }
-    let scratch = Scratch::new();
-    let scenario = scratch.write("s.toml", &SCENARIO.replace("B -> C + C", "B -> C"));
-    let run = lazygrid(["simulate", &scenario, "--output", &scratch.path("out"), "--backend", "gpu"]).fails();
-    assert!(run.err.contains("the GPU back end cannot do a log of arrivals"), "{}", run.err);
-}
-
-/// Or it is refused before anything is computed.
+/// A build without the feature refuses the format before the run begins.
 #[test]
 fn arrow_files_take_a_build_with_the_feature() {
     let scratch = Scratch::new();

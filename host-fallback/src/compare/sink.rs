@@ -130,7 +130,7 @@ pub(crate) struct ChunkedOutput<'c> {
 
 /// The destination of full chunks.
 pub(crate) enum ChunkTarget<'c> {
-    /// CandidateListStats in order while they are at most `limit` pairs in all; beyond it only counted.
+    /// Kept in order while they are at most `limit` pairs in all; beyond it only counted.
     List { limit: u64, kept: AtomicU64 },
     /// Handed over at once by the only thread of the search.
     Consumer(Mutex<PairConsumer<'c>>),

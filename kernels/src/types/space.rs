@@ -20,7 +20,7 @@ use crate::InputError;
 /// let slab = Space::periodic([Some(10.0), Some(10.0), None])?;
 /// assert_eq!(slab.distance_squared([0.5, 0.0, 0.0].into(), [9.5, 0.0, 3.0].into()), 1.0 + 9.0);
 ///
-/// A box of 10 × 10 × 10 that is tilted by 4 along x for every 10 along y.
+/// // A box of 10 × 10 × 10 that is tilted by 4 along x for every 10 along y.
 /// let vectors = [[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
 /// let tilted = Space::triclinic(vectors.map(|vector| Some(vector.into())))?;
 /// assert_eq!(tilted.distance_squared([1.0, 0.5, 0.0].into(), [5.0, 9.5, 0.0].into()), 1.0);

@@ -1,6 +1,6 @@
 //! Separation of particles that overlap at the end of a step.
 //!
-//! [`collisions`](crate::motion::collisions) keep particles from overlapping on their paths. Overlaps remain between particles that
+//! The events of `collisions.rs` keep particles from overlapping on their paths. Overlaps remain between particles that
 //! were released, or formed by a reaction, at the place of others, and between species that react with each other.
 //!
 //! All overlaps are resolved at once, in a few passes. In each pass every overlap asks its two particles to move apart until they

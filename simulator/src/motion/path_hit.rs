@@ -20,7 +20,7 @@
 //! *Moving receivers* are hit in their own frame: their displacement is subtracted from that of the particle, and the diffusion
 //! of both bends the path.
 //!
-//! *Several receivers.* Of those that a path hits, the particle reaches the one with the earliest hitting time ([`Hit::time`]).
+//! *Several receivers.* Of those that a path hits, the particle reaches the one with the earliest hitting time (`Hit::time`).
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, signed_distance};

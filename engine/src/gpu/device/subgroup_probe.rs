@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::SubgroupProbe;
+use lazygrid_kernels::kernel::SubgroupProbe;
 
 use super::error_scope::with_error_scope;
 use super::mapping::{Mapping, Wait};

@@ -33,7 +33,10 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     let own = vec2(tags[pair.x].y, tags[pair.y].y);
     let words = philox(vec4(min(own.x, own.y), max(own.x, own.y), control.step, PURPOSE_PAIR), params.key);
     // The innermost shell that contains the pair, then the reaction of it that the draw selects. Each row is visited once.
-    for (var k = 0u; k < arrayLength(&reaction_rows) && row != NOTHING; k++) {
+    for (var k = 0u; k < arrayLength(&reaction_rows); k++) {
+        if (row == NOTHING) {
+            break;
+        }
         let rule = reaction_rows[row];
         if ((rule.flags & 4u) != 0u && apart > rule.within * rule.within) {
             row = rule.next_shell;

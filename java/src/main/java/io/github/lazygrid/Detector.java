@@ -308,10 +308,13 @@ public final class Detector implements AutoCloseable {
     /**
      * Estimates the bytes that the detector needs for a number of spheres, besides the result.
      *
-     * @param spheres how many
-     * @return bytes; -1 where a GPU cannot hold them
+     * @param spheres the number of spheres, 0 or more; more than 2<sup>32</sup> - 2 count as that many
+     * @return bytes; -1 if a GPU cannot hold them
+     * @throws IllegalArgumentException for a negative number of spheres
      */
     public long memoryFor(long spheres) {
+        // The library reads the number as unsigned, so a negative value would become a very large one.
+        if (spheres < 0) throw new IllegalArgumentException(spheres + " spheres are less than 0");
         enter();
         try {
             check(NativeApi.memoryFor(detector, spheres, first), detector);

@@ -95,7 +95,7 @@ final class BoxesAndExclusions {
             List<int[]> expected = plainLoop(rows, edges);
             for (Algorithm algorithm : CPU) {
                 Settings settings = onCpu().algorithm(algorithm);
-                settings.cell_vectors(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
+                settings.cellVectors(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
                 try (Detector detector = new Detector(settings)) {
                     same(detector, Spheres.rows(rows), expected, repeating + " edges, " + algorithm);
                 }

@@ -106,7 +106,9 @@ public final class ContractTest {
             check(neighbors.neighborsOf(7).get(1) == 8, "ascending");
             check(detector.reportJson().contains("\"pairs\":" + (count - 1)), "report");
             check(detector.memoryFor(1000) > 0, "memory");
-            failing(Status.INPUT, "", () -> detector.memoryFor(-1));
+            check(detector.memoryFor(Long.MAX_VALUE) == detector.memoryFor((1L << 32) - 2), "memory of the most spheres");
+            throwing(IllegalArgumentException.class, e -> e.getMessage().contains("-1 spheres"),
+                () -> detector.memoryFor(-1), "memory of a negative number");
         }
         check(Detector.version().matches("\\d+\\.\\d+\\.\\d+"), "version " + Detector.version());
     }

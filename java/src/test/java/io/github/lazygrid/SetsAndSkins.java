@@ -51,7 +51,8 @@ final class SetsAndSkins {
                 check(detector.count(query) == expected.length / 2, "count of scene " + turn);
                 Neighbors lists = detector.neighbors(query);
                 int[] listed = IntStream.range(0, n).boxed()
-                    .flatMapToInt(i -> Arrays.stream(copy(lists.of(i))).flatMap(j -> IntStream.of(i, j))).toArray();
+                    .flatMapToInt(i -> Arrays.stream(copy(lists.neighborsOf(i))).flatMap(j -> IntStream.of(i, j)))
+                    .toArray();
                 check(lists.offsets().remaining() == n + 1 && Arrays.equals(listed, expected), "lists of scene " + turn);
                 IntBuffer streamed = IntBuffer.allocate(expected.length);
                 long handed = detector.stream(query, 7, pairs -> {
