@@ -183,7 +183,7 @@ fn options_that_differ_between_ranks_are_refused_by_name() {
         ("steps", &[&one, "-o", &output, "--steps", "1"]),
         ("directory", &[&one, "-o", &at("elsewhere"), "--steps", "2"]),
         ("seed", &[&base[..], &["--seed", "99"]].concat()),
-        ("output", &[&base[..], &["--every", "2"]].concat()),
+        ("output", &[&base[..], &["--series-every", "2"]].concat()),
         ("resume", &[&base[..], &["--resume"]].concat()),
     ] {
         let said = error_of_two([&base, odd]);

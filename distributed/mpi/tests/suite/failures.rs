@@ -62,9 +62,10 @@ pub(crate) fn duplicate_ids(world: &SimpleCommunicator) {
         let error = distributed.count(local(&particles)).unwrap_err();
         assert_eq!(error, Error::DuplicateId { id: 77, first: [0, 1], second: [last, 4] });
     }
+    let text = error_text(&mut distributed, &particles);
     assert!(
-        error_text(&mut distributed, &particles)
-            .starts_with("id 77 is that of sphere 1 of rank 0 and of sphere 4")
+        text.starts_with(&format!("duplicate id 77: sphere 1 on rank 0 and sphere 4 on rank {last}; ")),
+        "{text}"
     );
     particles.ids = own;
     assert!(distributed.count(local(&particles)).is_ok());
