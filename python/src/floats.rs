@@ -100,7 +100,7 @@ impl<'py, D: Dimension> Floats<'py, D> {
 
 /// Returns `true` if the array has this width and a layout that [`Floats`] promises.
 fn is_readable<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>, width: usize) -> bool {
-    let is_whole = |&stride: &isize| stride >= 0 && stride as usize % size_of::<T>() == 0;
+    let is_whole = |&stride: &isize| stride >= 0 && (stride as usize).is_multiple_of(size_of::<T>());
     (width == 0 || array.shape()[1] == width)
         && array.is_aligned()
         && (array.is_c_contiguous() || array.strides().iter().all(is_whole))

@@ -213,7 +213,7 @@ fn options(quantities: &str, with_itself: bool) -> ListOptions {
 /// Return the neighbors of atoms by quantity. See :func:`lazygrid.neighbor_list`.
 #[pyfunction]
 #[pyo3(signature = (quantities, positions, cutoffs, *, cell, with_itself))]
-#[expect(clippy::needless_pass_by_value, reason = "arguments of Python")]
+#[expect(clippy::needless_pass_by_value, clippy::too_many_arguments, reason = "arguments of Python")]
 pub(crate) fn neighbors_within<'py>(
     py: Python<'py>,
     quantities: &str,

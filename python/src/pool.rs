@@ -26,6 +26,7 @@ pub(crate) struct DetectorPool {
 }
 
 struct Idle {
+    #[expect(clippy::vec_box, reason = "a lease moves the pointer, not the detector")]
     detectors: Vec<Box<PooledDetector>>,
     /// The report of the call that ended last, if its detector is leased again.
     report: Report,
