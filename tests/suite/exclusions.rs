@@ -181,7 +181,7 @@ fn exclusions_of_wrong_size_are_refused() {
         let error = detector.count(among.without(&of_three)).expect_err("made for three");
         assert!(matches!(error, Error::Input(InputError::ExclusionSizeMismatch { .. })), "{error}");
         let error = detector.count(among.without(&across)).expect_err("made for two sets");
-        assert!(error.to_string().contains("but the call has 4 spheres"), "{error}");
+        assert!(error.to_string().contains("sets of 4 and 4 spheres, but the call has 4 spheres"), "{error}");
         assert_eq!(detector.count(both.without(&across)), Ok(15), "{variant}");
         assert!(detector.count(both.without(&of_four)).is_err(), "{variant}");
     }
