@@ -223,7 +223,7 @@ PEERS = {"lazygrid": of_lazygrid, "Smoldyn": of_smoldyn, "ReaDDy": of_readdy}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Time lazygrid beside Smoldyn and ReaDDy.")
+    parser = argparse.ArgumentParser(description="Time lazygrid against Smoldyn and ReaDDy.")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--scene", nargs="+", help="parts of the names of scenes")
     parser.add_argument("--without", nargs="+", default=[], choices=list(PEERS))

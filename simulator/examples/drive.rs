@@ -13,12 +13,11 @@ use lazygrid_sim::{
 /// Steps per symbol.
 const SYMBOL: u32 = 200;
 const BURST: u32 = 20_000;
-/// Molecules of the source inside the relay that mean a one.
 const THRESHOLD: u64 = 25;
 
 fn model() -> Model {
     let species = |name: &str| Species { name: name.into(), diffusion: 100.0, ..Species::default() };
-    // Molecules that stay around would disturb later symbols.
+    // // Molecules that stay disturb later symbols.
     let decay = |name: &str, reactant| Decay {
         name: name.into(),
         reactant,

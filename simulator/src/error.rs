@@ -3,11 +3,11 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// The cause for which a model was refused or a run ended. Every message names the value, the limit and the remedy.
+/// The reason for which a model was refused or a run ended.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A scenario file that does not say what it must, with the place.
+    /// An invalid scenario file.
     #[error("{}, line {line}, `{key}`: {message}", path.display())]
     Scenario {
         /// The file.
@@ -39,7 +39,7 @@ pub enum Error {
         /// The bytes of one of their columns.
         bytes: u64,
     },
-    /// The particles of a step would not fit into the memory that is available.
+    /// The particles of a step would not fit into the available memory.
     #[error(
         "{particles} particles need {needed} bytes of memory or more, and {available} bytes are available ({limit}); release \
          fewer particles, run fewer replicas at once (--threads), or raise the limit"
@@ -62,10 +62,10 @@ pub enum Error {
         /// The message of the detector.
         source: lazygrid::Error,
     },
-    /// Particles collided too often in a step.
     #[error(
         "step {step}: {particles} particles collided {collisions} times in one step; shorten the time step, or let contact = \"count\" only count overlaps"
     )]
+    /// Particles collided too often in a step.
     Collisions {
         /// The step, counted from 0.
         step: u32,
@@ -129,7 +129,7 @@ pub enum Error {
     /// One of several replicas could not be done.
     #[error("replica {replica}: {source}")]
     Replica {
-        /// Which, counted from 0.
+        /// The number of the replica, counted from 0.
         replica: u32,
         /// The reason.
         source: Box<Error>,

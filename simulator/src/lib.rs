@@ -1,13 +1,13 @@
 //! A reference simulator of molecular communication: particles (carriers) that diffuse, react and collide. It shows how
 //! to build a reaction–diffusion simulator on [`lazygrid`] and uses only its public API.
 //!
-//! A [`Model`] describes the system and a [`Simulation`] advances it step by step. Particles are stored in columns. The
-//! outcome for each particle or pair is a pure function of the columns, the seed and the step. Random numbers come from
-//! a counter-based generator ([`random::philox`]). A run therefore depends on its seed alone, not on the number of threads, the
-//! order of particles or the detection algorithm.
+//! A [`Model`] describes the system and a [`Simulation`] advances it step by step. The outcome for each particle or
+//! pair is a pure function of its columns, the seed and the step; random numbers come from a counter-based generator
+//! ([`random::philox`]). A run therefore depends on its seed alone, not on threads, the order of particles or the
+//! detection algorithm.
 //!
-//! `gpu` runs the simulation on a GPU, where all data stay between steps. A [`AnySimulation`] runs on either backend.
-//! [`ranks`] distributes a run over several processes.
+//! `gpu` runs the simulation on a GPU, an [`AnySimulation`] on either backend, and [`ranks`] distributes a run over
+//! several processes.
 //!
 //! Lengths are in µm and times in s throughout.
 //!
@@ -40,6 +40,7 @@ pub mod random;
 pub mod ranks;
 pub mod reaction;
 pub mod release;
+/// Runs from a scenario to their files.
 pub mod run;
 pub mod scenario;
 

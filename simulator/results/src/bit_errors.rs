@@ -68,7 +68,6 @@ impl BitErrors {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
         let release = &transmitter.release;
-        // One per slot and entry of the burst.
         let mut counts = vec![vec![0_u64; release.len()]; slots.len()];
         for arrival in log.arrivals.iter().filter(|a| a.receiver == self.receiver) {
             let entry = release.iter().position(|&(species, _)| species as usize == arrival.species);
@@ -129,8 +128,7 @@ impl BitErrors {
         let mut seen: Vec<SymbolObservation> = self.slots.iter().flatten().copied().collect();
         seen.sort_unstable_by_key(|slot| slot.seen);
         let numbers: Vec<&[SymbolObservation]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
-        // By the first so many different numbers of arrivals and by level: the fewest errors of all that follow, where
-        // these are of this level or of a higher one.
+        // Indexed by rank of the threshold and level: the fewest errors of all higher levels.
         let mut fewest = vec![vec![0_u64; symbols.len()]; numbers.len() + 1];
         let errors = |slots: &[SymbolObservation], level: usize| -> u64 {
             slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()
@@ -161,7 +159,6 @@ impl BitErrors {
     }
 }
 
-/// Returns the number of bits in which two symbols differ.
 fn wrong_bits(sent: u32, taken: u32) -> u64 {
     (sent ^ taken).count_ones().into()
 }
@@ -179,7 +176,6 @@ mod tests {
         BitErrors::new(message, model.transmitters[0].release.len(), [0, 0], delay)
     }
 
-    /// Returns the model with another message, and its slots.
     fn sends(symbols: Vec<u32>, modulation: Modulation, release: Vec<(u32, u32)>) -> (Model, SymbolSlots) {
         let mut model = model();
         let Schedule::Message(message) = &mut model.transmitters[0].schedule else { panic!("no message") };
@@ -189,7 +185,6 @@ mod tests {
         (model, slots)
     }
 
-    /// Returns a log with these arrivals by slot and species.
     fn arrivals(counts: &[&[usize]]) -> Log {
         let mut arrivals = Vec::new();
         for (slot, counts) in counts.iter().enumerate() {
@@ -208,7 +203,8 @@ mod tests {
         let mut errors = of(&model(), 0);
         errors.add(&sent, &model(), 1, &slots(100));
         let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(&[threshold]).1).collect();
-        // 0 is taken for 1 up to a threshold of 3; then the last 1 for 0, the middle one from 5 on, the first from 7 on.
+        // 0 is read as 1 up to a threshold of 3; then the last 1 as 0, the middle one at or above 5, the first at or
+        // above 7.
         assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
         assert_eq!((errors.bits, errors.ones, errors.most(), errors.best()), (4, 3, 6, vec![0]));
         // Another replica in which nothing is late has a best threshold without errors of its own.
@@ -224,10 +220,9 @@ mod tests {
         let (_, message) = messages(&model).next().unwrap();
         let late = SymbolSlots::new(message, model.time_step, 10, 100);
         assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
-        // All arrive one slot after their own.
         let mut errors = of(&model, 10);
         errors.add(&log(&[(0, 1, 6), (2, 3, 4)]), &model, 1, &late);
-        // The last 1 arrives behind everything.
+        // The last 1 arrives after all slots.
         assert_eq!(
             (errors.at(&[1]).1, errors.at(&[5]).1, errors.at(&[0]).1, errors.least()),
             (1, 2, 1, 0.25)
@@ -242,16 +237,13 @@ mod tests {
         let mut errors = of(&model, 0);
         errors.add(&arrivals(&[&[1], &[4], &[9], &[12], &[6], &[7]]), &model, 1, &slots);
         assert_eq!((errors.bits, errors.ones, errors.thresholds()), (12, 6, 3));
-        // Below 2 it is 0, below 7 it is 2, below 10 it is 1.
         assert_eq!((errors.best(), errors.at(&[2, 7, 10]).1), (vec![2, 7, 10], 0));
-        // Two of them are taken for 0, of one bit each; 9 for 3, of one.
         assert_eq!((errors.at(&[7, 7, 10]).1, errors.at(&[2, 7, 8]).1), (2, 1));
-        // All is 0: as many wrong bits as there are ones.
+        // All slots read as 0: one wrong bit per 1.
         assert_eq!(errors.at(&[99, 99, 99]).1, 6);
         assert_eq!(errors.at(&[99, 99, 99]).0.mean(), 0.5);
     }
 
-    /// As few as any thresholds leave, and of those the lowest.
     #[test]
     fn the_best_thresholds_leave_the_fewest_errors() {
         let sent: Vec<u32> = (0..40_u32).map(|k| k.wrapping_mul(0x9E37_79B9) >> 30).collect();
@@ -273,8 +265,6 @@ mod tests {
         let release = vec![(1, 10), (0, 10), (2, 10), (3, 10)];
         let (model, slots) = sends(vec![0, 1, 2, 3, 3], Modulation::Molecule, release);
         let mut errors = of(&model, 0);
-        // By species: what is sent comes first, but for symbol 2, which is behind species 1, hence 0, and for the last one,
-        // of which as many arrive as of symbol 1.
         let counts: [&[usize]; 5] = [&[1, 3], &[5, 4, 0, 4], &[0, 4, 3], &[0, 0, 0, 2], &[7, 0, 0, 7]];
         errors.add(&arrivals(&counts), &model, 1, &slots);
         assert_eq!((errors.bits, errors.thresholds(), errors.best()), (10, 0, vec![]));

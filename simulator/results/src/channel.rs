@@ -89,8 +89,8 @@ impl Channels {
         Ok(channels)
     }
 
-    /// Writes the impulse responses: the part of the particles that arrives in each bin after the release, the cumulative part,
-    /// and their standard errors.
+    /// Writes the fraction of the particles that arrives in each bin after the release, the cumulative fraction, and
+    /// their standard errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -111,7 +111,7 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the interference: the part of the particles that arrives in each slot after the release.
+    /// Writes the fraction of the particles that arrives in each slot after the release.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -126,8 +126,8 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the bit errors: number of errors, number of bits and error rate for each delay of the slots. A single threshold takes
-    /// every value; several thresholds take the values with the fewest errors.
+    /// Writes number of errors, number of bits and error rate for each delay of the slots: for every value of a single
+    /// threshold, or for the thresholds with the fewest errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -178,7 +178,6 @@ pub fn spaced(thresholds: &[u64]) -> String {
     thresholds.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
 }
 
-/// Formats a mean and its standard error; missing values are empty.
 fn value(moments: &RunningStats) -> String {
     let mean = if moments.count() == 0 { String::new() } else { moments.mean().to_string() };
     format!("{mean},{}", moments.standard_error().map_or(String::new(), |error| error.to_string()))

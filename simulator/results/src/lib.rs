@@ -1,5 +1,5 @@
-//! Results of simulations, from the files that runs write: means over replicas, impulse responses, interference, bit errors,
-//! and an animation as a single page.
+//! Results of simulations from the files that runs write: means over replicas, impulse responses, interference, bit
+//! errors, and an animation.
 //!
 //! Lengths are in µm and times in s, as in [`lazygrid_sim`].
 

@@ -82,14 +82,12 @@ impl Log {
     }
 }
 
-/// The names that occur in logs.
 struct Names<'a> {
     receivers: Vec<&'a str>,
     species: Vec<&'a str>,
     transmitters: Vec<&'a str>,
 }
 
-/// Returns the index of the name in a field.
 fn place(names: &[&str], line: &TableRow<'_>, column: usize) -> Result<usize, Error> {
     let name = line.field(column);
     names

@@ -37,7 +37,6 @@ impl IntegerStats {
     /// Returns the standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` for fewer than two values.
     pub fn standard_error(&self) -> Option<f64> {
         let n = u128::from(self.count);
-        // n·Σ(x − x̄)², without a difference of rounded numbers.
         let spread = n.saturating_mul(self.squares).saturating_sub(self.sum.saturating_mul(self.sum));
         (n > 1).then(|| (spread as f64 / (n as f64 * n as f64 * (n - 1) as f64)).sqrt())
     }
@@ -151,7 +150,7 @@ impl MeanSeries {
         &self.samples[row * width..][..width]
     }
 
-    /// Writes a table: step, time, number of replicas, and of each count its mean and the standard error, which is empty for one
+    /// Writes step, time, number of replicas, and the mean and standard error of each count; the error is empty for one
     /// replica.
     ///
     /// # Errors
@@ -186,7 +185,6 @@ mod tests {
             let error = ((exact + 1.0) / 12.0).sqrt();
             assert!((sample.standard_error().unwrap() / error - 1.0).abs() < 1e-15, "{n}");
         }
-        // Far from zero, where differences of rounded squares would be lost.
         let far: IntegerStats = [1 << 40, (1 << 40) + 2].into_iter().collect();
         assert_eq!((far.mean(), far.standard_error()), ((1_u64 << 40) as f64 + 1.0, Some(1.0)));
         let same: IntegerStats = [7; 5].into_iter().collect();

@@ -115,7 +115,6 @@ mod tests {
 
     #[test]
     fn parts_are_of_those_who_had_the_time() {
-        // Ten at the beginning and ten more after 8 steps of 12, in bins of 4 steps.
         let log = Log {
             arrivals: vec![arrived(1, 0), arrived(4, 0), arrived(5, 0), arrived(12, 0), arrived(12, 8)],
             releases: vec![released(0, 10), released(8, 10)],
@@ -123,15 +122,12 @@ mod tests {
         let mut response = Response::new(LINK, 4, 4);
         response.add(&log, 12);
         let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
-        // 3 of 20 in the first bin, of which the second burst sees no more; then 1 of 10 each.
         assert_eq!(parts[..3], [0.15, 0.1, 0.1]);
         assert!(parts[3].is_nan(), "nobody had 16 steps");
         let cumulative: Vec<f64> = response.cumulative.iter().map(RunningStats::mean).collect();
         assert!((cumulative[2] - 0.35).abs() < 1e-12);
-        // Another replica in which nobody arrives.
         response.add(&Log { arrivals: vec![], ..log.clone() }, 12);
         assert_eq!((response.parts[0].mean(), response.parts[0].standard_error()), (0.075, Some(0.075)));
-        // Others have nothing to do with it.
         let mut other = Response::new(Link { receiver: 1, ..LINK }, 4, 4);
         other.add(&log, 12);
         assert!(response.is_any() && !other.is_any());

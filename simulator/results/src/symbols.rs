@@ -32,7 +32,6 @@ impl SymbolSlots {
         self.len() == 0
     }
 
-    /// Returns the slot of a symbol that is released after `step` steps.
     fn of_release(&self, step: u32) -> Option<usize> {
         let after = self.bounds.partition_point(|&begin| begin <= step);
         (1..=self.len()).contains(&after).then(|| after - 1)
@@ -115,7 +114,6 @@ pub(crate) mod tests {
     use lazygrid_sim::model::message::{Modulation, Symbols};
     use lazygrid_sim::{Receiver, ReceiverKind, Species, Transmitter};
 
-    /// The bits 1, 0, 1, 1, one every 10 steps, beginning at step 5.
     pub(crate) fn model() -> Model {
         let message = Message {
             start: 0.5,
@@ -190,7 +188,6 @@ pub(crate) mod tests {
         let mut interference = Interference::new(link, 4);
         interference.add(&log, &slots(100));
         let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
-        // All three have an own slot, the last one has none behind it, and the first alone has more than two.
         assert_eq!(parts, [15.0 / 30.0, 3.0 / 20.0, 1.0 / 10.0, 0.0]);
         assert!((interference.late.mean() - 0.25 / 0.75).abs() < 1e-12);
     }

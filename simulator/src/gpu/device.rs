@@ -1,5 +1,3 @@
-//! Calls to the device, with their errors caught.
-
 use std::time::Duration;
 
 use encase::internal::WriteInto;
@@ -11,12 +9,10 @@ use crate::Error;
 /// The longest wait for the device. Submissions are sized to take far less.
 const TIMEOUT: Duration = Duration::from_secs(600);
 
-/// Converts an error of the device.
 pub(super) fn refused(error: lazygrid::Error) -> Error {
     Error::Detection(error)
 }
 
-/// Runs `work` and returns errors of the device.
 pub(super) fn with_error_scope<T>(
     own: &GpuDevice,
     what: &'static str,
@@ -38,14 +34,12 @@ pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<
     with_error_scope(own, name, size, || own.device.create_buffer(&descriptor))
 }
 
-/// Returns contents in the layout of shaders.
 pub(super) fn encoded<T: ShaderType + WriteInto>(contents: &T) -> Vec<u8> {
     let mut bytes = StorageBuffer::new(Vec::<u8>::new());
     bytes.write(contents).expect("a vector grows");
     bytes.into_inner()
 }
 
-/// Returns a buffer with these contents, or with zeros if they are empty.
 pub(super) fn filled<T: ShaderType + WriteInto>(
     own: &GpuDevice,
     name: &'static str,
@@ -95,8 +89,8 @@ pub(super) fn read(
     let view = staging.slice(..).get_mapped_range().map_err(|error| lost(error.to_string()))?;
     let mut rest = &view[..];
     let mut take = |&(_, bytes): &(&wgpu::Buffer, u64)| {
-        let (part, behind) = rest.split_at(bytes as usize);
-        rest = behind;
+        let (part, others) = rest.split_at(bytes as usize);
+        rest = others;
         part.to_vec()
     };
     Ok(parts.iter().map(&mut take).collect())

@@ -1,5 +1,3 @@
-//! The dispatches of a step and their bind groups.
-
 use std::collections::HashMap;
 
 use encase::ShaderType;
@@ -14,12 +12,10 @@ use super::receiver_trajectory::ReceiverTrajectory;
 use super::tables::Tables;
 use crate::Error;
 
-/// The buffers of fixed size, and the kernels compiled so far.
 #[derive(Debug)]
 pub(super) struct RunBuffers {
     pub(super) own: GpuDevice,
     pub(super) limits: DeviceLimits,
-    /// `true` if there are transparent receivers.
     counts_inside: bool,
     /// `true` if some surfaces reflect particles.
     reflects: bool,
@@ -42,12 +38,10 @@ pub(super) struct Stage {
     groups: Groups,
 }
 
-/// The number of workgroups of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Groups {
     /// A fixed number.
     Fixed(u32),
-    /// One thread per item of a fixed number.
     Items(u32),
     /// One thread per particle.
     Particles,
@@ -67,7 +61,6 @@ impl Stage {
 }
 
 impl RunBuffers {
-    /// Allocates the buffers, with `lists` words for lists of receivers.
     pub(super) fn new(own: GpuDevice, tables: &Tables, lists: usize) -> Result<Self, Error> {
         let tallies = tables.tallies.len() as u64;
         let mut buffers = HashMap::new();
@@ -116,7 +109,6 @@ impl RunBuffers {
         &self.buffers[name]
     }
 
-    /// Uploads the lists of receivers.
     pub(super) fn upload_cells(&self, receiver_cells: &ReceiverCells) -> Result<(), Error> {
         let words = bytemuck::cast_slice(&receiver_cells.words);
         with_error_scope(&self.own, "lists of receivers", 0, || {
@@ -124,7 +116,6 @@ impl RunBuffers {
         })
     }
 
-    /// Uploads the positions of receivers.
     pub(super) fn upload_trajectory(
         &self,
         trajectory: &ReceiverTrajectory,
@@ -139,7 +130,6 @@ impl RunBuffers {
         })
     }
 
-    /// Binds a kernel to its buffers, which `find` returns by name.
     pub(super) fn stage(
         &mut self,
         kernel: &'static Kernel,
@@ -165,24 +155,20 @@ impl RunBuffers {
     }
 }
 
-/// The dispatches of a step for certain sizes.
 #[derive(Debug)]
 pub(super) struct StepDispatches {
     pub(super) sizes: Sizes,
     limits: DeviceLimits,
     buffers: HashMap<&'static str, wgpu::Buffer>,
-    /// The stages before the detection.
     before: Vec<Stage>,
     /// From pairs to candidates; empty without a detector.
     sampling: Vec<Stage>,
     matching: Vec<Stage>,
-    /// The stages at the end of a step.
     after: Vec<Stage>,
     /// Counts particles inside transparent receivers, if there are any.
     census: Option<Stage>,
 }
 
-/// Buffers that depend on the sizes.
 const SIZED: [&str; 15] = [
     "born",
     "born_keys0",
@@ -202,7 +188,7 @@ const SIZED: [&str; 15] = [
 ];
 
 impl StepDispatches {
-    /// Allocates and binds. The detector must have allocated for these sizes.
+    /// Allocates and binds, after the detector has allocated for these sizes.
     pub(super) fn new(
         run: &mut RunBuffers,
         sizes: Sizes,
@@ -211,7 +197,6 @@ impl StepDispatches {
     ) -> Result<Self, Error> {
         let mut buffers = run.buffers.clone();
         for name in SIZED {
-            // Without receptors there are no requests.
             let sizes = if name == "requesters" && run.receptors == 0 { Sizes::default() } else { sizes };
             let bytes = sizes.bytes(name, &run.limits).map_err(refused)?;
             buffers.insert(name, buffer(&run.own, name, bytes)?);
@@ -276,7 +261,6 @@ impl StepDispatches {
         order && found.outcome == *self.buffer("outcome")
     }
 
-    /// Records the stages before the detection, for up to `particles` particles.
     pub(super) fn encode_before(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -286,7 +270,6 @@ impl StepDispatches {
         self.encode(encoder, burst.into_iter().chain(&self.before), particles);
     }
 
-    /// Records the stages after the detection.
     pub(super) fn encode_after(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         let stages = self.sampling.iter().chain(&self.matching).chain(&self.after);
         self.encode(encoder, stages, particles);
@@ -298,7 +281,6 @@ impl StepDispatches {
         self.encode(encoder, &self.matching, self.sizes.particles);
     }
 
-    /// Records the count inside transparent receivers.
     pub(super) fn encode_census(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         encoder.clear_buffer(self.buffer("inside"), 0, None);
         self.encode(encoder, &self.census, particles);
@@ -332,7 +314,7 @@ impl StepDispatches {
     }
 }
 
-/// Returns the buffer of a binding of the matching, whose two lists alternate from round to round.
+/// Returns the buffer of a binding of the matching, whose two lists swap every round.
 fn alternating(name: &'static str, source: u32) -> &'static str {
     match (name, source) {
         ("round", 0) => "round0",
@@ -343,7 +325,6 @@ fn alternating(name: &'static str, source: u32) -> &'static str {
     }
 }
 
-/// Returns the rounds of the whole device and the final kernel of one workgroup.
 fn match_stages(
     run: &mut RunBuffers,
     buffers: &HashMap<&'static str, wgpu::Buffer>,

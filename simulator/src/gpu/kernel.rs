@@ -9,7 +9,6 @@ pub(super) const SURFACE_BUFFERS: u32 = 10;
 /// Threads per workgroup.
 pub(super) const WORKGROUP_SIZE: u32 = 256;
 
-/// A compute stage, named after its file and entry point.
 #[derive(Debug)]
 pub(super) struct Kernel {
     pub(super) name: &'static str,
@@ -44,33 +43,28 @@ kernels! {
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows",
     ];
-    /// The same with surfaces that reflect or adsorb.
+    /// Moves particles among surfaces that reflect or adsorb.
     PARTICLES_MOVE_REFLECTING = "particles_move_reflecting" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
     ];
-    /// Resets the counters of receptors.
     RECEPTORS_RESET = "receptors_reset" [Write "receptors"];
     /// Counts occupied receptors.
     RECEPTORS_COUNT_BOUND = "receptors_count_bound" [Write "control", Read "spheres", Read "event_rows", Write "receptors"];
-    /// Computes the beginning of each receiver's requests.
     RECEPTORS_SCAN_REQUESTS = "receptors_scan_requests" [Write "control", Write "receptors"];
     /// Groups requests by receiver.
     RECEPTORS_GROUP_REQUESTS = "receptors_group_requests" [
         Write "control", Read "event_rows", Write "claims", Write "receptors", Write "requesters",
     ];
-    /// Binds particles to free receptors.
     RECEPTORS_SELECT = "receptors_select" [
         Write "control", Read "tags", Read "event_rows", Write "claims", Write "receptors", Read "requesters", Write "moved",
     ];
     /// Takes over the detector's result, or halts the run.
     DETECTOR_CHECK = "detector_check" [Uniform "params", Write "control", Write "outcome"];
-    /// Samples the pairs that react.
     REACTIONS_SAMPLE = "reactions_sample" [
         Uniform "params", Write "control", Read "pairs", Read "moved", Read "species", Read "tags", Read "reaction_rows",
         Write "candidates", Write "left",
     ];
-    /// Begins a round of the matching.
     MATCHING_COMPACT = "matching_compact" [
         Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left",
         Write "left_next",
@@ -83,12 +77,10 @@ kernels! {
     MATCHING_BREAK_TIES = "matching_break_ties" [
         Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left_next",
     ];
-    /// Applies the reactions that won.
     MATCHING_APPLY = "matching_apply" [
         Uniform "params", Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims",
         Read "left_next", Write "moved",
     ];
-    /// Runs the remaining rounds in one workgroup.
     MATCHING_FINISH = "matching_finish" [
         Uniform "params", Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims",
         Read "left", Write "moved",
@@ -110,21 +102,17 @@ kernels! {
         Uniform "params", Write "control", Write "moved", Read "species", Read "tags", Write "claims",
         Read "dissociation_rows", Write "born", Write "born_keys0",
     ];
-    /// Sorts second products of dissociations.
     BORN_SORT = "born_sort" [Write "control", Write "born_keys0", Write "born_keys1"];
-    /// Appends second products of dissociations.
     BORN_PLACE = "born_place" [
         Uniform "params", Write "control", Read "born", Read "born_keys0", Write "spheres", Write "tags",
         Write "events",
     ];
-    /// Counts particles inside transparent receivers.
     RECEIVERS_COUNT = "receivers_count" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Read "occupancy_rows",
         Read "receiver_rows", Write "inside",
     ];
 }
 
-/// WGSL that several kernels share, by the name after `#include`.
 const SHARED: &[(&str, &str)] = &[
     ("adsorption", include_str!("shader/shared/adsorption.wgsl")),
     ("apply_reaction", include_str!("shader/shared/apply_reaction.wgsl")),
@@ -162,7 +150,6 @@ impl Kernel {
     }
 }
 
-/// Expands the includes of a text.
 pub(super) fn expand(source: &str) -> String {
     wgsl::expand(source, SHARED, &|_| false)
 }

@@ -1,28 +1,23 @@
 //! Rust twins of the structures in shaders. A test compares sizes and offsets.
 //!
-//! Structures that the host writes have the layout of WGSL (`ShaderType`). `repr(C)` keeps their members in order, which the
-//! test needs. [`ControlHeader`] is read back as bytes: it consists of words, which have the same layout on both sides.
+//! `repr(C)` keeps members in order, which the test needs. [`ControlHeader`] is read back as bytes: it consists of
+//! words, which have one layout on both sides.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
 use glam::{UVec2, UVec3, Vec2, Vec3};
 
-/// The constants of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Params {
     pub(super) key: UVec2,
     pub(super) species: u32,
-    /// The number of tallies of a step.
     pub(super) tallies: u32,
-    /// The first tally of reactions.
     pub(super) first_reaction: u32,
     pub(super) is_open: u32,
-    /// The most loop iterations of the last rounds of a matching.
     pub(super) max_iterations: u32,
     /// `true` if pairs are listed, and not only counted.
     pub(super) lists_pairs: u32,
-    /// The most searches for surfaces per particle and step.
     pub(super) max_requeries: u32,
     pub(super) has_velocity: u32,
     pub(super) logs_arrivals: u32,
@@ -40,7 +35,6 @@ pub(super) struct Params {
     pub(super) vessel_center: Vec3,
 }
 
-/// The step of one species.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct SpeciesRow {
@@ -61,11 +55,9 @@ pub(super) struct SpeciesRow {
     /// 1 if a swimmer tumbles at words up to `tumble_threshold`.
     pub(super) tumbles: u32,
     pub(super) tumble_threshold: u32,
-    /// Expected decays in a step.
     pub(super) decay_rate: f32,
 }
 
-/// The possible events of a particle of one species.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct EventRow {
@@ -94,7 +86,6 @@ impl EventRow {
     pub(super) const DECAY: u32 = 6;
 }
 
-/// The position of a receiver at the beginning of a step, and its displacement in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct ReceiverRow {
@@ -123,7 +114,6 @@ pub(super) struct TrajectoryHeader {
     pub(super) cells: ReceiverCellsHeader,
 }
 
-/// The receptors of a receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct ReceptorRow {
@@ -192,7 +182,6 @@ pub(super) struct DissociationRow {
 impl ReactionRow {
     /// The detector's cutoff is larger than `within`.
     pub(super) const NARROWER: u32 = 4;
-    /// The products are placed apart.
     pub(super) const APART: u32 = 8;
 }
 
@@ -243,8 +232,7 @@ impl ControlHeader {
     pub(super) const OUT_OF_IDS: u32 = 1024;
     pub(super) const EVENT_OVERFLOW: u32 = 2048;
 
-    /// The reason of a halt, or 0. Of several reasons, it is the one of the lowest bit, which does not depend on the order
-    /// of threads.
+    /// The reason of a halt, or 0: the lowest bit, which does not depend on the order of threads.
     pub(super) fn reason(&self) -> u32 {
         self.halted & self.halted.wrapping_neg()
     }
@@ -263,7 +251,5 @@ impl ControlHeader {
 pub(super) const CANDIDATE_BYTES: u64 = 24;
 /// Bytes of a claim.
 pub(super) const CLAIM_BYTES: u64 = 32;
-/// Bytes of a second product of a dissociation.
 pub(super) const BORN_BYTES: u64 = 32;
-/// Bytes of an entry of the event log.
 pub(super) const EVENT_BYTES: u64 = 16;

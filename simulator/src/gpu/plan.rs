@@ -11,8 +11,8 @@ use super::layout::{BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, EVENT_BYTES};
 pub struct GpuOptions {
     /// Initial capacity for pairs; it grows when a step finds more. Default: 2¹⁶.
     pub pair_capacity: u32,
-    /// Rounds of the matching by the whole device, before one workgroup does the rest. They increase when that workgroup
-    /// cannot finish. Default: 3.
+    /// Matching rounds by the whole device, before one workgroup does the rest. They increase if that workgroup cannot
+    /// finish. Default: 3.
     pub rounds: u32,
     /// Initial capacity for second products of dissociations in a step; it grows when a step has more. Default: 2¹².
     pub birth_capacity: u32,
@@ -38,7 +38,7 @@ impl Default for GpuOptions {
 pub(super) const MAX_LOOP_ITERATIONS: u32 = 60_000;
 /// Capacity of the log, and so the most steps between two readbacks.
 pub(super) const LOG_ROWS: u32 = 1024;
-/// The most workgroups of a round of the matching: enough to fill today's largest devices.
+/// Enough to fill today's largest devices.
 const ROUND_GROUPS: u32 = 1024;
 /// The most candidates of one thread in a round, at about twenty loop iterations each.
 const CANDIDATES_PER_THREAD: u32 = 2048;
@@ -51,13 +51,9 @@ pub(super) const MAX_BIRTHS: u32 = 1 << 19;
 pub(super) struct Sizes {
     /// Capacity for particles.
     pub(super) particles: u32,
-    /// Capacity for pairs, and so for candidates.
     pub(super) pairs: u32,
-    /// Capacity for second products of dissociations in a step.
     pub(super) births: u32,
-    /// Capacity of the event log.
     pub(super) events: u32,
-    /// `true` if particles have velocities.
     pub(super) has_velocity: bool,
 }
 
@@ -89,7 +85,6 @@ impl Sizes {
         Ok(needed)
     }
 
-    /// Returns the workgroups of a round of the matching.
     pub(super) fn round_groups(self) -> u32 {
         let least = self.pairs.div_ceil(WORKGROUP_SIZE * CANDIDATES_PER_THREAD).max(1);
         self.particles
@@ -99,15 +94,14 @@ impl Sizes {
     }
 }
 
-/// Returns the workgroups for one thread per item, in two dimensions.
 pub(super) fn groups_for(items: u32, limits: &DeviceLimits) -> [u32; 2] {
     let groups = items.div_ceil(WORKGROUP_SIZE).max(1);
     let rows = groups.div_ceil(limits.groups_per_dimension);
     [groups.div_ceil(rows), rows]
 }
 
-/// Returns the steps between two readbacks, limited so that no tally exceeds 32 bits if each particle counts at most
-/// `counts` times per step.
+/// Returns the steps between two readbacks, such that no tally exceeds 32 bits if each particle counts at most `counts`
+/// times per step.
 pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
     (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }
@@ -121,7 +115,6 @@ pub(super) fn grown(needed: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Limits of a small device.
     fn limits() -> DeviceLimits {
         let limits = lazygrid::gpu::wgpu::Limits { max_buffer_size: 1 << 30, ..Default::default() };
         DeviceLimits::from(&limits)

@@ -1,9 +1,9 @@
-//! Lists of the receivers that a particle may hit, by the cell of space that contains the particle.
+//! Lists of the receivers that a particle may hit, by cell.
 //!
 //! The host knows the positions of receivers in advance and searches two sets with the detector: cells, inflated by the
-//! displacement of particles in a step, and receivers, inflated by their displacements while the lists are valid. Lists keep
-//! the order of the receivers, so the result is that of a loop over all receivers. Particles with a larger displacement, and
-//! species without lists, use that loop.
+//! displacement of particles in a step, and receivers, inflated by their displacements while the lists are valid. Lists
+//! keep the order of the receivers, so the result is that of a loop over all receivers. Particles with a larger
+//! displacement, and species without lists, use that loop.
 
 use glam::{UVec3, Vec3};
 use lazygrid::Sphere;
@@ -21,19 +21,15 @@ const ENTRIES_PER_RECEIVER: usize = 24;
 /// The number of particle steps per receiver at or above which building lists is worthwhile.
 const MIN_STEPS_PER_RECEIVER: u64 = 64;
 
-/// Lists in the layout of kernels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ReceiverCells {
     pub(super) head: ReceiverCellsHeader,
-    /// For each species with lists: the beginning of each cell's list, and the end of the last one. Then the lists, of indices
-    /// in the table of events.
+    /// For each species with lists: the beginning of each cell's list, and the end of the last one. Then the lists.
     pub(super) words: Vec<u32>,
 }
 
-/// Builds lists for a model.
 #[derive(Clone, Debug)]
 pub(super) struct ReceiverCellsBuilder {
-    /// The species with lists, in their order.
     species_rows: Vec<SpeciesRow>,
     event_rows: Vec<EventRow>,
     boundary: Boundary,
@@ -50,7 +46,6 @@ impl ReceiverCellsBuilder {
         Self { species_rows, event_rows: event_rows.to_vec(), boundary, max_cells }
     }
 
-    /// Returns the most words that lists take.
     pub(super) fn max_words(&self) -> usize {
         self.species_rows.len() * (2 * self.max_cells + 1) + ENTRIES_PER_RECEIVER * self.receivers()
     }
@@ -64,7 +59,6 @@ impl ReceiverCellsBuilder {
         &self.event_rows[kind.events_begin as usize..kind.decays_begin as usize]
     }
 
-    /// Returns the number of listed receivers, summed over species.
     fn receivers(&self) -> usize {
         self.species_rows.iter().map(|kind| self.events_of(kind).len()).sum()
     }
@@ -106,7 +100,6 @@ impl ReceiverCellsBuilder {
         }
     }
 
-    /// Returns `None` if the entries exceed their capacity.
     fn words(&self, around: &[Vec<Sphere>], receivers: &[Vec<Sphere>]) -> Result<Option<Vec<u32>>, Error> {
         let mut detector = finder(&self.boundary)?;
         let cells = around[0].len();
@@ -128,20 +121,18 @@ impl ReceiverCellsBuilder {
     }
 }
 
-/// Boxes around all points from which receivers can be hit.
 struct Cells {
     low: [f64; 3],
     length: [f64; 3],
     cells: [u32; 3],
 }
 
-/// The smallest box, in µm. Values that devices flush to zero are negligible next to it.
+/// The smallest box, in µm, next to which values that devices flush to zero are negligible.
 const MIN_BOX: f64 = 1e-20;
 /// A bound of the rounding of cell coordinates, relative to the coordinates and lengths of the box.
 const ROUNDING: f64 = 1e-6;
 
 impl Cells {
-    /// Returns about `most` cells that extend `reach` beyond these receivers.
     fn new<'a>(
         receivers: impl Iterator<Item = &'a Sphere>,
         reach: f32,
@@ -186,7 +177,6 @@ impl Cells {
         self.cells.iter().map(|&count| count as usize).product()
     }
 
-    /// Returns `true` if all derived values are finite.
     fn are_finite(&self, reach: f32) -> bool {
         let ReceiverCellsHeader { low, cells_per_length, .. } = self.head();
         let last = self.sphere(self.count() - 1, reach);
@@ -280,7 +270,6 @@ mod tests {
             let species_rows = [kind(0, 0.01), kind(1, 0.05)];
             let mut builder = ReceiverCellsBuilder::new(&species_rows, &event_rows, room);
             let mut centers: Vec<[f32; 3]> = (0..MANY).map(|k| point(k, scale)).collect();
-            // One is far from all others if the space is unbounded.
             if room.is_unbounded() {
                 centers[7][1] = 40.0 * scale;
             }
@@ -310,7 +299,6 @@ mod tests {
                         );
                     }
                 }
-                // Lists must be short and almost always available.
                 assert!(asked > 3_900 && listed < 20 * asked, "{listed} of {asked}, {room:?}, {scale}");
             }
         }

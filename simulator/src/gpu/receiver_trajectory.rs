@@ -1,4 +1,4 @@
-//! The positions of receivers in the next steps. Receivers move independently, so the host knows them in advance.
+//! The positions of receivers in the next steps, which the host computes because receivers move independently.
 
 use super::layout::{ReceiverRow, TrajectoryHeader};
 use super::plan::LOG_ROWS;
@@ -6,15 +6,12 @@ use crate::model::Model;
 use crate::motion::receiver_state;
 use crate::random::philox::Key;
 
-/// The positions of receivers at the beginning of each of some steps, and after the last one.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReceiverTrajectory {
     pub(super) head: TrajectoryHeader,
     /// Indexed by step, then by receiver; a single step if no receiver moves.
     pub(super) rows: Vec<ReceiverRow>,
-    /// The centers of each step, in µm.
     centers: Vec<Vec<[f32; 3]>>,
-    /// The largest displacement of each receiver, in µm; empty if all rest.
     pub(super) max_displacements: Vec<f32>,
 }
 
@@ -23,7 +20,6 @@ const TABLE_BYTES: u64 = 4 << 20;
 /// Bytes of a row.
 const ROW_BYTES: u64 = 32;
 
-/// Returns the most steps between two readbacks, limited by the table of positions.
 pub(super) fn max_steps(model: &Model) -> u32 {
     if !model.receivers.iter().any(crate::Receiver::moves) {
         return LOG_ROWS;
@@ -32,14 +28,12 @@ pub(super) fn max_steps(model: &Model) -> u32 {
     rows.saturating_sub(1).clamp(1, LOG_ROWS.into()) as u32
 }
 
-/// Returns the most rows of the table.
 pub(super) fn max_rows(model: &Model) -> usize {
     let moves = model.receivers.iter().any(crate::Receiver::moves);
     model.receivers.len() * if moves { max_steps(model) as usize + 1 } else { 1 }
 }
 
 impl ReceiverTrajectory {
-    /// Returns the positions of receivers that start at these centers, for a number of steps.
     pub(super) fn new(model: &Model, key: Key, centers: &[[f32; 3]], first: u32, steps: u32) -> Self {
         let moves = model.receivers.iter().any(crate::Receiver::moves);
         let stride = if moves { centers.len() as u32 } else { 0 };
@@ -77,7 +71,6 @@ impl ReceiverTrajectory {
         trajectory
     }
 
-    /// Returns the centers after `done` steps of the run.
     pub(super) fn centers_at(&self, done: u32) -> &[[f32; 3]] {
         let at = if self.head.stride == 0 { 0 } else { (done - self.head.first) as usize };
         &self.centers[at]

@@ -27,9 +27,9 @@ mod transfer;
 use overflow::prepare;
 use transfer::{columns, velocities};
 
-/// A run whose particles are on a GPU: a model, a seed, and the state.
+/// A run whose particles are on a GPU.
 ///
-/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation), so each can resume a run of the other.
+/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation); each can resume a run of the other.
 #[derive(Debug)]
 pub struct GpuSimulation {
     model: Model,
@@ -39,13 +39,9 @@ pub struct GpuSimulation {
     /// The most events of a particle in a step that one tally counts.
     max_counts: u32,
     dissociates: bool,
-    /// The species that receptors bind.
     bound_species: Vec<BoundSpecies>,
-    /// The positions of receivers in the steps recorded last.
     trajectory: ReceiverTrajectory,
-    /// Builds the lists of receivers by cell.
     cells_builder: ReceiverCellsBuilder,
-    /// The cells of the lists on the device.
     cells: ReceiverCellsHeader,
     centers: Vec<[f32; 3]>,
     buffers: RunBuffers,
@@ -62,23 +58,19 @@ pub struct GpuSimulation {
     totals: Totals,
     inside: Vec<Vec<u64>>,
     pairs: Vec<u64>,
-    /// Origins of the particles, if the model logs arrivals.
     origins: Origins,
     arrivals: Vec<Arrival>,
 }
 
-/// The particles that appear before a step.
 struct Burst {
     step: u32,
     released: Released,
 }
 
-/// The most rounds of a matching by the whole device. With random priorities, the number of rounds grows as the logarithm
-/// of the number of candidates.
+/// With random priorities, the number of rounds grows as the logarithm of the number of candidates.
 const MAX_ROUNDS: u32 = 512;
-/// The most work of one submission, in moved particles: far below the limit of watchdogs.
+/// In moved particles: far below the limit of watchdogs.
 const MAX_SUBMITTED_WORK: u32 = 1 << 24;
-/// The most steps of one submission, for few particles.
 const MAX_SUBMITTED_STEPS: u32 = 64;
 
 impl GpuSimulation {
@@ -192,8 +184,8 @@ impl GpuSimulation {
         &self.pairs
     }
 
-    /// The particles that arrived in the steps of the last [`run`](Self::run), in the order of steps and ids, in a model
-    /// that logs arrivals.
+    /// The particles that arrived in the last [`run`](Self::run), in the order of steps and ids, in a model that logs
+    /// arrivals.
     pub fn arrivals(&self) -> &[Arrival] {
         &self.arrivals
     }
@@ -246,12 +238,10 @@ impl GpuSimulation {
         self.buffers.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// Returns the most steps between two readbacks.
     fn steps_per_readback(&self) -> u32 {
         steps_per_readback(self.steps.sizes.particles, self.max_counts)
     }
 
-    /// Returns the particles that appear after each of the next steps.
     fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
@@ -265,7 +255,6 @@ impl GpuSimulation {
         Ok(bursts)
     }
 
-    /// Records and submits steps, and reads back.
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<ControlHeader, Error> {
         self.prepare_receivers(steps)?;
         // A halted step does not consume them; its repetition does.
@@ -285,7 +274,6 @@ impl GpuSimulation {
             particles += burst.map_or(0, Particles::len) as u32;
             let burst = burst.map(|burst| self.append(burst)).transpose()?;
             if self.dissociates {
-                // The number of particles grows on the device.
                 particles = self.steps.sizes.particles;
             }
             self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
@@ -309,7 +297,6 @@ impl GpuSimulation {
         self.readback(encoder, particles, bursts)
     }
 
-    /// Returns the stage that appends a burst.
     fn append(&mut self, particles: &Particles) -> Result<Stage, Error> {
         let (mut spheres, tags) = columns(particles);
         let count = spheres.len() as u32;
@@ -329,7 +316,6 @@ impl GpuSimulation {
         })
     }
 
-    /// Reads and adds the counts since the last readback.
     fn readback(
         &mut self,
         mut encoder: wgpu::CommandEncoder,
@@ -362,7 +348,6 @@ impl GpuSimulation {
         let pairs = &log[..head.logged as usize];
         self.totals.pairs = pairs.last().copied().unwrap_or(self.totals.pairs);
         self.pairs.extend_from_slice(pairs);
-        // The next readback must not see these counts again.
         let control = self.buffers.buffer("control");
         let zeros = vec![0u32; tallies];
         let queue = &self.buffers.own.queue;
@@ -380,11 +365,10 @@ impl GpuSimulation {
         Ok(head)
     }
 
-    /// Adds tallies to the totals, including the present particles.
     fn add_tallies(&mut self, counts: &[u32]) {
         let Self { model, tallies, totals, .. } = self;
         let count = |at: usize| u64::from(counts[at]);
-        // A species may appear and disappear in any order between readbacks; only the final count cannot be negative.
+        // A species may appear and disappear between readbacks; only the final count cannot be negative.
         let present = &mut totals.present;
         let mut turn = |from: Option<u32>, to: Option<u32>, count: u64| {
             if let Some(from) = from {
@@ -411,7 +395,6 @@ impl GpuSimulation {
             let holds = matches!(model.receivers[receiver].kind, ReceiverKind::Receptors(_));
             for species in 0..tallies.species {
                 let word = counts[tallies.arrival(receiver, species)];
-                // The number of bound particles may decrease.
                 let count = if holds { i64::from(word as i32) as u64 } else { word.into() };
                 let arrived = &mut totals.arrived[receiver][species];
                 *arrived = arrived.wrapping_add(count);
@@ -421,7 +404,6 @@ impl GpuSimulation {
     }
 }
 
-/// Returns the detector if the model has pairs.
 fn detector(buffers: &RunBuffers, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
     // A software driver has few threads, so lists are worthwhile for fewer particles.

@@ -15,23 +15,17 @@ use crate::reaction::dissociation::Dissociation;
 use crate::reaction::{ReactionRule, Reactions};
 use crate::{Axis, Error, Receiver};
 
-/// The tables of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tables {
     pub(super) params: Params,
     pub(super) species_rows: Vec<SpeciesRow>,
     pub(super) event_rows: Vec<EventRow>,
     pub(super) occupancy_rows: Vec<OccupancyRow>,
-    /// Indexed by receiver; empty if no receiver has receptors.
     pub(super) receptors: Vec<ReceptorRow>,
-    /// `true` if some surfaces reflect particles.
     pub(super) reflects: bool,
-    /// The most rows of the table of positions of receivers.
     pub(super) receiver_rows: usize,
     pub(super) reaction_rows: Vec<ReactionRow>,
-    /// Empty if no species dissociates.
     pub(super) dissociation_rows: Vec<DissociationRow>,
-    /// The most events of a particle in a step that one tally counts.
     pub(super) max_counts: u32,
     pub(super) tallies: Tallies,
 }
@@ -65,12 +59,11 @@ impl Tallies {
 
 /// The most decays of a particle in a step, as in `decay.wgsl`.
 const MAX_DECAYS: u32 = 64;
-/// The most expected decays of a particle in a step: with a mean of 16, more than [`MAX_DECAYS`] have a probability of 10⁻¹⁷.
+/// With a mean of 16, more than [`MAX_DECAYS`] have a probability of 10⁻¹⁷.
 const MAX_DECAY_RATE: f64 = 16.0;
 /// The most receivers whose index a particle that arrives can carry, as in `decay.wgsl`.
 const MAX_LOGGED_RECEIVERS: usize = (1 << 17) - 2;
 
-/// Returns the decays whose products decay as well.
 fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
     let after = |first: &Decay| {
         let product = first.products[0];
@@ -126,18 +119,17 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     Ok(())
 }
 
-/// The most receivers and species that one thread visits in a step, because software drivers end loops after 65,535
-/// iterations.
+/// The most receivers and species that one thread visits in a step: software drivers end loops after 65,535 iterations.
 const MAX_SEEN: usize = 60_000;
-/// The same if surfaces reflect: a thread then visits receivers twice.
+/// Lower if surfaces reflect, as a thread then visits receivers twice.
 const MAX_SEEN_REFLECTING: usize = 25_000;
 /// Loop iterations of a thread near surfaces, its additional iterations per search, and the most reflections in a step.
 const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Returns the most searches for surfaces by a particle in a step. A particle searches again if moving surfaces pushed it
-/// beyond the region of the search. Each search, and the test of absorbing receivers, visits all receivers of a species.
+/// Returns the most searches for surfaces by a particle in a step. A particle searches again if moving surfaces pushed
+/// it beyond the searched region.
 fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
@@ -158,11 +150,11 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     }
 }
 
-/// Bounds of the displacement of a species in a step that is no diffusion.
+/// Bounds of the displacement of a species in a step apart from diffusion.
 struct Carried {
-    /// The part by plug flow and drift, in µm.
+    /// Plug flow and drift, in µm.
     drift: [f32; 3],
-    /// The parts by Poiseuille flow along the vessel, and by its own velocity in any direction, in µm.
+    /// Poiseuille flow along the vessel, and own velocity in any direction, in µm.
     flow: f32,
     own: f32,
     diffusion: f32,
@@ -187,13 +179,12 @@ impl Carried {
         Self { drift, flow, own: speed * model.time_step as f32, diffusion }
     }
 
-    /// A bound of the length of the displacement.
     fn length(&self) -> f32 {
         self.drift.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own
     }
 
-    /// Returns `true` if the ends of a step do not decide whether a receiver was hit: drift may carry a diffusing particle
-    /// past it, and a straight path may involve a wall or another image of the receiver.
+    /// Returns `true` if the ends of a step do not decide whether a receiver was hit: drift may carry a diffusing
+    /// particle past it, or a line may involve a wall or another image.
     fn drifts_past(&self, receiver: &Receiver, model: &Model) -> bool {
         let (time_step, boundary) = (model.time_step, &model.boundary);
         let own = receiver.velocity.map(|v| (v * time_step) as f32);
@@ -207,7 +198,6 @@ impl Carried {
             let vessel = boundary.vessel.filter(|vessel| vessel.along == k);
             self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
         };
-        // The wall of a vessel reflects what moves across it.
         let across = |k: usize| boundary.vessel.is_some_and(|vessel| vessel.along != k);
         (0..3).filter(|&k| relative[k] != 0.0 || along(k) > 0.0).any(|k| {
             let moved = self.drift[k].abs() + along(k);
@@ -215,7 +205,6 @@ impl Carried {
             match boundary.axes[k] {
                 Axis::Open => across(k),
                 Axis::Reflecting { .. } if moved == 0.0 => false,
-                // A moving receiver reaches a wall eventually.
                 Axis::Reflecting { .. } if own[k] != 0.0 => true,
                 Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
                 Axis::Periodic { low, high } => {
@@ -227,7 +216,6 @@ impl Carried {
 }
 
 impl Tables {
-    /// Returns the tables of a valid model.
     pub(super) fn new(model: &Model, key: Key, max_iterations: u32) -> Self {
         let tallies = Tallies {
             species: model.species.len(),
@@ -254,12 +242,10 @@ impl Tables {
         }
     }
 
-    /// Returns `true` if some species dissociate.
     pub(super) fn dissociates(&self) -> bool {
         !self.dissociation_rows.is_empty()
     }
 
-    /// Returns the events of receptors, with species and receiver.
     pub(super) fn bound_species(&self) -> Vec<BoundSpecies> {
         let of_kind = |(species, kind): (usize, &SpeciesRow)| {
             let event_rows =
@@ -273,8 +259,7 @@ impl Tables {
     }
 }
 
-/// A species that the receptors of a receiver bind, with the index of that event. Lists are in the order of species and
-/// receivers, which is the order of events.
+/// A species that the receptors of a receiver bind, with the index of that event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BoundSpecies {
     pub(super) species: u32,
@@ -377,12 +362,11 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
     (species_rows, event_rows)
 }
 
-/// Returns the distance that all but one in ten million particles stay within in a step, including the reach of receivers.
+/// Returns the distance that all but one in ten million particles stay within in a step, plus the reach of receivers.
 fn reach(step: &SpeciesStep, carried: &Carried) -> f32 {
     1.01 * (6.0 * step.length + carried.length()) + step.bend
 }
 
-/// Returns the effect of a receiver's surface on a species, or `None` for a transparent one.
 fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {
     let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
     let length = diffusion.sqrt();
@@ -437,7 +421,6 @@ fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
         let shells = reactions.shells(a, b).iter().enumerate();
         let all: Vec<_> =
             shells.flat_map(|(k, shell)| shell.rules().map(move |rule| (k, rule, shell.within))).collect();
-        // The first row stands in the place of the pair, the others at the end.
         let begin = rows.len();
         let index = |i: usize| if i == 0 { head as u32 } else { (begin + i - 1) as u32 };
         for (i, &(k, rule, within)) in all.iter().enumerate() {

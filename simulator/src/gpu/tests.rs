@@ -25,7 +25,6 @@ fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 
-/// Runs `body` for each of `count` values of `k`, with the output `out: array<vec4<u32>>`.
 fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
     let source = format!(
         "{pieces}\n@group(0) @binding(0) var<storage, read_write> out: array<vec4<u32>>;\n\
@@ -61,7 +60,6 @@ fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 
     bytemuck::pod_collect_to_vec(&bytes[0])
 }
 
-/// Returns a counter and a key that look random.
 fn scattered(k: u32) -> ([u32; 4], [u32; 2]) {
     let word = |by: u32| k.wrapping_mul(by) ^ (k << 7);
     ([word(0x9e37_79b9), word(0x85eb_ca6b), k, 3], [word(0xc2b2_ae35), !k])
@@ -130,10 +128,8 @@ fn model() -> Model {
 }
 
 const CLAIMS: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
-/// The entries of the table by species that describe these reactions.
 const RULES: [u32; 3] = [0, 1, 4];
 
-/// Distinct pairs of `particles` particles, with few priorities, so that ties are common.
 fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
     let mut seen = std::collections::HashSet::new();
     let mut all = Vec::new();
@@ -227,7 +223,6 @@ fn unfinished_matching_halts_the_run() {
     assert_eq!(matched(&own, &all, 41, [0, 64]).0, ControlHeader::ROUNDS_LEFT);
 }
 
-/// Returns a buffer with these bytes.
 fn written(own: &GpuDevice, name: &'static str, bytes: &[u8]) -> wgpu::Buffer {
     let made = buffer(own, name, bytes.len() as u64).expect("a buffer");
     own.queue.write_buffer(&made, 0, bytes);

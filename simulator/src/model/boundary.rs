@@ -94,8 +94,7 @@ impl Axis {
     }
 }
 
-/// Reduces a displacement modulo `2 * length`, the distance to the upper wall and back. Results above `length` lie on
-/// the return path.
+/// Reduces a displacement modulo `2 * length`; results above `length` lie on the return path.
 #[inline(always)]
 fn round_trip(way: f32, length: f32) -> f32 {
     way - 2.0 * length * (way / (2.0 * length)).floor()

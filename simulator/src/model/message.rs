@@ -113,12 +113,10 @@ impl Message {
         }
     }
 
-    /// Returns the range of symbols sent at the beginning of a step.
     pub(crate) fn due(&self, step: u32, time_step: f64) -> std::ops::Range<u32> {
         self.sent_before(step, time_step)..self.sent_before(step.saturating_add(1), time_step)
     }
 
-    /// Returns the number of symbols sent before a step.
     pub(crate) fn sent_before(&self, step: u32, time_step: f64) -> u32 {
         let is_sent = |k: u32| step_of(self.time_of(k), time_step).is_some_and(|own| own < step);
         let [mut low, mut high] = [0, self.symbols.len()];
@@ -141,12 +139,10 @@ mod tests {
         let symbols = Symbols::Given(vec![1, 0, 1, 1]);
         let message = Message { start: 0.1, symbol_time: 0.25, symbols, modulation: Modulation::OnOff };
         let due = |step| message.due(step, 0.1).map(|k| message.symbol(k, 0, KEY)).collect::<Vec<_>>();
-        // At 0.1, 0.35, 0.6 and 0.85 s.
         let expected = [(0, vec![]), (1, vec![1]), (4, vec![0]), (6, vec![1]), (8, vec![]), (9, vec![1])];
         for (step, symbols) in expected {
             assert_eq!(due(step), symbols, "{step}");
         }
-        // Symbols shorter than a step come together.
         let fast = Message { start: 0.0, symbol_time: 0.04, ..message };
         assert_eq!(fast.due(1, 0.1), 1..3);
         assert_eq!((fast.sent_before(0, 0.1), fast.sent_before(9, 0.1)), (0, 4));

@@ -1,5 +1,4 @@
-//! The model of a simulation, as plain data. Lengths are in µm and times in s; any other consistent pair of units also
-//! works.
+//! The model of a simulation, as plain data. Lengths are in µm and times in s, or any other consistent pair of units.
 
 pub mod boundary;
 pub mod message;
@@ -196,7 +195,6 @@ impl Model {
         }
     }
 
-    /// Returns `true` if some decay of a species has two products.
     pub(crate) fn dissociates(&self, species: u32) -> bool {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
@@ -208,7 +206,6 @@ impl Model {
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }
     }
 
-    /// Returns, by species, the boundary within which the centers of its particles stay.
     pub(crate) fn center_domains(&self) -> Vec<Boundary> {
         self.species.iter().map(|species| self.boundary.inset(species.radius)).collect()
     }

@@ -29,7 +29,7 @@ pub struct Particles {
 pub struct Particle {
     /// Coordinates, in µm.
     pub position: [f32; 3],
-    /// Velocity, in µm/s; left out in a model without velocities.
+    /// Velocity, in µm/s; absent in a model without velocities.
     pub velocity: [f32; 3],
     /// Radius, in µm.
     pub radius: f32,
@@ -55,7 +55,7 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
-    /// Makes room for more particles, so that adding them cannot fail.
+    /// Reserves space for more particles, so that adding them cannot fail.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -97,7 +97,7 @@ impl Particles {
         self.id.append(&mut others.id);
     }
 
-    /// The particle at a place.
+    /// Returns the particle at an index.
     pub fn get(&self, at: usize) -> Particle {
         Particle {
             position: self.position_of(at),
@@ -108,13 +108,13 @@ impl Particles {
         }
     }
 
-    /// The coordinates of the particle at a place.
+    /// Returns the coordinates of the particle at an index.
     #[inline]
     pub fn position_of(&self, at: usize) -> [f32; 3] {
         [self.position[0][at], self.position[1][at], self.position[2][at]]
     }
 
-    /// Moves the particle at a place.
+    /// Moves the particle at an index.
     #[inline]
     pub fn set_position(&mut self, at: usize, position: [f32; 3]) {
         for (column, coordinate) in self.position.iter_mut().zip(position) {
@@ -122,7 +122,7 @@ impl Particles {
         }
     }
 
-    /// Removes the particles at these places, which must be different. The last ones move into the gaps.
+    /// Removes the particles at these distinct indices. The last ones move into the gaps.
     pub fn remove(&mut self, places: &mut [u32]) {
         places.sort_unstable_by(|a, b| b.cmp(a));
         let with_velocity = self.has_velocity();
@@ -140,7 +140,6 @@ impl Particles {
         }
     }
 
-    /// The particles of a range of indices.
     pub(crate) fn range(&self, places: Range<usize>) -> Self {
         let velocity = if self.has_velocity() { places.clone() } else { 0..0 };
         Self {
@@ -170,22 +169,21 @@ impl Particles {
         permuted
     }
 
-    /// The places in ascending order of ids.
+    /// Returns the indices in ascending order of ids.
     pub fn by_id(&self) -> Vec<u32> {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
         order.sort_unstable_by_key(|&at| self.id[at as usize]);
         order
     }
 
-    /// The particles as the detector takes them, with their species.
+    /// Returns the particles as the detector takes them, with their species.
     ///
     /// # Errors
-    /// [`Error::Detection`] where columns differ in length.
+    /// [`Error::Detection`] if columns differ in length.
     pub fn spheres(&self) -> Result<Spheres<'_>, Error> {
         self.first_spheres(self.len())
     }
 
-    /// Returns the first `count` particles as spheres.
     pub(crate) fn first_spheres(&self, count: usize) -> Result<Spheres<'_>, Error> {
         let [x, y, z] = self.position.each_ref().map(|column| &column[..count]);
         let spheres = Spheres::columns(x, y, z, &self.radius[..count]).map_err(lazygrid::Error::from)?;

@@ -6,8 +6,7 @@ use crate::Error;
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
 
-/// A sphere that counts, absorbs, binds or reflects particles. A particle is treated as a point at its center, whatever
-/// its radius.
+/// A sphere that counts, absorbs, binds or reflects particles, each of which is a point at its center.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
     /// Its name in output.
@@ -98,7 +97,6 @@ impl Receiver {
         counts
     }
 
-    /// Counts the particle at index `at` if its species is visible and it is within the receiver's radius of `center`.
     fn count(
         &self,
         center: [f32; 3],
@@ -115,10 +113,9 @@ impl Receiver {
     }
 }
 
-/// The largest number of transparent receivers that test every particle; larger numbers use a search. On the machine of
-/// the tables in docs/simulator.md, testing takes 0.7 times as long as a search for one receiver, 2.5 times for two.
+/// The most transparent receivers that test every particle instead of searching. Testing takes 0.7 times as long as a
+/// search for one receiver and 2.5 times for two (machine of the tables in docs/simulator.md).
 const FEW: usize = 1;
-/// The number of pairs per chunk of the stream.
 const CHUNK: usize = 1 << 16;
 
 /// Returns, by receiver and species, the number of particles inside transparent receivers at `centers`; other receivers
@@ -137,7 +134,7 @@ pub(crate) fn all_inside(
     {
         return found;
     }
-    // This path also serves particles with non-finite coordinates, which the detector rejects.
+    // Also serves particles with non-finite coordinates, which the detector rejects.
     let mut counts: Vec<Vec<u64>> = nothing();
     for k in looking {
         counts[k] = receivers[k].inside(centers[k], boundary, particles);
@@ -145,7 +142,6 @@ pub(crate) fn all_inside(
     counts
 }
 
-/// Adds to the counts of the receivers in `looking`, with a search.
 fn found_inside(
     (receivers, looking): (&[Receiver], &[usize]),
     centers: &[[f32; 3]],
@@ -153,7 +149,7 @@ fn found_inside(
     particles: &Particles,
     mut counts: Vec<Vec<u64>>,
 ) -> Result<Vec<Vec<u64>>, Error> {
-    // Radii are enlarged by the rounding error, so the search misses nothing. `count` makes the exact test.
+    // Radii are enlarged by the rounding error, so the search misses nothing; `count` makes the exact test.
     let grown = |&k: &usize| {
         let radius = receivers[k].radius;
         lazygrid::Sphere::new(centers[k], radius + rounding(centers[k], 2.0 * radius))

@@ -90,7 +90,6 @@ impl Transmitter {
         }
     }
 
-    /// Returns the species that it releases.
     pub(crate) fn species(&self) -> impl Iterator<Item = u32> {
         let steady = match &self.schedule {
             Schedule::Steady { rates, .. } => rates.as_slice(),
@@ -140,7 +139,6 @@ impl Transmitter {
     }
 }
 
-/// Returns the times in ascending `times` that fall on `step`.
 fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
     let until = |step| times.partition_point(|&time| step_of(time, time_step).is_some_and(|own| own < step));
     &times[until(step)..until(step.saturating_add(1))]
@@ -200,7 +198,6 @@ mod tests {
         let schedule = Schedule::Steady { from: 0.25, until: 0.6, rates: vec![(1, 100.0)] };
         let transmitter = Transmitter { schedule, ..Transmitter::default() };
         let mean = |begin, end| transmitter.mean_between([begin, end], 0.1)[0].1;
-        // Particles at the beginning of a step were released during the previous one.
         for (begin, end, expected) in [(0, 3, 0.0), (3, 4, 5.0), (4, 5, 10.0), (7, 99, 0.0), (0, 99, 35.0)] {
             assert!((mean(begin, end) - expected).abs() < 1e-9, "{begin}..{end}: {}", mean(begin, end));
         }

@@ -1,5 +1,3 @@
-//! The conditions for a run to make sense.
-
 use crate::Error;
 use crate::model::boundary::Axis;
 use crate::model::message::Symbols;
@@ -86,7 +84,6 @@ impl Model {
         self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))
     }
 
-    /// The fault if a surface of a given reactivity meets particles that do not diffuse.
     pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {
         let by_rate = matches!(
             receiver.kind,
@@ -160,7 +157,6 @@ impl Model {
         self.check_species(&decay.name, [decay.reactant].into_iter().chain(products))
     }
 
-    /// A pair has one turn in a step.
     fn check_channels(&self) -> Result<(), Error> {
         let chances = ReactionProbabilities(self);
         for reaction in &self.reactions {

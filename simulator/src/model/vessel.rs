@@ -1,20 +1,20 @@
 //! A vessel of circular cross-section.
 //!
-//! Its wall reflects the path of a step across the vessel, from reflection to reflection. Such paths keep a uniform density uniform
-//! at any length, because billiards conserve volumes.
+//! Its wall reflects a path from reflection to reflection. Such paths keep a uniform density uniform at any length,
+//! because billiards conserve volumes.
 
 /// A cylinder along an axis, which the boundary of that axis may limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
-    /// The axis along which it goes: 0, 1 or 2.
+    /// The axis: 0, 1 or 2.
     pub along: usize,
-    /// A point on its middle line, in µm.
+    /// A point on the middle line, in µm.
     pub center: [f32; 3],
     /// Its radius, in µm.
     pub radius: f32,
 }
 
-/// The largest number of reflections in a step. A particle that would have more stays at the wall.
+/// The most reflections in a step. A particle that would have more stays at the wall.
 const BOUNCES: usize = 64;
 
 impl Vessel {
@@ -24,7 +24,6 @@ impl Vessel {
         Self { radius: self.radius - radius, ..self }
     }
 
-    /// Returns the two axes across.
     pub(crate) fn across(&self) -> [usize; 2] {
         [(self.along + 1) % 3, (self.along + 2) % 3]
     }
@@ -51,7 +50,6 @@ impl Vessel {
         p
     }
 
-    /// Sets the position across of a point, at most as far out as the wall.
     fn put(&self, p: &mut [f32; 3], at: [f64; 2]) {
         for (k, c) in self.across().into_iter().zip(at) {
             p[k] = (f64::from(self.center[k]) + c) as f32;
@@ -65,7 +63,7 @@ impl Vessel {
         }
     }
 
-    /// Returns the end of a path across the vessel from `from` to `to`, with reflections, which change `velocity` as well.
+    /// Returns the end of a path across the vessel, with reflections, which change `velocity` as well.
     pub fn reflect(&self, from: [f32; 3], mut to: [f32; 3], velocity: &mut [f32; 3]) -> [f32; 3] {
         let radius = f64::from(self.radius);
         if self.distance(to) <= radius {
@@ -74,11 +72,9 @@ impl Vessel {
         let mut at = self.offset(from.map(f64::from));
         let end = self.offset(to.map(f64::from));
         let mut way = [end[0] - at[0], end[1] - at[1]];
-        // Rounding may have left it a little outside.
         let outside = (at[0].hypot(at[1]) / radius).max(1.0);
         at = at.map(|c| c / outside);
         for _ in 0..BOUNCES {
-            // |at + t·way| = R, at the later of both.
             let [a, b] = [way[0] * way[0] + way[1] * way[1], at[0] * way[0] + at[1] * way[1]];
             let c = (at[0] * at[0] + at[1] * at[1] - radius * radius).min(0.0);
             let t = (-b + (b * b - a * c).max(0.0).sqrt()) / a;
@@ -119,11 +115,9 @@ mod tests {
         let mut velocity = [3.0, 7.0, 4.0];
         assert_eq!(VESSEL.reflect([1.0, 0.0, -2.0], [2.0, 9.0, -1.0], &mut velocity), [2.0, 9.0, -1.0]);
         assert_eq!(velocity, [3.0, 7.0, 4.0]);
-        // Perpendicular to the wall, and back through the middle.
         close(VESSEL.reflect([1.0, 0.0, -2.0], [1.0, 1.0, 1.0], &mut velocity), [1.0, 1.0, -1.0]);
         close(velocity, [3.0, 7.0, -4.0]);
         close(VESSEL.reflect([1.0, 0.0, -2.0], [1.0, 1.0, 5.0], &mut velocity), [1.0, 1.0, -3.0 - 0.0]);
-        // Along a square: each reflection turns the path by a right angle.
         let half = 2.0_f32.sqrt();
         let start = [1.0 + half, 0.0, -2.0 - half];
         let mut velocity = [0.0, 1.0, 6.0];

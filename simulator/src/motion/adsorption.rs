@@ -23,7 +23,7 @@
 //! (w·s(a + |b|) − exp(−r₀r₁/DΔt)·s(r₀ + r₁)) / (1 − exp(−r₀r₁/DΔt)),   w = exp(−ab/DΔt) for b > 0, else 1
 //! ```
 //!
-//! where s is the expression above. The adsorbed fraction of particles that begin a step at height `a` is then that of Collins
+//! with s for the expression above. The adsorbed fraction of particles that begin a step at height `a` is then that of Collins
 //! and Kimball (*Diffusion-controlled reaction rates*, Journal of Colloid Science 4 (1949) 425). Neither the step nor κ needs to
 //! be small.
 //!
@@ -44,7 +44,6 @@ pub(crate) fn erfcx(x: f64) -> f64 {
     if x < 25.0 {
         return libm::exp(x * x) * libm::erfc(x);
     }
-    // Asymptotic series. The first omitted term is below 10⁻⁹ of the result.
     let s = 1.0 / (2.0 * x * x);
     (1.0 - s * (1.0 - 3.0 * s * (1.0 - 5.0 * s))) / (x * ROOT_PI)
 }
@@ -59,11 +58,9 @@ pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
 pub(crate) struct Step {
     /// √(DΔt) in µm.
     length: f64,
-    /// Radius of the sphere, in µm.
     radius: f64,
     /// κ√(Δt/D)
     own: f64,
-    /// κ√(Δt/D) + √(DΔt)/R, with the curvature term.
     all: f64,
 }
 
@@ -109,7 +106,6 @@ impl Step {
         4.0 * PI * self.radius.powi(2) * self.own * self.length * (free + (1.0 - free) * mean)
     }
 
-    /// Returns the ratio of `volume` to its limit for weak adsorption, κ·4πR²Δt.
     pub(crate) fn effective_part(&self) -> f64 {
         match self.own > 0.0 {
             true => self.volume() / (4.0 * PI * self.radius.powi(2) * self.own * self.length),
@@ -141,7 +137,6 @@ const FAR: f64 = 5.0;
 /// radius.
 const TRIALS: usize = 1000;
 
-/// Draws from the density 2/√π·exp(−y²), y ≥ 0.
 fn half_normal(draws: &mut Draws) -> f64 {
     let [u, v] = [draws.unit(), draws.unit()];
     libm::sqrt(-libm::log(u)) * libm::cos(0.5 * PI * v)
@@ -152,13 +147,11 @@ mod tests {
     use super::*;
     use crate::random::philox::{Key, Purpose};
 
-    /// Returns (R + a)/R times Collins and Kimball's adsorption probability of a particle that begins at height `a`.
     fn collins_kimball(step: &Step, a: f64) -> f64 {
         let y = a / (2.0 * step.length);
         step.own / step.all * libm::exp(-y * y) * step.taken_from(y)
     }
 
-    /// Integrates `f` over heights, by the midpoint rule.
     fn over_heights(step: &Step, f: impl Fn(f64) -> f64) -> f64 {
         let (n, end) = (20_000, 14.0 * step.length);
         (0..n).map(|k| f((f64::from(k) + 0.5) * end / f64::from(n))).sum::<f64>() * end / f64::from(n)
@@ -180,8 +173,7 @@ mod tests {
         assert!((erfcx(1e6) * 1e6 * ROOT_PI - 1.0).abs() < 1e-12);
     }
 
-    /// The adsorption probability of one path, averaged over all paths, equals the total of Collins and Kimball. Paths
-    /// from height a end at ±b with the density of diffusion; `crossing` decides whether they reach the surface.
+    /// Paths from height a end at ±b with the density of diffusion; `crossing` decides whether they reach the surface.
     #[test]
     fn what_sticks_is_what_collins_and_kimball_take() {
         for step in steps() {
@@ -199,7 +191,6 @@ mod tests {
         }
     }
 
-    /// Long steps, with paths around the sphere: an integral over the distance of the end from the center.
     #[test]
     fn adsorption_in_long_steps_is_that_of_collins_and_kimball() {
         for (diffusion, radius, kappa) in
@@ -262,7 +253,6 @@ mod tests {
         }
     }
 
-    /// Strong adsorption on a plane: each particle that reaches the surface stays.
     #[test]
     fn an_infinite_reactivity_absorbs() {
         let step = Step::new(0.01, 0.1, (1e9, 1e9));
@@ -271,13 +261,12 @@ mod tests {
         );
     }
 
-    /// Uniform concentration before a plane. Andrews' rule adsorbs each particle that ends a step beyond the surface
-    /// with probability κ'√(2π) + O(κ'²), κ' = κΔt/√(2DΔt). For small κ', the same number adsorbs here.
+    /// Andrews' rule adsorbs each particle that ends a step beyond a plane with probability κ'√(2π) + O(κ'²), κ' =
+    /// κΔt/√(2DΔt). For small κ', the same number adsorbs here.
     #[test]
     fn weak_adsorption_is_that_of_andrews() {
         let (diffusion, time_step, kappa) = (0.5, 1.0, 1e-4);
         let step = Step::new(diffusion, time_step, (1e9, kappa));
-        // A uniform concentration sends √(DΔt/π) of its volume per area beyond the surface.
         let beyond = (diffusion / PI).sqrt();
         let andrews = beyond * kappa * (2.0 * PI).sqrt();
         let own = step.volume() / (4.0 * PI * 1e18);

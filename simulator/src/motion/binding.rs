@@ -13,26 +13,23 @@ use crate::random::philox::{Draws, Key, Purpose};
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {
-    /// Its id, which it keeps.
+    /// Its id.
     pub id: u32,
     /// Its species.
     pub species: u32,
-    /// The receiver's place in the model.
+    /// The index of the receiver in the model.
     pub receiver: u32,
-    /// Its position, as a direction from the center.
+    /// The direction of its position from the center.
     pub direction: [f32; 3],
 }
 
 /// A particle that unbinds from a receptor in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UnboundParticle {
-    /// Its index among the bound particles.
     at: usize,
-    /// Its distance from the surface at the end of the step, in µm.
     height: f32,
 }
 
-/// The number of free receptors of each receiver that has any.
 pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
     let one = |(receiver, held): (&crate::Receiver, &Vec<u64>)| match receiver.kind {
         ReceiverKind::Receptors(Receptors { count, .. }) => {
@@ -43,7 +40,6 @@ pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
     model.receivers.iter().zip(arrived).map(one).collect()
 }
 
-/// Returns the particles that unbind in a step, given the number of free receptors of each receiver.
 pub(crate) fn leaving(
     model: &Model,
     bound: &[Bound],
@@ -84,7 +80,6 @@ pub(crate) fn place_of(
 }
 
 impl UnboundParticle {
-    /// Returns its index among the bound particles.
     pub(crate) fn at(self) -> usize {
         self.at
     }
@@ -95,7 +90,6 @@ impl UnboundParticle {
 #[repr(C)]
 pub(crate) struct BindingRequest {
     receiver: u32,
-    /// The rank; lower ranks are served first.
     rank: u32,
     id: u32,
 }
@@ -132,14 +126,12 @@ mod tests {
     fn the_first_in_rank_find_receptors() {
         let bound = |at, receiver, rank| Event::Bound { at, receiver, direction: [0.0; 3], rank };
         let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];
-        // Ids descend where indices ascend.
         let rejected = |free: &[u32]| rejected(bids(&events, |at| 100 - at), free);
         assert_eq!(rejected(&[1, 1]), [94, 95, 96]);
         assert_eq!(rejected(&[2, 9]), [0; 0]);
         assert_eq!(rejected(&[0, 2]), [92, 95, 96]);
     }
 
-    /// A resumed run has the bound particles and the receivers of its state.
     #[test]
     fn a_run_goes_on_with_what_is_bound() {
         let receptors = Receptors { count: 3, binding_rate: 20.0, unbinding_rate: 5.0 };

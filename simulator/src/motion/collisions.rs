@@ -36,31 +36,25 @@ use crate::model::receiver::{finder, rounding};
 use crate::model::{Contact, Model};
 use crate::motion::path_hit::Path;
 
-/// The path of a particle in a step, with its own velocity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flight {
     pub(crate) path: Path,
-    /// Its end if nothing reflected it, in µm.
     pub(crate) free_end: [f32; 3],
     /// Its velocity at the beginning, in µm/s.
     pub(crate) begun: [f32; 3],
-    /// Its velocity at the end, in µm/s.
     pub(crate) velocity: [f32; 3],
 }
 
-/// Finds and resolves the collisions of a model.
 #[derive(Debug)]
 pub(crate) struct Collisions {
     detector: Detector,
     contact: Contact,
     boundary: Boundary,
-    /// Boundaries of the particle centers, by species.
     domains: Vec<Boundary>,
     /// Reciprocal masses, by species: of momentum, or diffusion coefficients.
     mobility: Vec<f64>,
     /// `true` for two species that react with each other, by row and column.
     reacts: Vec<bool>,
-    /// Reused from step to step.
     scratch: Scratch,
 }
 
@@ -76,11 +70,8 @@ struct Scratch {
 struct Mover {
     /// Its position at `time`, in µm, not wrapped at periodic boundaries.
     position: [f64; 3],
-    /// The fraction of the step.
     time: f64,
-    /// Its displacement per step, in µm.
     motion: [f64; 3],
-    /// Its own velocity, in µm/s.
     own: [f64; 3],
     /// The length of its path since the candidate list was built, in µm.
     traveled: f64,
@@ -92,14 +83,13 @@ struct Mover {
     collided: bool,
 }
 
-/// A predicted event of a particle with another one or a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Event {
     time: f64,
     /// The ids of both particles, in ascending order; of a wall `u32::MAX`.
     ids: [u32; 2],
     at: [u32; 2],
-    /// The stamps of both particles when the event was predicted; of a wall its number.
+    /// The stamps of both particles when the event was predicted; of a wall, its number.
     stamps: [u32; 2],
 }
 
@@ -118,19 +108,17 @@ impl PartialOrd for Event {
     }
 }
 
-/// The neighbors of every particle in the candidate list.
 #[derive(Debug, Default)]
 struct Adjacency {
     begins: Vec<u32>,
     neighbors: Vec<u32>,
 }
 
-/// The index that stands for a wall.
 const WALL: u32 = u32::MAX;
 /// The number of the wall of a vessel, after those of the three axes.
 const VESSEL_WALL: u32 = 6;
-/// The allowance of candidates, as a fraction of the mean distance between neighbors, of the largest radius, and of the path of
-/// the fastest particle.
+/// The allowance of candidates, as fractions of the mean distance between neighbors, of the largest radius, and of the
+/// path of the fastest particle.
 const ALLOWANCE: [f64; 3] = [0.25, 0.25, 1.25];
 /// The largest number of collisions per particle and step, on average.
 const MAX_COLLISIONS: u64 = 1000;
@@ -263,7 +251,6 @@ impl Collisions {
         Ok(collisions)
     }
 
-    /// Returns the largest useful allowance of candidates, in µm: more would only add candidates.
     fn largest_allowance(&self, movers: &[Mover]) -> f64 {
         let largest = f64::from(movers.iter().map(|m| m.radius).fold(0.0, f32::max));
         let extent = |k: usize| match self.boundary.axes[k] {
@@ -284,7 +271,6 @@ impl Collisions {
         image.fold((ALLOWANCE[0] * spacing.cbrt()).max(ALLOWANCE[1] * largest), f64::min)
     }
 
-    /// Returns the pairs of particles whose surfaces are within twice `allowance` of each other.
     fn candidates(
         &mut self,
         scratch: &mut Scratch,
@@ -311,7 +297,6 @@ impl Collisions {
         Ok(pairs.filter(|&pair| touches(pair)).collect())
     }
 
-    /// Returns `true` if collisions of two particles are not detected in this step.
     fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
         let reacts = self.reacts[a.species as usize * self.mobility.len() + b.species as usize];
         // The particle of the lower id, so that the order of particles has no effect.
@@ -332,7 +317,6 @@ impl Collisions {
         overlapping.iter().filter(|&&(_, pair)| self.collide(movers, pair)).count() as u64
     }
 
-    /// Returns the collision of two particles after the time `now`, if they move towards each other.
     fn predict(&self, movers: &[Mover], mut pair: [u32; 2], now: f64) -> Option<Event> {
         if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
             pair.reverse();
@@ -345,14 +329,12 @@ impl Collisions {
         if approach <= 0.0 {
             return None;
         }
-        // Rounding may have left them overlapping a little.
         let apart = (dot(d, d) - a.touch(b).powi(2)).max(0.0);
         let root = approach * approach - dot(relative, relative) * apart;
         let time = now + apart / (approach + root.max(0.0).sqrt());
         (root >= 0.0).then_some(Event { time, ids: [a.id, b.id], at: pair, stamps: [a.stamp, b.stamp] })
     }
 
-    /// Returns the next collision of a particle with a wall.
     fn predict_wall(&self, movers: &[Mover], at: u32) -> Option<Event> {
         let mover = &movers[at as usize];
         let domain = &self.domains[mover.species as usize];
@@ -377,7 +359,6 @@ impl Collisions {
         Some(Event { time: time + after.max(0.0), ids, at: [at, WALL], stamps: [mover.stamp, wall] })
     }
 
-    /// Reflects a particle at a wall.
     fn reflect(&self, mover: &mut Mover, wall: u32) {
         mover.stamp += 1;
         match (wall, &self.domains[mover.species as usize].vessel) {
@@ -411,7 +392,7 @@ impl Collisions {
             shares = [1.0; 2];
         }
         let exchange = |u: &mut [f64; 3], v: &mut [f64; 3]| {
-            // This expression equals that of a prediction, so both agree on the sign.
+            // The expression of a prediction, so both agree on the sign.
             let approach = -dot(d, std::array::from_fn(|k| v[k] - u[k]));
             if approach <= 0.0 {
                 return false;
@@ -463,23 +444,19 @@ impl Mover {
         self.time = time;
     }
 
-    /// Returns the displacement to another particle at the same time.
     fn displacement(&self, other: &Self, boundary: &Boundary) -> [f64; 3] {
         std::array::from_fn(|k| boundary.axes[k].displacement_exact(other.position[k] - self.position[k]))
     }
 
-    /// Returns the distance of the centers at contact, in µm.
     fn touch(&self, other: &Self) -> f64 {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
-    /// Returns the depth by which two particles overlap, in µm; negative if they are apart.
     fn overlap(&self, other: &Self, boundary: &Boundary) -> f64 {
         let d = self.displacement(other, boundary);
         self.touch(other) - dot(d, d).sqrt()
     }
 
-    /// Writes the end of its path to its flight.
     fn land(&self, flight: &mut Flight, domain: &Boundary) {
         let end = self.position.map(|c| c as f32);
         let after = domain.confine(end);

@@ -1,13 +1,13 @@
 //! Separation of particles that overlap at the end of a step.
 //!
-//! The events of `collisions.rs` keep particles from overlapping on their paths. Overlaps remain between particles that
-//! were released, or formed by a reaction, at the place of others, and between species that react with each other.
+//! The events of `collisions.rs` prevent overlaps on paths. Overlaps remain between particles that were released, or
+//! formed by a reaction, at the position of others, and between species that react with each other.
 //!
-//! All overlaps are resolved at once, in a few passes. In each pass every overlap asks its two particles to move apart until they
-//! touch. Each particle moves by the mean of the displacements that it is asked for, from its position at the beginning of the
-//! pass. Displacements are summed as integers, so that the result does not depend on the order of overlaps.
+//! All overlaps are resolved at once, in a few passes. In each pass, every overlap asks its two particles to move apart
+//! until they touch, and each particle moves by the mean of these displacements. Displacements are summed as integers,
+//! so the result does not depend on the order of overlaps.
 //!
-//! Positions are rounded to `f32`. Overlaps that are smaller than the rounding error of a distance remain and are not counted.
+//! Overlaps below the rounding error of a distance in `f32` remain and are not counted.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -26,15 +26,12 @@ pub struct Contacts {
     separates: bool,
     diffusion: Vec<f64>,
     boundary: Boundary,
-    /// Boundaries of the particle centers, by species.
     center_domains: Vec<Boundary>,
     /// The unit of summed displacements, in µm.
     quantum: f64,
 }
 
-/// The number of passes in a step.
 const PASSES: u32 = 4;
-/// The number of pairs per parallel chunk.
 const TASK: usize = 4096;
 /// Units of summed displacements per contact distance. The sum of 2²² of them still fits a 64-bit integer.
 const UNITS: f64 = (1_u64 << 40) as f64;
@@ -141,8 +138,8 @@ mod tests {
         Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
     }
 
-    /// Runs four steps with two particles at `x` that overlap by `overlap` times their distance. Returns the number of
-    /// resolved overlaps per step, and whether a particle moved.
+    /// Runs four steps with two particles at `x` that overlap by `overlap` times their distance. Returns the resolved
+    /// overlaps per step, and whether a particle moved.
     fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
         let model = model(0.5 + 0.5 * overlap);
         let mut particles = Particles::default();
@@ -161,7 +158,6 @@ mod tests {
     #[test]
     fn overlap_below_rounding_remains_and_is_not_counted() {
         assert_eq!(pushed(0.0, 1e-3), (vec![1, 0, 0, 0], true));
-        // The spacing of `f32` there is 2⁻¹⁰.
         assert_eq!(pushed(8192.0, 1e-3), (vec![0; 4], false));
         assert_eq!(pushed(8192.0, 0.25), (vec![1, 0, 0, 0], true));
     }

@@ -1,4 +1,4 @@
-//! The motion of particles and receivers in a step, and their contacts with walls, surfaces, receptors and each other.
+//! Motion of particles and receivers in a step, and contacts with walls, surfaces, receptors and each other.
 
 pub mod binding;
 pub mod contact;

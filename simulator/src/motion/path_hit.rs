@@ -1,26 +1,24 @@
 //! Hits of a particle's path on receivers within a step, of which only the two ends are known.
 //!
-//! *Diffusion alone.* The distance from the center of a sphere of radius R is a Markov process by itself. Between ends at the
-//! distances r₀ = R + `a` and r₁ = R + `b` it reached R with the probability
+//! *Diffusion alone.* The distance from the center of a sphere of radius R is a Markov process by itself. Between ends
+//! at the distances r₀ = R + `a` and r₁ = R + `b` it reached R with the probability
 //!
 //! ```text
 //! (exp(−ab/DΔt) − exp(−r₀r₁/DΔt)) / (1 − exp(−r₀r₁/DΔt))
 //! ```
 //!
-//! which is exact for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the
-//! density is that of a half line, with an image at −r).
+//! It is exact for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times
+//! the density is that of a half line, with an image at −r).
 //!
 //! *Drift alone.* The path is a line that walls reflect.
 //!
-//! *Both.* A long drift may carry a particle from one side of the sphere to the other, where an average over directions no longer
-//! holds. The path is then halved as the Brownian bridge between its ends has it, and the halves again, until the drift of a
-//! segment is short compared with its diffusion or the sphere. Halves far from the sphere are skipped. All receivers see the
-//! same path.
+//! *Both.* A long drift may carry a particle past the sphere, where an average over directions no longer holds. The
+//! path is then halved as a Brownian bridge, until the drift of a segment is short compared with its diffusion or the
+//! sphere. Halves far from the sphere are skipped. All receivers see the same path.
 //!
-//! *Moving receivers* are hit in their own frame: their displacement is subtracted from that of the particle, and the diffusion
-//! of both bends the path.
+//! *Moving receivers* are hit in their own frame, in which the diffusion of both bends the path.
 //!
-//! *Several receivers.* Of those that a path hits, the particle reaches the one with the earliest hitting time (`Hit::time`).
+//! *Several receivers.* The particle reaches the one with the earliest hitting time (`Hit::time`).
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, signed_distance};
@@ -57,9 +55,7 @@ pub struct DrawContext {
 /// A hit of a path on a receiver: the segment of the path and its heights above the surface at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// The fraction of the step at the beginning of the segment.
     begin: f32,
-    /// The fraction of the step that the segment takes.
     part: f32,
     /// Heights at both ends, in units of √(2DΔt) of the segment; negative inside.
     heights: [f32; 2],
@@ -69,7 +65,7 @@ pub struct Hit {
 const NEVER: f32 = 17.0;
 /// The largest drift of a segment, as a fraction of a receiver's radius and of the standard deviation of the segment.
 const SEGMENT_DRIFT: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
-/// The largest distance of a path from the line between its ends, in standard deviations, except in one of 10⁸ cases.
+/// In standard deviations, exceeded in one of 10⁸ cases.
 pub(crate) const BEND: f32 = 3.1;
 /// The first segment has number 1, and the halves of segment `k` have 2k and 2k + 1. Segments at or above this number are not
 /// halved.
@@ -106,8 +102,8 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Returns `true` if the ends of a segment do not tell whether it hit a sphere: a drift this long, compared with the standard
-/// deviation along each axis, may have carried it past.
+/// Returns `true` if a drift this long, compared with the standard deviation along each axis, may have carried a
+/// segment past a sphere.
 pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > SEGMENT_DRIFT[0] * radius && drift > SEGMENT_DRIFT[1] * spread
 }
@@ -134,7 +130,7 @@ pub(crate) fn hit_probability(radius: f32, [a, b]: [f32; 2], diffusion: f32) -> 
 }
 
 impl DrawContext {
-    /// Draws whether a segment of the path that diffuses hit the receiver at a `place` of the model.
+    /// Draws whether a diffusing segment hit the receiver with index `place`.
     #[inline]
     fn hits_sphere(
         self,
@@ -159,12 +155,12 @@ impl Hit {
         Self { begin: time, part: 0.0, heights: [0.0; 2] }
     }
 
-    /// Draws the fraction of the step at which the path first hit the receiver at a `place` of the model.
+    /// Draws the fraction of the step at which the path first hit the receiver with index `place`.
     ///
-    /// A path of Brownian motion from height α to height ±β that reaches the surface does so for the first time at s, where
-    /// s/(1 − s) has the inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2). It is drawn as the root of a quadratic
-    /// equation in u with one normal and one uniform number (Michael, Schucany and Haas, *Generating random variates using
-    /// transformations with multiple roots*, The American Statistician 30 (1976) 88). The surface counts as a plane here.
+    /// A Brownian path from height α to height ±β that reaches the surface does so first at s, where s/(1 − s) has the
+    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2). u is drawn as the root of a quadratic equation with
+    /// one normal and one uniform number (Michael, Schucany and Haas, *Generating random variates using transformations
+    /// with multiple roots*, The American Statistician 30 (1976) 88). The surface counts as a plane here.
     pub(crate) fn time(&self, who: DrawContext, place: u32) -> f32 {
         let Self { begin, part, heights: [a, b] } = *self;
         if part == 0.0 {
@@ -196,23 +192,17 @@ struct BrownianBridge<'a> {
     who: DrawContext,
 }
 
-/// A segment of a path.
 struct PathSegment {
     number: u32,
     /// Both ends, without walls and images.
     ends: [[f32; 3]; 2],
-    /// The fraction of the step at its beginning.
     begin: f32,
-    /// The fraction of the step that it takes.
     part: f32,
-    /// Standard deviation of its diffusion along each axis, in µm.
     spread: f32,
-    /// The displacement by drift, in µm.
     drift: f32,
 }
 
 impl BrownianBridge<'_> {
-    /// Returns the height of a point above the surface at a fraction of the step.
     fn height(&self, point: [f32; 3], time: f32) -> f32 {
         let center = self.receiver.center_at(time);
         signed_distance(self.receiver.receiver.radius, center, self.domain, self.domain.confine(point))
@@ -258,8 +248,7 @@ fn length(v: [f32; 3]) -> f32 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// The largest number of cuts of a line on an axis. A particle that crosses a box more often in one step has no meaningful
-/// position.
+/// The most cuts of a line on an axis. A particle that crosses a box more often has no meaningful position.
 const CUTS: usize = 1000;
 
 /// Returns the hit of a path without diffusion. The line is cut where a wall reflects it, and where another image of the
@@ -360,7 +349,6 @@ mod tests {
         assert_eq!(hits(&body(ReceiverKind::Endpoint), &open, &inside, DRAWS), Some(Hit::at(1.0)));
     }
 
-    /// Any number of receivers, and every piece of a path, have draws of their own.
     #[test]
     fn neither_receivers_nor_pieces_share_draws() {
         let one = |place, part, id| {
@@ -384,7 +372,6 @@ mod tests {
         assert!(!met(&open, [-3.0, 1.125, 0.0], [9.0, 1.125, 0.0]));
         assert!(!met(&open, [-3.0, 0.5, 0.0], [-0.5, 0.5, 0.0]));
         assert!(!met(&open, [3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
-        // Up to a wall above the sphere and down again; the line between both ends is far below.
         let below = |wall| Boundary::reflecting([-8.0, -4.0, -4.0], [8.0, wall, 4.0]);
         assert!(met(&below(1.1), [6.0, -2.0, 0.0], [-4.0, 4.2, 0.0]));
         assert!(!met(&below(1.5), [6.0, -2.0, 0.0], [-4.0, 5.0, 0.0]));
@@ -396,7 +383,6 @@ mod tests {
         assert!(!met(&periodic, [4.0, 1.5, 0.0], [20.0, 1.5, 0.0]));
     }
 
-    /// With a drift much stronger than diffusion, the path is the line between its ends.
     #[test]
     fn halves_of_a_path_follow_the_drift() {
         let open = Boundary::default();
@@ -407,7 +393,6 @@ mod tests {
         }
     }
 
-    /// The share of paths between two distances that avoid the sphere, by the densities of r times the concentration.
     #[test]
     fn hit_probability_of_a_long_step_has_the_image_term() {
         for (radius, [a, b], diffusion) in [
@@ -437,7 +422,6 @@ mod tests {
             let [a, b] = heights;
             let density =
                 |s: f64| s.powf(-1.5) * (1.0 - s).powf(-0.5) * (-0.5 * (a * a / s + b * b / (1.0 - s))).exp();
-            // The substitution s = sin²φ takes the singularities away.
             let panels = 20_000;
             let moment = |power: i32| -> f64 {
                 let one = |k: i32| {

@@ -1,7 +1,7 @@
 //! The independent part of a step: every particle moves, is reflected by walls, may hit receivers, and may decay.
 //!
-//! A coordinate becomes `x + (s·z + d)`, where `s` = √(2DΔt), `z` is a standard normal number, and `d` is the drift in
-//! one step (with the particle's own velocity added, where particles have one), each operation rounded to `f32`.
+//! A coordinate becomes `x + (s·z + d)`, where `s` = √(2DΔt), `z` is a standard normal number, and `d` the drift in one
+//! step plus own velocity, each operation rounded to `f32`.
 
 use rayon::prelude::*;
 
@@ -34,21 +34,17 @@ pub struct Propagator {
     /// The boundary of points.
     whole: Boundary,
     stream: Option<FlowStep>,
-    /// Receivers that act on particles, with their state in this step.
     pub(crate) bodies: ActiveReceivers,
     pub(crate) decays: Decays,
 }
 
-/// The constants of one species.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SpeciesStep {
     /// √(2DΔt) in µm.
     pub(crate) length: f32,
     /// DΔt in µm².
     pub(crate) diffusion: f32,
-    /// Drift in one step, in µm.
     pub(crate) drift: [f32; 3],
-    /// The boundary of its center.
     pub(crate) domain: Boundary,
     /// The largest bending of its path by diffusion, of the particle and a receiver together, in µm.
     pub(crate) bend: f32,
@@ -58,11 +54,8 @@ pub(crate) struct SpeciesStep {
     pub(crate) tumbles: Option<(u32, f32)>,
 }
 
-/// The number of particles per parallel task.
 const CHUNK: usize = 4096;
-/// The number of particles whose random numbers are drawn together.
 const BLOCK: usize = 64;
-/// The largest fraction by which rounding lengthens a path; far less than the margin of searches.
 const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
@@ -100,7 +93,6 @@ impl Propagator {
         }
     }
 
-    /// Returns the paths of all particles in a step, without receivers and collisions.
     pub(crate) fn flights(&self, particles: &Particles, (key, step): (Key, u32)) -> Vec<Flight> {
         let of_block = |(block, ids): (usize, &[u32])| {
             let mut random = [[0.0; BLOCK]; 3];
@@ -116,7 +108,7 @@ impl Propagator {
         particles.id.par_chunks(BLOCK).enumerate().flat_map_iter(of_block).collect()
     }
 
-    /// Returns the path of a particle in a step, without receivers and collisions. `normal` are standard normal numbers.
+    /// Returns the path of a particle in a step, without receivers and collisions.
     #[inline(always)]
     fn flight(
         &self,
@@ -153,7 +145,6 @@ impl Propagator {
         let searches = receiver_search.as_mut().is_some_and(begin);
         let seen = receiver_search.as_deref().filter(|_| searches);
         let Particles { position: [x, y, z], velocity, species, id, .. } = &mut *particles;
-        // Columns of velocities are empty if no species has one.
         let mut columns = velocity.each_mut().map(|column| column.chunks_mut(CHUNK));
         let velocities: Vec<[&mut [f32]; 3]> = (0..id.len().div_ceil(CHUNK))
             .map(|_| columns.each_mut().map(|chunks| chunks.next().unwrap_or_default()))
@@ -185,7 +176,6 @@ impl Propagator {
         Ok(events)
     }
 
-    /// Moves the particles of a chunk. Returns their events, and the moves that may hit a receiver.
     fn advance_chunk(
         &self,
         chunk: Chunk<'_>,
@@ -238,7 +228,6 @@ impl Propagator {
         (events, unsure)
     }
 
-    /// Returns the bounds of a path for the search of receivers.
     #[inline(always)]
     fn reach(&self, moved: &ParticleMove) -> StepBounds {
         StepBounds::new(&moved.path, self.more(moved))
@@ -259,7 +248,6 @@ impl Propagator {
         }
     }
 
-    /// Applies the decays of a particle in the step.
     #[inline]
     fn decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
         let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *moved;
@@ -274,7 +262,6 @@ impl Propagator {
         self.steps[moved.species as usize].bend + self.bodies.max_displacement
     }
 
-    /// Searches receivers near the paths of particles, and applies their events.
     fn search(
         &self,
         particles: &mut Particles,
@@ -295,7 +282,7 @@ impl Propagator {
             let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
             self.resolve_events(moved, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
             if self.more(moved) + moved.gone > reach * (1.0 + ROUNDED) {
-                // A receiver that came towards it threw it beyond the receivers that were found.
+                // A receiver that came towards it pushed it beyond the receivers that were found.
                 *moved = begun;
                 events.clear();
                 self.resolve_events(moved, self.bodies.all.iter(), &mut events);
@@ -356,7 +343,6 @@ impl Propagator {
     }
 }
 
-/// Draws whether a swimmer tumbles, and its new direction.
 fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), [word, first, second, _]: [u32; 4]) {
     if word <= up_to {
         *velocity = direction(first, second).map(|c| c * speed);
@@ -371,7 +357,6 @@ struct Chunk<'a> {
     species: &'a [u32],
 }
 
-/// Draws the normal numbers of a block of particles.
 fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
     let mut block = [0; BLOCK];
     block[..ids.len()].copy_from_slice(ids);

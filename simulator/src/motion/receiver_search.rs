@@ -1,12 +1,12 @@
 //! The search for particles that may hit a receiver in a step.
 //!
-//! Every particle has a clear sphere: a sphere without a receiver, known since the detector last searched around the particle. A
-//! path that stays in its clear sphere hits nothing. The other particles go to the detector as spheres that cover several
-//! steps, with the receivers as the second set. So a step costs one distance per particle, and a search for few particles.
+//! Every particle has a clear sphere: a sphere without a receiver, known since the detector last searched around the
+//! particle. A path inside its clear sphere hits nothing. Other particles go to the detector as spheres that cover
+//! several steps, with the receivers as the second set. So a step costs one distance per particle, and a search for few
+//! particles.
 //!
-//! A clear sphere is a fact about space and not about the particle. It stays true if another particle takes the index, and
-//! if the particle moves. Particles that are skipped would have hit no receiver, so the result is bit for bit that of a loop over
-//! all receivers.
+//! A clear sphere is a fact about space and stays true if the particle moves or another one takes its index. The result
+//! is bit for bit that of a loop over all receivers.
 //!
 //! If most particles leave their clear spheres in every step, the loop is faster and runs for a number of steps.
 
@@ -18,7 +18,7 @@ use crate::model::receiver::{finder, rounding};
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ActiveReceivers;
 
-/// The bounds of a path in a step: a sphere of radius `half` around the middle of its ends, enlarged by `more`, which covers the
+/// The bounds of a path in a step: a sphere of radius `half` around the middle of its ends, enlarged by `more` for the
 /// bending by diffusion and the approach of receivers. All in µm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepBounds {
@@ -60,7 +60,6 @@ pub(crate) struct ReceiverSearch {
 /// The decision whether searches cost less than tests of every receiver. It changes no result.
 #[derive(Debug, Default)]
 struct SearchCost {
-    /// Steps with searches in this window.
     steps: u32,
     /// The cost of these searches, in tests of a receiver.
     cost: u64,
@@ -68,16 +67,14 @@ struct SearchCost {
     rest: u32,
 }
 
-/// Steps whose searches are compared with tests of every receiver. A single step says little, as no clear sphere is known at
-/// first.
+/// A single step says little, because at first no clear sphere is known.
 const WINDOW: u32 = 16;
 /// Steps without searches after a window in which searches cost more.
 const REST: u32 = 240;
-/// The cost of a search per particle and per receiver found near one, in tests of a receiver: about 100 ns, and 20 ns and often
-/// a test, against 35 ns on the machine of the tables in docs/simulator.md.
+/// The cost of a search per particle and per receiver found near one, in tests of a receiver: about 100 ns, and 20 ns
+/// and often a test, against 35 ns (machine of the tables in docs/simulator.md).
 const COSTS: [usize; 2] = [3, 1];
 
-/// The clear sphere of a particle around which nothing was searched.
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 /// Steps of moving receivers after which clear spheres are discarded, so that rounding errors do not add up.
 const FORGET: u32 = 64;
@@ -87,10 +84,6 @@ const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
 const FOUND: [usize; 2] = [1, 4];
 
 impl ReceiverSearch {
-    /// Creates a search in the space of a model; `None` if no receiver acts.
-    ///
-    /// # Errors
-    /// [`Error::Detection`] for a box without extent.
     pub(crate) fn new(bodies: &ActiveReceivers, boundary: &Boundary) -> Result<Option<Self>, Error> {
         if bodies.all.is_empty() {
             return Ok(None);
@@ -141,8 +134,8 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.travelled
     }
 
-    /// Finds the receivers near particles, each given by its beginning and the radius of the search. Returns the receivers by particle,
-    /// in the order of the model, with the radius within which all are found and the rest for the clear spheres.
+    /// Finds the receivers near particles, each given by its beginning and search radius. Returns them by particle, in
+    /// the order of the model.
     ///
     /// # Errors
     /// Fails if the detector fails.
@@ -172,7 +165,6 @@ impl ReceiverSearch {
 }
 
 impl SearchCost {
-    /// Returns `true` if a step is to search.
     fn begin(&mut self) -> bool {
         if self.rest > 0 {
             self.rest -= 1;

@@ -49,7 +49,6 @@ impl ReceiverState {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
     }
 
-    /// Sets the reactivity for `free` free receptors.
     fn set_free(&mut self, free: u32) {
         if let ReceiverKind::Receptors(receptors) = self.receiver.kind {
             let radius = self.receiver.radius.into();
@@ -63,20 +62,16 @@ impl ReceiverState {
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveReceivers {
     pub(crate) all: Vec<ReceiverState>,
-    /// Indices in `all` of the receivers that move or have receptors.
     changing: Vec<usize>,
     moving: bool,
     turning: bool,
-    /// The largest DΔt of a receiver, in µm².
     pub(crate) diffusion: f32,
     /// The largest displacement of a receiver in this step, in µm.
     pub(crate) max_displacement: f32,
-    /// The largest radius, in µm.
     pub(crate) largest: f32,
 }
 
 impl ActiveReceivers {
-    /// Creates the receivers of a model that [`Model::check`] accepts.
     pub(crate) fn new(model: &Model) -> Self {
         let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != ReceiverKind::Transparent);
         let all: Vec<ReceiverState> = acts
@@ -96,12 +91,10 @@ impl ActiveReceivers {
         }
     }
 
-    /// Returns `true` if some receivers move.
     pub(crate) fn move_about(&self) -> bool {
         self.moving
     }
 
-    /// Returns `true` if some receivers reflect particles.
     pub(crate) fn any_reflect(&self) -> bool {
         self.turning
     }
@@ -121,7 +114,6 @@ impl ActiveReceivers {
     }
 }
 
-/// The center of a receiver and its last displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
     /// Center, in µm.

@@ -1,7 +1,7 @@
 //! Reflection of paths at surfaces of receivers.
 //!
-//! A particle moves along a line from reflection to reflection, in the frame of the sphere that reflects it. Such paths keep a
-//! uniform density uniform at any length, because billiards conserve volumes.
+//! A particle moves along a line from reflection to reflection, in the frame of the reflecting sphere. Such paths keep
+//! a uniform density uniform at any length, because billiards conserve volumes.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::signed_distance;
@@ -11,23 +11,20 @@ use crate::motion::receiver_state::ReceiverState;
 /// A path with reflections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectedPath {
-    /// The path from its beginning to its end.
     pub(crate) path: Path,
     /// The index in the model of the first receiver that reflected it.
     pub(crate) first: u32,
-    /// The length of the path, in µm: more than the displacement of the step if spheres come towards the particle.
+    /// In µm; more than the displacement of the step if spheres approach the particle.
     pub(crate) gone: f32,
 }
 
-/// A sphere relative to the beginning of a path.
 struct Obstacle<'a> {
     body: &'a ReceiverState,
-    /// From the center to the particle, both at the beginning.
     offset: [f64; 3],
     displacement: [f64; 3],
 }
 
-/// The largest number of reflections in a step. A particle that would have more stays at the last one.
+/// The most reflections in a step. A particle that would have more stays at the last one.
 const BOUNCES: usize = 64;
 
 /// Returns the path of a particle that begins outside all of these spheres, or `None` if no sphere reflects it. Reflections change
@@ -73,7 +70,7 @@ pub(crate) fn reflect_path(
     Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32 })
 }
 
-/// Returns the images of each sphere that may lie on the path in periodic space: those nearest to its beginning and to its end.
+/// Returns the images of each sphere that may lie on the path: those nearest to its beginning and to its end.
 fn obstacles<'a>(
     bodies: &[&'a ReceiverState],
     domain: &Boundary,
@@ -105,19 +102,16 @@ impl Obstacle<'_> {
         std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
     }
 
-    /// Returns the time until a particle that is outside meets the sphere.
     fn meeting(&self, gone: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
         let from = self.offset_at(gone, time);
         let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
         let (a, b) = (dot(displacement, displacement), dot(from, displacement));
-        // Rounding may have left it a little inside.
         let c = (dot(from, from) - f64::from(self.body.receiver.radius).powi(2)).max(0.0);
         let root = b * b - a * c;
         (b < 0.0 && root >= 0.0).then(|| c / (root.sqrt() - b))
     }
 }
 
-/// Returns a velocity after reflection at a moving surface.
 fn turned(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let relative = std::array::from_fn(|k| velocity[k] - of_surface[k]);
     let out = dot(relative, normal);
@@ -128,8 +122,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Returns the end of a path, or its beginning if walls or rounding brought the end into a sphere. A sphere that covers both pushes
-/// the particle out.
+/// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers
+/// both pushes the particle out.
 fn outside(bodies: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
     let inside = |point: [f32; 3]| {
         let height =
@@ -178,7 +172,6 @@ mod tests {
         let half = 0.5_f32.sqrt();
         let aside = end([3.0, half, 0.0], [half - 1.0, half, 0.0]).unwrap();
         close(aside.path.after, [half, half + 1.0, 0.0]);
-        // ReflectedPath at the first bounce, and again at the second one.
         close(velocity, [-5.0, -3.0, 0.0]);
         let (left, right) = (body([-2.0, 0.0, 0.0], 1.0), body([2.0, 0.0, 0.0], 1.0));
         let to_and_fro = path([0.0; 3], [7.5, 0.0, 0.0], &open);

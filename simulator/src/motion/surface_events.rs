@@ -1,5 +1,3 @@
-//! The effects of receivers on a particle on its path in a step.
-
 use crate::model::boundary::Boundary;
 use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
@@ -11,29 +9,29 @@ use crate::random::philox::{Purpose, fine_unit};
 /// An event of a particle at an index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// It reached a receiver, and is to be removed.
+    /// It reached a receiver and is removed.
     Arrived {
         /// The index of the particle.
         at: u32,
-        /// The receiver's place in the model.
+        /// The index of the receiver in the model.
         receiver: u32,
     },
-    /// It is to bind to a receptor if one is free for it, and stands where it would be otherwise.
+    /// It binds to a receptor if one is free, and stays where it would be otherwise.
     Bound {
         /// The index of the particle.
         at: u32,
-        /// The receiver's place in the model.
+        /// The index of the receiver in the model.
         receiver: u32,
-        /// The position at which it touched the surface, from the center.
+        /// The point of contact with the surface, from the center.
         direction: [f32; 3],
-        /// Its rank among the particles that compete for free receptors; the lowest rank comes first.
+        /// Its rank among the particles that compete for free receptors; the lowest comes first.
         rank: u32,
     },
-    /// It decayed. The product may decay in turn, in the next event.
+    /// It decayed. A decay of the product is the next event.
     Decayed {
         /// The index of the particle.
         at: u32,
-        /// The decay's place in the model.
+        /// The index of the decay in the model.
         decay: u32,
         /// The species of the product; `None` removes the particle.
         product: Option<u32>,
@@ -41,7 +39,6 @@ pub enum Event {
 }
 
 impl Event {
-    /// The receiver of the event; `u32::MAX` for a decay.
     fn receiver(&self) -> u32 {
         match *self {
             Self::Arrived { receiver, .. } | Self::Bound { receiver, .. } => receiver,
@@ -57,7 +54,6 @@ impl Event {
     }
 }
 
-/// A particle on its way in a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ParticleMove {
     /// Its place.
@@ -65,15 +61,13 @@ pub(crate) struct ParticleMove {
     pub(crate) species: u32,
     pub(crate) who: DrawContext,
     pub(crate) path: Path,
-    /// The length of its reflected path, in µm; 0 if no surface reflects it.
     pub(crate) gone: f32,
-    /// Its own, in µm/s, where particles have velocities.
     pub(crate) velocity: Option<[f32; 3]>,
 }
 
 impl ActiveReceivers {
-    /// Returns the event of a particle at the receiver that keeps it: of all that its path hits and that keep it, the one that it
-    /// hits first. Receivers that reflect particles change the path.
+    /// Returns the event of a particle at the receiver that its path hits first and that keeps it. Receivers that
+    /// reflect particles change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,
@@ -96,12 +90,11 @@ impl ActiveReceivers {
     }
 }
 
-/// The earliest of the hits that end the path of a particle.
 #[derive(Default)]
 struct FirstHit(Option<(Hit, Event)>);
 
 impl FirstHit {
-    /// Records a hit with its event if it is the earliest one. Hitting times are drawn only if there are two hits.
+    /// Keeps the earliest hit. Hitting times are drawn only if there are two hits.
     fn update(&mut self, hit: Hit, who: DrawContext, event: Event) {
         let time = |hit: &Hit, event: &Event| hit.time(who, event.receiver());
         match &self.0 {
@@ -115,8 +108,7 @@ impl FirstHit {
     }
 }
 
-/// Returns the event of a particle at the receiver that keeps it, if some receivers reflect particles. Otherwise its path
-/// becomes the reflected one.
+/// Like [`resolve`](Self::resolve), if some receivers reflect particles.
 fn reflect_or_keep<'a>(
     moved: &mut ParticleMove,
     (domain, time_step): (&Boundary, f32),
@@ -154,8 +146,7 @@ fn reflect_or_keep<'a>(
     first.event()
 }
 
-/// Returns the event of a particle that reached a surface that keeps some of the particles that reach it, or `None` if the
-/// surface reflects it.
+/// Returns `None` if the surface reflects the particle.
 fn adsorb(
     at: u32,
     body: &ReceiverState,
@@ -173,7 +164,7 @@ fn adsorb(
             adsorption::Step::new(diffusion, time_step.into(), sphere).sticking([a, b].map(f64::from))
         }
     };
-    // The first word said whether the path hit the surface.
+    // The first word decided whether the path hit the surface.
     let [_, word, rank, _] = who.key.draw(who.id, body.place, who.step, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;

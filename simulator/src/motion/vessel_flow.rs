@@ -1,10 +1,7 @@
-//! Steps in a vessel with flow.
-
 use crate::model::boundary::Boundary;
 use crate::model::vessel::Vessel;
 use crate::model::{Flow, Model};
 
-/// A vessel, and its flow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
@@ -12,9 +9,7 @@ pub(crate) struct FlowStep {
     pub(crate) fastest: f64,
 }
 
-/// The end of a step in a flow.
 pub(crate) struct AdvectedPath {
-    /// The end without boundaries along the axis of the vessel.
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
     /// The displacement by the flow along the vessel, in µm.
@@ -22,7 +17,6 @@ pub(crate) struct AdvectedPath {
 }
 
 impl FlowStep {
-    /// Creates the flow of a model with a vessel; `None` without one.
     pub(crate) fn new(model: &Model) -> Option<Self> {
         let mean = match model.flow {
             Some(Flow::Poiseuille { mean }) => mean,

@@ -1,15 +1,16 @@
 //! Reflection at walls of paths that diffuse and drift.
 //!
-//! Mirroring the end of a step at a wall is exact for diffusion alone. With a drift towards the wall it leaves too few particles
-//! near the wall. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod):
+//! Mirroring the end of a step at a wall is exact for diffusion alone, but a drift towards the wall leaves too few
+//! particles near it. The reflected motion is the free path X plus the least displacement that keeps it inside
+//! (Skorokhod), with the wall at 0:
 //!
 //! ```text
 //! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
 //! ```
 //!
-//! with the wall at 0. Given both ends `a` and `b` of a step, the path is a Brownian bridge for any drift. Its minimum m
-//! has the distribution P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt, which is inverted in closed form. So the end of a step of
-//! any length is exact as long as the path does not reach the opposite wall as well.
+//! Given both ends `a` and `b` of a step, the path is a Brownian bridge for any drift. Its minimum m has the
+//! distribution P(m ≤) = exp(−2(a −)(b −)/s²), s² = 2DΔt, which is inverted in closed form. The end of a step is exact
+//! as long as the path does not reach the opposite wall as well.
 
 use crate::model::boundary::Axis;
 use crate::random::gaussian::ln;
@@ -40,8 +41,8 @@ mod tests {
     use crate::random::gaussian::normals;
     use crate::random::philox::{Key, Purpose};
 
-    /// The density of reflected Brownian motion with drift μ after one step (Harrison, *Brownian Motion and Stochastic Flow
-    /// Systems*, section 3.6): P(Y ≤ y) = Φ((y − a − μ)/s) − exp(2μy/s²)·Φ((−y − a − μ)/s).
+    /// The density of reflected Brownian motion with drift μ after one step (Harrison, *Brownian Motion and Stochastic
+    /// Flow Systems*, section 3.6): P(Y ≤) = Φ((y − a − μ)/s) − exp(2μy/s²)·Φ((−y − a − μ)/s).
     #[test]
     fn step_with_drift_has_the_closed_distribution() {
         let normal = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);

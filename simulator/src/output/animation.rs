@@ -12,12 +12,11 @@ use crate::{Model, State};
 pub struct Animation {
     /// Steps between frames.
     pub every: u32,
-    /// The most particles that are drawn. If there are more, all frames draw those whose ids a hash selects: a half of
-    /// them, a quarter, and so on.
+    /// The most drawn particles. If there are more, all frames draw those whose ids a hash selects: a half, a quarter,
+    /// and so on.
     pub particles: NonZeroU32,
 }
 
-/// Words in front of each frame.
 const HEAD: usize = 6;
 /// Words of a particle.
 const ROW: usize = 5;
@@ -29,7 +28,7 @@ const CENTER: usize = 3;
 pub struct Frame {
     /// Completed steps.
     pub step: u32,
-    /// One in 2ˢʰⁱᶠᵗ particles is drawn, chosen by its id.
+    /// One in 2ˢʰⁱᶠᵗ particles is drawn, selected by id.
     pub shift: u32,
     /// The number of particles, drawn or not.
     pub present: u64,
@@ -55,7 +54,7 @@ pub fn is_drawn(id: u32, shift: u32) -> bool {
     mixed(id).leading_zeros() >= shift
 }
 
-/// The finalizer of MurmurHash3: ids are given in the order of releases, and every species is to be thinned alike.
+/// The finalizer of MurmurHash3: ids follow the order of releases, and every species must be thinned alike.
 fn mixed(id: u32) -> u32 {
     let a = (id ^ id >> 16).wrapping_mul(0x85EB_CA6B);
     let b = (a ^ a >> 13).wrapping_mul(0xC2B2_AE35);
@@ -72,7 +71,6 @@ pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
     4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving_receivers(model).count()) as u64)
 }
 
-/// Appends a frame that draws at most `most` particles.
 pub(crate) fn append(
     out: &mut impl Write,
     (model, state): (&Model, &State),
@@ -153,7 +151,6 @@ mod tests {
     use super::*;
     use crate::{Particle, Particles, Receiver};
 
-    /// Two of three receivers move.
     fn model() -> Model {
         let receiver = |diffusion| Receiver { diffusion, ..Receiver::default() };
         Model { receivers: [1.0, 0.0, 2.0].map(receiver).into(), ..Model::default() }
@@ -199,7 +196,6 @@ mod tests {
         assert!(less.rows.iter().all(|row| half.rows.contains(row)), "others are drawn");
         for species in 0..3 {
             let count = less.rows.iter().filter(|row| row.species == species).count() as f64;
-            // An eighth of 10 000.
             assert!((count - 1250.0).abs() < 4.0 * 1250.0_f64.sqrt(), "{count} of species {species}");
         }
         assert!(thinned(1).rows.len() <= 1);

@@ -9,7 +9,6 @@ use crate::error::Damage;
 use crate::run::checkpoint::FileRecord;
 use crate::run::checksum::{Digest, DigestWriter};
 
-/// A buffered writer that computes a checksum.
 type Out = BufWriter<DigestWriter<File>>;
 
 /// An append-only file.
@@ -20,7 +19,6 @@ pub(super) struct AppendFile {
 }
 
 impl AppendFile {
-    /// Creates an empty file, or truncates an existing one.
     pub(super) fn create(path: PathBuf) -> Result<Self, Error> {
         let file = File::create(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
         Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, Digest::new())) })
@@ -47,7 +45,6 @@ impl AppendFile {
         Err(Error::Damaged { path, damage })
     }
 
-    /// Removes bytes written after the checkpoint.
     pub(super) fn cut(&mut self) -> Result<(), Error> {
         let out = self.out.get_ref();
         out.inner().set_len(out.digest().length()).map_err(|source| self.refused(source))

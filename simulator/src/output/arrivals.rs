@@ -1,5 +1,3 @@
-//! The logs of arrivals and releases: a row for each particle that a receiver removes, and for each released batch.
-
 use std::io::{self, Write};
 use std::ops::RangeInclusive;
 
@@ -7,13 +5,12 @@ use super::series::moment;
 use crate::random::philox::Key;
 use crate::{Model, RunView};
 
-/// Writes the first line of `arrivals.csv`.
 pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,receiver,species,id,transmitter,released")
 }
 
-/// Writes the arrivals of the steps that were done last: step, time, receiver, species, id, transmitter and time of release.
-/// The last two are empty for particles that the caller placed.
+/// Writes the arrivals of the last steps: step, time, receiver, species, id, transmitter and time of release. The last
+/// two are empty for particles that the caller placed.
 pub(super) fn rows(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     let model = simulation.model();
     for arrival in simulation.arrivals() {
@@ -32,12 +29,10 @@ pub(super) fn rows(out: &mut impl Write, simulation: &impl RunView) -> io::Resul
     Ok(())
 }
 
-/// Writes the first line of `releases.csv`.
 pub(super) fn header_of_releases(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,transmitter,species,count")
 }
 
-/// Writes the releases at the beginnings of these steps.
 pub(super) fn rows_of_releases(
     out: &mut impl Write,
     model: &Model,

@@ -1,7 +1,7 @@
 //! The log of arrivals and releases as Arrow IPC files: the columns of the CSV files, names as dictionaries.
 //!
-//! An Arrow file ends with a table of its batches, so it cannot be appended to after a checkpoint. It is converted from the CSV
-//! file at the end of a run.
+//! An Arrow file ends with a table of its batches and cannot be appended to, so it is converted from the CSV file at
+//! the end of a run.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -18,33 +18,28 @@ use super::write_atomically;
 use crate::output::table::{TableReader, TableRow};
 use crate::{Error, Model};
 
-/// The files, in the order of conversion.
 pub(super) const NAMES: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
 /// Rows of a batch.
 const BATCH: usize = 1 << 16;
 
-/// The values of a column.
 #[derive(Clone)]
 enum Kind {
     Whole,
     Large,
     Number,
-    /// A name, as an index in this list.
     Name(Arc<StringArray>),
 }
 
-/// A column of both files.
 struct Column {
     name: &'static str,
     kind: Kind,
-    /// `true` if a field may be empty.
     nullable: bool,
 }
 
-/// Makes `arrivals.arrow` and `releases.arrow` of the CSV files in the directory of a run of this model.
+/// Converts the CSV files in the directory of a run to `arrivals.arrow` and `releases.arrow`.
 ///
 /// # Errors
-/// [`Error::Read`] where these are not as the run wrote them, and [`Error::Write`].
+/// [`Error::Read`] if they differ from those that the run wrote, and [`Error::Write`].
 pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
     let of = |names: Vec<&str>| Kind::Name(Arc::new(StringArray::from(names)));
     let receivers = of(model.receivers.iter().map(|receiver| &receiver.name[..]).collect());
@@ -90,7 +85,6 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
     Ok(())
 }
 
-/// Writes these columns of all rows, batch by batch.
 fn write<'a>(
     out: &mut impl Write,
     columns: &[Column],
@@ -134,7 +128,6 @@ impl Kind {
         }
     }
 
-    /// A field of each of these lines.
     fn array(&self, column: usize, lines: &[TableRow<'_>]) -> io::Result<ArrayRef> {
         fn numbers<T: std::str::FromStr>(
             column: usize,
@@ -227,7 +220,6 @@ arrivals = true
         run.run(|_| std::ops::ControlFlow::Continue(())).map(|_| model)
     }
 
-    /// All rows of a file, as the CSV file has them.
     fn rows(path: &Path) -> Vec<String> {
         let mut rows = Vec::new();
         for batch in FileReader::try_new(File::open(path).unwrap(), None).unwrap() {
@@ -261,7 +253,6 @@ arrivals = true
             assert_eq!(found, expected.lines().skip(1).collect::<Vec<_>>(), "{name}");
             assert!(found.len() >= least, "{} {name}", found.len());
         }
-        // More than a batch, and particles that are from no transmitter.
         let many: String = (0..BATCH + 5).map(|k| format!("{k},0.5,one,B,{k},,\n")).collect();
         let header = table("arrivals.csv").lines().next().unwrap().to_owned();
         fs::write(folder.path().join("arrivals.csv"), format!("{header}\n{many}")).unwrap();
@@ -270,7 +261,6 @@ arrivals = true
         fs::write(folder.path().join("arrivals.csv"), format!("{header}\n1,x,one,B,1,,\n")).unwrap();
         let error = convert(folder.path(), &model).unwrap_err().to_string();
         assert!(error.contains("'x' is not such a number"), "{error}");
-        // Of what was there before nothing is lost.
         assert_eq!(rows(&folder.path().join("arrivals.arrow")).len(), BATCH + 5);
     }
 

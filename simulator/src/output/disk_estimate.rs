@@ -1,5 +1,3 @@
-//! An estimate of the disk space that a run needs.
-
 use super::animation;
 use super::{frames, series};
 use crate::scenario::Output;
@@ -22,7 +20,6 @@ const SAMPLES: u32 = 1000;
 const COORDINATE: f64 = 9.7;
 
 impl DiskEstimate {
-    /// Returns the output of a run up to a number of steps.
     pub(crate) fn of(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
         let (model, from) = (run.model(), run.step_count());
         let crowd = ParticleCounts::new(model, &run.totals().present, from, steps);
@@ -57,7 +54,6 @@ impl DiskEstimate {
     }
 }
 
-/// The bytes of the next frame and checkpoint, with the present particles.
 pub(crate) fn next_bytes(run: &impl RunView, output: Output) -> u64 {
     let model = run.model();
     let present = run.totals().present.iter().enumerate();
@@ -79,13 +75,9 @@ fn loses(model: &Model) -> bool {
         || model.receivers.iter().any(|receiver| receiver.kind != ReceiverKind::Transparent)
 }
 
-/// The estimated numbers of particles.
 struct ParticleCounts {
-    /// The mean over the rest of the run, by species.
     mean: Vec<f64>,
-    /// The total at its end.
     last: f64,
-    /// The approximate number of ids at its end.
     ids: f64,
 }
 
@@ -112,7 +104,6 @@ impl ParticleCounts {
     }
 }
 
-/// The expected number of decays within a time.
 fn decay(model: &Model, now: &mut [f64], time: f64) {
     let before = now.to_vec();
     for (species, count) in before.into_iter().enumerate() {
@@ -128,7 +119,6 @@ fn decay(model: &Model, now: &mut [f64], time: f64) {
     }
 }
 
-/// Bytes of a particle in extended XYZ.
 fn text(model: &Model, species: usize, ids: f64) -> f64 {
     let kind = &model.species[species];
     let radius = kind.radius.to_string().len();
@@ -136,7 +126,6 @@ fn text(model: &Model, species: usize, ids: f64) -> f64 {
     digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE
 }
 
-/// Bytes of a row of the series, on average.
 fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
     let step = |k: u32| from + (u64::from(steps - from) * u64::from(k) / 16) as u32;
     let length = |step: u32| series::moment(step, model).len() as f64;
@@ -149,7 +138,6 @@ fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
     moment + species + counts as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0
 }
 
-/// Returns the digits of a whole number.
 fn digits(count: f64) -> f64 {
     count.max(1.0).log10().floor() + 1.0
 }
@@ -165,7 +153,6 @@ mod tests {
     use crate::run::Run;
     use crate::scenario::Scenario;
 
-    /// Compares the forecast at the beginning of a run with its output, in bytes.
     fn foretold_and_written(text: &str) -> [u64; 3] {
         let scenario = Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap();
         let directory = tempfile::tempdir().unwrap();
@@ -211,7 +198,6 @@ mod tests {
             let [least, most, written] = foretold_and_written(&format!("{CLOUD}{more}"));
             let ratio = most as f64 / written as f64;
             assert!((1.0 / 1.5..1.5).contains(&ratio), "{what}: {most} foretold, {written} written");
-            // What decays may be lost earlier than it is to be expected.
             assert!(if what == "decay" { least < written } else { least == most }, "{what}: {least}");
         }
     }

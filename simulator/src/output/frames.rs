@@ -9,12 +9,9 @@ use lazygrid_io::write::frames::{self, FrameInfo, Particle};
 use crate::model::boundary::Axis;
 use crate::{Model, Particles, State};
 
-/// Bytes of the header of a NumPy file.
 pub(super) const NPY_HEADER: usize = 192;
-/// Bytes of a particle in a NumPy file.
 pub(super) const NPY_ROW: u64 = frames::NPY_ROW;
 
-/// Appends a frame of extended XYZ.
 pub(super) fn xyz(out: &mut impl Write, model: &Model, state: &State) -> io::Result<()> {
     let axes = model.boundary.axes;
     let bounds = axes.map(|axis| match axis {
@@ -36,7 +33,6 @@ pub(super) fn npy(out: &mut impl Write, model: &Model, particles: &Particles) ->
     frames::npy(out, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
 }
 
-/// Returns the particle at an index.
 fn particle<'a>(model: &'a Model, particles: &Particles, at: usize) -> Particle<'a> {
     let species = particles.species[at];
     Particle {

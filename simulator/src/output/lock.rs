@@ -1,18 +1,15 @@
-//! The lock of a directory: one run at a time writes to it.
-
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::path::Path;
 
 use crate::Error;
 
-/// The names of files that are not complete yet begin with this, and then have random letters and digits.
+/// The prefix of incomplete files, before random letters and digits.
 pub(super) const TEMPORARY: &str = ".draft-";
-/// The number of random letters and digits.
 pub(super) const RANDOM: usize = 6;
 
-/// A lock that keeps other runs out of a directory. It is a file lock of the system on `.lock`, which ends with the process.
-/// The file itself remains and has no meaning.
+/// A lock that keeps other runs out of a directory: a system lock on `.lock`, which ends with the process. The file
+/// itself remains and has no meaning.
 #[derive(Debug)]
 pub(crate) struct Lock {
     _file: File,
@@ -45,7 +42,6 @@ impl Lock {
     }
 }
 
-/// Removes the incomplete files that killed runs left.
 fn remove_temporaries(directory: &Path) {
     let Ok(entries) = std::fs::read_dir(directory) else { return };
     for entry in entries.flatten() {
@@ -80,7 +76,6 @@ mod tests {
         let lock = Lock::take(directory.path()).unwrap();
         assert!(!at(".draft-aB3xY9").exists());
         assert!(kept.iter().all(|name| at(name).exists()) && at(".draft-folder").exists());
-        // A second run neither gets the lock nor removes the files of the first.
         fs::write(at(".draft-aB3xY9"), "being written").unwrap();
         assert!(Lock::take(directory.path()).is_err());
         assert!(at(".draft-aB3xY9").exists());

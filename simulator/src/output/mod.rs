@@ -1,5 +1,5 @@
 //! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
-//! `symbols.csv` if messages are sent, `arrivals.csv` and `releases.csv` (and the same as `.arrow`) and `animation.frames` if
+//! `symbols.csv` if messages are sent, `arrivals.csv`, `releases.csv` (or `.arrow`) and `animation.frames` if
 //! requested, and `checkpoint`.
 
 pub mod animation;
@@ -35,13 +35,11 @@ const RELEASES: &str = "releases.csv";
 /// The frames from which the animation is made.
 const ANIMATED: &str = "animation.frames";
 
-/// The open files of a run.
 #[derive(Debug)]
 pub(crate) struct Files {
     directory: PathBuf,
     output: Output,
     series: AppendFile,
-    /// Written once, and checked like the other files.
     symbols: Option<AppendFile>,
     xyz: Option<AppendFile>,
     logs: Option<Logs>,
@@ -49,7 +47,6 @@ pub(crate) struct Files {
     _lock: Lock,
 }
 
-/// The logs of arrivals and releases.
 #[derive(Debug)]
 struct Logs {
     arrivals: AppendFile,
@@ -91,8 +88,8 @@ impl Files {
         Ok(files)
     }
 
-    /// Reopens the files of a run at its checkpoint after `done` steps. Changes no file unless all of them begin with their
-    /// content at the checkpoint.
+    /// Reopens the files at a checkpoint after `done` steps. Changes no file unless all begin with their content at the
+    /// checkpoint.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
@@ -123,14 +120,12 @@ impl Files {
         Ok(files)
     }
 
-    /// Returns all files that a checkpoint records.
     fn growing(&mut self) -> impl Iterator<Item = &mut AppendFile> {
         let Self { series, symbols, xyz, logs, animation, .. } = self;
         let logs = logs.iter_mut().flat_map(|Logs { arrivals, releases, .. }| [arrivals, releases]);
         [series].into_iter().chain(symbols).chain(xyz).chain(logs).chain(animation)
     }
 
-    /// Writes the rows and frames that are due.
     pub(crate) fn record(&mut self, simulation: &impl RunView) -> Result<(), Error> {
         let step = simulation.step_count();
         if step.is_multiple_of(self.output.every) {
@@ -160,12 +155,10 @@ impl Files {
         Ok(())
     }
 
-    /// Flushes all files to disk and returns their records.
     pub(crate) fn sync(&mut self) -> Result<Vec<FileRecord>, Error> {
         self.growing().map(AppendFile::sync).collect()
     }
 
-    /// Converts the logs to Arrow files, if requested.
     pub(crate) fn convert(&self, model: &Model) -> Result<(), Error> {
         match self.output.arrow && self.logs.is_some() {
             #[cfg(feature = "arrow")]
@@ -188,8 +181,8 @@ pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Erro
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// Prepares and locks a directory for a new run. Refuses a directory with a run, or with foreign files under the names of a
-/// run's files, unless `overwrite`.
+/// Prepares and locks a directory for a new run. Refuses a directory with a run, or with foreign files under its names,
+/// unless `overwrite`.
 ///
 /// # Errors
 /// [`Error::Write`].

@@ -4,7 +4,6 @@ use std::io::{self, Write};
 
 use crate::{Model, RunView};
 
-/// Writes the first line: `step`, `time` and the names of the counts.
 pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
     writeln!(out, "step,time,{}", names(model).join(","))
 }
@@ -42,12 +41,10 @@ pub fn counts(simulation: &impl RunView) -> Vec<u64> {
     counts
 }
 
-/// Returns the first columns of a row.
 pub(super) fn moment(step: u32, model: &Model) -> String {
     format!("{step},{}", f64::from(step) * model.time_step)
 }
 
-/// Returns the number of columns of receivers.
 pub(super) fn seen(model: &Model) -> usize {
     let species = model.species.len();
     let seen = |receiver: &crate::Receiver| (0..species).filter(|&k| receiver.counts(k)).count();

@@ -1,12 +1,9 @@
-//! The log of sent symbols, `symbols.csv`.
-
 use std::io::{self, Write};
 
 use crate::model::transmitter::Schedule;
 use crate::random::philox::Key;
 use crate::{Model, Transmitter};
 
-/// Returns `true` if any transmitter sends a message.
 pub(super) fn any(model: &Model) -> bool {
     model.transmitters.iter().any(|t| matches!(t.schedule, Schedule::Message(_)))
 }

@@ -18,7 +18,6 @@ pub struct TableRow<'a> {
     path: &'a Path,
     number: usize,
     text: String,
-    /// The end of each field in `text`.
     ends: Vec<usize>,
 }
 

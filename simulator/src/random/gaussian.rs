@@ -1,11 +1,10 @@
-//! Normal numbers from random words, by Box and Muller, with one written-down sequence of `f32` operations.
+//! Normal numbers from random words, by Box and Muller.
 //!
 //! Only additions, multiplications, one division, square roots and bit operations occur, each correctly rounded and
-//! none fused, so that every processor and every vector width gives the same bits. Logarithm and sine are the
-//! polynomials of the Cephes library. The same lines can be written in WGSL, where a device may round the last
-//! bits differently.
+//! none fused, so every processor and vector width gives the same bits. Logarithm and sine are the polynomials of the
+//! Cephes library. A device may round the last bits of the WGSL version differently.
 
-/// Three standard normal numbers from four random words.
+/// Returns three standard normal numbers.
 #[inline(always)]
 pub fn normals(words: [u32; 4]) -> [f32; 3] {
     let [cosine, sine] = cos_sin(words[1]);
@@ -14,16 +13,15 @@ pub fn normals(words: [u32; 4]) -> [f32; 3] {
     [near * cosine, near * sine, rayleigh(words[2]) * third]
 }
 
-/// √(−2 ln u) of the uniform number that a word stands for; at most 5.77.
+/// √(−2 ln u) of the uniform number of a word; at most 5.77.
 #[inline(always)]
 fn rayleigh(word: u32) -> f32 {
     (-2.0 * ln(crate::random::philox::open_unit(word))).sqrt()
 }
 
-/// The bits of √½, where the mantissa's interval begins.
 const ROOT_HALF: u32 = 0x3f35_04f3;
 
-/// The natural logarithm of a positive normal number, to about one part in 10⁷.
+/// The natural logarithm of a positive normal number, to one part in 10⁷.
 #[inline(always)]
 pub(crate) fn ln(value: f32) -> f32 {
     let shifted = value.to_bits().wrapping_sub(ROOT_HALF);
@@ -35,7 +33,7 @@ pub(crate) fn ln(value: f32) -> f32 {
     exponent * std::f32::consts::LN_2 + s * series
 }
 
-/// Cosine and sine of the angle that a word stands for as a part of a full turn.
+/// Returns cosine and sine of the angle that a word stands for, as a fraction of a full turn.
 #[inline(always)]
 pub fn cos_sin(word: u32) -> [f32; 2] {
     let quarter = word.wrapping_add(0x2000_0000) >> 30;
@@ -53,7 +51,7 @@ pub fn cos_sin(word: u32) -> [f32; 2] {
     [f32::from_bits(c ^ cosine_sign), f32::from_bits(s ^ sine_sign)]
 }
 
-/// A uniformly distributed direction, as a vector of length 1.
+/// Returns a uniformly distributed unit vector.
 #[inline]
 pub fn direction(first: u32, second: u32) -> [f32; 3] {
     let z = 2.0 * crate::random::philox::open_unit(first) - 1.0;
@@ -81,7 +79,6 @@ mod tests {
         }
     }
 
-    /// Moments of 600 000 numbers, within five standard errors.
     #[test]
     fn moments_are_those_of_a_normal_number() {
         let n = 200_000_u32;
@@ -95,7 +92,6 @@ mod tests {
             mixed += z[0] * z[1] + z[1] * z[2] + z[0] * z[2];
         }
         let count = 3.0 * f64::from(n);
-        // Variances of z, z², z³, z⁴: 1, 2, 15, 96.
         for ((sum, moment), variance) in
             sums.into_iter().zip([0.0, 1.0, 0.0, 3.0]).zip([1.0, 2.0, 15.0, 96.0])
         {

@@ -1,4 +1,4 @@
-//! Random numbers by counter, and numbers of given distributions computed from random words.
+//! A counter-based random number generator, and numbers of given distributions.
 
 pub mod gaussian;
 pub mod philox;

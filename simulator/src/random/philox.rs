@@ -1,13 +1,13 @@
-//! Random numbers by counter: Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as
-//! 1, 2, 3*, SC 2011).
+//! Random numbers by counter: Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as 1, 2,
+//! 3*, SC 2011).
 //!
-//! A draw is a pure function of the seed, who draws, at which step, and what for. Nothing is consumed, so neither
-//! the order of particles nor the number of threads nor the machine can change a run. Only 32-bit integer
-//! operations are used, which WGSL has too.
+//! A draw is a pure function of the seed, who draws, the step, and the purpose. Nothing is consumed, so neither the
+//! order of particles nor threads nor the machine can change a run. Only 32-bit integer operations are used, which WGSL
+//! has too.
 
 use rand::TryRng;
 
-/// The purpose of a draw. Each purpose has random numbers of its own.
+/// The purpose of a draw; each has random numbers of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
@@ -31,13 +31,13 @@ pub enum Purpose {
     PartialStep = 8,
     /// The number of released particles; drawn by transmitter.
     Count = 9,
-    /// Which symbol is sent; drawn by transmitter and place in the message.
+    /// A symbol; drawn by transmitter and index in the message.
     Symbol = 10,
     /// The tumble of a swimmer, and its new direction.
     Tumble = 11,
     /// The displacement of a receiver; drawn by its index in the model.
     ReceiverMotion = 12,
-    /// When and where something comes off a receptor.
+    /// The time and position at which a particle unbinds.
     Unbinding = 13,
     /// The time at which a path hit a receiver; drawn by particle and receiver.
     HitTime = 14,
@@ -47,12 +47,12 @@ pub enum Purpose {
     Replica = 100,
 }
 
-/// The seed of a run as Philox takes it.
+/// A seed as Philox takes it: lower and upper half.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key(pub [u32; 2]);
 
 impl Key {
-    /// The key of a seed: its lower and its upper half.
+    /// Returns the key of a seed.
     pub const fn new(seed: u64) -> Self {
         Self([seed as u32, (seed >> 32) as u32])
     }
@@ -62,21 +62,21 @@ impl Key {
         self.0[0] as u64 | (self.0[1] as u64) << 32
     }
 
-    /// Four random words for particle `id` (and `other`, where two have a draw in common, or 0) at `step`.
+    /// Returns four random words for particle `id` (and `other`, if two share a draw, or 0) at `step`.
     #[inline(always)]
     pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32], self.0)
     }
 
-    /// Four random words of a part of what is drawn for, numbered from 0; part 0 has those of [`draw`](Self::draw).
-    /// Parts up to 2²⁴ have words that no other purpose has.
+    /// Returns four random words of a part, numbered from 0; part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no
+    /// words with other purposes.
     #[inline(always)]
     pub(crate) fn draw_part(self, [id, other]: [u32; 2], part: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32 | part << 8], self.0)
     }
 }
 
-/// A stream of random words, for distributions that take as many as they need.
+/// A stream of random words, for distributions that take any number of them.
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: Key,
@@ -132,7 +132,7 @@ const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// Philox 4×32-10 of a counter under a key.
+/// Returns Philox 4×32-10 of a counter under a key.
 #[inline(always)]
 pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..ROUNDS {
@@ -145,26 +145,25 @@ pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
-/// Lower and upper half of a product.
 #[inline(always)]
 fn wide(a: u32, b: u32) -> (u32, u32) {
     let product = u64::from(a) * u64::from(b);
     (product as u32, (product >> 32) as u32)
 }
 
-/// A uniform number in (0, 1), one of 2²³ equally spaced ones, symmetric around ½; exact in `f32`.
+/// Returns one of 2²³ equally spaced numbers in (0, 1), symmetric around ½; exact in `f32`.
 #[inline(always)]
 pub fn open_unit(word: u32) -> f32 {
     ((word >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
 }
 
-/// A uniform number in (0, 1), one of 2³² equally spaced ones.
+/// Returns one of 2³² equally spaced numbers in (0, 1).
 #[inline]
 pub(crate) fn fine_unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
 
-/// The largest word that stands for "yes" at this probability in (0, 1]; rounded to the nearest of 2³².
+/// Returns the largest word that counts as an event of this probability in (0, 1]; rounded to the nearest of 2³².
 pub fn probability_threshold(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)

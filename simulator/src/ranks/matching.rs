@@ -1,8 +1,8 @@
 //! Matching of reactions whose candidates are on several ranks.
 //!
-//! Every candidate is on one rank, and every particle has an owner. In each round, a rank sends its best key of each ghost to
-//! the ghost's owner. The owner replies with the best key of all ranks, or that the particle is taken. A rank then applies
-//! the candidates that are best at all particles they consume.
+//! Every candidate is on one rank, and every particle has an owner. In each round, a rank sends its best key of each
+//! ghost to the ghost's owner. The owner replies with the best key of all ranks, or that the particle is taken. A rank
+//! then applies the candidates that are best at all particles they consume.
 //!
 //! # Correctness
 //! 1. After the replies, a rank knows of the particles of its candidates what
@@ -16,27 +16,22 @@ use rayon::prelude::*;
 
 use crate::reaction::matching::{Key, ReactionCandidate};
 
-/// The state of the particles of a rank in a step, followed by its ghosts.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DistributedMatching {
     best: Vec<Option<Key>>,
     taken: Vec<bool>,
-    /// The indices with a bid or taken.
     touched: Vec<u32>,
 }
 
-/// A message of a rank to the owner of a ghost.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct GhostBid {
-    /// The ghost's index on its owner.
     at: u32,
     /// 1 if this rank took the particle in the previous round, 0 if `key` is its best key.
     takes: u32,
     key: KeyMessage,
 }
 
-/// The reply of the owner.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct OwnerReply {
@@ -44,7 +39,6 @@ struct OwnerReply {
     key: KeyMessage,
 }
 
-/// A key in a message.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 struct KeyMessage {
@@ -63,8 +57,8 @@ impl KeyMessage {
 }
 
 impl DistributedMatching {
-    /// Sorts the candidates of this rank and returns the indices of those that win, ascending. A particle reacts once on all
-    /// ranks together. There are `own` particles, followed by ghosts.
+    /// Sorts the candidates of this rank and returns the indices of the winners, ascending. There are `own` particles,
+    /// followed by ghosts.
     ///
     /// # Errors
     /// Fails if the communicator fails.
@@ -109,15 +103,14 @@ impl DistributedMatching {
         Ok(chosen)
     }
 
-    /// Records a key for a particle.
     fn bid(&mut self, at: usize, key: Key) {
         let best = &mut self.best[at];
         *best = Some(best.map_or(key, |best| best.min(key)));
         self.touched.push(at as u32);
     }
 
-    /// Sends this rank's keys of the ghosts `wanted`, and the ghosts `won` in the last round, to their owners. Records the
-    /// replies.
+    /// Sends this rank's keys of the ghosts `wanted`, and the ghosts `won` in the last round, to their owners. Records
+    /// the replies.
     fn ask<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -157,7 +150,6 @@ impl DistributedMatching {
     }
 }
 
-/// Returns the ghosts that candidates consume, each once, ascending.
 fn claimed_ghosts(candidates: &[ReactionCandidate], active: &[u32], own: usize) -> Vec<u32> {
     let claimed = active.iter().flat_map(|&c| candidates[c as usize].claimed());
     let mut ghosts: Vec<u32> =
@@ -175,7 +167,6 @@ mod tests {
     use super::*;
     use crate::reaction::matching::tests::{candidates, sequential};
 
-    /// The data of one rank: its candidates, the number of its particles, and the ghosts after them.
     fn of_rank(
         all: &[ReactionCandidate],
         owners: &[u32],
@@ -184,7 +175,6 @@ mod tests {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let index =
             |p: u32| owners[..p as usize].iter().filter(|&&owner| owner == owners[p as usize]).count() as u32;
-        // Of two particles the first one's owner reports, or the second one's, by their ids.
         let is_here =
             |c: &&ReactionCandidate| owners[c.at[(c.ids[0] + c.ids[1]) as usize % 2] as usize] == rank;
         let here: Vec<ReactionCandidate> = all.iter().filter(is_here).copied().collect();

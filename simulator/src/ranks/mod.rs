@@ -1,19 +1,17 @@
 //! A run over several ranks: processes that each own a part of the particles.
 //!
-//! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all: motion, walls, receivers,
-//! receptors, decays and releases are pure functions of a particle's id, the seed and the step. Every rank moves all
-//! receivers. Ranks communicate for
+//! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
+//! receivers: these are pure functions of a particle's id, the seed and the step. Ranks communicate for
 //!
-//! - *receptors*: all ranks select the requests that bind, from the requests of all ranks;
+//! - *receptors*: all ranks select from the requests of all ranks;
 //! - *pairs*: particles migrate to the rank that owns their part of space, and ghosts go to ranks with particles within
 //!   reach ([`lazygrid_ranks`]);
 //! - *reactions* ([`matching`](crate::reaction::matching)): in rounds, the owner of a particle receives the best key of
-//!   each rank and replies with the best of all, until no rank has a candidate left;
+//!   each rank and replies with the best of all;
 //! - *ids* of second products of dissociations: all ranks know the parents of the step;
 //! - *counts*, which are sums.
 //!
-//! A run therefore equals that of one process, for any number of ranks: row by row and frame by frame. Each resumes
-//! checkpoints of the other.
+//! A run therefore equals that of one process, row by row and frame by frame. Each resumes checkpoints of the other.
 
 mod gathered;
 mod matching;
@@ -33,7 +31,7 @@ use crate::{Error, Model};
 /// Refuses models that need an order across ranks.
 ///
 /// # Errors
-/// [`Error::NotOverRanks`], naming the first such thing.
+/// [`Error::NotOverRanks`].
 pub fn check(model: &Model) -> Result<(), Error> {
     let refused = |what: &str| Err(Error::NotOverRanks { what: what.to_owned() });
     match model.contact {

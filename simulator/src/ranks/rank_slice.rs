@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-/// The part of a list that a rank takes. The parts of all ranks are the list, and their lengths differ by at most one.
+/// The part of a list that a rank takes. Lengths of parts differ by at most one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RankSlice {
     rank: u32,
@@ -16,7 +16,6 @@ impl RankSlice {
         Self { rank, ranks }
     }
 
-    /// Returns `true` for the first rank.
     pub(crate) fn is_first(self) -> bool {
         self.rank == 0
     }

@@ -1,5 +1,3 @@
-//! Conversion of particles to messages and to the types of [`lazygrid_ranks`].
-
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
 use lazygrid_ranks::{SphereWrapper, WrappedSphere};
@@ -10,7 +8,6 @@ use crate::model::particles::{Particle, Particles};
 /// Particles per task.
 const TASK: usize = 4096;
 
-/// A particle in a message, 36 bytes.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Row {
@@ -21,13 +18,11 @@ pub(super) struct Row {
     id: u32,
 }
 
-/// Returns a particle as a message.
 pub(super) fn row(particles: &Particles, at: u32) -> Row {
     let Particle { position, velocity, radius, species, id } = particles.get(at as usize);
     Row { position, velocity, radius, species, id }
 }
 
-/// Returns the particles of messages.
 pub(super) fn particles(rows: &[Row], with_velocity: bool) -> Particles {
     let mut particles = Particles::default();
     for &Row { position, velocity, radius, species, id } in rows {
@@ -36,7 +31,6 @@ pub(super) fn particles(rows: &[Row], with_velocity: bool) -> Particles {
     particles
 }
 
-/// Returns a particle as a ghost.
 pub(super) fn ghost(particles: &Particles, at: u32) -> lazygrid_ranks::Particle {
     let Particle { position, radius, species, id, .. } = particles.get(at as usize);
     lazygrid_ranks::Particle { sphere: Sphere::new(position, radius), id: id.into(), species, index: at }
@@ -54,7 +48,6 @@ pub(super) fn of_ghost(ghost: &lazygrid_ranks::Particle) -> Particle {
     }
 }
 
-/// All particles wrapped into the box.
 pub(super) fn wrapped(wrapper: &SphereWrapper, particles: &Particles) -> Vec<WrappedSphere> {
     let wrapped = |at: usize| {
         let sphere = Sphere::new(particles.position_of(at), particles.radius[at]);

@@ -15,15 +15,15 @@ use crate::scenario::Scenario;
 use crate::{Error, RunView};
 
 impl Run {
-    /// Does all steps, as [`run`](Self::run), together with the other ranks of a communicator, each of which calls this with the
-    /// same run. The first rank writes what is not of single ranks, and every rank writes its particles to checkpoints, so
-    /// that all need to see the directory. `watch` is called on every rank, with the steps that are done, and stops all when
-    /// it breaks on one. Where it runs is the CPU, whatever [`backend`](Self::backend) says but `Gpu`; threads are those of the
-    /// caller's rayon pool.
+    /// Does all steps, as [`run`](Self::run), together with the other ranks of a communicator, each of which calls this
+    /// with the same run. The first rank writes common files, and every rank its particles, so all ranks must see the
+    /// directory. `watch` is called on every rank and stops all if it breaks on one. Runs on the CPU and refuses
+    /// [`Backend::Gpu`]; uses the caller's rayon pool.
     ///
     /// # Errors
-    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the communicator. [`Communicator::difference`] if
-    /// ranks have different runs. The algorithm and [`threads`](Self::threads) may differ.
+    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the communicator.
+    /// [`Communicator::difference`] if ranks have different runs. The algorithm and [`threads`](Self::threads) may
+    /// differ.
     pub fn run_distributed<C: Communicator>(
         &self,
         mut communicator: C,
@@ -67,7 +67,6 @@ impl Run {
             }
             stops = asks(&mut simulation);
         }
-        // The last complete output is still there.
         if simulation.step_count() > first {
             self.save_distributed(&mut simulation, &mut files)?;
         }
@@ -88,7 +87,6 @@ impl Run {
             .with("directory", self.directory.display())
     }
 
-    /// The files are the first rank's.
     fn begin_distributed<C: Communicator>(
         &self,
         communicator: C,
@@ -110,7 +108,6 @@ impl Run {
         let files = is_first.then(create).transpose();
         let mut files = simulation.agree(files)?;
         self.record_distributed(&mut simulation, &mut files)?;
-        // A failure to write shows now.
         self.save_distributed(&mut simulation, &mut files)?;
         Ok((simulation, files))
     }
@@ -199,7 +196,6 @@ impl Run {
         simulation.agree(Err(self.stopped_early(step)))
     }
 
-    /// Every rank writes its particles, then the first rank what belongs to all.
     fn save_distributed<C: Communicator>(
         &self,
         simulation: &mut RankSimulation<C>,

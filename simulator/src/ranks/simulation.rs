@@ -21,18 +21,15 @@ use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
 
 /// One rank's part of a run, with its communicator.
 ///
-/// Methods that change it are collective: every rank calls them, in the same order. Work is done in the caller's rayon pool.
+/// Methods that change it are collective: every rank calls them, in the same order, in its rayon pool.
 #[derive(Debug)]
 pub struct RankSimulation<C> {
     communicator: C,
-    /// The particles of this rank. Its counts are this rank's contribution to the sums over ranks.
     run: Simulation,
-    /// The sums over all ranks.
     totals: Totals,
     pair_search: Option<RankPairSearch>,
 }
 
-/// The detector of pairs among the particles of all ranks.
 #[derive(Debug)]
 struct RankPairSearch {
     wrapper: SphereWrapper,
@@ -46,15 +43,13 @@ struct RankPairSearch {
 pub struct GatherFields {
     /// The counts of receivers.
     pub received: bool,
-    /// All particles, and what is bound.
+    /// All free and bound particles.
     pub particles: bool,
 }
 
-/// The outcome of a particle of another rank.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct OutcomeMessage {
-    /// Its index on its owner.
     at: u32,
     /// 1 plus the species of the product; 0 if the particle is removed.
     product: u32,
@@ -70,7 +65,7 @@ struct Arrived {
     id: u32,
 }
 
-/// The most that a rank may have, as a multiple of its share, before space is parted anew.
+/// A rank's load limit, as a multiple of the mean, above which space is repartitioned.
 const BOUND: f64 = 1.2;
 
 impl<C: Communicator> RankSimulation<C> {
@@ -134,12 +129,12 @@ impl<C: Communicator> RankSimulation<C> {
         self.run.state.step
     }
 
-    /// The counts on all ranks.
+    /// Returns the counts of all ranks.
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
 
-    /// The particles of this rank, and its part of what was counted.
+    /// Returns the particles of this rank and its part of the counts.
     pub fn part(&self) -> &State {
         &self.run.state
     }
@@ -149,7 +144,6 @@ impl<C: Communicator> RankSimulation<C> {
         &mut self.communicator
     }
 
-    /// The result of this rank where none failed, else the error of the first that did.
     pub(super) fn agree<T>(&self, result: Result<T, Error>) -> Result<T, C::Error> {
         self.communicator.agree(result.map_err(|error| self.communicator.failure(error.to_string())))
     }
@@ -174,14 +168,12 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(())
     }
 
-    /// Sums the counts over all ranks.
     fn add_up(&mut self) {
         let own: Vec<u64> = self.run.state.totals.counts().copied().collect();
         let all = self.communicator.all_reduce_sum(&own);
         self.totals.counts_mut().zip(all).for_each(|(count, all)| *count = all);
     }
 
-    /// Returns the requests for receptors on all ranks.
     fn all_bids(&mut self, moved: &Moved) -> Result<Vec<BindingRequest>, C::Error> {
         let has_receptors = |receiver: &crate::Receiver| matches!(receiver.kind, ReceiverKind::Receptors(_));
         if !self.run.model.receivers.iter().any(has_receptors) {
@@ -190,7 +182,6 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(self.communicator.all_gather("bids for receptors", &self.run.bids(moved))?.0)
     }
 
-    /// Returns the ids of the particles that dissociate into two on any rank, ascending.
     fn all_parents(&mut self, splits: &[Dissociated]) -> Result<Vec<u32>, C::Error> {
         if self.run.dissociation.is_empty() {
             return Ok(Vec::new());
@@ -202,7 +193,6 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(parents)
     }
 
-    /// Finds pairs and their reactions. Returns the outcomes for particles of this rank.
     fn interact(&mut self) -> Result<Vec<ReactantChange>, C::Error> {
         let Self { communicator, run, pair_search, .. } = self;
         let Some(pair_search) = pair_search else { return Ok(Vec::new()) };
@@ -265,10 +255,9 @@ impl<C: Communicator> RankSimulation<C> {
     }
 }
 
-/// Returns the settings that must be equal on all ranks. The algorithm does not change the result.
 fn shared(model: &Model, seed: u64, step: u32) -> Settings {
     Settings::new(env!("CARGO_PKG_VERSION"))
-        // The text has every number exactly, and its maker has the same version on all ranks.
+        // The text has every number exactly, and all ranks have the same version.
         .with_long("model", "a model", format_args!("{model:?}"))
         .with("seed", seed)
         .with("steps done", step)
@@ -278,7 +267,7 @@ impl RankPairSearch {
     /// Returns the search of a model with interactions, with the detector of its run.
     fn of(run: &mut Simulation, algorithm: Algorithm, place: (u32, u32)) -> Result<Option<Self>, Error> {
         let Some(within) = run.detector.take() else { return Ok(None) };
-        // The paper's grids have one set, and ghosts are another.
+        // The paper's grids take one set, and ghosts are another.
         let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
         let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
         let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
@@ -291,7 +280,6 @@ impl RankPairSearch {
         }))
     }
 
-    /// Migrates particles to the ranks that own their parts of space.
     fn migrate<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -314,7 +302,6 @@ impl RankPairSearch {
         Ok(())
     }
 
-    /// Returns the particles of other ranks that may interact with those of this rank.
     fn ghosts<C: Communicator>(&self, communicator: &mut C, run: &Simulation) -> Result<Ghosts, C::Error> {
         let particles = &run.state.particles;
         let wrapped = rows::wrapped(&self.wrapper, particles);
@@ -324,8 +311,8 @@ impl RankPairSearch {
         Ghosts::exchange(communicator, &leaving, |at| rows::ghost(particles, at))
     }
 
-    /// Counts the pairs that this rank reports and samples their reactions. Ghosts are then stored after the particles of this
-    /// rank, unless nothing reacts.
+    /// Counts the pairs that this rank reports and samples their reactions. Ghosts are then stored after own particles,
+    /// unless nothing reacts.
     fn candidates(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<ReactionCandidate>, Error> {
         let Simulation { model, key, state, reactions, .. } = run;
         let State { particles, totals, step, .. } = state;
@@ -359,7 +346,6 @@ impl RankPairSearch {
     }
 }
 
-/// Sends the outcomes of ghosts to their owners. Returns the outcomes of this rank's particles.
 fn deliver_outcomes<C: Communicator>(
     communicator: &mut C,
     mut outcomes: Vec<ReactantChange>,

@@ -1,7 +1,7 @@
 //! Decays of single particles while they move.
 //!
-//! A particle may decay several times within a step. The first decay is drawn for the whole step, then its time, and the product
-//! has the rest of the step. Chains of decays are therefore right for steps of any length.
+//! A particle may decay several times within a step. The first decay is drawn for the whole step, then its time, and
+//! the product has the rest of the step. Chains are therefore right for steps of any length.
 
 use crate::model::Model;
 use crate::random::philox::{Key, Purpose, probability_threshold};
@@ -21,20 +21,17 @@ struct SpeciesDecays {
     channels: Vec<Channel>,
 }
 
-/// A decay channel of a species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Channel {
     /// The largest word at which it happens within a step.
     pub(crate) up_to: u32,
     /// Its fraction of the rate, plus that of the previous channels.
     pub(crate) share: f64,
-    /// Its index in the model.
     pub(crate) decay: u32,
-    /// The species of the product.
     pub(crate) product: Option<u32>,
 }
 
-/// The largest number of decays of one particle within a step. More are rare if a step is shorter than a hundred lifetimes.
+/// More are rare if a step is shorter than a hundred lifetimes.
 const MOST: u32 = 1000;
 
 impl Decays {
@@ -55,7 +52,6 @@ impl Decays {
         &self.kinds[species as usize].channels
     }
 
-    /// Returns the sum of the rates of a species' channels, in 1/s.
     #[cfg(feature = "gpu")]
     pub(crate) fn rate(&self, species: u32) -> f64 {
         self.kinds[species as usize].rate
@@ -115,7 +111,6 @@ impl SpeciesDecays {
     }
 }
 
-/// Returns a uniform number in (0, 1).
 fn unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
@@ -142,7 +137,6 @@ mod tests {
     use super::*;
     use crate::model::{Decay, Species};
 
-    /// A to B at 2/s, B to C at 3/s, and C dissociates; after one step of a second.
     #[test]
     fn a_chain_is_right_however_long_the_step() {
         let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };

@@ -1,7 +1,7 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! It is drawn for the particles before reactions of the same step, and applied after them. Products do not react in the same step,
-//! and a product of a reaction does not dissociate in it. So each is the inverse of the other.
+//! It is drawn before reactions of the same step and applied after them. Products do not react in the same step, and a
+//! product of a reaction does not dissociate in it, so each is the inverse of the other.
 
 use rayon::prelude::*;
 
@@ -15,7 +15,7 @@ use crate::reaction::probability::ReactionProbabilities;
 /// The dissociations of a model, by species.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
-    /// By species: the largest word of each of its decays.
+    /// The largest word of each decay, by species.
     channels: Vec<Vec<(u32, Channel)>>,
     any: bool,
 }
@@ -25,7 +25,6 @@ pub(crate) struct Channel {
     pub(crate) decay: u32,
     pub(crate) products: [Option<Product>; 2],
     pub(crate) unbinding: Unbinding,
-    /// The fraction of the separation that the first product moves.
     pub(crate) share: f32,
 }
 
@@ -33,7 +32,6 @@ pub(crate) struct Channel {
 pub(crate) struct Product {
     pub(crate) species: u32,
     pub(crate) radius: f32,
-    /// The boundary of its center.
     domain: Boundary,
 }
 
@@ -57,7 +55,6 @@ impl Dissociated {
     }
 }
 
-/// The number of particles per parallel task.
 const TASK: usize = 4096;
 
 impl Dissociation {
@@ -99,7 +96,6 @@ impl Dissociation {
         !self.any
     }
 
-    /// Returns the channels of a species, each with the largest word at which it happens.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[(u32, Channel)] {
         &self.channels[species as usize]

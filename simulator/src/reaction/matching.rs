@@ -1,10 +1,9 @@
-//! Matching: the choice of reactions among candidate pairs that share particles. It is greedy by random priority and found in
-//! parallel.
+//! Matching: the choice of reactions among candidate pairs that share particles.
 //!
-//! Every candidate has a key, and keys are totally ordered. Each round takes the candidates that are the best at all particles
-//! they consume. Repeated until no candidate is left, the result is that of a sequential pass from the best to the worst
-//! (Blelloch, Fineman and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012). It
-//! depends on the keys alone, not on the order of candidates or on threads.
+//! Candidates have totally ordered keys. Each round takes those that are the best at all particles they consume.
+//! Repeated until none is left, the result is that of a sequential pass from the best to the worst (Blelloch, Fineman
+//! and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012). It depends
+//! on the keys alone, not on the order of candidates or on threads.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -33,7 +32,6 @@ impl ReactionCandidate {
         (self.priority, self.ids)
     }
 
-    /// Returns the indices of the particles that it consumes.
     pub(crate) fn claimed(&self) -> impl Iterator<Item = usize> {
         let Self { at, consumes, .. } = *self;
         (0..2).filter(move |&k| consumes[k]).map(move |k| at[k] as usize)
@@ -43,17 +41,15 @@ impl ReactionCandidate {
 /// Chooses candidates that share no consumed particle.
 #[derive(Debug, Default)]
 pub struct Matching {
-    /// By index of a particle: one more than the index of the best candidate so far, or one of the values below.
+    /// Indexed by particle: one more than the index of the best candidate so far, or one of the values below.
     best: Vec<AtomicU32>,
 }
 
 const NONE: u32 = u32::MAX;
 const TAKEN: u32 = 0;
 
-/// The smallest number of candidates per parallel task.
+/// Candidates are processed in windows, so that few of a window share particles. The size changes only the time.
 const TASK: usize = 1024;
-/// The number of particles per candidate of a window. Candidates are processed in windows, so that few of a window share particles.
-/// The size changes only the time.
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
@@ -112,7 +108,6 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// Returns the greedy choice from the best to the worst, by ids.
     pub(crate) fn sequential(candidates: &[ReactionCandidate]) -> Vec<[u32; 2]> {
         let mut order: Vec<u32> = (0..candidates.len() as u32).collect();
         order.sort_by_key(|&c| candidates[c as usize].key());
@@ -127,7 +122,6 @@ pub(crate) mod tests {
         chosen
     }
 
-    /// Different pairs of few particles, with few priorities, so that ties are common.
     pub(crate) fn candidates() -> impl Strategy<Value = Vec<ReactionCandidate>> {
         let one = (0..40_u32, 1..40_u32, 0..8_u32, 0..6);
         prop::collection::vec(one, 0..300).prop_map(|many| {
@@ -157,7 +151,6 @@ pub(crate) mod tests {
             shuffled.reverse();
             let expected = sequential(&candidates);
             for mut candidates in [candidates, shuffled] {
-                // The second call uses the table of the first one.
                 let chosen = matching.greedy(&mut candidates, 41);
                 let ids: Vec<_> = chosen.iter().map(|&c| candidates[c as usize].ids).collect();
                 prop_assert_eq!(&ids, &expected);

@@ -1,4 +1,4 @@
-//! Reactions of two particles: the pairs that may react, and the changes of those that do.
+//! Bimolecular reactions: the pairs that may react, and the changes of their particles.
 
 pub mod decay;
 pub mod dissociation;
@@ -22,17 +22,15 @@ use crate::reaction::probability::ReactionProbabilities;
 /// The reactions of a model, by pairs of species.
 #[derive(Clone, Debug)]
 pub struct Reactions {
-    /// The number of species that react.
     reactants: usize,
     /// The row of each species in the table; `u32::MAX` if it does not react.
     rows: Vec<u32>,
-    /// By the rows of both species: what may happen, from the inside outwards.
+    /// The shells of two species, indexed by the rows of both, innermost first.
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
-    /// By reaction: the first reactant's fraction of the approach, and the first product's fraction of the separation.
+    /// Indexed by reaction: the first reactant's fraction of the approach, and the first product's of the separation.
     shares: Vec<[f32; 2]>,
     boundary: Boundary,
-    /// Boundaries of the particle centers, by species.
     center_domains: Vec<Boundary>,
 }
 
@@ -57,11 +55,9 @@ impl ReactionShell {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionRule {
     pub(crate) reaction: u32,
-    /// The species that is the first reactant.
     pub(crate) first: u32,
     /// The largest random word at which it happens.
     pub(crate) up_to: u32,
-    /// `true` for each reactant that it consumes.
     pub(crate) consumes: [bool; 2],
 }
 
@@ -76,14 +72,13 @@ pub struct ReactantChange {
     pub position: [f32; 3],
 }
 
-/// The number of pairs per parallel task.
 const TASK: usize = 4096;
 
 impl Reactions {
     /// Creates the reactions of a model that [`Model::check`] accepts.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
-        // Only species that react have an entry, so models of many species without reactions have a small table.
+        // Only reactive species have an entry, so models of many species have a small table.
         let mut reactants: Vec<u32> =
             model.reactions.iter().flat_map(|reaction| reaction.reactants).collect();
         reactants.sort_unstable();
@@ -126,7 +121,6 @@ impl Reactions {
         chunks.concat()
     }
 
-    /// The shells of two species, from the inside outwards; none if they do not react.
     #[inline]
     fn zones_of(&self, a: u32, b: u32) -> &[ReactionShell] {
         let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);
@@ -148,7 +142,7 @@ impl Reactions {
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
         let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
         let rule = zone.rules().find(|rule| chance <= rule.up_to)?;
-        // Of one species, the particle with the lower id comes first.
+        // For equal species, the particle with the lower id comes first.
         let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
         let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
         Some(ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids })
@@ -156,8 +150,8 @@ impl Reactions {
 
     /// Returns the changes of the reactants of a candidate, without those that it does not consume.
     ///
-    /// Two reactants meet at their mean position, weighted so that the one that diffuses faster moves farther. One product
-    /// appears there. Two products separate by the unbinding radius in a random direction, again the faster one farther.
+    /// Reactants meet at their mean position, weighted by diffusion, where one product appears. Two products separate
+    /// from there by the unbinding radius in a random direction, weighted likewise.
     pub fn outcomes(
         &self,
         particles: &Particles,
@@ -187,8 +181,7 @@ impl Reactions {
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
 
-    /// Returns the changes of all reactants. They are computed before any is applied, because a catalyst may take part in several
-    /// reactions.
+    /// Returns the changes of all reactants, before any is applied: a catalyst may take part in several reactions.
     pub(crate) fn all_outcomes<'a>(
         &self,
         particles: &Particles,
@@ -199,10 +192,7 @@ impl Reactions {
         chosen.flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
-    /// Returns the single reaction of two species within the range of the detector, if they have at most one.
-    ///
-    /// # Errors
-    /// The reactions, if there are several.
+    /// Returns the shells of two species, innermost first.
     #[cfg(feature = "gpu")]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         self.zones_of(a, b)
@@ -215,7 +205,6 @@ impl Reactions {
     }
 }
 
-/// Returns the possible reactions of two species, as words and rules.
 fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> Vec<ReactionShell> {
     let all = chances.zones(pair);
     let outermost = all.last().map_or(0.0, |zone| zone.radius).max(reach(model, pair[0], pair[1]));
@@ -238,12 +227,10 @@ fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> V
     all.into_iter().filter_map(zone).collect()
 }
 
-/// Returns `true` for each reactant that a reaction consumes.
 fn consumes(reaction: &Reaction) -> [bool; 2] {
     [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
 }
 
-/// Returns the first reactant's fraction of the approach, and the first product's fraction of the separation.
 fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
     let consumes = consumes(reaction);
     let together = match consumes {
@@ -259,7 +246,6 @@ fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
     [together, apart]
 }
 
-/// Returns the squared distance of two particles.
 pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Boundary) -> f64 {
     let [a, b] = [pair.i, pair.j].map(|at| particles.position_of(at as usize).map(f64::from));
     (0..3).map(|k| boundary.axes[k].displacement_exact(b[k] - a[k])).map(|d| d * d).sum()
@@ -311,7 +297,6 @@ mod tests {
 
     fn two() -> Particles {
         let mut particles = Particles::default();
-        // The second reactant has the lower place and the lower id.
         particles.push(Particle { species: 1, id: 4, ..Particle::default() }, false);
         particles
             .push(Particle { species: 0, id: 8, position: [1.0, 0.0, 0.0], ..Particle::default() }, false);
@@ -330,7 +315,6 @@ mod tests {
     #[test]
     fn one_product_goes_where_the_reactants_meet() {
         let outcomes = only(&Reactions::new(&model([Some(2), None])), &two());
-        // A diffuses three times as fast as B and went three quarters of the way.
         let position = [0.25, 0.0, 0.0];
         assert_eq!(outcomes[0], Some(ReactantChange { at: 1, product: Some(2), position }));
         assert_eq!(outcomes[1].map(|o| (o.at, o.product)), Some((0, None)));
@@ -350,7 +334,6 @@ mod tests {
         let [Some(c), Some(a)] = only(&Reactions::new(&model), &two()) else { panic!("two products") };
         let vector: [f32; 3] = std::array::from_fn(|k| a.position[k] - c.position[k]);
         assert!((vector.iter().map(|c| c * c).sum::<f32>().sqrt() - 2.0).abs() < 1e-6);
-        // C diffuses a third as fast as A, and they part from where the reactants met.
         for (k, from) in [0.25, 0.0, 0.0].into_iter().enumerate() {
             assert!((c.position[k] * 0.75 + a.position[k] * 0.25 - from).abs() < 1e-6);
         }
@@ -378,7 +361,6 @@ mod tests {
             chance: ReactionRate::PerStep(p),
             ..model.reactions[0].clone()
         };
-        // The two are 1 apart.
         model.reactions = vec![channel(1.5, 0.2), channel(0.9, 0.5), channel(1.0, 0.3)];
         let table = interactions(&model).unwrap().unwrap();
         assert_eq!(table.get(0, 1), Interaction::Within(1.5));

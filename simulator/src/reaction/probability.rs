@@ -1,15 +1,14 @@
 //! Conversion of rates to probabilities per step.
 //!
-//! If events compete at rates λ₁, λ₂, … with sum R, one of them happens within Δt with probability 1 − exp(−RΔt). Each
-//! event has a proportional part: λ·g with g = (1 − exp(−RΔt))/R.
+//! If events compete at rates λ₁, λ₂, … with sum R, one of them happens within Δt with probability 1 − exp(−RΔt), of
+//! which each has the part λ·g with g = (1 − exp(−RΔt))/R.
 //!
-//! A reaction may join two particles anywhere in a ball, and a decay may place them anywhere in the same ball. The pair
-//! then alternates between two states. The reaction uses the g of the decay, so that both probabilities have the ratio
-//! of the rates. The equilibrium is then independent of Δt.
+//! A reaction may join two particles anywhere in a ball, and a decay place them anywhere in the same ball. The reaction
+//! then uses the g of the decay, so that both probabilities have the ratio of the rates and the equilibrium is
+//! independent of Δt.
 
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 
-/// The reactions of a pair at a distance within `radius`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ReactionShell {
     /// Largest distance, in µm.
@@ -18,12 +17,10 @@ pub(crate) struct ReactionShell {
     pub(crate) channels: Vec<(usize, f64)>,
 }
 
-/// Computes the probabilities of a model.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionProbabilities<'a>(pub(crate) &'a Model);
 
 impl<'a> ReactionProbabilities<'a> {
-    /// Returns the zones of a pair of species, innermost first.
     pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<ReactionShell> {
         let channels: Vec<_> = channels(self.0, pair).collect();
         let mut radii: Vec<f32> = channels.iter().map(|(_, reaction)| reaction.binding_radius).collect();
@@ -47,7 +44,6 @@ impl<'a> ReactionProbabilities<'a> {
         radii.into_iter().map(zone).collect()
     }
 
-    /// Returns the decays of a species: index in the model and probability per step.
     pub(crate) fn decays(self, species: u32) -> Vec<(usize, f64)> {
         let own = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
         let factor = factor(self.decay_rate(species), self.0.time_step);
@@ -58,7 +54,6 @@ impl<'a> ReactionProbabilities<'a> {
         self.0.decays.iter().filter(|decay| decay.reactant == species).map(|decay| decay.rate).sum()
     }
 
-    /// Returns the decay that reverses a reaction within the same ball.
     fn inverse(self, reaction: &Reaction) -> Option<&'a Decay> {
         let back = Unbinding::Within(reaction.binding_radius);
         self.0.decays.iter().find(|decay| decay.unbinding == back && undoes(decay, reaction))
@@ -77,13 +72,11 @@ fn rate(reaction: &Reaction) -> f64 {
     }
 }
 
-/// Returns the reactions of two species, with their indices in the model.
 fn channels(model: &Model, [a, b]: [u32; 2]) -> impl Iterator<Item = (usize, &Reaction)> {
     let own = move |reaction: &Reaction| reaction.reactants == [a, b] || reaction.reactants == [b, a];
     model.reactions.iter().enumerate().filter(move |(_, reaction)| own(reaction))
 }
 
-/// Returns `true` if the products of a decay are the reactants of a reaction.
 pub(crate) fn undoes(decay: &Decay, reaction: &Reaction) -> bool {
     let single = match reaction.products {
         [Some(product), None] | [None, Some(product)] => product == decay.reactant,
@@ -98,7 +91,6 @@ mod tests {
     use super::*;
     use crate::model::Species;
 
-    /// Returns a model in which A and B become C within 1 µm and D within 2 µm, and C dissociates.
     fn model(unbinding: Unbinding) -> Model {
         let reaction = |product, binding_radius, rate| Reaction {
             reactants: [0, 1],

@@ -1,10 +1,9 @@
-//! From a rate constant to a binding radius, for steps of any length.
+//! Conversion of a rate constant to a binding radius, for steps of any length.
 //!
 //! With steps of length s = √(2DΔt) along each axis, partners that react when they *end* a step within σ of each other
-//! react more slowly than Smoluchowski's k = 4πDσ, since they jump over the boundary and back. Andrews and Bray
-//! (*Phys. Biol.* 1, 137, 2004), whose method Smoldyn uses, tabulate the rate at which a step of this kind reaches a
-//! steady state. Here the same steady state is solved for: with u(r) = r·ρ(r), ρ the density of partners right after
-//! a step, at distances above σ,
+//! react more slowly than Smoluchowski's k = 4πDσ, because they jump over the boundary and back. Andrews and Bray
+//! (*Phys. Biol.* 1, 137, 2004), whose method Smoldyn uses, tabulate the steady-state rate. Here the steady state is
+//! solved for: with u(r) = r·ρ(r), ρ the density of partners right after a step, at distances above σ,
 //!
 //! ```text
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′,    u(r) → r − c far away,
@@ -12,20 +11,20 @@
 //!
 //! G being the normal density of width s. Then k = 4πDc. Short steps give c = σ − 0.5826·s, long ones k = (4/3)πσ³/Δt.
 //!
-//! *Reversible reactions.* Where every pair that reacts comes back in the end, its partners put apart by an unbinding
-//! radius, there is an equilibrium: nothing flows, u(r) → r, and the density has a source at that radius,
+//! *Reversible reactions.* If every pair that reacts dissociates again to an unbinding radius, there is an equilibrium:
+//! nothing flows, u(r) → r, and the density has a source at that radius,
 //!
 //! ```text
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′ + κ·[G(r − r₀) − G(r + r₀)]/(4πr₀),
 //! ```
 //!
-//! where κ pairs react in a step for a density of 1. These include pairs that bind again at once. So κ/Δt is the rate
-//! constant that the law of mass action has: with a rate k′ of coming apart, \[C\]/\[A\]\[B\] = κ/(k′Δt).
+//! with κ pairs that react in a step for a density of 1, including pairs that bind again at once. So κ/Δt is the rate
+//! constant of the law of mass action: with a dissociation rate k′, \[C\]/\[A\]\[B\] = κ/(k′Δt).
 
 use crate::Error;
 
-/// The largest step √(2DΔt), as a fraction of the binding radius, at which partners rarely jump over each other. D is the sum of both
-/// diffusion coefficients. With longer steps the rate is right for well-mixed partners only.
+/// The largest step √(2DΔt), as a fraction of the binding radius, at which partners rarely jump over each other; D is
+/// the sum of both diffusion coefficients. With longer steps the rate holds for well-mixed partners only.
 pub const LONG_STEP: f64 = 1.0;
 
 /// Returns the longest time step, in s, at which partners of this binding radius rarely jump over each other.
@@ -33,21 +32,20 @@ pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
     (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
 }
 
-/// Returns the longest time step, in s, at which partners with this rate constant rarely jump over each other. At that step a radius σ
-/// has the constant 4πDσ·c with a known c.
+/// Returns the longest time step, in s, at which partners with this rate constant rarely jump over each other.
 pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
     let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
     longest_step(radius, diffusion)
 }
 
-/// The binding radius, in µm, that gives the rate constant `rate`, in µm³/s, to partners whose diffusion coefficients
-/// add up to `diffusion`, in µm²/s, in steps of `time_step` s.
+/// Returns the binding radius, in µm, that gives the rate constant `rate`, in µm³/s, to partners whose diffusion
+/// coefficients add up to `diffusion`, in µm²/s, in steps of `time_step` s.
 ///
-/// The rate constant is that per pair: with concentrations a and b, k·a·b reactions per volume and time, and for A + A
-/// half of k·a².
+/// The rate constant is per pair: with concentrations a and b, k·a·b reactions per volume and time, and for A + A half
+/// of k·a².
 ///
 /// # Errors
-/// [`Error::Model`] where one of them is not positive and finite.
+/// [`Error::Model`] if one of them is not positive and finite.
 pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, Error> {
     for (what, value) in
         [("rate constant", rate), ("diffusion coefficient", diffusion), ("time step", time_step)]
@@ -63,8 +61,8 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
     Ok(root([mixed, high], |radius| rate_constant(radius, diffusion, time_step) - rate))
 }
 
-/// The binding radius, in µm, with which an equilibrium has the rate constant `rate`, in µm³/s, where pairs come apart by
-/// the `unbinding` radius, in µm; else as [`binding_radius`].
+/// Returns the binding radius, in µm, with which an equilibrium has the rate constant `rate`, in µm³/s, if pairs
+/// dissociate to the `unbinding` radius, in µm.
 ///
 /// # Errors
 /// The errors of [`binding_radius`].
@@ -80,13 +78,12 @@ pub fn reversible_binding_radius(
     Ok(root([1e-6 * highest, highest], |radius| is(radius) - rate))
 }
 
-/// The rate constant, in µm³/s, that an equilibrium has; see [`reversible_binding_radius`].
+/// Returns the rate constant, in µm³/s, of an equilibrium; see [`reversible_binding_radius`].
 pub fn reversible_rate_constant(binding: f64, unbinding: f64, diffusion: f64, time_step: f64) -> f64 {
     let step = (2.0 * diffusion * time_step).sqrt();
     step.powi(3) / time_step * regained(binding / step, unbinding / step)
 }
 
-/// Returns the root of a rising function.
 fn root([mut low, mut high]: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     while high - low > 1e-9 * high {
         let middle = 0.5 * (low + high);
@@ -95,13 +92,12 @@ fn root([mut low, mut high]: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The rate constant, in µm³/s, that a binding radius gives; see [`binding_radius`].
+/// Returns the rate constant, in µm³/s, of a binding radius; see [`binding_radius`].
 pub fn rate_constant(binding_radius: f64, diffusion: f64, time_step: f64) -> f64 {
     let step = (2.0 * diffusion * time_step).sqrt() / binding_radius;
     4.0 * std::f64::consts::PI * diffusion * binding_radius * absorbed(step)
 }
 
-/// Points of one panel of the quadrature, and panels.
 const POINTS: usize = 8;
 const PANELS: usize = 12;
 /// Beyond this many steps the density has its asymptotic form.
@@ -109,18 +105,16 @@ const FAR: f64 = 12.0;
 
 /// c of the equation above for σ = 1: the intercept of u, found on Gauss–Legendre panels by elimination.
 fn absorbed(step: f64) -> f64 {
-    // In units of the step the boundary is at b, and u = (x − c) + v(x) with v → 0.
     let b = 1.0 / step;
     let far = b + FAR;
-    // The tail of the density is 1 less, per c.
     let unknown = |x: f64| upper(far - x) - upper(far + x);
     steady(b, [&unknown, &|_| 1.0]) / b
 }
 
-/// κ of the equation of reversible reactions, for radii in units of the step.
+/// κ of reversible reactions, for radii in units of the step.
 fn regained(binding: f64, unbinding: f64) -> f64 {
     if unbinding > binding + FAR / 2.0 {
-        // Far from the boundary densities are harmonic: what is c from there meets again in c/r₀ of all cases.
+        // Far from the boundary densities are harmonic: c from there meets again in c/r₀ of all cases.
         let c = binding * absorbed(1.0 / binding);
         return 2.0 * std::f64::consts::PI * c / (1.0 - c / unbinding);
     }
@@ -131,8 +125,8 @@ fn regained(binding: f64, unbinding: f64) -> f64 {
     steady(binding, [&|x| -source(x), &|_| 0.0])
 }
 
-/// The unknown of an equation for u at distances above `b`, in units of the step: what it adds per unit to the equation
-/// at a distance, and to the condition that u = x far away.
+/// Solves the equation for u at distances above `b`, in units of the step. `unknown` has the coefficients of the
+/// unknown in the equation at a distance, and in the condition that u = far away.
 fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
     let far = b + FAR;
     let nodes: Vec<(f64, f64)> = panels(b, far);
@@ -160,12 +154,10 @@ fn gauss(x: f64) -> f64 {
     (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
-/// The part of a standard normal density above `x`.
 fn upper(x: f64) -> f64 {
     0.5 * libm::erfc(x / std::f64::consts::SQRT_2)
 }
 
-/// Nodes and weights of panels of equal length.
 fn panels(from: f64, to: f64) -> Vec<(f64, f64)> {
     /// Abscissae and weights of the Gauss–Legendre rule of eight points, for one half.
     const RULE: [(f64, f64); POINTS / 2] = [
@@ -184,7 +176,6 @@ fn panels(from: f64, to: f64) -> Vec<(f64, f64)> {
     (0..PANELS).flat_map(panel).collect()
 }
 
-/// The last unknown of a linear system given as rows with the right-hand side at their end.
 fn solve(mut rows: Vec<Vec<f64>>) -> f64 {
     let n = rows.len();
     for column in 0..n {
@@ -212,7 +203,6 @@ mod tests {
             assert!((c - (1.0 - 0.582_597 * step)).abs() < 0.02 * step * step + 1e-5, "{step}: {c}");
         }
         for step in [30.0, 100.0] {
-            // k·Δt = 4π·D·c·Δt = 2π·step²·c in units of the radius.
             let volume = 2.0 * std::f64::consts::PI * step * step * absorbed(step);
             assert!(
                 (volume / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 3.0 / step,
@@ -221,7 +211,6 @@ mod tests {
         }
     }
 
-    /// Short steps have the closed form, with the boundary shifted as above; very long ones know of no distance.
     #[test]
     fn an_equilibrium_has_its_limits() {
         let (diffusion, time_step) = (1.0, 0.5e-4);
@@ -231,7 +220,6 @@ mod tests {
             let expected = 4.0 * std::f64::consts::PI * shifted / (1.0 - shifted / unbinding);
             assert!((k / expected - 1.0).abs() < 2e-3, "{unbinding}: {k} and not {expected}");
         }
-        // On either side of where the harmonic form takes over.
         let [near, far] = [5.999, 6.001].map(|by| regained(3.0, 3.0 + by));
         assert!((near / far - 1.0).abs() < 1e-3, "{near} {far}");
         let [close, point] = [1.001e-3, 0.999e-3].map(|unbinding| regained(2.0, unbinding));

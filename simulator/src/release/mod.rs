@@ -1,7 +1,7 @@
 //! The releases of transmitters: a pure function of the model, the seed and the step.
 //!
-//! A burst appears at the beginning of a step. Particles of continuous release appear between two
-//! steps: they move and decay for the rest of the time, so that numbers are right for steps of any length.
+//! A burst appears at the beginning of a step. Particles of continuous release appear between two steps and move and
+//! decay for the rest of the time, so numbers are right for steps of any length.
 
 pub mod origins;
 
@@ -26,7 +26,7 @@ use crate::reaction::decay::Decays;
 pub struct Released {
     /// The particles that remain.
     pub particles: Particles,
-    /// The id that comes after theirs.
+    /// The id after those of the particles.
     pub next_id: u32,
     /// The released numbers, by species.
     pub released: Vec<u64>,
@@ -52,13 +52,12 @@ struct Batch<'a> {
     ages: Ages,
 }
 
-/// The time since the release at the beginning of a step, in s.
+/// Ages at the beginning of a step, in s.
 #[derive(Clone, Copy)]
 enum Ages {
     None,
     /// Uniform between these.
     Between(f64, f64),
-    /// The first of them, and how much less each next one has.
     Spaced(f64, f64),
 }
 
@@ -72,7 +71,7 @@ impl Model {
         self.release_slice((decays, key), step, next_id, RankSlice::WHOLE)
     }
 
-    /// The share that one rank of several has of what is [released](Self::release). The next id is that of all together.
+    /// Returns one rank's share of what is [released](Self::release). `next_id` is that of all ranks together.
     pub(crate) fn release_slice(
         &self,
         (decays, key): (&Decays, Key),
@@ -92,10 +91,8 @@ impl Model {
             decayed: vec![0; self.decays.len()],
         };
         let own = slice.of(released - u64::from(next_id));
-        // Numbers of particles before this batch: in all, and in its burst.
         let (mut before, mut place) = (0, 0);
         for (k, batch) in batches.iter().enumerate() {
-            // Places count through the entries of one burst.
             let goes_on = k > 0 && std::ptr::eq(batches[k - 1].from, batch.from);
             place = if goes_on { place } else { 0 };
             let [first, last] =
@@ -110,7 +107,7 @@ impl Model {
         Ok(out)
     }
 
-    /// A burst of one species from a transmitter, with these ids.
+    /// Returns a burst of one species from a transmitter, with these ids.
     pub(crate) fn burst(&self, from: &Transmitter, species: u32, ids: Range<u32>, key: Key) -> Released {
         let mut out = Released {
             particles: Particles::default(),
@@ -126,8 +123,8 @@ impl Model {
         out
     }
 
-    /// What all transmitters release at the beginning of a step, in the order of ids: the transmitter, the species, and
-    /// how many.
+    /// Returns the releases of all transmitters at the beginning of a step, in the order of ids: transmitter, species
+    /// and number.
     pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
         self.all_batches(step, key).map(|(place, batch)| (place, batch.species, batch.count))
     }
@@ -143,7 +140,6 @@ impl Model {
     fn batches<'a>(&self, from: &'a Transmitter, place: u32, step: u32, key: Key) -> Vec<Batch<'a>> {
         let mut words = Draws::new(key, place, step, Purpose::Count);
         let mut poisson = |mean: f64| match Poisson::new(mean) {
-            // Ids are used up long before a number does not fit.
             Ok(distribution) => distribution.sample(&mut words).min(f64::from(u32::MAX)) as u32,
             Err(_) => 0,
         };
@@ -180,7 +176,7 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
-    /// Adds a particle, the `place`th of its burst and the `nth` of its batch.
+    /// Adds a particle, with its index in its burst and in its batch.
     fn add(
         &self,
         batch: &Batch<'_>,

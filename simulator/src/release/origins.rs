@@ -1,7 +1,7 @@
 //! Arrivals at receivers, and the origins of particles.
 //!
-//! Ids are assigned in ascending order, so a few id ranges store the origins of all particles. A product inherits the
-//! origin of the reactant whose id it takes. Both products of a decay inherit the origin of the decayed particle.
+//! Ids are assigned in ascending order, so a few id ranges store all origins. A product inherits the origin of the
+//! reactant whose id it takes; products of a decay inherit that of the decayed particle.
 
 use serde::{Deserialize, Serialize};
 
@@ -37,7 +37,7 @@ pub struct Origins {
 }
 
 impl Origins {
-    /// Records the origin of particles with ids at or above `first`. `first` must not be below any id recorded before.
+    /// Records the origin of particles with ids at or above `first`, which must not be below any id recorded before.
     pub fn enter(&mut self, first: u32, origin: Option<Origin>) {
         match self.ranges.last_mut() {
             // The previous range is empty.
@@ -65,7 +65,6 @@ mod tests {
         assert_eq!(origins.of(0), None);
         origins.enter(0, from(0, 0));
         origins.enter(10, from(1, 0));
-        // An empty batch, and one that continues a range.
         origins.enter(30, from(0, 7));
         origins.enter(30, from(1, 8));
         origins.enter(40, from(1, 8));

@@ -26,11 +26,12 @@ pub enum AnySimulation {
 const GPU_STEPS: u32 = 64;
 
 impl AnySimulation {
-    /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because backends round differently and a run must
-    /// depend on its seed alone. `algorithm` finds pairs on the CPU.
+    /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because a run must depend on its seed
+    /// alone and backends round differently. `algorithm` finds pairs on the CPU.
     ///
     /// # Errors
-    /// The errors of [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if no GPU is available.
+    /// The errors of [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if no GPU is
+    /// available.
     pub fn begin(
         model: &Model,
         seed: u64,

@@ -4,15 +4,15 @@
 //!
 //! A resumed run is the run without a break, or it is refused with [`Error::Damaged`]:
 //!
-//! 1. The file `checkpoint` has its own length and checksum in its header (`sealed.rs`). Both are checked before its content
-//!    is decoded.
-//! 2. It has the checksum of the part of each rank ([`PartRecord`]). A part is checked against its own header and against
-//!    that record, so that whole parts of different checkpoints are not mixed. Each part that has particles is read by the
-//!    ranks that take them, and each that has none by the first rank.
-//! 3. It has the length and the checksum of each file that the run appends to ([`FileRecord`]). All of them are read and
-//!    checked before any of them is cut to its length.
+//! 1. The file `checkpoint` has its own length and checksum in its header (`sealed.rs`), which are checked before its
+//!    content is decoded.
+//! 2. It has the checksum of the part of each rank ([`PartRecord`]). A part is checked against its own header and that
+//!    record, so whole parts of different checkpoints are not mixed. Each part that has particles is read by the ranks
+//!    that take them, and each without by the first rank.
+//! 3. It has the length and the checksum of each file that the run appends to ([`FileRecord`]). All of them are checked
+//!    before any of them is cut to its length.
 //!
-//! Files that a run writes once and never reads again, `frame-STEP.npy`, are not checked.
+//! Files that are written once and never read, `frame-STEP.npy`, are not checked.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -64,13 +64,13 @@ pub struct FileRecord {
 pub struct PartRecord {
     /// The number of particles in the file.
     pub particles: u64,
-    /// The number of particles in the file that receptors hold.
+    /// The number of bound particles in the file.
     pub bound: u64,
     /// The checksum in the header of the file.
     pub checksum: u64,
 }
 
-/// The content of the file of a rank. The first four numbers make the files of any two ranks or steps differ.
+/// The first four numbers make the files of any two ranks or steps differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Part {
     seed: u64,
@@ -88,8 +88,8 @@ impl PartRecord {
 }
 
 impl Checkpoint {
-    /// Writes a checkpoint over the previous one, which remains until this one is complete. Parts must have been written. Parts of other
-    /// checkpoints are removed.
+    /// Writes a checkpoint over the previous one, which remains until this one is complete. Parts must have been
+    /// written; those of other checkpoints are removed.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -99,8 +99,7 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Writes the part of a rank, of `ranks`, to the checkpoint at `path`, and returns the record of that file. `state` is that of the
-    /// rank.
+    /// Writes the part of a rank, of `ranks`, to the checkpoint at `path`, and returns its record.
     pub(crate) fn write_part(
         path: &Path,
         seed: u64,
@@ -157,7 +156,6 @@ impl Checkpoint {
             let counts = record.counts();
             let ranges = [0, 1].map(|k| within(&wanted[k], before[k], counts[k]));
             before = [0, 1].map(|k| before[k] + counts[k]);
-            // A part that no rank needs is checked as well.
             let is_idle = slice.is_first() && counts == [0; 2];
             if ranges.iter().all(Range::is_empty) && !is_idle {
                 continue;
@@ -188,20 +186,17 @@ fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
     }
 }
 
-/// Returns the range of `count` elements, which follow `before` others, within `range` of all elements.
 fn within(range: &Range<u64>, before: u64, count: u64) -> Range<usize> {
     let at = |place: u64| place.saturating_sub(before).min(count) as usize;
     at(range.start)..at(range.end)
 }
 
-/// Returns the path of a rank's file.
 fn part_of(path: &Path, step: u32, rank: u32) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(format!(".{step:09}.{rank}"));
     name.into()
 }
 
-/// Removes the files of ranks that belong to other checkpoints.
 fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
     let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
     let (Ok(entries), Some(name)) = (std::fs::read_dir(directory), path.file_name()) else { return };
@@ -212,7 +207,6 @@ fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
         let numbers = numbers.and_then(|(of, rank)| Some((of.parse().ok()?, rank.parse().ok()?)));
         let belongs = |(of, rank): (u32, u32)| of == step && rank < parts;
         if numbers.is_some_and(|numbers| !belongs(numbers)) {
-            // A file that remains does no harm.
             drop::<std::io::Result<()>>(std::fs::remove_file(entry.path()));
         }
     }
@@ -235,7 +229,6 @@ mod tests {
     use super::*;
     use crate::{Particle, Totals};
 
-    /// Ranks take consecutive particles of all parts, in equal numbers.
     #[test]
     fn shares_of_parts_are_in_order_and_even() {
         let directory = tempfile::tempdir().expect("a directory");
@@ -275,13 +268,11 @@ mod tests {
             let even = |share: &State| share.particles.len().abs_diff(13 / ranks as usize) <= 1;
             assert!(shares.iter().all(even), "{ranks}");
         }
-        // The part without particles counts as well.
         let idle = part_of(&path, 3, 1);
         let whole = std::fs::read(&idle).expect("is there");
         std::fs::write(&idle, &whole[1..]).expect("is written");
         let refused = |rank| read.clone().into_slice(&path, RankSlice::new(rank, 2)).is_err();
         assert_eq!([0, 1].map(refused), [true, false]);
-        // A checkpoint without parts removes those of this one.
         Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");
         assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 1);
     }

@@ -1,23 +1,20 @@
 //! XXH64, the checksum of all files that a run resumes from.
 //!
-//! It has 64 bits, because a checkpoint must also tell apart whole files of different checkpoints: two of a million
-//! distinct files have equal checksums of 32 bits almost surely, and of 64 bits with a probability of 3 × 10⁻⁸. It is no
-//! protection against a forger.
+//! Checkpoints must also tell apart whole files of different checkpoints: two of a million distinct files almost surely
+//! have equal 32-bit checksums, but equal 64-bit checksums with a probability of 3 × 10⁻⁸. It is no protection against
+//! a forger.
 
 use std::hash::Hasher;
 use std::io::{self, BufReader, Read, Write};
 
 use twox_hash::XxHash64;
 
-/// The bytes that are read from a file at once.
 const BUFFER_BYTES: usize = 1 << 16;
 
-/// Returns the checksum of `bytes`.
 pub(crate) fn of_bytes(bytes: &[u8]) -> u64 {
     XxHash64::oneshot(0, bytes)
 }
 
-/// The length and the checksum of bytes that come piece by piece.
 #[derive(Clone, Debug)]
 pub(crate) struct Digest {
     length: u64,
@@ -25,12 +22,11 @@ pub(crate) struct Digest {
 }
 
 impl Digest {
-    /// The digest of no bytes.
     pub(crate) fn new() -> Self {
         Self { length: 0, hasher: XxHash64::with_seed(0) }
     }
 
-    /// The digest of the next bytes of a reader, `length` of them, or fewer if the reader ends before.
+    /// Digests the next `length` bytes of a reader, or fewer if the reader ends before.
     ///
     /// # Errors
     /// The errors of the reader.
@@ -45,7 +41,6 @@ impl Digest {
         self.length
     }
 
-    /// The checksum of all bytes so far.
     pub(crate) fn checksum(&self) -> u64 {
         self.hasher.finish()
     }
@@ -56,7 +51,7 @@ impl Digest {
     }
 }
 
-/// A writer that passes bytes on and digests them. It belongs after a buffer, since short writes are slow to digest.
+/// A writer that digests what it passes on. It belongs after a buffer, because short writes are slow to digest.
 #[derive(Debug)]
 pub(crate) struct DigestWriter<W> {
     inner: W,
@@ -64,17 +59,14 @@ pub(crate) struct DigestWriter<W> {
 }
 
 impl<W> DigestWriter<W> {
-    /// A writer to `inner`, in which the bytes of `digest` are already.
     pub(crate) fn new(inner: W, digest: Digest) -> Self {
         Self { inner, digest }
     }
 
-    /// The destination of the bytes.
     pub(crate) fn inner(&self) -> &W {
         &self.inner
     }
 
-    /// The digest of all bytes that the destination has taken.
     pub(crate) fn digest(&self) -> &Digest {
         &self.digest
     }
@@ -114,7 +106,6 @@ mod tests {
         assert_eq!(writer.digest().length(), 4000);
         let head = Digest::of_next(&bytes[..], 1500).expect("memory is read");
         assert_eq!((head.length(), head.checksum()), (1500, of_bytes(&bytes[..1500])));
-        // A file that goes on has the digest of both pieces.
         let mut writer = DigestWriter::new(Vec::new(), head);
         writer.write_all(&bytes[1500..]).expect("memory takes all");
         assert_eq!(writer.digest().checksum(), of_bytes(&bytes));

@@ -42,7 +42,6 @@ fn value_difference(key: &str, before: &Value, now: &Value) -> Option<String> {
     }
 }
 
-/// Returns a value as text of limited length.
 fn shown(value: &Value) -> String {
     let text = match value {
         Value::String(text) => format!("'{text}'"),

@@ -1,7 +1,7 @@
-//! Changes of a run between two steps by the program that drives it: particles that appear, disappear or are emitted.
+//! Changes of a run between two steps by the driving program.
 //!
-//! New particles take the next free ids, as those of transmitters do. Their random numbers depend on their ids, so a run
-//! still depends only on the model, the seed and the changes.
+//! New particles take the next free ids. Their random numbers depend on their ids, so a run still depends only on the
+//! model, the seed and the changes.
 
 use std::ops::Range;
 
@@ -12,12 +12,7 @@ use crate::release::origins::Origin;
 use crate::{AnySimulation, Error, Simulation, State};
 
 impl State {
-    /// Adds particles of one species at these positions, in µm, with the velocities of released particles. Positions
-    /// outside the boundary are wrapped or reflected into it. Returns the ids.
-    ///
-    /// # Errors
-    /// [`Error::Model`] for an unknown species or a position that is not finite; [`Error::OutOfIds`];
-    /// [`Error::OutOfMemory`]. Then nothing changes.
+    /// Like [`Simulation::add`].
     pub(crate) fn add(
         &mut self,
         model: &Model,
@@ -48,7 +43,7 @@ impl State {
         Ok(ids)
     }
 
-    /// Removes the particles with these ids, free or bound. Returns their number; unknown ids are ignored.
+    /// Like [`Simulation::remove`].
     pub(crate) fn remove(&mut self, ids: &[u32]) -> usize {
         let mut ids = ids.to_vec();
         ids.sort_unstable();
@@ -71,12 +66,7 @@ impl State {
         places.len() + before - self.bound.len()
     }
 
-    /// Releases `count` particles of a species from a transmitter, with its shape, besides those of its schedule. Returns
-    /// the ids.
-    ///
-    /// # Errors
-    /// [`Error::Model`] for an unknown transmitter or species; [`Error::OutOfIds`]; [`Error::OutOfMemory`]. Then nothing
-    /// changes.
+    /// Like [`Simulation::emit`].
     pub(crate) fn emit(
         &mut self,
         model: &Model,
@@ -111,7 +101,6 @@ impl State {
     }
 }
 
-/// The species with this index.
 fn known(model: &Model, species: u32) -> Result<&crate::Species, Error> {
     model.species.get(species as usize).ok_or_else(|| {
         let known = model.species.len();
@@ -159,15 +148,15 @@ impl Simulation {
 }
 
 impl AnySimulation {
-    /// As [`Simulation::add`]. On a GPU the state is read back and uploaded again.
+    /// Like [`Simulation::add`]. On a GPU the state is read back and uploaded again.
     ///
     /// # Errors
-    /// As [`Simulation::add`]; also [`Error::Detection`] if the GPU fails.
+    /// Like [`Simulation::add`]; also [`Error::Detection`] if the GPU fails.
     pub fn add(&mut self, species: u32, positions: &[[f32; 3]]) -> Result<Range<u32>, Error> {
         self.edit(|state, model, key| state.add(model, key, species, positions))
     }
 
-    /// As [`Simulation::remove`]. On a GPU the state is read back and uploaded again.
+    /// Like [`Simulation::remove`]. On a GPU the state is read back and uploaded again.
     ///
     /// # Errors
     /// [`Error::Detection`] if the GPU fails.
@@ -175,15 +164,14 @@ impl AnySimulation {
         self.edit(|state, _, _| Ok(state.remove(ids)))
     }
 
-    /// As [`Simulation::emit`]. On a GPU the state is read back and uploaded again.
+    /// Like [`Simulation::emit`]. On a GPU the state is read back and uploaded again.
     ///
     /// # Errors
-    /// As [`Simulation::emit`]; also [`Error::Detection`] if the GPU fails.
+    /// Like [`Simulation::emit`]; also [`Error::Detection`] if the GPU fails.
     pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
         self.edit(|state, model, key| state.emit(model, key, transmitter, (species, count)))
     }
 
-    /// Changes the state between two steps.
     fn edit<T>(
         &mut self,
         change: impl FnOnce(&mut State, &Model, Key) -> Result<T, Error>,
@@ -284,7 +272,6 @@ mod tests {
             |at: usize| run.state.particles.position_of(at).map(|x| x * x).iter().sum::<f32>().sqrt();
         let radii: Vec<f32> = (50..1050).map(radius).collect();
         assert!(radii.iter().all(|&radius| radius <= 2.0));
-        // Uniform in the ball: half of its volume is within 2^(-1/3) of the radius; 1000 draws, four standard errors.
         let inner = radii.iter().filter(|&&radius| radius < 2.0 * 0.5_f32.cbrt()).count();
         assert!(inner.abs_diff(500) < 64, "{inner}");
         assert!(run.emit(1, 0, 1).is_err() && run.emit(0, 2, 1).is_err());

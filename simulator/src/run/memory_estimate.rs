@@ -1,22 +1,22 @@
-//! The forecast of a run's memory: a run is refused before it begins if its particles cannot fit, and stops with a checkpoint
-//! before a step that would not fit.
+//! The forecast of a run's memory: a run whose particles cannot fit is refused before it begins, or stops with a
+//! checkpoint.
 
 use lazygrid_io::available_memory;
 
 use crate::model::transmitter::Schedule;
 use crate::{Error, Model};
 
-/// Bytes of a particle in a step, an estimate from the sizes of its parts (not measured): columns, displaced copies, the
-/// detector's index, a snapshot for the checkpoint.
+/// Bytes of a particle in a step, estimated from its parts (not measured): columns, displaced copies, the detector's
+/// index, a snapshot for the checkpoint.
 const BYTES_PER_PARTICLE: u64 = 260;
-/// Bytes of a particle that no run does without: its columns, the columns of the release that it comes from, and the detector's.
+/// Bytes of a particle that every run needs: its columns, those of its release, and the detector's.
 const MIN_BYTES_PER_PARTICLE: u64 = 100;
-/// Bytes that a run needs besides its particles: threads, files, tables.
+/// Threads, files and tables.
 const OVERHEAD: u64 = 64 << 20;
-/// Growth of the number of particles after which the memory is looked at again.
+/// Growth of the number of particles after which memory is checked again.
 const MIN_GROWTH: u64 = 50_000;
 
-/// The runs that this machine does at the same time, and the ranks among which each run divides its particles.
+/// Runs at the same time on this machine, and the ranks that divide each run's particles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sharing {
     pub(crate) runs: u32,
@@ -24,7 +24,6 @@ pub(crate) struct Sharing {
 }
 
 impl Sharing {
-    /// A single run in one process.
     #[cfg(test)]
     pub(crate) const NONE: Self = Self { runs: 1, ranks: 1 };
 
@@ -45,7 +44,7 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
     check(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE).saturating_add(OVERHEAD))
 }
 
-/// The most particles that one release makes, on average; 0 if nothing is released within `steps` steps.
+/// Returns the most particles of one release, on average; 0 if nothing is released within `steps` steps.
 fn largest_release(model: &Model, steps: u32) -> u64 {
     let released = |transmitter: &crate::Transmitter| {
         let mean = |window| -> f64 {
@@ -55,13 +54,11 @@ fn largest_release(model: &Model, steps: u32) -> u64 {
             Schedule::Steady { rates, .. } => rates.iter().map(|&(_, rate)| rate * model.time_step).sum(),
             _ => transmitter.release.iter().map(|&(_, count)| f64::from(count)).sum(),
         };
-        // Many bursts may fall on the first step.
         burst.min(mean([0, steps.saturating_add(1)])).max(mean([0, 1])) as u64
     };
     model.transmitters.iter().map(released).max().unwrap_or(0)
 }
 
-/// Looks after the memory of a run as its particles grow in number.
 #[derive(Debug, Default)]
 pub(crate) struct MemoryGuard {
     /// The number of particles up to which memory was found to be enough.
@@ -142,7 +139,6 @@ mod tests {
             let error = check_largest_release(&huge(0.0), 10, Sharing::NONE).unwrap_err().to_string();
             assert!(error.contains("bytes") && error.contains("release fewer"), "{error}");
             assert!(MemoryGuard::default().check(&huge(0.3), (0, 0, 5), Sharing::NONE).is_err());
-            // The release of time 0 is among the particles at present already.
             assert!(MemoryGuard::default().check(&huge(0.0), (0, 0, 5), Sharing::NONE).is_ok());
         }
         let none = Model { time_step: 0.1, ..Model::default() };

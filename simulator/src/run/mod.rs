@@ -1,12 +1,12 @@
-//! A run from a scenario to its files.
-
 pub mod any;
 pub mod checkpoint;
 pub mod replicas;
 #[cfg(feature = "clap")]
 pub mod run_args;
+/// Runs on the CPU.
 pub mod simulation;
 pub mod state;
+/// The state of a run on any backend.
 pub mod view;
 
 mod edit;
@@ -73,7 +73,6 @@ pub(crate) struct ReplicaSlot {
 }
 
 impl ReplicaSlot {
-    /// Returns the slot of a single run.
     pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
 
     fn sharing(self) -> Sharing {
@@ -102,7 +101,7 @@ impl Run {
         }
     }
 
-    /// Does the same as [`run`](Self::run) in the current thread pool. The first replica logs messages that concern all.
+    /// Like [`run`](Self::run), in the current thread pool. The first replica logs messages that concern all.
     pub(crate) fn run_here(
         &self,
         slot: ReplicaSlot,
@@ -157,7 +156,6 @@ impl Run {
         Ok((end, simulation))
     }
 
-    /// Refuses a format that this build cannot write, before the first step.
     fn check_formats(&self) -> Result<(), Error> {
         let Scenario { model, output, .. } = &self.scenario;
         if output.arrow && !cfg!(feature = "arrow") {
@@ -182,7 +180,6 @@ impl Run {
         format!("{name}, seed {}", self.scenario.seed)
     }
 
-    /// Returns the number of steps until the next output.
     fn steps_to_next(&self, step: u32) -> u32 {
         let output = self.scenario.output;
         let frames = (output.xyz || output.npy).then_some(output.frames_every);
@@ -210,7 +207,7 @@ impl Run {
         Ok((simulation, files))
     }
 
-    /// Refuses a run whose files, with those of later replicas, surely do not fit the disk, and warns if they may not fit.
+    /// Refuses a run whose files, with those of later replicas, surely exceed the disk, and warns if they may.
     pub(crate) fn check_disk_space(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
@@ -244,7 +241,6 @@ impl Run {
         fs4::available_space(&self.directory).map_err(write)
     }
 
-    /// Returns the message for a disk without space for the next output.
     pub(crate) fn stopped_early(&self, steps: u32) -> Error {
         self.no_room(format!(
             "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and go on with --resume \
@@ -257,7 +253,8 @@ impl Run {
         Error::Write { path: self.directory.clone(), source }
     }
 
-    /// Returns `true` if the next output and a checkpoint may not fit the disk. If only rows are due, the disk is checked rarely.
+    /// Returns `true` if the next output and a checkpoint may exceed the disk. If only rows are due, the disk is
+    /// checked rarely.
     pub(crate) fn is_disk_full(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
@@ -288,7 +285,6 @@ impl Run {
         Ok((simulation, files))
     }
 
-    /// Locks the directory of a resumed run.
     pub(crate) fn lock(&self) -> Result<Lock, Error> {
         match Lock::take(&self.directory) {
             Err(Error::Write { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
@@ -298,7 +294,6 @@ impl Run {
         }
     }
 
-    /// Warns if a run is resumed on another backend.
     pub(crate) fn warn_of_backends(&self, done: u32, before: &str, now: Backend) {
         log::warn!(
             "the first {done} steps were done on the {before}, those to come are on the {now}: they round differently, so \
@@ -306,7 +301,6 @@ impl Run {
         );
     }
 
-    /// Refuses a checkpoint of another run.
     pub(crate) fn check_continues(&self, path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
         let Checkpoint { scenario, seed, every, state, .. } = checkpoint;
         let refused = |message: String| Err(Error::Checkpoint { path: path.to_owned(), message });
@@ -352,7 +346,6 @@ impl Run {
         checkpoint.write(&self.checkpoint_path())
     }
 
-    /// Returns a checkpoint of this run, without parts.
     pub(crate) fn checkpoint(&self, backend: Backend, files: Vec<FileRecord>, state: State) -> Checkpoint {
         let Scenario { text, seed, output, .. } = &self.scenario;
         Checkpoint {
@@ -366,7 +359,6 @@ impl Run {
         }
     }
 
-    /// Returns the path of the checkpoint.
     pub(crate) fn checkpoint_path(&self) -> PathBuf {
         self.directory.join("checkpoint")
     }
@@ -397,7 +389,6 @@ impl Run {
     }
 }
 
-/// Returns the steps between rows, frames, and frames of the animation.
 fn intervals(output: Output) -> [u32; 3] {
     [output.every, output.frames_every, output.animation.map_or(0, |animation| animation.every)]
 }
@@ -405,7 +396,7 @@ fn intervals(output: Output) -> [u32; 3] {
 /// Returns a pool of `threads` threads.
 ///
 /// # Errors
-/// [`Error::Threads`].
+/// [`Error::Threads`] if the system refuses them.
 pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|error| Error::Threads { threads, reason: error.to_string() })

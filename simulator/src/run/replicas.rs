@@ -17,14 +17,11 @@ use crate::run::checkpoint::Checkpoint;
 use crate::run::{ReplicaSlot, Run, RunEnd, pool};
 use crate::{AnySimulation, Error};
 
-/// The first line of replicas.csv.
 const HEADER: &str = "replica,seed\n";
-/// About the bytes of a row: two numbers of up to 10 and 20 digits.
 const BYTES_PER_ROW: u64 = 28;
-/// Rows after which a run asks whether it is cancelled.
 const ROWS_PER_QUESTION: u32 = 1 << 16;
 
-/// Several runs of one scenario. Each has a directory of its own, as if it were run by itself with its seed.
+/// Several runs of one scenario, each in a directory of its own, as if it were run by itself with its seed.
 #[derive(Clone, Debug)]
 pub struct Replicas {
     /// The scenario, the directory that contains those of the replicas, and the seed from which theirs are derived.
@@ -64,11 +61,11 @@ impl Replicas {
         self.run_unless(|| false, watch)
     }
 
-    /// The same as [`run`](Self::run). `is_cancelled` is asked before the first replica, too, while the table of seeds is
+    /// Like [`run`](Self::run). `is_cancelled` is also asked before the first replica, while the table of seeds is
     /// written, which takes minutes for billions of replicas.
     ///
     /// # Errors
-    /// The same as [`run`](Self::run).
+    /// The errors of [`run`](Self::run).
     pub fn run_unless(
         &self,
         is_cancelled: impl Fn() -> bool + Sync,
@@ -83,8 +80,8 @@ impl Replicas {
             Backend::Gpu => 1,
             _ => threads.min(self.count.get() as usize),
         };
-        // A worker of a common pool that waits for a task of its own replica would begin another replica and finish the first only
-        // after that. So each replica has a pool of its own.
+        // A worker of a common pool that waits for a task of its own replica would begin another replica and finish the
+        // first only after that, so each replica has its own pool.
         let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
         let pools = pools.collect::<Result<Vec<_>, _>>()?;
         let course = ReplicaQueue::new(self, at_once as u32);
@@ -117,7 +114,6 @@ impl Replicas {
         self.run.directory.join(format!("replica-{replica:04}"))
     }
 
-    /// The replicas that have a directory, ascending.
     fn begun(&self) -> Result<Vec<u32>, Error> {
         let read = |source| Error::Read { path: self.run.directory.clone(), source };
         let mut begun = Vec::new();
@@ -143,7 +139,7 @@ impl Replicas {
         run
     }
 
-    /// Locks the directory, and writes the seeds of the replicas. Returns `None` if that is cancelled.
+    /// Locks the directory and writes the seeds. Returns `None` if that is cancelled.
     fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
         let directory = &self.run.directory;
         let path = directory.join("replicas.csv");
@@ -171,7 +167,6 @@ impl Replicas {
         }
     }
 
-    /// Writes the seed of each replica.
     fn write_seeds(&self, out: &mut impl Write, is_cancelled: &impl Fn() -> bool) -> io::Result<()> {
         out.write_all(HEADER.as_bytes())?;
         for replica in 0..self.count.get() {
@@ -184,8 +179,8 @@ impl Replicas {
         Ok(())
     }
 
-    /// Checks that a table has the seeds of this run, and no more replicas than this run. Its content follows from the seed,
-    /// so it needs no checksum. Returns `false` if the check is cancelled.
+    /// Checks that a table has the seeds of this run, and no more replicas. Its content follows from the seed, so it
+    /// needs no checksum. Returns `false` if cancelled.
     fn check_seeds(&self, path: &Path, is_cancelled: &impl Fn() -> bool) -> Result<bool, Error> {
         let read = |source| Error::Read { path: path.to_owned(), source };
         let mut lines = BufReader::new(fs::File::open(path).map_err(read)?);
@@ -193,7 +188,6 @@ impl Replicas {
         let mut line = String::new();
         for row in 0_u64.. {
             line.clear();
-            // A line of the table has at most 32 bytes.
             if lines.by_ref().take(64).read_line(&mut line).map_err(read)? == 0 && row > 0 {
                 return Ok(true);
             }
@@ -220,7 +214,6 @@ impl Replicas {
         Ok(true)
     }
 
-    /// Refuses a table of seeds that will not fit the disk.
     fn check_table_fits(&self) -> Result<(), Error> {
         let directory = &self.run.directory;
         let refused = |source| Error::Write { path: directory.clone(), source };
@@ -238,11 +231,9 @@ impl Replicas {
         Err(refused(io::Error::new(io::ErrorKind::StorageFull, message)))
     }
 
-    /// Returns the replicas that are done, now or before.
     fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let mut done = Vec::new();
         for replica in self.begun()? {
-            // Replicas of this call were checked when they were resumed.
             if ended.contains(&replica) || is_done(&self.directory_of(replica), self.run.scenario.steps)? {
                 done.push(replica);
             }
@@ -269,7 +260,6 @@ fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
     Ok(true)
 }
 
-/// The state that workers share.
 struct ReplicaQueue<'a> {
     replicas: &'a Replicas,
     at_once: u32,

@@ -1,5 +1,3 @@
-//! Command-line arguments of commands that run scenarios.
-
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 
@@ -9,7 +7,7 @@ use crate::Error;
 use crate::run::Run;
 use crate::scenario::{Overrides, Scenario};
 
-/// The arguments that every such command has: the scenario, its output, and overrides.
+/// The scenario, its output, and overrides.
 #[derive(Clone, Debug, clap::Args)]
 #[non_exhaustive]
 pub struct RunArgs {

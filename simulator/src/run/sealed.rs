@@ -27,12 +27,10 @@ const VERSION: u32 = 5;
 pub(crate) enum Kind {
     /// The file `checkpoint`.
     Whole,
-    /// The particles of a rank.
     Part,
 }
 
 impl Kind {
-    /// The first line of such a file.
     fn first_line(self) -> String {
         let kind = match self {
             Self::Whole => "",
@@ -104,7 +102,6 @@ fn split_number(bytes: &[u8]) -> Option<(&[u8; 8], &[u8])> {
     bytes.split_first_chunk()
 }
 
-/// Returns the version that the first line of a checkpoint names.
 fn version(bytes: &[u8]) -> Option<u32> {
     let rest = bytes.strip_prefix(NAME.as_bytes())?;
     let digits = rest.iter().take_while(|byte| byte.is_ascii_digit()).count();
@@ -116,7 +113,6 @@ fn version(bytes: &[u8]) -> Option<u32> {
 mod tests {
     use super::*;
 
-    /// Every flipped bit, every shorter length and appended bytes.
     #[test]
     fn file_with_any_damage_is_refused() {
         let directory = tempfile::tempdir().expect("a directory");

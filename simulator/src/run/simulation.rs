@@ -1,5 +1,3 @@
-//! A run on the CPU, step by step.
-
 use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 
 use crate::Error;
@@ -20,7 +18,7 @@ use crate::reaction::{ReactantChange, Reactions, interactions};
 use crate::release::origins::Arrival;
 use crate::run::state::State;
 
-/// A run: a model, a seed, and the state after some steps.
+/// A run on the CPU: a model, a seed, and the state after some steps.
 #[derive(Debug)]
 pub struct Simulation {
     pub(crate) model: Model,
@@ -37,7 +35,6 @@ pub struct Simulation {
     arrivals: Vec<Arrival>,
 }
 
-/// The result of the independent part of a step.
 #[derive(Debug)]
 pub(crate) struct Moved {
     events: Vec<Event>,
@@ -98,10 +95,10 @@ impl Simulation {
         f64::from(self.state.step) * self.model.time_step
     }
 
-    /// Inserts particles, besides those that transmitters release. Their ids must not have been used.
+    /// Inserts particles with ids that must not have been used.
     ///
     /// # Errors
-    /// [`Error::Model`] for a species that the model does not have. Then no particle is inserted.
+    /// [`Error::Model`] for an unknown species. Then no particle is inserted.
     pub fn insert(&mut self, particles: &Particles) -> Result<(), Error> {
         let with_velocity = self.model.has_velocity();
         let known = self.model.species.len();
@@ -164,7 +161,6 @@ impl Simulation {
         self.finish(RankSlice::WHOLE)
     }
 
-    /// Moves receivers and particles. `free` is the number of free receptors of each receiver.
     pub(crate) fn advance(&mut self, free: &[u32]) -> Result<Moved, Error> {
         let Self { model, key, state, motion, receiver_search, collisions, .. } = self;
         let now = (*key, state.step);
@@ -182,12 +178,11 @@ impl Simulation {
         Ok(Moved { events, leaving })
     }
 
-    /// Returns the binding requests of particles.
     pub(crate) fn bids(&self, moved: &Moved) -> Vec<BindingRequest> {
         binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
     }
 
-    /// Applies the events of particles, except binding of those whose ascending ids are `rejected`.
+    /// Applies events, except binding of particles with the ascending ids `rejected`.
     pub(crate) fn apply_events(&mut self, moved: &Moved, rejected: &[u32]) {
         let mut gone = Vec::new();
         self.arrivals.clear();
@@ -223,7 +218,6 @@ impl Simulation {
         self.let_off(&moved.leaving);
     }
 
-    /// Returns unbound particles to the others.
     fn let_off(&mut self, leaving: &[UnboundParticle]) {
         let Self { model, key, state, .. } = self;
         let with_velocity = model.has_velocity();
@@ -242,7 +236,6 @@ impl Simulation {
         }
     }
 
-    /// Changes the species of a particle, or records it in `gone` if it has no product.
     fn transform(&mut self, at: u32, product: Option<u32>, gone: &mut Vec<u32>) {
         let Self { model, key, state, .. } = self;
         let State { particles, totals, step, .. } = state;
@@ -268,7 +261,6 @@ impl Simulation {
         }
     }
 
-    /// Finds pairs, and lets them react or separates them. Returns the changes of reactants.
     fn interact(&mut self) -> Result<Vec<ReactantChange>, Error> {
         let (key, step) = (self.key, self.state.step);
         let failed = |source| Error::Step { step, source };
@@ -294,7 +286,8 @@ impl Simulation {
         Ok(outcomes)
     }
 
-    /// Returns the dissociations of particles that no reaction consumed, in the order of ids, which does not depend on storage.
+    /// Returns the dissociations of particles that no reaction consumed, in the order of ids, which does not depend on
+    /// storage.
     pub(crate) fn splits(&self, outcomes: &[ReactantChange]) -> Vec<Dissociated> {
         if self.dissociation.is_empty() {
             return Vec::new();
@@ -307,8 +300,8 @@ impl Simulation {
         splits
     }
 
-    /// Applies reactions and dissociations. `parents` are the ids of all particles that dissociate into two, in ascending order. Second
-    /// products get ids in that order.
+    /// Applies reactions and dissociations. `parents` are the ids of all particles that dissociate into two, ascending;
+    /// second products get ids in that order.
     pub(crate) fn conclude(
         &mut self,
         outcomes: &[ReactantChange],
@@ -351,7 +344,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Ends a step: releases this rank's share of the particles that are due at the beginning of the next one.
+    /// Ends a step with this rank's share of the releases at the beginning of the next one.
     pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
         self.state.release(&self.model, (&self.motion.decays, self.key), slice)

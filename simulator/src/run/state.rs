@@ -13,7 +13,7 @@ use crate::reaction::decay::Decays;
 use crate::release::Released;
 use crate::release::origins::{Origin, Origins};
 
-/// The mutable state of a run. Together with the model and the seed, it determines the rest of the run bit for bit.
+/// The mutable state of a run. With the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The particles.
@@ -60,7 +60,6 @@ impl State {
         Self::new_slice(model, seed, RankSlice::WHOLE)
     }
 
-    /// Creates the initial state with one rank's share of the released particles.
     pub(crate) fn new_slice(model: &Model, seed: u64, slice: RankSlice) -> Result<Self, Error> {
         model.check()?;
         let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
@@ -133,7 +132,6 @@ impl State {
 }
 
 impl Totals {
-    /// Adds the counts of a release.
     pub(crate) fn enter(&mut self, released: &Released) {
         let add =
             |totals: &mut Vec<u64>, more: &[u64]| totals.iter_mut().zip(more).for_each(|(t, m)| *t += m);
@@ -142,21 +140,18 @@ impl Totals {
         released.particles.species.iter().for_each(|&species| self.present[species as usize] += 1);
     }
 
-    /// Returns all counts, in an order that depends only on the model.
     pub(crate) fn counts(&self) -> impl Iterator<Item = &u64> {
         let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
         let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
         lists.flatten().chain([pairs, contacts])
     }
 
-    /// Returns mutable references to all counts, in the order of [`counts`](Self::counts).
     pub(crate) fn counts_mut(&mut self) -> impl Iterator<Item = &mut u64> {
         let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
         let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
         lists.flatten().chain([pairs, contacts])
     }
 
-    /// Creates zero totals for a model.
     pub(crate) fn of(model: &Model) -> Self {
         let species = model.species.len();
         Self {

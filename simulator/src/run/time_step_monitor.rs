@@ -1,7 +1,7 @@
-//! The monitor of reactions that are too fast for the time step.
+//! Warnings about reactions that are too fast for the time step.
 //!
-//! A product reacts from the next step on, and a reactant is removed only at the end of the step. Rates are therefore off by about
-//! half of the fraction of reactants that react in one step.
+//! A product reacts only in the next step, and a reactant is removed only at the end of the step. Rates are therefore
+//! off by about half of the fraction of reactants that react in one step.
 
 use crate::{Model, Totals};
 
@@ -10,12 +10,10 @@ const FAST: f64 = 0.02;
 /// The fraction of fast reactions above which a warning is given.
 const MANY: f64 = 0.1;
 
-/// The reactions seen so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimeStepMonitor {
-    /// By reaction: all reactions, those in fast steps, and the largest fraction that reacted in one step.
+    /// Indexed by reaction: all reactions, those in fast steps, and the largest fraction that reacted in one step.
     seen: Vec<(f64, f64, f64)>,
-    /// The number of particles released before the last call.
     released: u64,
 }
 
@@ -26,7 +24,6 @@ impl TimeStepMonitor {
         Totals { present, released, reacted, ..Totals::default() }
     }
 
-    /// Records the reactions of `steps` steps.
     pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: u32) {
         self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));
         let released = before.released.iter().sum();
@@ -91,7 +88,6 @@ mod tests {
             ..Totals::default()
         };
         let mut pace = TimeStepMonitor::default();
-        // 4 % of B in each of ten steps, and 1 % of A; then less.
         pace.see(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 10);
         assert_eq!(pace.warnings(&model).len(), 1);
         let said = &pace.warnings(&model)[0];

@@ -1,5 +1,3 @@
-//! The state of a run on any backend.
-
 use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};

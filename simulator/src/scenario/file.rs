@@ -1,9 +1,6 @@
-//! The structure of a scenario file.
-
 use serde::Deserialize;
 use toml::Spanned;
 
-/// The file as a whole.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct File {
@@ -253,7 +250,6 @@ pub(super) enum ReceiverKind {
     Receptors,
 }
 
-/// The outputs and their intervals.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Output {
@@ -273,7 +269,7 @@ pub(super) enum FrameFormat {
     Npy,
 }
 
-/// A number that is checked where it is read, so that an error names its line.
+/// A number that is checked when it is read, so that an error names its line.
 macro_rules! number {
     ($name:ident, $rule:expr, $allowed:literal) => {
         #[derive(Clone, Copy, Debug, Default, Deserialize)]

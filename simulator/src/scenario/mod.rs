@@ -1,5 +1,5 @@
-//! Scenario files: a [`Model`] and what to write, as TOML. The scenarios that are shipped, in
-//! `simulator/scenarios/`, show every key; `docs/simulator.md` lists them.
+//! Scenario files: a [`Model`] and its output, as TOML. The files in `simulator/scenarios/` show every key;
+//! `docs/simulator.md` lists them.
 
 mod file;
 mod overrides;
@@ -43,9 +43,9 @@ pub struct Output {
     pub xyz: bool,
     /// A NumPy file for each frame.
     pub npy: bool,
-    /// Steps between checkpoints; besides there is one at the end.
+    /// Steps between checkpoints, besides the one at the end.
     pub checkpoint_every: Option<u32>,
-    /// `true` if the log of arrivals is written as Arrow files besides, which takes the feature `arrow`.
+    /// `true` to also write the log of arrivals as Arrow files, which takes the feature `arrow`.
     pub arrow: bool,
     /// A page that plays the run.
     pub animation: Option<Animation>,
@@ -117,7 +117,6 @@ impl Scenario {
 /// A fault of a scenario, and its location.
 struct Problem {
     span: Option<Range<usize>>,
-    /// The key, where it does not stand on the line.
     key: Option<String>,
     message: String,
 }
@@ -139,11 +138,10 @@ impl From<toml::de::Error> for Problem {
     }
 }
 
-/// The most bytes of a message: the parser quotes keys and values of the file in full.
+/// The most bytes of a message, because the parser quotes keys and values in full.
 const MOST_SHOWN: usize = 800;
 
-/// The line of a place in a text, counted from 1, and the key that stands there or on the last line before that has
-/// one.
+/// Returns the line of an offset, counted from 1, and the key there or on the nearest line before.
 fn place(text: &str, start: usize) -> (usize, String) {
     let start = (0..=start.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
     let line = text[..start].matches('\n').count();

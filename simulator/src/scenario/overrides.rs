@@ -3,10 +3,10 @@ use std::num::NonZeroU32;
 use super::Scenario;
 use crate::output::animation::Animation;
 
-/// About how many frames an animation has unless it is told.
+/// The default number of frames of an animation.
 const FRAMES: u32 = 200;
 
-/// The changes of a scenario by options.
+/// Overrides of a scenario by options.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
     /// The seed.
@@ -19,7 +19,7 @@ pub struct Overrides {
     pub frames_every: Option<NonZeroU32>,
     /// Steps between checkpoints.
     pub checkpoint_every: Option<NonZeroU32>,
-    /// The most particles that an animation draws, if there is to be one.
+    /// The most particles that an animation draws; `None` without an animation.
     pub animated: Option<NonZeroU32>,
     /// Steps between its frames; by default a two-hundredth of the scenario's.
     pub animate_every: Option<NonZeroU32>,

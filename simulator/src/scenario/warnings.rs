@@ -1,4 +1,4 @@
-//! Warnings about scenarios that may not be meant so, with remedies. Pure functions.
+//! Warnings about probably unintended scenarios, with remedies. Pure functions.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, signed_distance};
@@ -18,7 +18,7 @@ pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) 
     squares.sum::<f32>() + across * across > radius * radius
 }
 
-/// The position to write instead of one outside a periodic box.
+/// Returns the position to write instead of one outside a periodic box.
 pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     let images = boundary.axes.map(|axis| match axis {
         Axis::Periodic { .. } => axis,
@@ -64,14 +64,12 @@ pub(super) fn walls(boundary: &Boundary) -> String {
     }
 }
 
-/// A number of three digits that is no larger.
 pub(super) fn below(value: f64) -> String {
     let unit = 10_f64.powi(value.log10().floor() as i32 - 2);
     // Small enough that rounding cannot exceed the value.
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }
 
-/// Warns of a reaction whose partners jump over each other, with the longest time step without that.
 pub(super) fn long_step(
     equation: &str,
     (radius, diffusion, rate): (f64, f64, Option<f64>),
@@ -96,10 +94,9 @@ pub(super) fn long_step(
 
 /// The largest time step, as a fraction of a lifetime, if products appear in the next step only.
 const FAST_DECAY: f64 = 0.02;
-/// The part of the mean time to a reaction that a step may take: it is looked for at the ends of steps only.
+/// A step may take this part of the mean time to a reaction, which is tested at the ends of steps only.
 const FAST_REACTION: f64 = 0.2;
 
-/// Warns of a reaction that is fast compared with the time step.
 pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option<String> {
     (rate * time_step > FAST_REACTION).then(|| {
         format!(
@@ -111,8 +108,8 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
     })
 }
 
-/// Warns of a decay that is fast compared with the time step, of particles that appear at the ends of steps. (Decays of what is
-/// released or comes of other decays are right for steps of any length.)
+/// Decays of particles that are released or come from other decays are right for steps of any length; this warns of
+/// others.
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
@@ -141,13 +138,11 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     })
 }
 
-/// The part of the radius of a surface that a step of diffusion may have where not all that reaches it stays.
+/// The largest √(2DΔt), as a fraction of the radius, near a surface that reflects some particles.
 const LONG_BESIDE_SURFACE: f64 = 0.5;
-/// The part of a step of diffusion that a drift may have there.
+/// The largest drift near such a surface, as a fraction of √(2DΔt).
 const DRIFT_BESIDE_DIFFUSION: f64 = 0.2;
 
-/// Warns of steps near a surface that reflects some of the particles that reach it, with the longest time step without
-/// that.
 pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
     let by_rate = matches!(
         receiver.kind,
@@ -181,7 +176,6 @@ pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<Str
     })
 }
 
-/// The largest speed, apart from diffusion, of a particle past a receiver, in µm/s.
 fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     let mut velocity = species.drift;
     let mut more = species.thermal_speed + species.speed;
@@ -194,7 +188,6 @@ fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     relative.sqrt() + more
 }
 
-/// Warns of receptors that unbind fast compared with the time step.
 pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<String> {
     let ReceiverKind::Receptors(Receptors { unbinding_rate, .. }) = receiver.kind else { return None };
     (unbinding_rate * model.time_step > FAST_REACTION).then(|| {
@@ -209,14 +202,13 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
     })
 }
 
-/// The mean number of collisions per particle and step above which the order of events within a step matters: diffusion of
-/// separated particles is slower than in short steps, and receivers see the chord of a bent path.
+/// The mean number of collisions per particle and step above which the order of events within a step matters: diffusion
+/// of separated particles is slower than in short steps, and receivers see the chord of a bent path.
 const MANY_COLLISIONS: f64 = 1.0;
 /// The number above which a step takes long, though its result is right.
 const COSTLY_COLLISIONS: f64 = 100.0;
 
-/// Warns of many collisions in a step, with the longest time step without that. The density is that of everything that `steps`
-/// steps release in a bounded space.
+/// The density is that of everything that `steps` steps release in a bounded space.
 pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     let sees_paths =
         !model.reactions.is_empty() || model.receivers.iter().any(|r| r.kind != ReceiverKind::Transparent);
@@ -274,7 +266,6 @@ pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     })
 }
 
-/// Returns the volume of a space in µm³, or `None` if it is unbounded.
 fn volume(boundary: &Boundary) -> Option<f64> {
     let length = |axis: Axis| match axis {
         Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some(f64::from(high - low)),
@@ -291,8 +282,8 @@ fn volume(boundary: &Boundary) -> Option<f64> {
 /// The part of the pairs of a reversible reaction that may bind again at once.
 const BOUND_AGAIN: f64 = 0.02;
 
-/// Warns of a reversible reaction that approaches its equilibrium more slowly than its rates say, because pairs that come apart
-/// bind again at once. Those are counted in the rate, so that the equilibrium itself is right.
+/// Warns of a reversible reaction that approaches its equilibrium more slowly than its rates say, because pairs that
+/// dissociate bind again at once. The rate includes those, so the equilibrium itself is right.
 pub(super) fn slow_relaxation(
     equation: &str,
     [rate, radius, unbinding]: [f64; 3],
@@ -310,7 +301,7 @@ pub(super) fn slow_relaxation(
     })
 }
 
-/// Warns of a transmitter all of whose particles appear inside a receiver that takes them at once.
+/// Warns of a transmitter whose particles all appear inside a receiver that removes them at once.
 pub(super) fn released_inside(
     transmitter: &Transmitter,
     receivers: &[Receiver],
@@ -342,8 +333,7 @@ fn touch(a: &Species, b: &Species) -> f64 {
     f64::from(a.radius) + f64::from(b.radius)
 }
 
-/// Returns the relative motion of two particles: twice the sum of their diffusion coefficients, and the standard deviation of
-/// their relative speed along an axis.
+/// Returns twice the sum of the diffusion coefficients, and the standard deviation of the relative speed along an axis.
 fn relative(a: &Species, b: &Species) -> [f64; 2] {
     let drift: f64 = a.drift.iter().zip(b.drift).map(|(u, v)| (u - v).powi(2)).sum();
     let thermal = a.thermal_speed.powi(2) + b.thermal_speed.powi(2);
@@ -361,7 +351,6 @@ mod tests {
         Species { name: "A".into(), radius, diffusion, mass: 1.0, thermal_speed, ..Species::default() }
     }
 
-    /// Returns the time step that a warning suggests.
     fn suggested(text: &str) -> f64 {
         let rest = text.split("time-step = ").nth(1).expect("a warning");
         rest.split(' ').next().expect("a number").parse().expect("a number")

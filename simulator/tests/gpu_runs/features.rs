@@ -1,5 +1,4 @@
-//! Velocities, vessels, chains of decays, dissociation, several reactions of the same reactants, and the log of arrivals: GPU
-//! and CPU draw the same numbers and decide the same.
+//! GPU features that draw the same numbers as the CPU and decide the same.
 
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
@@ -12,7 +11,7 @@ use super::device;
 use super::models::{brownian, cpu, dyadic, gpu, reaction, species};
 use super::surfaces::{assert_close, compare, receiver, surfaces};
 
-/// Swimmers of two speeds and thermal particles, which turn into each other, among surfaces that reflect and bind them.
+/// Swimmers of two speeds and thermal particles that convert into each other, among reflecting and binding surfaces.
 fn swimmers() -> Model {
     let mut model = surfaces();
     model.time_step = 0.004;
@@ -27,7 +26,6 @@ fn swimmers() -> Model {
     for receiver in &mut model.receivers {
         receiver.sees = vec![true; 3];
     }
-    // A drift may not carry particles past these.
     model.receivers.retain(|receiver| !matches!(receiver.name.as_str(), "rate" | "part" | "absorber"));
     for receiver in &mut model.receivers {
         if let ReceiverKind::Receptors(_) = receiver.kind {
@@ -55,7 +53,6 @@ fn swimmers_move_as_on_the_cpu() {
     }
 }
 
-/// Particles with velocities that come off receptors draw new ones.
 #[test]
 fn unbound_swimmers_have_the_velocities_of_the_cpu() {
     let mut model = brownian(false);
@@ -106,7 +103,7 @@ fn vessels_carry_as_on_the_cpu() {
     }
 }
 
-/// A decays to B, that to C, which decays to A or to nothing, all within a few steps.
+/// A → B → C → A or nothing, all within a few steps.
 #[test]
 fn chains_of_decays_equal_those_of_the_cpu() {
     let mut model = brownian(true);
@@ -122,12 +119,10 @@ fn chains_of_decays_equal_those_of_the_cpu() {
     ];
     let state = compare(&model, 26, 6);
     if device().is_some() {
-        // There were 1000 of A, and some decay several times.
         assert!(state.totals.decayed[0] > 3000, "{:?}", state.totals.decayed);
     }
 }
 
-/// Several reactions of A and B with several radii, next to those of A with itself.
 #[test]
 fn several_reactions_of_the_same_reactants_equal_those_of_the_cpu() {
     let mut model = brownian(true);
@@ -147,7 +142,7 @@ fn several_reactions_of_the_same_reactants_equal_those_of_the_cpu() {
     }
 }
 
-/// A + B becomes C, which comes apart into these again, at a distance or anywhere within one, or decays; all log arrivals.
+/// A + B → C, which dissociates to a distance or within a ball, or decays; all log arrivals.
 fn dissociating() -> Model {
     let mut model = brownian(true);
     model.species.push(Species { radius: 0.0625, ..species("C", 0.5, [0.0; 3]) });
@@ -222,7 +217,6 @@ fn dissociations_and_arrivals_equal_those_of_the_cpu() {
     }
 }
 
-/// Second products take the velocity of the particle, and first ones that of their species.
 #[test]
 fn dissociating_swimmers_have_the_velocities_of_the_cpu() {
     let mut model = dissociating();
@@ -233,7 +227,6 @@ fn dissociating_swimmers_have_the_velocities_of_the_cpu() {
     compare(&model, 29, 8);
 }
 
-/// The number of particles doubles again and again, and exceeds the capacity several times.
 #[test]
 fn dissociation_grows_beyond_the_capacity_for_particles() {
     let Some(own) = device() else { return };
@@ -254,7 +247,6 @@ fn dissociation_grows_beyond_the_capacity_for_particles() {
     assert_close(&there.state().expect("a state"), here.state(), 2e-4);
 }
 
-/// Halts by several threads for several reasons name the largest need of the first reason.
 #[test]
 fn halts_do_not_depend_on_the_order_of_threads() {
     let Some(own) = device() else { return };

@@ -1,5 +1,5 @@
-//! Whole runs on the GPU against runs on the CPU and against closed forms. Without an adapter they are skipped and
-//! say why, unless `LAZYGRID_REQUIRE_GPU` is set.
+//! Whole runs on the GPU against the CPU and closed forms. Skipped with a message if there is no adapter, unless
+//! `LAZYGRID_REQUIRE_GPU` is set.
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
@@ -26,7 +26,6 @@ fn dyadic_runs_are_those_of_the_cpu() {
     for seed in [1, 2] {
         let mut model = dyadic();
         if seed == 2 {
-            // Pairs across the periodic boundaries of a box in which all particles drift.
             model.boundary.axes[0] = Axis::Periodic { low: -4.0, high: 4.0 };
             model.boundary.axes[2] = Axis::Periodic { low: -4.0, high: 4.0 };
         }
@@ -80,7 +79,6 @@ fn steps_may_be_asked_for_in_any_portions() {
     let mut one_by_one = gpu(&own, &model, 4, GpuOptions::default());
     (0..12).for_each(|_| one_by_one.run(1).expect("a step"));
     assert_eq!(at_once.state().expect("a state"), one_by_one.state().expect("a state"));
-    // Places are in the order of ids, so that the order of summation does not depend on the device's.
     assert!(at_once.state().expect("a state").particles.id.is_sorted());
 }
 
@@ -159,7 +157,6 @@ fn annihilation_has_the_statistics_of_the_cpu() {
                 (0..30).for_each(|_| run.step().expect("a step"));
                 run.state().totals.reacted[0] as f64
             } else {
-                // Other seeds: the same ones would give nearly the same runs.
                 let mut run = gpu(&own, &model, 200 + seed, GpuOptions::default());
                 run.run(30).expect("steps");
                 assert_eq!(run.totals().present, [1000 - run.totals().reacted[0]; 2]);
@@ -216,7 +213,6 @@ fn absorbing_receiver() {
     assert!((endpoints - expected).abs() > tolerance, "endpoints alone give {endpoints}");
 }
 
-/// The GPU looks at each receiver, and the CPU searches.
 #[test]
 fn many_receivers() {
     let Some(own) = device() else { return };
@@ -331,7 +327,6 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
 
 #[test]
 fn a_lost_device_is_said_to_be_lost() {
-    // Not the one that other tests have.
     let Some(own) = or_skip(GpuDevice::open(SoftwareAdapter::Allow)) else { return };
     let mut run = gpu(&own, &brownian(true), 1, GpuOptions::default());
     run.run(2).expect("steps");

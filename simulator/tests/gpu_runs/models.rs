@@ -1,5 +1,3 @@
-//! Models of the runs, and comparisons of states.
-
 use lazygrid::Algorithm;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
@@ -40,7 +38,7 @@ pub(crate) fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32
     }
 }
 
-/// Nothing rounds: all coordinates are small multiples of a power of two. Particles drift through each other.
+/// Exact arithmetic: all coordinates are small multiples of a power of two.
 pub(crate) fn dyadic() -> Model {
     let receiver = |name: &str, center, kind| Receiver {
         name: name.into(),
@@ -60,7 +58,6 @@ pub(crate) fn dyadic() -> Model {
     let sized = |radius, name, drift| Species { radius, ..species(name, 0.0, drift) };
     Model {
         time_step: 1.0,
-        // Walls act on surfaces, and what C turns into is larger than C.
         species: vec![
             sized(0.25, "A", [0.125, 0.0, 0.25]),
             sized(0.125, "B", [-0.125, 0.0625, 0.0]),
@@ -78,7 +75,6 @@ pub(crate) fn dyadic() -> Model {
             lattice([0.0; 3], &[0.0, 7.0], 0, 8),
             lattice([0.125, 0.25, 0.0], &[0.0], 1, 16),
             lattice([0.25, 0.25, 0.25], &[0.0, 3.0, 4.0], 3, 4),
-            // Particles released between two steps have decayed and drifted before the step.
             Transmitter {
                 schedule: Schedule::Steady { from: 0.5, until: 6.5, rates: vec![(2, 8.0), (0, 2.5)] },
                 numbers: CountDistribution::Poisson,

@@ -1,5 +1,4 @@
-//! Surfaces that turn particles back, hold or take a part of them, and bodies that move: GPU and CPU draw the same numbers
-//! and decide the same.
+//! Reflecting, adsorbing and moving surfaces: GPU and CPU draw the same numbers and decide the same.
 
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
@@ -62,7 +61,6 @@ pub(super) fn surfaces() -> Model {
     }
 }
 
-/// The same where all but the mirror go somewhere.
 fn bodies() -> Model {
     let mut model = surfaces();
     for (k, receiver) in model.receivers.iter_mut().enumerate().skip(1) {
@@ -94,7 +92,6 @@ fn surfaces_do_what_they_do_on_the_cpu() {
         let state = compare(&model, 11, 8);
         if device().is_some() {
             let arrived = state.totals.arrived.iter().map(|row| row.iter().sum::<u64>());
-            // Mirrors and what is transparent take nothing.
             let silent: Vec<usize> = arrived.enumerate().filter(|(_, n)| *n == 0).map(|(k, _)| k).collect();
             assert_eq!(silent, [0, 6], "{:?}", state.totals.arrived);
             assert!((2..=4).contains(&state.totals.arrived[3].iter().sum::<u64>()));
@@ -108,17 +105,16 @@ fn bodies_go_where_they_go_on_the_cpu() {
     let mut model = bodies();
     model.boundary.axes[0] = Axis::Periodic { low: -2.0, high: 2.0 };
     let state = compare(&model, 12, 8);
-    // The same in one go, where the host looks once.
+    // In one run, for which the host lists receivers once.
     let mut at_once = gpu(&own, &model, 12, GpuOptions::default());
     at_once.run(8).expect("steps");
     assert_close(&at_once.state().expect("a state"), &state, 2e-4);
-    // Without a surface that turns anything back.
     let mut model = bodies();
     model.receivers.retain(|receiver| !receiver.kind.reflects());
     compare(&model, 13, 8);
 }
 
-/// So many small receivers of all kinds everywhere that they are listed by cells; some go somewhere.
+/// Many small receivers of all kinds, listed by cells; some move.
 fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
     let kinds = surfaces().receivers.into_iter().map(|receiver| receiver.kind);
     let kinds: Vec<ReceiverKind> = kinds.collect();
@@ -149,7 +145,6 @@ fn receivers_that_are_listed_do_what_they_do_on_the_cpu() {
             assert!(met > 40, "{met}");
         }
     }
-    // Without a surface that turns anything back.
     let mut model = crowd_of_receivers(periodic, 2.0);
     model.receivers.retain(|receiver| !receiver.kind.reflects());
     let (mut there, mut here) = (gpu(&own, &model, 19, GpuOptions::default()), cpu(&model, 19));
@@ -173,8 +168,8 @@ fn what_rests_is_pushed() {
     compare(&model, 14, 16);
 }
 
-/// What comes throws a particle at something else that comes, and that aside, at a third one that is farther away than it
-/// could be thrown by one of them.
+/// A moving receiver pushes a particle to a second one, which pushes it to a third, farther away than one of them alone
+/// could.
 fn throwing() -> Model {
     let mirror = |center: [f32; 3], radius, velocity: f64| Receiver {
         velocity: [velocity, 0.0, 0.0],
@@ -208,13 +203,13 @@ fn what_a_particle_is_thrown_at_is_found() {
         there.run(1).expect("a step");
         here.step().expect("a step");
         assert_close(&there.state().expect("a state"), here.state(), 1e-5);
-        // Past the third one it would come to (-2.345, 2.095).
+        // Without the third receiver it would end at (-2.345, 2.095).
         let [x, y, _] = here.state().particles.position_of(0);
         assert!(x > -2.2 && y < 2.0, "{x}, {y}");
     }
 }
 
-/// With so many receivers a particle may look around but once.
+/// With this many receivers a particle may search only once.
 #[test]
 fn what_is_thrown_beyond_what_it_can_look_at_is_an_error() {
     let Some(own) = device() else { return };
@@ -227,7 +222,7 @@ fn what_is_thrown_beyond_what_it_can_look_at_is_an_error() {
     assert_eq!(run.state().expect("a state").step, 0);
 }
 
-/// Far more come than there are receptors, step after step, of which those of the lowest ranks have them.
+/// Far more requests than receptors in every step.
 #[test]
 fn few_receptors_go_to_the_lowest_ranks() {
     let Some(own) = device() else { return };

@@ -1,4 +1,4 @@
-//! Files that a run is to resume from, damaged or exchanged: the run is refused, names the file, and changes nothing.
+//! Damaged or exchanged files: the run is refused, names the file, and changes nothing.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,7 +13,7 @@ use lazygrid_sim::scenario::Scenario;
 
 use crate::{files, threads};
 
-/// Few particles, so that each byte can be flipped, and every file that there is.
+/// Few particles, so that each byte can be flipped, and every kind of file.
 const SCENARIO: &str = r#"
 time-step = 0.01
 steps = 30
@@ -55,7 +55,6 @@ frames = ["xyz"]
 arrivals = true
 "#;
 
-/// The step of the checkpoint.
 const STEP: u32 = 15;
 
 fn run(directory: &Path, seed: u64, steps: u32, resume: bool) -> Run {
@@ -68,14 +67,13 @@ fn run(directory: &Path, seed: u64, steps: u32, resume: bool) -> Run {
     run
 }
 
-/// A run on so many ranks, or with none in one process, as far as its checkpoint.
+/// Runs to a checkpoint on `ranks` ranks, or in one process if `ranks` is 0.
 fn begun(seed: u64, steps: u32, ranks: u32) -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
     files::go(&run(directory.path(), seed, steps, false), ranks);
     directory
 }
 
-/// All files that a run resumes from.
 fn resumed(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
     let mut files: BTreeMap<_, _> = entries
@@ -85,7 +83,7 @@ fn resumed(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// Asserts that a run on so many ranks, or with none in one process, is refused, and that it names this file and a remedy.
+/// Asserts that resuming on `ranks` ranks is refused with this file's name and a remedy.
 fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     let before = fs::read(directory.join(name)).unwrap();
     let run = run(directory, 7, STEP + 5, true);
@@ -113,14 +111,13 @@ fn assert_refuses(directory: &Path, ranks: u32, name: &str, (bytes, damage): (&[
     overwrite(&path, &whole);
 }
 
-/// Writes a file without emptying it first, after which some file systems would wait for the disk.
+/// Writes without truncating first, after which some file systems wait for the disk.
 fn overwrite(path: &Path, bytes: &[u8]) {
     let mut file = fs::File::options().write(true).open(path).unwrap();
     file.write_all(bytes).unwrap();
     file.set_len(bytes.len() as u64).unwrap();
 }
 
-/// Asserts that the run goes on as if nothing had been.
 fn assert_resumes(directory: &Path) {
     files::go(&run(directory, 7, 30, true), 0);
     let whole = begun(7, 30, 0);
@@ -141,12 +138,10 @@ fn flipped_bit_in_any_file_is_refused_by_name() {
         assert!(names.iter().all(|name| files.contains_key(*name)), "{:?}", files.keys());
         let mut flips = 0;
         for (name, whole) in &files {
-            // Every byte of a checkpoint, and of others the beginning and a sample.
             let sampled = |at: &usize| is_checkpoint(name) || *at < 40 || at.is_multiple_of(11);
             for at in (0..whole.len()).filter(sampled) {
                 let mut bytes = whole.clone();
                 bytes[at] ^= 1 << (at % 8);
-                // Several ranks read the same as one process. Threads take longer.
                 let readers = if ranks > 0 && at.is_multiple_of(16) { 3 } else { 0 };
                 let damage = format!("bit {} of byte {at}", at % 8);
                 assert_refuses(directory.path(), readers, name, (&bytes, &damage));
@@ -173,7 +168,6 @@ fn file_of_another_length_is_refused_by_name() {
                     (&whole[..length], &format!("the first {length} bytes")),
                 );
             }
-            // What a crash appends to other files is taken away.
             if is_checkpoint(&name) {
                 for more in [&b"\0"[..], b"more", &whole] {
                     assert_refuses(directory.path(), ranks, &name, (&[&whole[..], more].concat(), "longer"));
@@ -209,7 +203,7 @@ fn file_of_another_checkpoint_is_refused_by_name() {
             assert_refuses(own, readers, &to, (&bytes, &format!("{name} of another checkpoint")));
         }
     }
-    // A newer `checkpoint` beside older parts, and beside older files of results.
+    // A newer `checkpoint` with older parts, and with older result files.
     let whole = fs::read(own.join("checkpoint")).unwrap();
     fs::copy(later.join("checkpoint"), own.join("checkpoint")).unwrap();
     for rank in [0, 1] {
@@ -224,7 +218,7 @@ fn file_of_another_checkpoint_is_refused_by_name() {
     assert_resumes(own);
 }
 
-/// Equal numbers of particles do not make a part fit: before the first step each of two ranks has half of the burst.
+/// Before the first step each of two ranks has half of the burst.
 #[test]
 fn part_of_another_checkpoint_with_equally_many_particles_is_refused() {
     let [own, other] = [7, 8].map(|seed| begun(seed, 0, 2));
@@ -239,7 +233,7 @@ fn part_of_another_checkpoint_with_equally_many_particles_is_refused() {
     assert_resumes(own);
 }
 
-/// A run over replicas that is stopped at once takes means of the replicas that were done before, which it has not resumed.
+/// A run that is stopped at once averages replicas of an earlier run.
 #[test]
 fn damaged_series_of_a_replica_is_not_averaged_when_replicas_are_stopped() {
     let directory = tempfile::tempdir().unwrap();

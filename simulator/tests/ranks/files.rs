@@ -9,7 +9,6 @@ use lazygrid_sim::scenario::Scenario;
 
 use crate::threads;
 
-/// Two sorts that react, one of which comes apart again, a receiver that logs arrivals, and every file that there is.
 const SCENARIO: &str = r#"
 time-step = 0.01
 steps = 40
@@ -94,7 +93,7 @@ pub(crate) fn run(directory: &Path, steps: u32, resume: bool) -> Run {
     }
 }
 
-/// Does a run on so many ranks, or with none in one process.
+/// Runs on `ranks` ranks, or in one process if `ranks` is 0.
 pub(crate) fn go(run: &Run, ranks: u32) {
     if ranks == 0 {
         assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);
@@ -107,7 +106,6 @@ pub(crate) fn go(run: &Run, ranks: u32) {
     }
 }
 
-/// All files but checkpoints, of which the order of particles is no part.
 pub(crate) fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     let files = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
     files
@@ -116,7 +114,6 @@ pub(crate) fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// What the checkpoint goes on from, in the order of ids.
 pub(crate) fn state(directory: &Path) -> lazygrid_sim::State {
     let path = directory.join("checkpoint");
     let mut state = Checkpoint::read(&path).unwrap().into_state(&path).unwrap();
@@ -158,7 +155,6 @@ fn files_are_those_of_one_process() {
     }
 }
 
-/// A run goes on on another number of ranks, in one process, and from one process on ranks.
 #[test]
 fn any_number_of_ranks_continues_a_run() {
     let alone = tempfile::tempdir().unwrap();
@@ -240,7 +236,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     refused("directory", Run { directory: directory.path().join("elsewhere"), ..base() });
     refused("seed", with(|scenario| scenario.seed = 8));
     refused("model", with(|scenario| scenario.model.reactions[0].binding_radius = 1.0_f32.next_up()));
-    // None of them wrote anything; and how a rank finds pairs is its own affair.
+    // Nothing was written; ranks may use different algorithms.
     let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
     let done = threads::on(3, |thread| {
         let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { own.clone() } else { base() };

@@ -1,5 +1,5 @@
-//! A run over ranks is that of one process, to the last bit, for any number of ranks. Ranks are threads here, and
-//! processes in `distributed/mpi`.
+//! A run over ranks equals one in a single process bit for bit. Ranks are threads here, and processes in
+//! `distributed/mpi`.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 

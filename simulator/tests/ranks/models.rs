@@ -1,12 +1,9 @@
-//! Models in which much happens between ranks.
-
 use lazygrid_sim::{
     Adsorption, Axis, Boundary, Contact, Decay, Model, Reaction, ReactionRate, Receiver, ReceiverKind,
     Receptors, Schedule, Shape, Species, Transmitter, Unbinding,
 };
 use proptest::prelude::*;
 
-/// Which parts a model has.
 #[derive(Clone, Debug)]
 pub(crate) struct Parts {
     periodic: bool,
@@ -14,7 +11,6 @@ pub(crate) struct Parts {
     reactions: Vec<usize>,
     decays: bool,
     splits: bool,
-    /// How many of each kind of receiver.
     receivers: [usize; 3],
     speed: bool,
     arrivals: bool,
@@ -44,7 +40,7 @@ pub(crate) fn everything() -> Parts {
     }
 }
 
-/// Some hundred particles in a box of edge 10, so dense that most have several candidates in a step.
+/// Some hundred particles, so dense that most have several candidates in a step.
 pub(crate) fn model(parts: &Parts) -> Model {
     let species = |name: &str, radius: f32, diffusion: f64| Species {
         name: name.into(),
@@ -64,7 +60,6 @@ pub(crate) fn model(parts: &Parts) -> Model {
     };
     let reactions = [
         reaction("a + b -> c", [0, 1], [Some(2), None], 1.5, 0.3),
-        // A catalyst, which may be in several.
         reaction("c + a -> c + b", [2, 0], [Some(2), Some(1)], 1.2, 0.5),
         reaction("b + b -> a + d", [1, 1], [Some(0), Some(3)], 0.9, 0.4),
         reaction("d + a -> 0", [3, 0], [None, None], 2.0, 0.1),
@@ -113,7 +108,6 @@ pub(crate) fn model(parts: &Parts) -> Model {
                 Schedule::Times(vec![0.0, 0.1]),
                 vec![(0, 60), (1, 60), (2, 15)],
             ),
-            // All at one point: every one is a candidate of every other.
             transmitter("point", [1.0; 3], Shape::Point, Schedule::Times(vec![0.05]), vec![(0, 20), (1, 20)]),
             transmitter(
                 "spring",

@@ -28,7 +28,6 @@ fn what_needs_an_order_across_ranks_is_refused_by_name() {
     }
 }
 
-/// What fails on one rank fails on all, with the same words.
 #[test]
 fn a_failure_of_one_rank_is_that_of_all() {
     let mut model =

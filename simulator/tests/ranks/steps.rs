@@ -9,10 +9,8 @@ use proptest::prelude::*;
 use crate::models::{everything, model, parts};
 use crate::threads;
 
-/// What can be seen of a run after a step.
 #[derive(Clone, Debug, PartialEq)]
 struct Seen {
-    /// In the order of ids, as places are no part of a result.
     state: State,
     received: Vec<Vec<u64>>,
     arrivals: Vec<Arrival>,
@@ -69,7 +67,6 @@ fn compare(model: &Model, seed: u64, steps: u32, numbers: &[u32]) {
     }
 }
 
-/// Everything that ranks have to settle among each other happens, and happens often.
 #[test]
 fn everything_at_once_is_as_in_one_process() {
     let model = model(&everything());
@@ -81,7 +78,6 @@ fn everything_at_once_is_as_in_one_process() {
     compare(&model, 3, 40, &[1, 2, 3, 8]);
 }
 
-/// Also where pairs are found by a grid that has one set of spheres only.
 #[test]
 fn the_algorithm_is_no_part_of_a_result() {
     let model = model(&everything());
@@ -100,7 +96,6 @@ proptest! {
     }
 }
 
-/// Also what is born after others were released, whose ids are between.
 #[test]
 fn what_comes_apart_is_from_where_its_parent_was() {
     let species = |name: &str| Species { name: name.into(), diffusion: 1.0, mass: 1.0, ..Species::default() };

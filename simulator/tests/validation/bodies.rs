@@ -1,4 +1,4 @@
-//! Receivers as bodies: surfaces that take a part, hold, or turn back, and receivers that move.
+//! Receivers with partial, binding or reflecting surfaces, and receivers that move.
 
 use lazygrid_sim::{
     Adsorption, Boundary, Flow, Model, Particle, Particles, Receiver, ReceiverKind, Receptors, Shape,
@@ -14,17 +14,16 @@ const D: f64 = 100.0;
 const R: f64 = 5.0;
 const DISTANCE: f64 = 10.0;
 
-/// Share that a sphere of reactivity κ takes within T of what begins at a distance (Collins and Kimball, 1949).
+/// Fraction adsorbed within T by a sphere of reactivity κ from a given distance (Collins and Kimball, 1949).
 fn taken(kappa: f64, time: f64) -> f64 {
     let h = kappa / D + 1.0 / R;
     let y = (DISTANCE - R) / (4.0 * D * time).sqrt();
     let x = h * (D * time).sqrt();
-    // exp(h(d − R) + h²DT)·erfc(y + x), of which both factors overflow.
     let tail = (-y * y).exp() * erfcx(y + x);
     R / DISTANCE * kappa / (D * h) * (libm::erfc(y) - tail)
 }
 
-/// exp(x²)·erfc(x), by its continued fraction where the factors leave the range of numbers.
+/// exp(x²)·erfc(x), by its continued fraction where the factors overflow.
 fn erfcx(x: f64) -> f64 {
     if x < 20.0 {
         return (x * x).exp() * libm::erfc(x);
@@ -32,8 +31,7 @@ fn erfcx(x: f64) -> f64 {
     1.0 / (std::f64::consts::PI.sqrt() * (x + 0.5 / (x + 1.0 / (x + 1.5 / x))))
 }
 
-/// Partial absorption at a rate, in steps of which a few to hundreds go by, and at a probability in each step, which is
-/// another rate for each time step.
+/// Adsorption at a reactivity, in steps of different lengths, and at a probability per step.
 pub(crate) fn partial() -> Vec<Row> {
     let (n, time) = (40_000_u32, 0.5);
     let share = |sticking, count: u32| {
@@ -74,11 +72,11 @@ pub(crate) fn partial() -> Vec<Row> {
     rows
 }
 
-/// The mean number that are bound of `n` in a volume to `receptors`, of the constant of equilibrium K.
+/// The mean number bound of `n` in a volume to `receptors`, with the equilibrium constant K.
 fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     let (mut weight, mut sum, mut total) = (1.0, 0.0, 1.0);
     for b in 0..n.min(receptors) {
-        // One more: any free particle to any free receptor, and any of those bound may leave.
+        // One more: any free particle to any free receptor, and any bound one may leave.
         let b = f64::from(b);
         weight *= (f64::from(n) - b) * (f64::from(receptors) - b) * constant_per_volume / (b + 1.0);
         sum += (b + 1.0) * weight;
@@ -87,7 +85,7 @@ fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     sum / total
 }
 
-/// The law of mass action for receptors, from well resolved steps to steps that are long compared with binding and unbinding.
+/// The law of mass action for receptors, from well-resolved to long steps.
 pub(crate) fn receptors() -> Vec<Row> {
     const N: u32 = 200;
     const EDGE: f64 = 4.0;
@@ -138,7 +136,6 @@ pub(crate) fn reflecting() -> Vec<Row> {
     const N: u32 = 20_000;
     const RADIUS: f32 = 1.0;
     let mut rows = Vec::new();
-    // A sphere that moves with the flow is at rest relative to it.
     for (what, diffusion, velocity) in
         [("at rest", 0.0, [0.0; 3]), ("diffusing", 0.5, [0.0; 3]), ("in a flow", 0.0, [20.0, 0.0, 0.0])]
     {
@@ -198,8 +195,8 @@ pub(crate) fn reflecting() -> Vec<Row> {
     rows
 }
 
-/// A receiver that goes through what rests takes what a resting one takes of a flow; and many that diffuse take what
-/// resting ones take of what diffuses as fast as both together.
+/// A receiver moving through resting particles adsorbs as a resting one in a flow; many that diffuse adsorb as resting
+/// ones do from particles with the sum of both diffusion coefficients.
 pub(crate) fn moving() -> Vec<Row> {
     let row = |count| passing("on the way of a receiver", [0.0, -FLOW], count);
     let mut rows: Vec<Row> = [8, 32, 400].map(row).into();

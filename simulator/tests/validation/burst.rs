@@ -1,5 +1,3 @@
-//! Bursts: the pairs of one, and two that neutralise each other.
-
 use lazygrid_sim::{Contact, Model, Reaction, Receiver, ReceiverKind, Shape};
 use rayon::prelude::*;
 
@@ -68,7 +66,6 @@ pub(crate) fn acid_base() -> Vec<Row> {
             let (totals, ids) = (&simulation.state().totals, simulation.state().particles.id.len() as u64);
             let reacted = totals.reacted[0];
             let kept = [totals.present[0] + reacted, totals.present[1] + reacted];
-            // A particle that reacted twice would be missing from the count of those that are left.
             let left = u64::from(acid + base) - 2 * reacted;
             wrong += u64::from(kept != [u64::from(acid), u64::from(base)] || ids != left);
         }

@@ -1,5 +1,3 @@
-//! A channel from a transmitter to a receiver.
-
 use std::path::Path;
 
 use lazygrid_results::bit_errors::BitErrors;
@@ -18,7 +16,6 @@ const R: f64 = 5.0;
 const DISTANCE: f64 = 10.0;
 const N: u32 = 40;
 const SYMBOLS: u32 = 100;
-/// Seconds from a symbol to the next, and steps.
 const SYMBOL_TIME: f64 = 0.2;
 const STEPS: u32 = 50;
 /// The number of arrivals at or above which a receiver reads a symbol as 1.
@@ -35,13 +32,13 @@ fn model(numbers: &str) -> Model {
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
-/// The part of a burst that has arrived at a time after it: (r/d)·erfc((d − r)/√(4DT)).
+/// The fraction of a burst that has arrived after a time: (r/d)·erfc((d − r)/√(4DT)).
 fn arrived(time: f64) -> f64 {
     if time > 0.0 { R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt()) } else { 0.0 }
 }
 
-/// The probability that fewer than the threshold arrive, of Poisson bursts or of fixed ones, of which those of `parts`
-/// of each are in time.
+/// The probability that fewer than the threshold arrive, of Poisson or fixed bursts, of each of which `parts` have
+/// arrived.
 fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
     let mut below = [0.0; THRESHOLD];
     below[0] = 1.0;
@@ -50,7 +47,6 @@ fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
         below[0] = (-mean).exp();
         (1..THRESHOLD).for_each(|k| below[k] = below[k - 1] * mean / k as f64);
     } else {
-        // One particle after the other.
         for &part in parts {
             for _ in 0..N {
                 (0..THRESHOLD).rev().for_each(|k| {
@@ -62,8 +58,8 @@ fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
     below.iter().sum()
 }
 
-/// On–off keying of random bits with an absorbing receiver: bit errors of a threshold, given what was sent, from the
-/// binomial and Poisson numbers that arrive of the burst of a symbol and of all before it.
+/// On–off keying of random bits with an absorbing receiver: bit errors of a threshold, given the sent bits, from
+/// binomial and Poisson numbers of arrivals of the burst and all before it.
 pub(crate) fn on_off_keying() -> Vec<Row> {
     let parts: Vec<f64> = (0..SYMBOLS)
         .map(|k| arrived(f64::from(k + 1) * SYMBOL_TIME) - arrived(f64::from(k) * SYMBOL_TIME))
@@ -124,7 +120,6 @@ pub(crate) fn other_modulations() -> Vec<Row> {
     let csk = format!(
         "{one}bits = \"1101\"\nsymbol-time = 0.2\nmodulation = \"csk\"\nlevels = [0, 0.25, 0.5, 1]\n"
     );
-    // A whole burst at the beginning, and a quarter of one half way.
     let part = (arrived(0.4) + 0.25 * arrived(0.2)) / 1.25;
     row("concentration shift keying", 50_000.0, part, arrivals(&csk)[0]);
     let mosk = arrivals(&format!("{two}bits = \"01\"\nsymbol-time = 0.2\nmodulation = \"mosk\"\n"));
@@ -142,17 +137,15 @@ pub(crate) fn other_modulations() -> Vec<Row> {
     rows
 }
 
-/// The number of symbols of two bits in each run, and of runs.
 const FEW_SYMBOLS: u32 = 30;
 const RUNS: u64 = 16;
-/// Of those a receiver takes a slot for the next higher level where so many arrive.
+/// Arrivals at or above which a slot has the next higher level.
 const THRESHOLDS: [u64; 3] = [14, 30, 52];
-/// Released for the highest level.
 const MOST: u32 = 120;
-/// Released of the species that stands for a symbol: so few that another one is often ahead.
+/// Few enough that another species is often ahead.
 const OF_A_SPECIES: u32 = 15;
 
-/// The probability of each number of arrivals of these bursts, of each of which a part is in time.
+/// The probability of each number of arrivals of bursts, each given by its size and the fraction in time.
 fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
     let mut chances = vec![1.0];
     for &(count, part) in bursts {
@@ -166,8 +159,7 @@ fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
     chances
 }
 
-/// The probability that a receiver takes what arrives for each of four symbols, where these bursts were sent so many
-/// symbols ago.
+/// The probability of each of four received symbols. `sent` lists the bursts from the latest symbol backwards.
 fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     let ago = |k: usize| parts[sent.len() - 1 - k];
     if modulation == "csk" {
@@ -186,7 +178,7 @@ fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     std::array::from_fn(|symbol| {
         let wins = |count: usize| -> f64 {
             let below = |other: usize| -> f64 {
-                // Of equal numbers the first is taken.
+                // Ties go to the first symbol.
                 let most = if other < symbol { count } else { count + 1 };
                 counts[other].iter().take(most).sum()
             };
@@ -196,8 +188,8 @@ fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     })
 }
 
-/// Bit errors of concentration shift keying, by thresholds, and of molecule shift keying, by the species of which most
-/// arrive, of two bits a symbol: given what was sent, from the binomial numbers that arrive of all bursts before.
+/// Bit errors of concentration shift keying (thresholds) and molecule shift keying (most arrivals), two bits per
+/// symbol, from binomial numbers of arrivals.
 pub(crate) fn shift_keying() -> Vec<Row> {
     let time = |k: u32| f64::from(k) * SYMBOL_TIME;
     let parts: Vec<f64> = (0..FEW_SYMBOLS).map(|k| arrived(time(k + 1)) - arrived(time(k))).collect();

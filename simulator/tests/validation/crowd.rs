@@ -1,4 +1,4 @@
-//! Spheres that do not overlap: how they stand around each other, and what elastic ones keep.
+//! Hard spheres: pair distribution, and the conserved quantities of elastic ones.
 
 use std::f64::consts::PI;
 
@@ -12,10 +12,8 @@ use crate::setup::{begin, burst, mean, share_error, species, steps};
 
 /// The largest volume fraction.
 const PACKING: f64 = 0.40;
-/// The number of spheres along an edge of the lattice on which they begin.
 const EDGE: u32 = 12;
 
-/// Spheres of diameter 1 in a periodic box, at a volume fraction.
 fn model((contact, packing): (Contact, f64), time_step: f64, kind: Species, edge: u32) -> Model {
     let n = edge.pow(3);
     let length = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
@@ -29,8 +27,8 @@ fn model((contact, packing): (Contact, f64), time_step: f64, kind: Species, edge
     }
 }
 
-/// The contact value g(σ⁺) = (1 − φ/2)/(1 − φ)³ of Carnahan and Starling for spheres pushed apart and for elastic ones;
-/// the quantities that elastic collisions conserve.
+/// The contact value g(σ⁺) = (1 − φ/2)/(1 − φ)³ of Carnahan and Starling for separated and elastic spheres; conserved
+/// quantities of elastic collisions.
 pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
@@ -51,7 +49,6 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     let drift = (0..3).map(|k| (after.momentum[k] - before.momentum[k]).abs()).fold(0.0, f64::max);
     rows.push(Row::new("relative drift of momentum", 0.0, drift / before.speeds, 1e-5));
 
-    // Diffusion would take long to forget the lattice, so it begins where the elastic ones ended.
     let mut pushed = model((Contact::Separate, PACKING), 0.02, species("A", 0.5, 1.0), EDGE);
     pushed.transmitters.clear();
     let mut simulation = begin(&pushed, 1);
@@ -71,8 +68,8 @@ fn compressibility(packing: f64) -> f64 {
     (1.0 + packing + packing.powi(2) - packing.powi(3)) / (1.0 - packing).powi(3)
 }
 
-/// The pressure of elastic spheres by the rate Γ of the collisions of one, at steps from a fraction of the diameter to several.
-/// With Γ = 4nσ²g·√(πkT/m) and P/nkT = 1 + (2π/3)·nσ³g, the compressibility factor is 1 + √π·σΓ/(6·√(kT/m)).
+/// The pressure of elastic spheres by the collision rate Γ of one. With Γ = 4nσ²g·√(πkT/m) and P/nkT = 1 + (2π/3)·nσ³g,
+/// the compressibility factor is 1 + √π·σΓ/(6·√(kT/m)).
 pub(crate) fn elastic_pressure() -> Vec<Row> {
     let mut cases = vec![(0.2, 0.5), (0.4, 0.05), (0.4, 3.0)];
     cases.extend((0..4).map(|case| {
@@ -106,7 +103,7 @@ pub(crate) fn elastic_pressure() -> Vec<Row> {
     cases.par_iter().map(row).collect()
 }
 
-/// Long-time diffusion of spheres that are separated, over that of free ones. It falls with the volume fraction at any step, and
+/// Long-time diffusion of separated spheres over that of free ones. It falls with the volume fraction at any step;
 /// short steps have the value of Brownian dynamics, about 0.49 at 0.3.
 pub(crate) fn crowded_diffusion() -> Vec<Row> {
     const PACKINGS: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
@@ -118,7 +115,6 @@ pub(crate) fn crowded_diffusion() -> Vec<Row> {
         for k in 1..PACKINGS.len() {
             let [(more, one), (less, other)] = [of_step[k - 1], of_step[k]];
             let (step, packing) = cases[k];
-            // The fall is to be more than its error.
             let what = format!("D/D₀ falls from {:.1} to {packing}, step {step} σ", PACKINGS[k - 1]);
             let (fall, error) = (more - less, 4.0 * one.hypot(other));
             rows.push(Row { must_differ: true, ..Row::new(what, 0.0, fall.max(0.0), error) });
@@ -127,7 +123,7 @@ pub(crate) fn crowded_diffusion() -> Vec<Row> {
     rows
 }
 
-/// D/D₀ at a step √(2DΔt) in diameters and a volume fraction, with its standard error.
+/// D/D₀ with its standard error, at a step √(2DΔt) in diameters and a volume fraction.
 fn slowed_diffusion((step, packing): (f64, f64)) -> (f64, f64) {
     let time_step = step * step / 2.0;
     let model = model((Contact::Separate, packing), time_step, species("A", 0.5, 1.0), 8);
@@ -154,14 +150,13 @@ fn slowed_diffusion((step, packing): (f64, f64)) -> (f64, f64) {
     mean(&ratios)
 }
 
-/// Positions in the order of ids.
 fn by_id(particles: &Particles) -> Vec<[f32; 3]> {
     let mut rows = vec![[0.0; 3]; particles.len()];
     (0..particles.len()).for_each(|at| rows[particles.id[at] as usize] = particles.position_of(at));
     rows
 }
 
-/// A thin gas of elastic spheres between walls: uniform up to them, with the energy that it had, and as warm along each axis.
+/// A thin gas of elastic spheres between walls stays uniform up to them and isotropic, and keeps its energy.
 pub(crate) fn gas_between_walls() -> Vec<Row> {
     let (n, radius, half, layer) = (5000_u32, 0.01_f32, 1.0_f32, 0.05_f32);
     let model = Model {
@@ -179,7 +174,6 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
     let particles = &simulation.state().particles;
     let after = conserved(particles);
     let n = f64::from(n);
-    // Their surfaces end at the walls.
     let near = |at: &usize| particles.position_of(*at).iter().any(|&x| x.abs() > half - radius - layer);
     let share = (0..particles.len()).filter(near).count() as f64 / n;
     let expected = 1.0 - (1.0 - f64::from(layer / (half - radius))).powi(3);
@@ -189,7 +183,6 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let squares: f64 = particles.velocity[axis].iter().map(|&v| f64::from(v).powi(2)).sum();
         let expected = 2.0 * before.energy / (3.0 * n);
-        // The mean of n squares of normal numbers.
         rows.push(Row::new(
             format!("temperature along {name}"),
             expected,
@@ -203,7 +196,6 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
 struct Conserved {
     energy: f64,
     momentum: [f64; 3],
-    /// The sum of all speeds, the scale of a drift of momentum.
     speeds: f64,
 }
 
@@ -219,7 +211,6 @@ fn conserved(particles: &Particles) -> Conserved {
     sums
 }
 
-/// Numbers of pairs by distance, from contact outwards.
 struct Shells {
     space: Space,
     volume: f64,
@@ -230,7 +221,6 @@ struct Shells {
 }
 
 const SHELLS: usize = 8;
-/// The width of a shell, in diameters.
 const WIDTH: f64 = 0.025;
 
 impl Shells {
@@ -273,7 +263,6 @@ impl Shells {
     }
 }
 
-/// The value at 0 of the parabola that fits best.
 fn parabola(points: &[(f64, f64)]) -> f64 {
     let power = |k: i32| points.iter().map(|(x, _)| x.powi(k)).sum::<f64>();
     let right = |k: i32| points.iter().map(|(x, y)| x.powi(k) * y).sum::<f64>();

@@ -32,7 +32,6 @@ pub(crate) fn displacement() -> Vec<Row> {
         let (n, name) = (f64::from(n).sqrt(), &species.name);
         let second = squares.iter().sum::<f64>() / squares.len() as f64;
         let fourth = squares.iter().map(|s| s * s).sum::<f64>() / squares.len() as f64;
-        // Variances of r² and r⁴ are 24D²t² and 11 520 D⁴t⁴.
         rows.push(Row::new(format!("6Dt, {name}"), 6.0 * unit, second, 4.0 * 24_f64.sqrt() * unit / n));
         let error = 11_520_f64.sqrt() * unit * unit / n;
         rows.push(Row::new(format!("60D²t², {name}"), 60.0 * unit * unit, fourth, 4.0 * error));

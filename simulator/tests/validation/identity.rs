@@ -85,7 +85,6 @@ fn run(algorithm: Algorithm, threads: usize) -> State {
     })
 }
 
-/// Equal bytes after 1 000 steps for any number of threads and any algorithm, and equal particles by id in any order.
 pub(crate) fn same_bytes() -> Vec<Row> {
     let reference = run(Algorithm::Auto, 1);
     let mut rows = Vec::new();
@@ -103,7 +102,6 @@ pub(crate) fn same_bytes() -> Vec<Row> {
     rows
 }
 
-/// The number of particles that differ between a run and one from the same particles in another order.
 fn permuted() -> u64 {
     let mut model = model();
     model.transmitters.truncate(1);

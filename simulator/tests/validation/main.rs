@@ -1,7 +1,7 @@
-//! The simulator against closed forms. Seeds are fixed; tolerances are in standard errors of the estimate, in
-//! places with a part for what the closed form leaves out. Prints a table and fails where a row does.
+//! The simulator against closed forms. Seeds are fixed; tolerances are in standard errors, in places plus an allowance
+//! for terms that the closed form omits. Prints a table and fails if a row does.
 //!
-//! `cargo test --release -p lazygrid-sim --test validation` (names of items as arguments choose among them)
+//! `cargo test --release -p lazygrid-sim --test validation` (arguments select items by name)
 #![expect(clippy::print_stdout, reason = "the table is what this is for")]
 
 mod bacteria;
@@ -20,24 +20,21 @@ mod vessel;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// One thing that was measured.
 pub(crate) struct Row {
     pub(crate) what: String,
     pub(crate) expected: f64,
     pub(crate) measured: f64,
     /// The largest deviation that passes.
     pub(crate) tolerance: f64,
-    /// `true` if the two are to differ by more than the tolerance instead.
+    /// `true` if the two must differ by more than the tolerance instead.
     pub(crate) must_differ: bool,
 }
 
 impl Row {
-    /// An expectation with a tolerance.
     pub(crate) fn new(what: impl Into<String>, expected: f64, measured: f64, tolerance: f64) -> Self {
         Self { what: what.into(), expected, measured, tolerance, must_differ: false }
     }
 
-    /// Two numbers that must be equal.
     pub(crate) fn exact(what: impl Into<String>, expected: u64, measured: u64) -> Self {
         Self::new(what, expected as f64, measured as f64, 0.0)
     }
@@ -48,7 +45,6 @@ impl Row {
     }
 }
 
-/// An item of the list, and what measures it.
 type Item = (&'static str, fn() -> Vec<Row>);
 
 const ITEMS: [Item; 32] = [
@@ -87,7 +83,7 @@ const ITEMS: [Item; 32] = [
 ];
 
 fn main() -> ExitCode {
-    // `cargo test` hands on options of the usual harness, which mean nothing here.
+    // `cargo test` passes on options of the usual harness, which mean nothing here.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
     println!("{:<20} {:<46} {:>14} {:>14} {:>12}", "item", "quantity", "expected", "measured", "tolerance");
     let mut failed = 0;
@@ -110,7 +106,6 @@ fn main() -> ExitCode {
     if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// A number with as many digits as say something.
 fn short(value: f64) -> String {
     if value == 0.0 || value.abs() >= 1e-3 { format!("{value:.5}") } else { format!("{value:.1e}") }
 }

@@ -1,5 +1,3 @@
-//! Networks of reactions: there and back, several ways, and what appears by itself.
-
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -14,7 +12,6 @@ fn parse(text: &str) -> Model {
     Scenario::parse(Path::new("validation.toml"), text.to_owned()).expect("a scenario").model
 }
 
-/// n A and n B in a periodic box of edge 2, and what they do.
 fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> Model {
     let species = |name: &str| format!("[[species]]\nname = \"{name}\"\ndiffusion = {diffusion}\n");
     let release = |name: &str| format!("{{ species = \"{name}\", count = {n} }}");
@@ -30,8 +27,8 @@ fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> Model {
     ))
 }
 
-/// The mean number of n + n that are bound, with the equilibrium constant K = [C]/[A][B] in a volume: with m bound the
-/// weight is (n over m)²·m!·(K/V)^m.
+/// The mean number of n + n that are bound, with K = [C]/[A][B] in a volume: with m bound the weight is (n over
+/// m)²·m!·(K/V)^m.
 fn bound(n: u32, constant: f64) -> f64 {
     let (mut weight, mut sum, mut first) = (1.0, 1.0, 0.0);
     for m in 1..=n {
@@ -132,7 +129,7 @@ fn rate_equations([there, back, onwards]: [f64; 3], time: f64) -> [f64; 2] {
     })
 }
 
-/// The number of particles that appear everywhere and decay is a Poisson number at any step; so is that of their products.
+/// The number of particles that appear everywhere and decay, and of their products, is Poisson at any step.
 pub(crate) fn births() -> Vec<Row> {
     let text = "time-step = 1\nsteps = 1\n[boundary]\nkind = \"reflecting\"\nlow = [0, 0, 0]\nhigh = [1, 2, 5]\n\
                 [[species]]\nname = \"A\"\nradius = 0.1\ndiffusion = 0.1\n\
@@ -161,7 +158,6 @@ pub(crate) fn births() -> Vec<Row> {
     rows
 }
 
-/// Two channels by rate constants go 3 : 1.
 pub(crate) fn branching() -> Vec<Row> {
     let more = "[[species]]\nname = \"D\"\n[[reaction]]\nequation = \"A + B -> C\"\nrate = 60\n\
                 [[reaction]]\nequation = \"B + A -> D\"\nrate = 20\n";
@@ -179,8 +175,8 @@ pub(crate) fn branching() -> Vec<Row> {
 }
 
 /// Particles around a target within which they react at a rate λ. With κ = √(λ/D) those at a distance r ever react with
-/// probability h(r) = (ρ/r)·(1 − tanh(κρ)/κρ), and 1 − (ρ − ρh(ρ))·sinh(κr)/(r·sinh(κρ)) inside. On average those that
-/// have reacted by any time, and h of the others, are what h was at the beginning.
+/// probability h(r) = (ρ/r)·(1 − tanh(κρ)/κρ), and 1 − (ρ − ρh(ρ))·sinh(κr)/(r·sinh(κρ)) inside. The mean of h over
+/// particles, counting reacted ones as 1, is conserved.
 pub(crate) fn rate_inside() -> Vec<Row> {
     let (n, radius, rate, start, time) = (250_u32, 1.0_f64, 4.0_f64, 1.5_f64, 1.0);
     let kappa = rate.sqrt();
@@ -207,7 +203,6 @@ pub(crate) fn rate_inside() -> Vec<Row> {
             transmitters: vec![burst(Shape::Point, &[(0, 1)]), around],
             ..Model::default()
         };
-        // They do not know of each other, so that they may come in batches.
         let batch = |seed| {
             let mut simulation = begin(&model, seed);
             steps(&mut simulation, (time / time_step).round() as u32);

@@ -1,5 +1,3 @@
-//! Rates at which reactants meet.
-
 use std::f64::consts::PI;
 
 use lazygrid_sim::{Boundary, Model, Reaction, ReactionRate, Shape};
@@ -8,8 +6,8 @@ use rayon::prelude::*;
 use crate::Row;
 use crate::setup::{begin, burst, is_long, mean, species, steps};
 
-/// A fixed target that traps diffuse to. With steps of length s, hits are those of a sphere of radius
-/// σ′ = σ − 0.5826·s: 4πDσ′T + 8σ′²√(πDT) − (4/3)π(σ³ − σ′³) per unit of concentration.
+/// A fixed target in a sea of diffusing traps. With steps of length s, hits are those of a sphere of radius σ′ = σ −
+/// 0.5826·s: 4πDσ′T + 8σ′²√(πDT) − (4/3)π(σ³ − σ′³) per unit of concentration.
 pub(crate) fn diffusion_limited() -> Vec<Row> {
     let (traps, ball, batches) = (if is_long() { 1_500_000_u32 } else { 400_000 }, 8.0_f64, 400);
     let mut rows = Vec::new();
@@ -22,7 +20,6 @@ pub(crate) fn diffusion_limited() -> Vec<Row> {
             binding_radius: 1.0,
             ..Reaction::default()
         };
-        // Traps do not know of each other, so that they may come in batches.
         let model = Model {
             time_step,
             species: vec![species("target", 0.0, 0.0), species("trap", 0.0, 1.0)],
@@ -62,7 +59,6 @@ pub(crate) fn well_mixed() -> Vec<Row> {
     };
     let model = Model {
         time_step,
-        // A step of 0.3 in a box of 1 mixes it within a few.
         species: vec![species("A", 0.0, 0.045), species("B", 0.0, 0.045)],
         reactions: vec![reaction],
         boundary: Boundary::periodic([-0.5; 3], [0.5; 3]),
@@ -80,7 +76,7 @@ pub(crate) fn well_mixed() -> Vec<Row> {
     };
     let seeds = if is_long() { 20 } else { 10 };
     let runs: Vec<[f64; 2]> = (0..seeds).into_par_iter().map(run).collect();
-    // The chance that two points of the periodic unit cube are within σ.
+    // The probability that two points of the periodic unit cube are within σ.
     let near = 4.0 / 3.0 * PI * sigma.powi(3);
     let k = near * probability / time_step;
     let row = |(place, time): (usize, u32)| {

@@ -30,7 +30,7 @@ fn model(time_step: f64, kind: ReceiverKind) -> Model {
     }
 }
 
-/// Share that reaches an absorbing sphere within T: (r/d)·erfc((d − r)/√(4DT)).
+/// Fraction that reaches an absorbing sphere within T: (r/d)·erfc((d − r)/√(4DT)).
 pub(crate) fn absorbing() -> Vec<Row> {
     let time = 0.5;
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt());
@@ -49,7 +49,7 @@ pub(crate) fn absorbing() -> Vec<Row> {
     rows
 }
 
-/// Share inside a transparent sphere after some times: the integral of the concentration over it.
+/// Fraction inside a transparent sphere: the integral of the concentration over it.
 pub(crate) fn transparent() -> Vec<Row> {
     let time_step = 0.01;
     let mut simulation = begin(&model(time_step, ReceiverKind::Transparent), 3);
@@ -66,19 +66,17 @@ pub(crate) fn transparent() -> Vec<Row> {
     rows
 }
 
-/// Share of what a flow v carries past an absorbing sphere that ever reaches it. With κ = v/2D that is
-/// exp(−κr·cosθ)·Σ (2l + 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the direction of the flow; in steps in which the flow
-/// goes up to two radii.
+/// Fraction of particles carried by a flow v that ever reaches an absorbing sphere. With κ = v/2D it is exp(−κr·cosθ)·Σ
+/// (2l + 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the direction of the flow; in steps of up to two radii.
 pub(crate) fn absorbing_in_flow() -> Vec<Row> {
     let mut rows = vec![Row::new("the series, hardly a flow", 0.25, reached(1e-3, 4.0, 0.3), 0.002)];
     rows.extend([8, 32, 1600].map(|count| passing("from a flow", [FLOW, 0.0], count)));
     rows
 }
 
-/// The relative speed of particles and an absorbing sphere.
 pub(crate) const FLOW: f64 = 10.0;
 
-/// The share that the sphere takes if particles and the sphere move along x at these velocities.
+/// The fraction adsorbed if particles and the sphere move along at these velocities.
 pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Row {
     let (start, n) = ([-4.0_f32, 1.0, 0.0], 40_000_u32);
     let distance = f64::from(start[0].hypot(start[1]));
@@ -107,7 +105,7 @@ pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Ro
 /// The series for a sphere of radius 1.
 fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
     const TERMS: usize = 60;
-    // kₗ rises with l, so that its recurrence holds upwards, and that of iₗ downwards.
+    // kₗ rises with l, so its recurrence is stable upwards, and that of iₗ downwards.
     let second = |x: f64| {
         let mut k = vec![1.0 / x, 1.0 / x + 1.0 / (x * x)];
         (1..TERMS).for_each(|l| k.push(k[l - 1] + (2 * l + 1) as f64 / x * k[l]));
@@ -124,11 +122,11 @@ fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
         sum += order * scale * first[l] * far[l] / near[l] * legendre;
         (before, legendre) = (legendre, (order * cosine * legendre - l as f64 * before) / (l + 1) as f64);
     }
-    // The factors exp(−x) of kₗ were left out.
+    // The factors exp(−x) of kₗ.
     (-kappa * distance * cosine - kappa * (distance - 1.0)).exp() * sum
 }
 
-/// Share that an absorbing sphere of radius 1 takes in steps of 0.3 to 4 radii, from drawn distances, in a drawn number of steps.
+/// Fraction absorbed by a sphere of radius 1 in steps of 0.3 to 4 radii, from random distances.
 pub(crate) fn long_steps() -> Vec<Row> {
     const CASES: u32 = 16;
     let n = 20_000_u32;
@@ -158,11 +156,10 @@ pub(crate) fn long_steps() -> Vec<Row> {
     (0..CASES).into_par_iter().map(row).collect()
 }
 
-/// The gap between the surfaces of two spheres of radius 1.
 const GAP: f64 = 0.1;
 
-/// Two equal spheres take as much each of what begins at the same distance from both, and absorbing ones take together what the
-/// method of images says.
+/// Two equal spheres each adsorb equally from a point at the same distance, and together what the method of images
+/// predicts.
 pub(crate) fn neighbors() -> Vec<Row> {
     let kinds = [ReceiverKind::Absorbing, ReceiverKind::Partial(Adsorption::Reactivity(2.0))];
     let cases: Vec<_> =
@@ -209,9 +206,9 @@ pub(crate) fn neighbors() -> Vec<Row> {
     cases.par_iter().flat_map(rows).collect()
 }
 
-/// Share of what begins in the middle plane of two spheres, at a height above their line, that reaches one of them within a long
-/// time. The potential of both spheres at 1 is that of charges q, at distances x from the centers, and their images:
-/// q′ = −q/(d − x) at x′ = 1/(d − x). Later arrivals are those of a sphere of the same capacity.
+/// Fraction of particles from the middle plane of two spheres, at a height above their line, that reaches one of them
+/// within a long time. The potential of both spheres at 1 is that of charges q, at distances from the centers, and
+/// their images: q′ = −q/(d −) at′ = 1/(d −). Later arrivals are those of a sphere of the same capacity.
 fn reached_by_two(height: f64, time: f64) -> f64 {
     let distance = 2.0 + GAP;
     let (mut charge, mut place, mut potential, mut capacity) = (1.0, 0.0, 0.0, 0.0);
@@ -223,11 +220,10 @@ fn reached_by_two(height: f64, time: f64) -> f64 {
     potential - (1.0 - potential) * capacity / (std::f64::consts::PI * time).sqrt()
 }
 
-/// The density at a wall towards which particles drift, in the steady state: v/D at the wall, falling by exp(−vx/D).
+/// The steady density at a wall towards which particles drift: v/D, falling by exp(−vx/D).
 pub(crate) fn drift_at_wall() -> Vec<Row> {
     let (n, layer, width) = (20_000_u32, 0.1_f32, 12.0_f32);
     let row = |&ratio: &f64| {
-        // v = D = 1, and vΔt = ratio·√(2DΔt).
         let time_step = 2.0 * ratio * ratio;
         let model = Model {
             time_step,

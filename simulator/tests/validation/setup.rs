@@ -7,12 +7,11 @@ pub(crate) fn species(name: &str, radius: f32, diffusion: f64) -> Species {
     Species { name: name.to_owned(), radius, diffusion, mass: 1.0, ..Species::default() }
 }
 
-/// Returns `true` if to draw as many as `LAZYGRID_TEST_FULL` asks for; tolerances follow the number.
+/// Returns `true` if `LAZYGRID_TEST_FULL` asks for more samples; tolerances follow their number.
 pub(crate) fn is_long() -> bool {
     std::env::var_os("LAZYGRID_TEST_FULL").is_some()
 }
 
-/// One burst at the beginning, around the origin.
 pub(crate) fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {
     Transmitter { name: "tx".to_owned(), shape, release: release.to_vec(), ..Transmitter::default() }
 }
@@ -25,7 +24,6 @@ pub(crate) fn steps(simulation: &mut Simulation, count: u32) {
     (0..count).for_each(|_| simulation.step().expect("a step"));
 }
 
-/// Mean, and the standard error of it, of independent values.
 pub(crate) fn mean(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -33,12 +31,11 @@ pub(crate) fn mean(values: &[f64]) -> (f64, f64) {
     (mean, (variance / n).sqrt())
 }
 
-/// The standard error of a share `p` of `n`.
 pub(crate) fn share_error(p: f64, n: f64) -> f64 {
     (p * (1.0 - p) / n).sqrt()
 }
 
-/// The probability that a normal variable of variance `v` per axis is in a ball of radius `r` whose centre is `d` from
+/// The probability that a normal variable of variance `v` per axis is in a ball of radius `r` whose center is `d` from
 /// the mean.
 pub(crate) fn in_ball(r: f64, d: f64, v: f64) -> f64 {
     let (s, erf) = ((2.0 * v).sqrt(), libm::erf);

@@ -24,12 +24,10 @@ fn model(profile: &str) -> Model {
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
-/// The first zeros of the Bessel function J₁.
 const ZEROS: [f64; 6] = [3.831_706, 7.015_587, 10.173_468, 13.323_692, 16.470_630, 19.615_859];
 
-/// The variance along a vessel a time after a release that is uniform across it. The flow at a particle is correlated with
-/// that a time s before as v²·Σ (64/λ⁴)·exp(−λ²Ds/R²), so that there is the D(1 + v²R²/48D²) of Taylor and Aris in the
-/// end.
+/// The variance along a vessel after a release that is uniform across it. The flow at a particle is correlated with
+/// that a time s before as v²·Σ (64/λ⁴)·exp(−λ²Ds/R²), so the limit is D(1 + v²R²/48D²) of Taylor and Aris.
 fn taylor(time: f64) -> f64 {
     let term = |zero: f64| {
         let rate = zero * zero * D / (RADIUS * RADIUS);
@@ -38,7 +36,6 @@ fn taylor(time: f64) -> f64 {
     2.0 * D * time + 2.0 * SPEED * SPEED * ZEROS.into_iter().map(term).sum::<f64>()
 }
 
-/// Mean and variance along the axis, with their standard errors.
 fn along(particles: &Particles) -> [[f64; 2]; 2] {
     let n = particles.len() as f64;
     let y = || particles.position[1].iter().map(|&y| f64::from(y));
@@ -49,7 +46,7 @@ fn along(particles: &Particles) -> [[f64; 2]; 2] {
     [[mean, (variance / n).sqrt()], [variance, error]]
 }
 
-/// Plug and Poiseuille flow: how far they take particles, how they spread them, and that these stay uniform across.
+/// Plug and Poiseuille flow: displacement, dispersion, and uniformity across the vessel.
 pub(crate) fn flow_profiles() -> Vec<Row> {
     let mut rows = Vec::new();
     for (profile, variance) in [("plug", (|t| 2.0 * D * t) as fn(f64) -> f64), ("poiseuille", taylor)] {

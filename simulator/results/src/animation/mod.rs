@@ -1,7 +1,7 @@
-//! A run as a single page that plays it in three dimensions, in any browser with WebGL 2 and without a network.
+//! A run as a single page that plays it in three dimensions, in any browser with WebGL 2, without a network.
 //!
-//! A run appends the drawn particles to a file ([`lazygrid_sim::animation`]). The page consists of the scene, from the model
-//! and the series, and of the positions of each frame: 16 bits of the frame's extent per coordinate, in base64.
+//! The page holds the scene, from the model and the series, and the positions of each frame as 16 bits of the frame's
+//! extent per coordinate, in base64.
 
 mod scene;
 
@@ -54,7 +54,6 @@ fn page(
         scene.add_frame(&thinned(frame?, shift));
     }
     let json = serde_json::to_string(&scene.finished(shift)).map_err(io::Error::other)?;
-    // The title is a file's name.
     let title = title.replace('&', "&amp;").replace('<', "&lt;");
     let mut rest = PAGE;
     for (mark, text) in [("{{title}}", title), ("{{scene}}", json.replace('<', "\\u003c"))] {
@@ -71,7 +70,6 @@ fn page(
     out.write_all(rest.as_bytes())
 }
 
-/// Writes a page up to a mark, and the text in place of it; returns what is left.
 fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::Result<&'a str> {
     let (before, after) = page.split_once(mark).unwrap_or((page, ""));
     out.write_all(before.as_bytes())?;
@@ -79,7 +77,7 @@ fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::R
     Ok(after)
 }
 
-/// Without those that are too many in some other frame, species by species.
+/// Drops particles of species that other frames thin out.
 fn thinned(mut frame: Frame, shift: u32) -> Frame {
     frame.rows.retain(|row| is_drawn(row.id, shift));
     frame.rows.sort_unstable_by_key(|row| (row.species, row.id));
@@ -97,7 +95,6 @@ mod tests {
             rest = rest.split_once(mark).unwrap().1;
         }
         assert!(!rest.contains("{{") && SCRIPTS.iter().all(|script| !script.contains("</script")));
-        // Nothing is asked of a network.
         assert!([PAGE, SCRIPTS[0], SCRIPTS[1]].iter().all(|text| !text.contains("://")));
     }
 }

@@ -1,23 +1,20 @@
-// Time: the slider, playing, and the series beside it.
 
 const element = (id) => document.getElementById(id);
 const made = (tag, parent, set = {}) => parent.appendChild(Object.assign(document.createElement(tag), set));
 const shown = (number) => Number(number.toPrecision(4)).toString();
 
-// The places of a frame, decoded when they are needed.
 const decoded = new Map();
 function placesOf(at) {
   if (!decoded.has(at)) {
     const text = atob(element(`frame-${at}`).textContent), bytes = new Uint8Array(text.length);
     for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
-    // Some hundred megabytes at most.
+    // At most a few hundred megabytes.
     if (decoded.size * bytes.length > 3e8) decoded.clear();
     decoded.set(at, bytes);
   }
   return decoded.get(at);
 }
 
-// Lines over time; a click goes to that time.
 class Chart {
   constructor(parent, { title, lines }, times, seek) {
     Object.assign(this, { lines, times });

@@ -1,5 +1,5 @@
 "use strict";
-// Rendering in three dimensions: particles as shaded discs, transceivers as translucent solids, walls as lines.
+// Rendering: particles as shaded discs, transceivers as translucent solids, walls as lines.
 
 const BACKGROUND = [0.07, 0.086, 0.11];
 const COLOURS = ["#4c9be8", "#f2695c", "#5fc56d", "#ffae42", "#b48ae0", "#c58f7d", "#f08cc8", "#35c9d8", "#d3d34a",
@@ -82,8 +82,8 @@ function program(gl, [vertex, fragment]) {
   return { made, places };
 }
 
-// A surface of revolution about the first axis from corners of its outline, each with its place along the axis, its
-// distance from it, and the normal there.
+// A surface of revolution about the first axis. Each corner of `outline` has its position along the axis, its distance
+// from it, and its normal.
 function revolved(outline, along, turns = 48) {
   const points = [], turned = (v) => (along === 0 ? v : along === 1 ? [v[2], v[0], v[1]] : [v[1], v[2], v[0]]);
   const corner = ([x, r, nx, nr], k) => {
@@ -120,7 +120,6 @@ function solid(kind, along) {
   return revolved(arc.map((a) => [-Math.cos(a), Math.sin(a), -Math.cos(a), Math.sin(a)]), along);
 }
 
-// Where walls are, as pairs of points.
 function walls(scene) {
   const lines = [], ring = (along, center, radius, at) => {
     const point = (k) => {
@@ -198,7 +197,7 @@ class Camera {
 
 class Stage {
   constructor(canvas, scene) {
-    // Discs have no edges to smooth, and without a GPU several samples for each pixel take three times as long.
+    // Discs have no edges to smooth, and multisampling takes three times as long on software drivers.
     const gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("This browser has no WebGL 2, or it is switched off.");
     Object.assign(this, { gl, canvas, scene, camera: new Camera(scene.view), hidden: new Set() });
@@ -263,7 +262,7 @@ class Stage {
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
     gl.enable(gl.CULL_FACE);
-    // What is behind comes first.
+    // Back faces first.
     for (const side of [gl.FRONT, gl.BACK])
       scene.transceivers.forEach(({ role, shape }, k) => {
         gl.cullFace(side);
@@ -275,12 +274,11 @@ class Stage {
     gl.depthMask(true);
     gl.disable(gl.BLEND);
   }
-  // Where a transceiver is in the frame that is shown.
   centerOf(k) {
     const { center, moves } = this.scene.transceivers[k];
     return moves === undefined ? center : this.frame.centers[moves];
   }
-  // Where a point is on the page, and none behind the camera.
+  // The position of a point on the page, or nothing for a point on the far side of the camera.
   place([x, y, z]) {
     const apply = (m, v) => [0, 1, 2, 3].map((k) => m[k] * v[0] + m[4 + k] * v[1] + m[8 + k] * v[2] + m[12 + k] * v[3]);
     const [cx, cy, , w] = apply(this.projection, apply(this.view, [x, y, z, 1]));

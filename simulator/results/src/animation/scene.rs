@@ -1,5 +1,3 @@
-//! The scene of a page: everything except the positions of particles.
-
 use serde::Serialize;
 
 use crate::series::Series;
@@ -19,12 +17,10 @@ pub(crate) struct Scene {
     /// The point that the camera looks at.
     view: View,
     frames: Vec<FrameSummary>,
-    /// The times of the series, in s.
     times: Vec<f64>,
     charts: Vec<Chart>,
     #[serde(skip)]
     time_step: f64,
-    /// Distances of some particles from the center of the view, for unbounded scenes.
     #[serde(skip)]
     distances: Vec<f32>,
 }
@@ -52,7 +48,6 @@ struct View {
 struct Transceiver {
     name: String,
     role: &'static str,
-    /// Its position, or its initial position.
     center: [f32; 3],
     /// The index of its center in the list of each frame, if it moves.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -60,7 +55,6 @@ struct Transceiver {
     shape: Solid,
 }
 
-/// A solid, and half its extent along each axis.
 #[derive(Clone, Debug, Serialize)]
 struct Solid {
     kind: &'static str,
@@ -77,7 +71,6 @@ struct FrameSummary {
     counts: Vec<u32>,
     low: [f32; 3],
     size: [f32; 3],
-    /// The centers of moving transceivers.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     centers: Vec<[f32; 3]>,
 }
@@ -103,7 +96,6 @@ const SEEN: usize = 500;
 const IN_SIGHT: f64 = 0.8;
 
 impl Scene {
-    /// Creates a scene without frames.
     pub(crate) fn new(model: &Model, title: &str, series: &Series) -> Self {
         let walls = model.boundary.axes.map(|axis| match axis {
             Axis::Open => None,
@@ -134,7 +126,6 @@ impl Scene {
         scene
     }
 
-    /// Returns the bounds of walls and transceivers.
     fn bounds(&self) -> View {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         let mut see = |k: usize, ends: [f32; 2]| {
@@ -217,7 +208,6 @@ pub(crate) fn places(frame: &Frame) -> Vec<u8> {
     words.flat_map(u16::to_le_bytes).collect()
 }
 
-/// Returns the lowest coordinates of a frame and its extent.
 fn extent(frame: &Frame) -> ([f32; 3], [f32; 3]) {
     let column = |k: usize| frame.rows.iter().map(move |row| row.position[k]).filter(|x| x.is_finite());
     let low = std::array::from_fn(|k| column(k).reduce(f32::min).unwrap_or(0.0));

@@ -1,5 +1,5 @@
-// Sorts the second products of dissociations by the ids of their parents, which determine their own ids. A stable radix sort
-// by one workgroup; the number of passes is even, so the result is where the input was.
+// Sorts the second products of dissociations by the ids of their parents, which determine their own ids. A stable radix
+// sort by one workgroup; an even number of passes leaves the result in place of the input.
 #include control
 #include running_sum
 
@@ -10,9 +10,8 @@
 const DIGIT_BITS: u32 = 3u;
 const DIGITS: u32 = 8u;
 
-// The number of keys and of passes.
 var<workgroup> sizes: vec2<u32>;
-// By digit and thread: how many keys have the digit, then where the next one goes.
+// Indexed by digit and thread: the number of keys, then the index of the next one.
 var<workgroup> digits: array<u32, 2048>;
 
 fn key_at(pass_number: u32, k: u32) -> vec2<u32> {

@@ -1,4 +1,3 @@
-// Ends a round of the matching: applies the reactions that won.
 #include control
 #include params
 #include philox
@@ -25,7 +24,6 @@ fn matching_apply(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let count = atomicLoad(&control.left[1u - round.source]);
     let first = group.x * WORKGROUP_SIZE + local_index;
     if (first == 0u) {
-        // The list that the next round fills.
         atomicStore(&control.left[round.source], 0u);
     }
     let threads = groups.x * WORKGROUP_SIZE;

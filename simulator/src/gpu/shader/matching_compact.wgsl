@@ -1,4 +1,4 @@
-// Begins a round of the matching: lists the candidates that are left and clears the claims of the previous round.
+// Begins a round of the matching: compacts the remaining candidates and clears the claims of the previous round.
 #include control
 #include candidate
 #include round

@@ -1,4 +1,3 @@
-// Records the best priority at every claimed particle.
 #include control
 #include candidate
 #include round

@@ -1,5 +1,5 @@
-// Dissociates particles that did not react in this step; see dissociation.rs. The first product replaces the particle, as the
-// product of a reaction does. Second products are listed; born_place gives them their ids.
+// Dissociates particles that did not react in this step; see dissociation.rs. The first product replaces the particle;
+// born_place assigns ids to second products.
 #include control
 #include params
 #include philox
@@ -12,18 +12,15 @@
 // A dissociation channel. The table begins with the first channel of each species; further ones follow after all of these.
 struct DissociationRow {
     threshold: u32,
-    // The next channel of the species, or NOTHING.
     next: u32,
     // NOTHING if the species does not dissociate.
     tally: u32,
     // 1 if the products are anywhere within the unbinding radius, 0 if they are at that distance.
     is_within: u32,
     unbinding: f32,
-    // The first product's fraction of the separation.
     share: f32,
     products: vec2<u32>,
     radii: vec2<f32>,
-    // Speed of the particle, and speed and thermal speed of the first product.
     speed: f32,
     product_speed: f32,
     thermal_speed: f32,
@@ -37,10 +34,8 @@ struct DissociationRow {
 @group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(6) var<storage, read> dissociation_rows: array<DissociationRow>;
 @group(0) @binding(7) var<storage, read_write> born: array<Born>;
-// Ids of the parents, and indices of the second products.
 @group(0) @binding(8) var<storage, read_write> born_keys0: array<vec2<u32>>;
 
-// The channel that a draw selects, or NOTHING.
 fn channel_of(kind: u32, word: u32) -> u32 {
     var row = kind;
     if (dissociation_rows[row].tally == NOTHING) {

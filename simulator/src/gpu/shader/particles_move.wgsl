@@ -39,7 +39,6 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let kind = species_rows[tag.x];
     let path = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
     var here = Moved(vec4(path.after, before.w), tag.x, path.velocity);
-    // The event of the earliest hit.
     var first = NOTHING;
     var first_hit: Hit;
     let near_receivers = receivers_near(kind, before.xyz, reach_of(path) + kind.bend + trajectory.max_displacement);

@@ -94,7 +94,6 @@ fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
     return Path(path.before, reflected.end, reflected.after, path.velocity);
 }
 
-// Requests a receptor for a particle on a path that hit its receiver.
 fn bind(at: u32, place: u32, path: Path, id: u32) {
     let event = event_rows[place];
     let receiver = receiver_at(event.receiver, control.step);
@@ -109,7 +108,6 @@ fn bind(at: u32, place: u32, path: Path, id: u32) {
     request_binding(at, place, touching, receiver.center + time * receiver.displacement, words.z);
 }
 
-// The step of a free particle.
 fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32) -> Moved {
     let reflected = reflect_path(kind, path);
     if (near_count > NEAR) {
@@ -121,7 +119,6 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     var here = Moved(vec4(reflected.after, radius), tag.x, reflected.velocity);
     let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
     let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
-    // The event of the earliest hit that keeps the particle.
     var first = NOTHING;
     var first_hit: Hit;
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {

@@ -50,7 +50,7 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         return;
     }
     let rule = reaction_rows[row];
-    // Of two equal species, the lower id is the first reactant.
+    // For equal species, the lower id is the first reactant.
     let in_order = select(kinds.x == rule.first, own.x < own.y, kinds.x == kinds.y);
     let slot = atomicAdd(&control.left[0], 1u);
     candidates[slot] =

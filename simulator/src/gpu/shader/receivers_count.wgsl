@@ -1,14 +1,12 @@
-// Counts the particles of each species inside transparent receivers. Runs before each readback.
+// Counts the particles of each species inside transparent receivers, before each readback.
 #include control
 #include params
 #include boundary
 #include event
 
 struct OccupancyRow {
-    // Index of the receiver in the model.
     receiver: u32,
     radius: f32,
-    // First count of the receiver.
     first: u32,
     species: u32,
 }

@@ -1,4 +1,3 @@
-// Counts the occupied receptors of each receiver.
 #include control
 #include event_rows
 #include receptor

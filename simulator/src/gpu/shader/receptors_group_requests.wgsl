@@ -1,4 +1,3 @@
-// Groups the requests for receptors by receiver.
 #include control
 #include candidate
 #include event_rows

@@ -1,4 +1,3 @@
-// Resets the counters of receptors at the beginning of a step.
 #include control
 #include receptor
 

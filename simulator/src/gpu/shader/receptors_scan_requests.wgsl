@@ -6,7 +6,6 @@
 @group(0) @binding(0) var<storage, read_write> control: Control;
 @group(0) @binding(1) var<storage, read_write> receptors: array<Receptors>;
 
-// More requests to one receiver would exceed the loop limit of one invocation.
 const MAX_REQUESTS: u32 = 1u << 20u;
 
 @compute @workgroup_size(256)

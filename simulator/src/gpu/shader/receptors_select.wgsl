@@ -1,5 +1,5 @@
-// Binds the particles that request a receiver's receptors. If free receptors are too few, the lowest ranks bind, and of
-// equal ranks the lowest ids. One workgroup per receiver.
+// Binds the particles that request a receiver's receptors: if free receptors are too few, those with the lowest ranks,
+// then ids. One workgroup per receiver.
 #include control
 #include candidate
 #include event_rows
@@ -15,14 +15,13 @@
 
 const DIGITS: u32 = 8u;
 
-// The number of requests, the number of free receptors, and the beginning of the receiver's list.
+// Requests, free receptors, and the beginning of the receiver's list.
 var<workgroup> numbers: vec3<u32>;
-// A histogram of the next digit, over the requests that share the known digits of the threshold key.
+// A histogram of the next digit, over requests with the known digits of the threshold key.
 var<workgroup> digits: array<atomic<u32>, 256>;
-// The known digits of the threshold key, and the number of accepted requests among those that share them.
+// The known digits of the threshold key, and the number of accepted requests with those digits.
 var<workgroup> known: vec3<u32>;
 
-// The sort key of a request.
 fn key_of(at: u32) -> vec2<u32> {
     return vec2(atomicLoad(&claims[at].priority), tags[at].y);
 }
@@ -78,7 +77,6 @@ fn receptors_select(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
     if (local_index == 0u) {
         let count = receptors[receiver].count;
         let free = count - min(count, atomicLoad(&receptors[receiver].bound));
-        // No requests if the run is halted.
         let requests = select(0u, atomicLoad(&receptors[receiver].requests), atomicLoad(&control.halted) == 0u);
         numbers = vec3(requests, free, receptors[receiver].first);
     }

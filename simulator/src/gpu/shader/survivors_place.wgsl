@@ -1,4 +1,3 @@
-// Compacts the surviving particles, in output order, with the products of their reactions.
 #include control
 #include params
 #include candidate
@@ -23,7 +22,6 @@
 fn survivors_place(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                    @builtin(local_invocation_index) local_index: u32) {
     let k = global_index(group, groups, local_index);
-    // Zero if the run is halted.
     let count = sums[0];
     let at = output_index(k, count);
     let adsorbs = survives(at, count);
@@ -44,6 +42,5 @@ fn survivors_place(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
             tags[to] = vec2(claims[at].product, ids[k]);
         }
     }
-    // Reset for the next step.
     atomicStore(&claims[at].is_taken, 0u);
 }

@@ -39,7 +39,6 @@ fn has_capacity(survivors: u32) -> bool {
     return reason == 0u;
 }
 
-// Enters the step into the counts.
 fn commit(survivors: u32) {
     let born = atomicLoad(&control.born);
     control.born_at = survivors;

@@ -7,12 +7,12 @@ use crate::gpu::layout::{ControlHeader, EVENT_BYTES, NOTHING};
 use crate::model::particles::Particles;
 use crate::release::origins::{Arrival, Origin};
 
-/// An entry of the event log: the step before whose end it happened, then receiver, species and id of an arrival, or
-/// [`NOTHING`], the rank and the parent's id of a second product.
+/// The step, then receiver, species and id of an arrival, or [`NOTHING`], the rank and the parent's id of a second
+/// product.
 pub(super) type Entry = [u32; 4];
 
 impl GpuSimulation {
-    /// Reads the entries since the last readback: by step, then second products by rank and arrivals by id.
+    /// Entries by step, then second products by rank and arrivals by id.
     pub(super) fn read_events(&self, count: u32) -> Result<Vec<Entry>, Error> {
         if count == 0 {
             return Ok(Vec::new());
@@ -27,8 +27,7 @@ impl GpuSimulation {
         Ok(entries)
     }
 
-    /// Records the steps up to `head.done`: which ids second products and released particles have, where these are from, and
-    /// which particles arrived.
+    /// Records the steps up to `head.done`: ids of second products and released particles, their origins, and arrivals.
     pub(super) fn record_steps(
         &mut self,
         bursts: &[Burst],
@@ -62,7 +61,7 @@ impl GpuSimulation {
         Ok(())
     }
 
-    /// Records what is released after a step. The particles after the last step are not on the device yet.
+    /// Records a release. The particles released after the last step are not on the device yet.
     fn record_release(&mut self, burst: Option<&Burst>, step: u32, is_last: bool) -> Result<(), Error> {
         if self.model.logs_arrivals {
             let mut first = self.next_id;
@@ -74,7 +73,6 @@ impl GpuSimulation {
         let Some(burst) = burst else { return Ok(()) };
         let mut released = burst.released.clone();
         if self.dissociates {
-            // Their ids follow those of second products, which were not known before.
             released = self.model.release(&self.decays, self.key, step, self.next_id)?;
         }
         self.next_id = released.next_id;

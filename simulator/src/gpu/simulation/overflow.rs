@@ -15,7 +15,6 @@ const NEAR: u64 = 16;
 const MAX_REQUESTS: u64 = 1 << 20;
 
 impl GpuSimulation {
-    /// Enlarges the capacity whose lack halted the run, if it is halted, and resumes it.
     pub(super) fn recover(&mut self, head: ControlHeader) -> Result<(), Error> {
         let step = self.step;
         let failed = |source| Err(refused(source));
@@ -123,7 +122,6 @@ impl GpuSimulation {
         }
     }
 
-    /// Uploads the capacities that kernels check.
     pub(super) fn upload_capacities(&self) -> Result<(), Error> {
         let Sizes { particles, births, events, .. } = self.steps.sizes;
         let at = std::mem::offset_of!(ControlHeader, capacity) as u64;
@@ -139,7 +137,6 @@ impl GpuSimulation {
         let steps = prepare(&mut self.buffers, sizes, self.options.rounds, self.detector.as_mut())?;
         let mut encoder = self.encoder();
         let alive = u64::from(self.alive);
-        // Velocities are in the second half.
         let halves = if sizes.has_velocity {
             [self.steps.sizes, sizes].map(|sizes| 16 * u64::from(sizes.particles))
         } else {

@@ -1,11 +1,8 @@
-//! Receivers in the next steps.
-
 use super::GpuSimulation;
 use crate::Error;
 use crate::gpu::receiver_trajectory::ReceiverTrajectory;
 
 impl GpuSimulation {
-    /// Computes and uploads the positions of receivers in the next steps, and their lists by cell.
     pub(super) fn prepare_receivers(&mut self, steps: u32) -> Result<(), Error> {
         self.trajectory = ReceiverTrajectory::new(&self.model, self.key, &self.centers, self.step, steps);
         // Resting receivers were listed at the beginning.

@@ -92,7 +92,6 @@ impl GpuSimulation {
     }
 }
 
-/// Returns particles in the layout of the device.
 pub(super) fn columns(particles: &Particles) -> (Vec<[f32; 4]>, Vec<[u32; 2]>) {
     let sphere = |at: usize| {
         let Particle { position: [x, y, z], radius, .. } = particles.get(at);
@@ -102,7 +101,6 @@ pub(super) fn columns(particles: &Particles) -> (Vec<[f32; 4]>, Vec<[u32; 2]>) {
     ((0..n).map(sphere).collect(), (0..n).map(|at| [particles.species[at], particles.id[at]]).collect())
 }
 
-/// Returns the velocities of particles in the layout of the device.
 pub(super) fn velocities(particles: &Particles) -> Vec<[f32; 4]> {
     let velocity = |at: usize| {
         let [u, v, w] = particles.get(at).velocity;

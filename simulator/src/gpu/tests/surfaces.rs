@@ -41,7 +41,6 @@ fn adsorption_and_unbinding_equal_those_of_the_cpu() {
         ];
         let close = |found: f64, exact: f64| (found / exact - 1.0).abs() < 1e-5;
         assert_eq!(scale, length);
-        // Probabilities below are differences of nearly equal numbers.
         let expected = step.sticking(heights);
         assert!((stays - expected).abs() < 2e-5 * expected + 2e-7, "{k}: {stays} and not {expected}");
         assert!(close(part, step.effective_part()), "{k}: {part} and not {}", step.effective_part());
@@ -145,7 +144,6 @@ var<private> receiver_rows: array<vec4<u32>, 6>;
 /// Receptors of three receivers and their occupied ones: enough for all requests, for some, and for none.
 const RECEPTORS: [[u32; 2]; 3] = [[5_000, 100], [900, 7], [40, 40]];
 
-/// Particles, some of them bound, and some that request a receptor.
 #[derive(Default)]
 struct Crowd {
     spheres: Vec<[f32; 4]>,
@@ -193,7 +191,6 @@ struct Chosen {
     removed: u32,
 }
 
-/// Returns buffers for three receivers that absorb one species.
 fn buffers_of_three(own: &GpuDevice) -> RunBuffers {
     let mut model = model();
     model.species.truncate(1);
@@ -202,7 +199,6 @@ fn buffers_of_three(own: &GpuDevice) -> RunBuffers {
     RunBuffers::new(own.clone(), &Tables::new(&model, Key::new(1), 64), 0).expect("buffers")
 }
 
-/// Runs the kernels that select requests.
 fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let count = crowd.spheres.len() as u32;
     let mut buffers = buffers_of_three(own);

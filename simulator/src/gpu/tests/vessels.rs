@@ -10,7 +10,6 @@ fn paths_in_vessels_are_those_of_the_cpu() {
     let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include boundary";
     for along in 0..3 {
         let vessel = Vessel { along, center: [1.0, -2.0, 0.5], radius: 2.0 };
-        // Steps of up to six radii, from inside.
         let body = format!(
             "params.vessel_axis = {}u; params.vessel_center = vec3(1.0, -2.0, 0.5); params.vessel_radius = 2.5;
             let w = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));

@@ -54,7 +54,6 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
     }
 }
 
-/// Returns the events and positions of particles in some steps, with or without a search, and the number of steps that searched.
 fn run(
     model: &Model,
     steps: u32,
@@ -91,7 +90,6 @@ fn run(
 
 #[test]
 fn the_loop_takes_over_where_all_are_near() {
-    // One sphere in a box not much wider, and the same one in a wide box.
     let of = |half: f32| {
         let mut model = model(Boundary::reflecting([-half; 3], [half; 3]), None, 0.0);
         let receiver = Receiver { center: [0.0; 3], radius: 0.2, ..model.receivers[9].clone() };
@@ -118,13 +116,11 @@ fn a_search_gives_what_a_loop_gives() {
         (tube, Some(Flow::Poiseuille { mean: 10.0 }), 0.0),
         (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 4.0),
         (Boundary::reflecting([-3.0; 3], [3.0; 3]), None, 4.0),
-        // So fast that what they turn back goes much farther than it would alone.
         (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 60.0),
         (Boundary::default(), None, 60.0),
     ];
     for (boundary, flow, speed) in cases {
         let model = model(boundary, flow, speed);
-        // Fast receivers soon take most.
         let (steps, least) = if speed > 10.0 { (12, 8) } else { (100, 50) };
         let ((found, particles), searched) = run(&model, steps, true);
         assert!(searched > least, "{searched}");
@@ -133,8 +129,7 @@ fn a_search_gives_what_a_loop_gives() {
     }
 }
 
-/// A receiver that comes throws the particle farther than either of them goes: at another one that takes it, or off
-/// which it goes back.
+/// A receiver pushes a particle farther than either moves, to a receiver that absorbs or reflects it.
 #[test]
 fn what_a_particle_is_thrown_at_is_found() {
     let of = |center: f32, kind, velocity| Receiver {

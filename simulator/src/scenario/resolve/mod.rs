@@ -1,5 +1,3 @@
-//! From names in a file to places in a model.
-
 mod reactions;
 mod receivers;
 mod schedule;
@@ -15,7 +13,6 @@ use super::file::{self, File, Finite};
 use super::{Output, Problem, warnings};
 use crate::model::{Contact, Model, Species};
 
-/// The contents of a file.
 pub(super) struct Resolved {
     pub(super) model: Model,
     pub(super) steps: u32,
@@ -124,7 +121,6 @@ impl Names<'_> {
         self.find(name.get_ref(), name.span())
     }
 
-    /// The species on both sides of `A + B -> C`.
     fn equation(&self, equation: &Spanned<String>) -> Result<[Vec<u32>; 2], Problem> {
         let (text, span) = (equation.get_ref(), equation.span());
         let shown = excerpt(text.as_bytes());

@@ -11,7 +11,6 @@ use crate::reaction::rate;
 use crate::scenario::file::{self, Positive};
 use crate::scenario::{Problem, warnings};
 
-/// The reactions and decays of a file.
 pub(super) fn resolve(
     (reactions, decays): (&[file::Reaction], &[file::Decay]),
     names: &Names<'_>,
@@ -41,20 +40,15 @@ pub(super) fn resolve(
     Ok((model.reactions, model.decays))
 }
 
-/// All that may happen, as it was read.
 struct Network<'a> {
     drafts: Vec<Draft<'a>>,
-    /// Two products are as far apart as the file says, or not at all.
     decays: Vec<Decay>,
     time_step: f64,
 }
 
-/// A reaction as it was read.
 struct Draft<'a> {
     file: &'a file::Reaction,
-    /// All but how near and how soon.
     bare: Reaction,
-    /// The sum of both diffusion coefficients, and of both radii.
     diffusion: f64,
     touch: f64,
 }
@@ -104,12 +98,10 @@ impl Network<'_> {
         self.drafts.iter().filter(|other| other.shares_reactants(draft))
     }
 
-    /// The sum of the rate constants of all that may happen to a pair.
     fn total_rate(&self, draft: &Draft<'_>) -> f64 {
         self.channels(draft).filter_map(|other| Some(other.file.rate.as_ref()?.get_ref().0)).sum()
     }
 
-    /// A reaction with how near and how soon.
     fn reaction(&self, draft: &Draft<'_>) -> Result<Reaction, Problem> {
         let file::Reaction { rate, rate_inside, binding_radius, probability, .. } = draft.file;
         let name = &draft.bare.name;
@@ -155,7 +147,7 @@ impl Network<'_> {
         Ok(Reaction { binding_radius: radius as f32, chance, ..draft.bare.clone() })
     }
 
-    /// The binding radius that all reactions of a pair have in common for the sum of their rate constants.
+    /// Returns the common binding radius of all reactions of a pair, for the sum of their rate constants.
     fn radius_for(&self, draft: &Draft<'_>, rate: &Spanned<Positive>) -> Result<f64, Problem> {
         let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
         let (total, dt) = (self.total_rate(draft), self.time_step);
@@ -174,12 +166,11 @@ impl Network<'_> {
             return Err(Problem::at(rate.span(), message));
         }
         let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
-        // In a step 1 − exp(−kΔt) come apart and not kΔt, so that as many must come together.
+        // In a step 1 − exp(−kΔt) and not kΔt dissociate, so as many must associate.
         let kept = -libm::expm1(-decay.rate * dt) / (decay.rate * dt);
         rate::reversible_binding_radius(total * kept, apart.into(), draft.diffusion, dt).map_err(refused)
     }
 
-    /// The warnings about a reaction.
     fn warnings(&self, draft: &Draft<'_>, reaction: &Reaction) -> Vec<Problem> {
         let total = self.total_rate(draft);
         let numbers = (reaction.binding_radius.into(), draft.diffusion, (total > 0.0).then_some(total));
@@ -200,7 +191,7 @@ impl Network<'_> {
     }
 }
 
-/// Which product takes the place of which reactant: that of its own species, else the first that is free.
+/// Returns the product that takes the place of each reactant: that of its own species, else the first free one.
 fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
     let mut placed = [None; 2];
     let mut others = Vec::new();
@@ -244,8 +235,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
     })
 }
 
-/// The positions of two products: as in the file, or anywhere in the ball from which a reaction takes them, or both where
-/// the particle was.
+/// Returns the separation of two products: as in the file, or the ball of the reverse reaction, or none.
 fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Result<Unbinding, Problem> {
     if from.unbinding_radius.is_some() {
         return Ok(decay.unbinding);

@@ -1,5 +1,3 @@
-//! Receivers, and the bodies of transmitters.
-
 use toml::Spanned;
 
 use super::Names;
@@ -44,7 +42,6 @@ pub(super) fn receivers(
     Ok(all)
 }
 
-/// The reflecting spheres that transmitters are.
 pub(super) fn bodies(many: &[file::Transmitter], species: usize) -> Vec<Receiver> {
     let body = |transmitter: &file::Transmitter| {
         Some(Receiver {

@@ -1,5 +1,3 @@
-//! When a transmitter releases what.
-
 use std::ops::Range;
 
 use super::Names;
@@ -8,7 +6,6 @@ use crate::model::transmitter::Schedule;
 use crate::scenario::Problem;
 use crate::scenario::file::{self, Finite, NotNegative};
 
-/// The schedule of a transmitter, and what one burst has.
 pub(super) fn schedule(
     transmitter: &file::Transmitter,
     names: &Names<'_>,
@@ -61,7 +58,7 @@ fn times(transmitter: &file::Transmitter) -> Vec<f64> {
     times
 }
 
-/// Refuses what goes with a rate alone.
+/// Refuses keys of steady release.
 fn steady_only(transmitter: &file::Transmitter, with: &str) -> Result<(), Problem> {
     let given = [("from", &transmitter.from), ("until", &transmitter.until)];
     match given.into_iter().find_map(|(key, value)| Some((key, value.as_ref()?.span()))) {
@@ -70,7 +67,7 @@ fn steady_only(transmitter: &file::Transmitter, with: &str) -> Result<(), Proble
     }
 }
 
-/// Refuses what goes with bits alone.
+/// Refuses keys of messages.
 fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     let given = [
         ("symbol-time", transmitter.symbol_time.as_ref().map(toml::Spanned::span)),
@@ -87,7 +84,7 @@ fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     }
 }
 
-/// The most bits of a message. Each symbol is a row of symbols.csv, which a run writes before its first step.
+/// Each symbol is a row of symbols.csv, which a run writes before its first step.
 const MAX_BITS: usize = 1 << 22;
 
 fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, Problem> {
@@ -127,7 +124,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
     let symbols = match (&transmitter.bits, &transmitter.random_bits) {
         (Some(bits), None) => {
             let text = bits.get_ref();
-            // A bit takes a character at least, so this refuses no message of fewer bits and spares memory.
+            // A bit takes at least one character, so this refuses no valid message and saves memory.
             if text.len() > 2 * MAX_BITS {
                 whole(text.len())?;
             }
@@ -175,7 +172,6 @@ fn modulation(transmitter: &file::Transmitter) -> Result<Modulation, Problem> {
     }
 }
 
-/// A place as the model has it.
 pub(super) fn place(center: [Finite; 3]) -> [f32; 3] {
     center.map(|Finite(x)| x as f32)
 }

@@ -1,5 +1,3 @@
-//! The boundaries of space, and the flow in it.
-
 use toml::Spanned;
 
 use super::schedule::place;

@@ -57,7 +57,7 @@ fn shape(shape: file::Shape) -> Shape {
     }
 }
 
-/// Particles that appear everywhere or in a region, as transmitters that release all the time.
+/// Particles that appear everywhere or in a region, as transmitters of steady release.
 pub(super) fn sources(
     many: &[file::Source],
     names: &Names<'_>,
@@ -123,7 +123,6 @@ fn source(
     })
 }
 
-/// The region of the centers of such spheres, as a shape around a middle, and the volume between the walls.
 fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)> {
     let side = |axis: Axis| match axis {
         Axis::Open => None,

@@ -171,7 +171,6 @@ fn what_cannot_be_meant_is_refused() {
         assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
         assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
     }
-    // Part of it is inside.
     assert!(parse(&walls.replace("center = [1, 0, 0]", "center = [1.25, 0, 0]")).is_ok());
 }
 

@@ -4,7 +4,6 @@ use super::*;
 use crate::model::message::{Message, Modulation, Symbols};
 use crate::{CountDistribution, Unbinding};
 
-/// Species A to D, and what else there is.
 fn network(more: &str) -> Result<Scenario, Error> {
     let species = |name: &str| format!("[[species]]\nname = \"{name}\"\nradius = 0.05\ndiffusion = 1\n");
     let head = "time-step = 1e-5\nsteps = 10\n".to_owned();
@@ -47,7 +46,6 @@ fn what_comes_apart_may_come_together_again() {
     );
     let kept = (1.0 - (-50e-5_f64).exp()) / 50e-5;
     assert!((is / (0.5 * kept) - 1.0).abs() < 1e-4, "{is}");
-    // Products of a reaction within a ball separate within it; by default they touch.
     let model = network(&(reaction("A + B -> C", "rate-inside = 100") + &apart(""))).unwrap().model;
     assert_eq!(
         (model.reactions[0].binding_radius, model.reactions[0].chance),
@@ -229,7 +227,6 @@ fn long_steps_are_said_with_what_is_short_enough() {
     let said = warnings(&(reaction("A + B -> C", "rate = 0.5") + &decay("C ->", "rate = 3000")));
     assert!(said.len() == 1 && said[0].contains("'C ->': 3.0 % of C decay"), "{said:?}");
     assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
-    // Decays alone are right for any step.
     assert_eq!(warnings(&(decay("B -> C", "rate = 3000") + &decay("C ->", "rate = 3000"))), [""; 0]);
     let said = warnings(&reaction("A + B -> C", "rate-inside = 30000"));
     assert!(said.len() == 1 && said[0].contains("react in 3.333e-5 s on average"), "{said:?}");

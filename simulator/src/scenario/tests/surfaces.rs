@@ -1,7 +1,6 @@
 use super::*;
 use crate::{Adsorption, Receptors};
 
-/// The good file with another receiver.
 fn with(receiver: &str) -> String {
     let begin = GOOD.find("radius = 0.5\nkind").unwrap();
     let end = GOOD.find("[output]").unwrap();
@@ -71,7 +70,6 @@ fn advice_about_surfaces_is_right_when_followed() {
     let surfaces = [
         ("radius = 0.2\nkind = \"reflecting\"", "is in the wrong places"),
         ("radius = 0.2\nkind = \"partial\"\nrate = 1", "is in the wrong places"),
-        // The drift of a step is long compared with its diffusion.
         ("radius = 9\nkind = \"partial\"\nrate = 1\nvelocity = [200, 0, 0]", "by drift"),
         (
             "radius = 9\nkind = \"receptors\"\ncount = 1\nbinding-rate = 1\nunbinding-rate = 900",

@@ -2,7 +2,6 @@
 const ROOT_PI: f32 = 1.7724538509055159;
 // Larger multiples of sqrt(4 D dt) do not occur as heights.
 const FAR: f32 = 5.0;
-// The most trials for a height.
 const TRIALS: u32 = 1000u;
 
 // exp(x * x) * erfc(x) for x >= 0, with a relative error of 1e-6: 2 / (2 + x) times the exponential of a polynomial in
@@ -80,7 +79,6 @@ fn effective_part(surface: Surface) -> f32 {
     return free + (1.0 - free) * mean_of(surface.all);
 }
 
-// A stream of random words.
 struct Draws {
     counter: vec4<u32>,
     words: vec4<u32>,

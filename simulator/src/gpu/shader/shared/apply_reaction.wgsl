@@ -1,4 +1,3 @@
-// Applies a candidate's reaction if it won the round.
 fn apply_if_best(index: u32) {
     let candidate = candidates[index];
     let rule = reaction_rows[candidate.rule];
@@ -31,7 +30,6 @@ fn react(candidate: Candidate, rule: ReactionRow) {
             claims[at].product = rule.products[side];
             claims[at].sphere = vec4(confined(meeting + along * apart, rule.radii[side]), rule.radii[side]);
             if (params.has_velocity != 0u && rule.products[side] != NOTHING) {
-                // Only the winner of a particle writes its velocity, and no other candidate reads it.
                 let own = arrayLength(&moved) / 2u + at;
                 moved[own] = vec4(converted_velocity(moved[own].xyz, rule.speeds[side], rule.product_speeds[side],
                     rule.thermal_speeds[side], candidate.ids[side]), 0.0);

@@ -1,4 +1,3 @@
-// A second product of a dissociation.
 struct Born {
     sphere: vec4<f32>,
     velocity: vec3<f32>,

@@ -1,7 +1,6 @@
 // Walls, periodic images and vessels, as in boundary.rs and vessel.rs.
 #include vessel
 
-// Confines a coordinate vector, axis by axis, for spheres of this radius.
 fn confined_axes(x: vec3<f32>, radius: f32) -> vec3<f32> {
     let inset = select(vec3(0.0), vec3(radius), params.axes == vec3(1u));
     let low = params.low + inset;
@@ -18,7 +17,6 @@ fn confined_axes(x: vec3<f32>, radius: f32) -> vec3<f32> {
     return select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u));
 }
 
-// Confines the center of a sphere of this radius.
 fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
     if (params.is_open != 0u) {
         return x;
@@ -40,7 +38,6 @@ fn reversed_axes(x: vec3<f32>, radius: f32) -> vec3<bool> {
     return (params.axes == vec3(1u)) & ((x < low) | (x > high)) & (rest > length);
 }
 
-// Returns the minimum image of a difference of two positions.
 fn minimum_image(d: vec3<f32>) -> vec3<f32> {
     let length = params.high - params.low;
     return select(d, d - length * floor(d / length + 0.5), params.axes == vec3(2u));

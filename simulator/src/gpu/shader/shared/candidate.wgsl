@@ -1,19 +1,15 @@
-// A possible reaction of two particles.
 struct Candidate {
     // Indices of the reactants, in the order of the reaction.
     at: vec2<u32>,
-    // Their ids, in the same order.
     ids: vec2<u32>,
     rule: u32,
     priority: u32,
 }
 
-// The claims of candidates to a particle.
 struct Claim {
     // The best key of a round: a priority, and the id of the other particle, which breaks ties.
     priority: atomic<u32>,
     other: atomic<u32>,
-    // 0 while the particle is free, 1 after it reacted.
     is_taken: atomic<u32>,
     // Its new species, or NOTHING if the particle is consumed.
     product: u32,
@@ -25,15 +21,15 @@ struct Claim {
 // further reactions of the pair follow after all of these.
 struct ReactionRow {
     reaction: u32,
-    // The row to try if the draw does not select this one, and if the pair is farther apart than `within`; NOTHING at the
+    // Next rows if the draw does not select this one, and if the pair is farther apart than `within`; NOTHING at the
     // end.
     next: u32,
     next_shell: u32,
     // Species of the first reactant, or NOTHING if the species do not react.
     first: u32,
     threshold: u32,
-    // Bits 0 and 1: the first or second reactant is consumed. Bit 2: the detector's cutoff is larger than `within`. Bit 3:
-    // the products are placed apart.
+    // Bits 0 and 1: the reactant is consumed. Bit 2: the detector's cutoff is larger than `within`. Bit 3: the products
+    // are placed apart.
     flags: u32,
     products: vec2<u32>,
     radii: vec2<f32>,

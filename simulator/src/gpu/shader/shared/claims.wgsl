@@ -1,6 +1,5 @@
-// The stages of a round of the matching, for one candidate. A candidate wins if it has the best key at all particles that
-// it claims. Keys are (priority, lower id, higher id). Among the candidates of one particle, that order is the order of
-// (priority, id of the other particle).
+// The stages of a round of the matching, for one candidate, which wins if it has the best key at all particles that it
+// claims. Keys are (priority, lower id, higher id).
 fn is_free(candidate: Candidate, rule: ReactionRow) -> bool {
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side) && atomicLoad(&claims[candidate.at[side]].is_taken) != 0u) {

@@ -1,25 +1,21 @@
-// The state of the run on the device. The first word is the number of particles of the current step, which the detector
-// reads there.
+// The state of the run on the device. The detector reads the number of particles in the first word.
 struct Control {
     count: u32,
     // Particles at the beginning of the step, without those of a burst.
     alive: u32,
     incoming: u32,
-    // The reasons why the run is halted, as bits; 0 while it is not. Several threads may halt it for several reasons.
+    // The reasons why the run is halted, as bits that several threads may set.
     halted: atomic<u32>,
-    // The current step, and the number of finished steps.
     step: u32,
     done: u32,
-    // Used rows of the log.
     logged: u32,
     // Particles that pair with nothing: removed in this step by a receiver or a decay, or bound.
     removed: atomic<u32>,
-    // Written and found pairs of this step.
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // The needed capacity, from the stages of one thread: entries of the detector's grid, pairs, particles, the number of
-    // particles that are not finite, or the blocks and tiles of the detector's search of crowded cells.
+    // The needed capacity: entries of the detector's grid, pairs, particles, the number of non-finite particles, or the
+    // blocks and tiles of the detector's search of crowded cells.
     missing_lo: u32,
     missing_hi: u32,
     // The most surfaces near a particle that exceeded NEAR, and the most requests that exceeded MAX_REQUESTS.
@@ -31,14 +27,12 @@ struct Control {
     capacity: u32,
     max_births: u32,
     max_events: u32,
-    // The id of the next new particle.
     next_id: u32,
-    // Second products of dissociations in this step.
     born: atomic<u32>,
     // Entries of the event log with those of this step, and without.
     events: atomic<u32>,
     committed_events: u32,
-    // Where compaction put the first second product of this step, its id, and its entry of the event log.
+    // Second products of this step: output index, id, and entry of the event log.
     born_at: u32,
     born_id: u32,
     born_event: u32,
@@ -60,10 +54,8 @@ const OUT_OF_IDS: u32 = 1024u;
 const EVENT_OVERFLOW: u32 = 2048u;
 
 const WORKGROUP_SIZE: u32 = 256u;
-// No species and no particle.
 const NOTHING: u32 = 0xffffffffu;
 
-// The index of a thread in a dispatch of up to two dimensions.
 fn global_index(group: vec3<u32>, groups: vec3<u32>, local_index: u32) -> u32 {
     return (group.x + group.y * groups.x) * WORKGROUP_SIZE + local_index;
 }

@@ -1,5 +1,5 @@
-// A particle after its own step. A removed particle has a radius of -1 until the end of the step; if a receiver removed it,
-// a slightly smaller one that names the receiver.
+// A particle after its own step. A removed particle has a radius of -1 until the end of the step, or less if a receiver
+// removed it, which the radius names.
 struct Moved {
     sphere: vec4<f32>,
     species: u32,

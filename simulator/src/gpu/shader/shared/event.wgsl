@@ -5,7 +5,6 @@ fn receiver_at(receiver: u32, step: u32) -> ReceiverRow {
     return ReceiverRow(bitcast<vec3<f32>>(receiver_rows[row].xyz), bitcast<vec3<f32>>(receiver_rows[row + 1u].xyz));
 }
 
-// Distance of a point from the surface of a sphere, negative inside.
 fn signed_distance(radius: f32, center: vec3<f32>, point: vec3<f32>) -> f32 {
     let d = minimum_image(point - center);
     return sqrt(d.x * d.x + d.y * d.y + d.z * d.z) - radius;

@@ -1,4 +1,3 @@
-// The step of one species.
 struct SpeciesRow {
     drift: vec3<f32>,
     // Standard deviation along each axis.
@@ -10,32 +9,28 @@ struct SpeciesRow {
     events_begin: u32,
     decays_begin: u32,
     events_end: u32,
-    // Bound of the distance of a diffusive path from its straight line, near a receiver that diffuses as well.
+    // Bound of the distance of a diffusive path from the line between its ends, near a receiver that diffuses as well.
     bend: f32,
     // Bound of the displacement in a step for almost all particles, to which three displacements of a receiver are added.
     // Receivers within that distance are listed.
     reach: f32,
     // Index among the species with lists of receivers, or NOTHING.
     cell_lists: u32,
-    // Speed of a swimmer, and the standard deviation of each component of the velocity at release.
     speed: f32,
     thermal_speed: f32,
     // The largest word at which a swimmer tumbles, if it does.
     tumbles: u32,
     tumble_threshold: u32,
-    // Expected decays in a step.
     decay_rate: f32,
 }
 
 // A possible event of a particle of one species, in the order of precedence.
 struct EventRow {
-    // Drift of the receiver in a step.
     drift: vec3<f32>,
     radius: f32,
     // D dt of the receiver.
     diffusion: f32,
     kind: u32,
-    // Index of the receiver in the model.
     receiver: u32,
     // The largest word at which the particle decays or adsorbs.
     threshold: u32,
@@ -57,14 +52,13 @@ struct ReceiverRow {
     displacement: vec3<f32>,
 }
 
-// The cells with lists of receivers; zero cells if there are no lists.
+// Zero cells if there are no lists.
 struct ReceiverCellsHeader {
     low: vec3<f32>,
     cells_per_length: vec3<f32>,
     counts: vec3<u32>,
 }
 
-// The steps for which the positions of receivers are known.
 struct TrajectoryHeader {
     first: u32,
     // Rows of a step; 0 if all receivers rest.
@@ -76,20 +70,18 @@ struct TrajectoryHeader {
     cells: ReceiverCellsHeader,
 }
 
-// The path of a particle in a step.
 struct Path {
     before: vec3<f32>,
     // Its end without walls and periodic images.
     end: vec3<f32>,
     after: vec3<f32>,
-    // Its own velocity at the end.
     velocity: vec3<f32>,
 }
 
 const ABSORBING: u32 = 0u;
 const ENDPOINT: u32 = 1u;
 const REFLECTING: u32 = 2u;
-// By a reactivity, by a probability per step, and by receptors.
+// Kinds of adsorption: by a reactivity, by a probability per step, and by receptors.
 const PARTIAL: u32 = 3u;
 const PER_STEP: u32 = 4u;
 const RECEPTORS: u32 = 5u;

@@ -5,7 +5,6 @@ struct OutputOrder {
     is_cell_order: u32,
 }
 
-// The index of the particle that comes `k`-th.
 fn output_index(k: u32, count: u32) -> u32 {
     if (output_order.is_cell_order == 0u || k >= count) {
         return k;

@@ -1,22 +1,18 @@
-// The constants of a run.
 struct Params {
     key: vec2<u32>,
     species: u32,
-    // Tallies of a step, and the first tally of reactions.
     tallies: u32,
     first_reaction: u32,
     is_open: u32,
-    // The most loop iterations of the last rounds of a matching.
     max_iterations: u32,
     // 1 if pairs are listed, 0 if they are only counted.
     lists_pairs: u32,
-    // The most searches for surfaces by a particle in a step.
     max_requeries: u32,
     // 1 if particles have velocities, and if arrivals are logged.
     has_velocity: u32,
     logs_arrivals: u32,
     time_step: f32,
-    // By axis: 0 open, 1 reflecting, 2 periodic.
+    // Per axis: 0 open, 1 reflecting, 2 periodic.
     axes: vec3<u32>,
     // 1 plus the axis of the vessel; 0 without a vessel.
     vessel_axis: u32,
@@ -25,6 +21,5 @@ struct Params {
     high: vec3<f32>,
     // The displacement of Poiseuille flow on the axis of the vessel in a step.
     peak_flow: f32,
-    // A point on the axis of the vessel.
     vessel_center: vec3<f32>,
 }

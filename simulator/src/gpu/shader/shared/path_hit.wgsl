@@ -16,7 +16,6 @@ fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) ->
     return Path(before, carried, confined_axes(carried, kind.radius), own);
 }
 
-// Returns the velocity at the beginning of a step: a swimmer tumbles at random.
 fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
     if (params.has_velocity == 0u) {
         return vec3(0.0);
@@ -61,7 +60,7 @@ fn hit_at(is_hit: bool, time: f32) -> Hit {
     return Hit(is_hit, false, time, vec2(0.0));
 }
 
-// Returns the fraction of a straight path at which it enters the sphere, in the frame of the sphere; above 1 if it does not.
+// Returns the fraction of a path along a line at which it enters the sphere, in the frame of the sphere; above 1 if it does not.
 fn entry_time(event: EventRow, receiver: ReceiverRow, path: Path) -> f32 {
     let start = minimum_image(path.before - receiver.center);
     let displacement = path.end - path.before - receiver.displacement;
@@ -76,7 +75,6 @@ fn entry_time(event: EventRow, receiver: ReceiverRow, path: Path) -> f32 {
     return outside / (approach + sqrt(root));
 }
 
-// Returns the hit of a path on a receiver.
 fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, own_diffusion: f32, id: u32) -> Hit {
     let b = signed_distance(event.radius, receiver.center + receiver.displacement, path.after);
     if (event.kind == ENDPOINT) {

@@ -9,7 +9,6 @@ const PURPOSE_UNBINDING: u32 = 13u;
 const PURPOSE_HIT_TIME: u32 = 14u;
 const PURPOSE_WALL: u32 = 15u;
 
-// Lower and upper half of a product.
 fn wide(a: u32, b: u32) -> vec2<u32> {
     let a0 = a & 0xffffu;
     let a1 = a >> 16u;
@@ -33,7 +32,6 @@ fn philox(start: vec4<u32>, start_key: vec2<u32>) -> vec4<u32> {
     return counter;
 }
 
-// A uniform number in (0, 1), exact.
 fn open_unit(word: u32) -> f32 {
     return (f32(word >> 9u) + 0.5) * 0x1p-23;
 }

@@ -20,7 +20,6 @@ fn receivers_near(kind: SpeciesRow, point: vec3<f32>, reach: f32) -> NearbyRecei
     let at = floor((point - cells.low) * cells.cells_per_length);
     let within = (at >= vec3(0.0)) & (at < vec3<f32>(cells.counts));
     if (!all(within)) {
-        // Without periodic images, all receivers are within the cells.
         if (any(!within & (params.axes == vec3(2u)))) {
             return every;
         }
@@ -32,7 +31,6 @@ fn receivers_near(kind: SpeciesRow, point: vec3<f32>, reach: f32) -> NearbyRecei
     return NearbyReceivers(list_word(k), list_word(k + 1u), true);
 }
 
-// Returns the index of such a receiver in the table of events.
 fn event_at(near_receivers: NearbyReceivers, k: u32) -> u32 {
     if (near_receivers.is_listed) {
         return list_word(k);
@@ -40,7 +38,6 @@ fn event_at(near_receivers: NearbyReceivers, k: u32) -> u32 {
     return k;
 }
 
-// Returns the largest distance of a path from its beginning.
 fn reach_of(path: Path) -> f32 {
     return max(length(path.end - path.before), length(minimum_image(path.after - path.before)));
 }

@@ -8,8 +8,8 @@ struct Receptors {
     first: u32,
 }
 
-// A bound particle is stored with its direction from the center in place of its position, and with a radius of -2 minus
-// the index of its event, which names the receiver. The detector pairs a negative radius with nothing.
+// A bound particle has its direction from the center in place of its position, and a radius of -2 minus the index of
+// its event, which names the receiver. The detector pairs negative radii with nothing.
 const BOUND_RADIUS: f32 = -2.0;
 
 fn as_bound(direction: vec3<f32>, event: u32) -> vec4<f32> {

@@ -2,7 +2,6 @@
 
 // A sphere near a particle, relative to the beginning of the particle's path.
 struct Obstacle {
-    // From the center to the particle.
     offset: vec3<f32>,
     radius: f32,
     displacement: vec3<f32>,
@@ -44,8 +43,8 @@ fn add_obstacle(obstacle: Obstacle, reach: f32) {
     near_count++;
 }
 
-// Lists the spheres within `reach` of the path's beginning that the particle is outside of. In periodic space, the image
-// nearest to the end of the path is another obstacle.
+// Lists the spheres within `reach` of the path's beginning that the particle is outside of. In periodic space, the
+// image nearest to the path's end is another obstacle.
 fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach: f32) {
     near_count = 0u;
     let near_receivers = receivers_near(kind, path.before, reach);
@@ -94,7 +93,7 @@ fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
     return NEAR;
 }
 
-// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that moves over
+// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers
 // both pushes the particle ahead.
 fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3<f32> {
     if (obstacle_at(after, count) == NEAR) {
@@ -111,7 +110,6 @@ fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3
     return confined(center + factor * out, radius);
 }
 
-// A path from reflection to reflection.
 struct FollowedPath {
     // Displacement from its beginning.
     displacement: vec3<f32>,
@@ -121,7 +119,6 @@ struct FollowedPath {
     velocity: vec3<f32>,
 }
 
-// Follows a path past the listed spheres.
 fn follow(start: vec3<f32>, velocity: vec3<f32>, count: u32) -> FollowedPath {
     var displacement = start;
     var found = FollowedPath(vec3(0.0), 0.0, NOTHING, velocity);

@@ -1,6 +1,5 @@
 var<workgroup> partial: array<u32, 256>;
 
-// Returns the inclusive prefix sum of `value` over the workgroup.
 fn running_sum(value: u32, local_index: u32) -> u32 {
     partial[local_index] = value;
     workgroupBarrier();

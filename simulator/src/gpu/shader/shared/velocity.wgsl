@@ -4,7 +4,6 @@ const PURPOSE_VELOCITY: u32 = 2u;
 const VELOCITY_OF_PRODUCT: u32 = 1u;
 const VELOCITY_OF_UNBOUND: u32 = 2u;
 
-// Draws the velocity of a particle of a species with this speed, or with this thermal speed if the former is zero.
 fn drawn_velocity(speed: f32, thermal_speed: f32, id: u32, draw: u32) -> vec3<f32> {
     let words = philox(vec4(id, draw, control.step, PURPOSE_VELOCITY), params.key);
     if (speed > 0.0) {

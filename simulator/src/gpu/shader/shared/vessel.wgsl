@@ -1,4 +1,4 @@
-// A straight vessel of circular cross-section, as in vessel.rs, in f32.
+// A vessel of circular cross-section, as in vessel.rs, in f32.
 const NO_VESSEL: u32 = 0u;
 
 fn along_vessel() -> u32 {
@@ -7,7 +7,7 @@ fn along_vessel() -> u32 {
 
 // The most reflections of one step; a particle stops at the last one.
 const VESSEL_REFLECTIONS: u32 = 64u;
-// A point that rounding left outside shrinks towards the axis, by this fraction at first and then twice as much each time.
+// A point that rounding left outside moves towards the axis by this fraction, then twice as much each time.
 const SHRINK: f32 = 2e-7;
 const SHRINK_STEPS: u32 = 15u;
 
@@ -56,7 +56,7 @@ struct VesselPath {
     velocity: vec3<f32>,
 }
 
-// Follows a straight path across the vessel from reflection to reflection.
+// Follows a path across the vessel from reflection to reflection.
 fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: vec3<f32>) -> VesselPath {
     let to = across_vessel(end);
     if (length(to) <= radius) {
@@ -68,7 +68,7 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
     at /= max(length(at) / radius, 1.0);
     var across = vec2(velocity[first_across()], velocity[second_across()]);
     for (var k = 0u; k < VESSEL_REFLECTIONS; k++) {
-        // The later solution t of |at + t displacement| = radius, without cancellation.
+        // The later solution of |at + t displacement| = radius, without cancellation.
         let distance = length(at);
         let a = dot(displacement, displacement);
         let b = dot(at, displacement);
@@ -98,8 +98,7 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
     return VesselPath(placed_across(end, at, radius), turned);
 }
 
-// Returns the displacement by Poiseuille flow in a step between two points: the mean of both ends is right to second order
-// in the time step.
+// The displacement by Poiseuille flow between two points: the mean of both ends, to second order in the time step.
 fn flow_between(before: vec3<f32>, end: vec3<f32>) -> f32 {
     let r = vec2(length(across_vessel(before)), length(across_vessel(end))) / params.vessel_radius;
     return params.peak_flow * 0.5 * ((1.0 - r.x * r.x) + (1.0 - r.y * r.y));
