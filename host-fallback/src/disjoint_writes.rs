@@ -1,5 +1,3 @@
-//! Writes to one slice from several threads.
-
 use std::marker::PhantomData;
 use std::sync::atomic::AtomicU32;
 
@@ -12,8 +10,8 @@ pub(crate) struct DisjointSlice<'a, T> {
     slice: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: the only access is `write`, whose caller promises that no two threads write the same element; values move
-// to other threads, hence `T: Send`.
+// SAFETY: the only access is `write`, whose caller promises that no two threads write the same element; values move to
+// other threads, hence `T: Send`.
 unsafe impl<T: Send> Sync for DisjointSlice<'_, T> {}
 
 impl<'a, T: Copy> DisjointSlice<'a, T> {

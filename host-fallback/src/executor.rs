@@ -1,4 +1,4 @@
-//! The threads that execute a call: the calling thread alone, or all threads of a rayon pool. No other module uses rayon.
+//! The threads that execute a call: the calling thread, or a rayon pool. No other module uses rayon.
 //!
 //! Work consists of numbered chunks. The first chunk that fails ends the work with its error.
 
@@ -11,13 +11,12 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Error;
 
-/// Threads per core of a pool at most. One is useful; a few do no harm, and a process may be given more cores while it
-/// runs.
+/// Extra threads do little harm, and a process may be given more cores while it runs.
 const MAX_THREADS_PER_CORE: usize = 4;
-/// Threads of a pool that are started wherever they are asked for.
+/// This number of threads is always started if requested.
 const MIN_MAX_THREADS: usize = 16;
 
-/// The fewest spheres that are worth a pass by several threads. Waking threads takes as long as a pass over fewer spheres.
+/// Below this number of spheres, waking threads takes as long as a light pass.
 pub(crate) const MIN_PARALLEL_SPHERES: usize = 1 << 14;
 /// The shortest work in nanoseconds that is worth waking other threads.
 const MIN_PARALLEL_NS: f32 = 300_000.0;
@@ -63,7 +62,6 @@ impl Executor {
         }
     }
 
-    /// Calls `work` with every chunk of `size` values and its index; the last chunk may be shorter.
     pub(crate) fn for_each_chunk<T: Send>(
         self,
         values: &mut [T],
@@ -136,7 +134,6 @@ impl Team {
         }
     }
 
-    /// Runs `task` in the pool.
     pub(crate) fn within<R: Send>(&self, task: impl FnOnce() -> R + Send) -> R {
         within(self.pool.as_ref(), task)
     }
@@ -149,7 +146,6 @@ impl Team {
         if self.asked == Some(1) { Ok(Executor::Caller) } else { Executor::current() }
     }
 
-    /// The number of threads of a call from the current thread.
     pub(crate) fn count(&self) -> usize {
         match (&self.pool, self.asked) {
             (Some(pool), _) => pool.current_num_threads(),
@@ -159,7 +155,6 @@ impl Team {
     }
 }
 
-/// Runs `task` in this pool; without one, in the caller's.
 fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -> R {
     match pool {
         Some(pool) => pool.install(task),
@@ -195,7 +190,7 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts rayon's global pool unless it runs. Rayon itself would do so at the first use, and panic if the system refuses the
+/// Starts rayon's global pool unless it runs. Rayon itself would panic at the first use if the system refuses the
 /// threads.
 fn start_global() -> Result<(), Error> {
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();

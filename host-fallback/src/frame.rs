@@ -1,38 +1,36 @@
-//! Search frames: `f32` coordinates for `f64` spheres, and for boxes and distances that are not `f32` numbers. A search in a
-//! frame finds candidates; [`Space::touch`] decides on the given numbers.
+//! Search frames: `f32` coordinates for `f64` spheres, and for boxes and distances that are not `f32` numbers. A search
+//! in a frame finds candidates; [`Space::touch`] decides on the given numbers.
 //!
 //! # Correctness
 //!
-//! A frame has an origin `o` and a power of two `s`. A sphere `c, r` is searched as `u = f32((c − o)·s)` with the radius
-//! `R = r·s·(1 + 2⁻²⁰) + 2⁻²³`, rounded up.
+//! A frame has an origin `o` and a power of two `s`. A sphere `c, r` is searched as `u = f32((c − o)·s)` with the
+//! radius `R = r·s·(1 + 2⁻²⁰) + 2⁻²³`, rounded up.
 //!
-//! 1. `s` makes all `|c − o|·s` less than 1 along axes that do not repeat, and all lengths `L·s`. Rounding `u` moves a center
-//!    by up to 2⁻²⁵ along an axis, so that two centers seem at most √3·2⁻²⁴ farther apart than they are, and rounding
+//! 1. `s` makes all `|c − o|·s` less than 1 along axes that do not repeat, and all lengths `L·s`. Rounding `u` moves a
+//!    center by up to 2⁻²⁵ along an axis, so two centers seem at most √3·2⁻²⁴ farther apart than they are, and rounding
 //!    `L·s` to a period adds 2⁻²⁵. The radii of two spheres make up for 4·2⁻²⁴.
-//! 2. Their relative part makes up for rounding of the radii, for the 5 ulp that a GPU may be wrong by, and for the roundings
-//!    of the decision in `f64`.
-//! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along axes that repeat, `s` makes it less than 2²⁰, and the rounding
-//!    less than 2⁻³³.
+//! 2. Their relative part makes up for rounding of the radii, for the 5 ulp that a GPU may be wrong by, and for the
+//!    roundings of the decision in `f64`.
+//! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along axes that repeat, `s` makes it less than 2²⁰, and the
+//!    rounding less than 2⁻³³.
 //! 4. A radius of more than 4 touches everything in the frame: it is cut there.
 //!
-//! So every pair that touches in space touches in the frame too. Conversely a pair touches in space, and needs no decision, if in
-//! an orthogonal frame it touches by more than the [slack](Frame::slack):
+//! So every pair that touches in space touches in the frame too. Conversely a pair touches in space, and needs no
+//! decision, if in an orthogonal frame it touches by more than the [slack](Frame::slack):
 //!
-//! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The filter of the search, of which the
-//!    slack of a periodic space is 2⁻²² of the longest axis, is wrong by less than that.
-//! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the reach `ρ`, where the second term is that of the roundings
-//!    upward, and 1.01·2⁻²².
-//! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the largest reach,
-//!    of which the decision's own rounding takes less than 2⁻⁴⁹.
+//! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The filter of the search, of
+//!    which the slack of a periodic space is 2⁻²² of the longest axis, is wrong by less than that.
+//! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the reach `ρ`, where the second term is that of the
+//!    roundings upward, and 1.01·2⁻²².
+//! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the
+//!    largest reach, of which the decision's own rounding takes less than 2⁻⁴⁹.
 
 use bytemuck::cast;
 use lazygrid_kernels::{Orthogonalization, Query, Space, Sphere, TriclinicCell};
 
 use crate::executor::Executor;
 
-/// Spheres per chunk of a pass.
 const CHUNK_SPHERES: usize = 1 << 13;
-/// Spheres that are read at once.
 pub(crate) const BLOCK_SPHERES: usize = 64;
 /// The relative and the absolute part by which radii grow.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
@@ -42,8 +40,7 @@ const MAX_RADIUS: f64 = 4.0;
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// The absolute part of the slack, and the part of the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
-/// The smallest fraction of a frame that spheres fill. A frame is kept while they fill it, so that moving spheres keep their
-/// radii.
+/// The smallest filled fraction with which a frame is kept, so that moving spheres keep their radii.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
 /// The smallest and the largest coordinates of spheres, and whether all spheres are valid.
@@ -67,7 +64,7 @@ enum Axes {
     /// The length of each axis as given, and its period in the frame.
     Orthogonal([Option<(f64, f32)>; 3]),
     Triclinic(Orthogonalization),
-    /// The axes of `f32` spheres in a triclinic space, whose rounding does not depend on their bounds.
+    /// The axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
     Narrow(Orthogonalization),
 }
 
@@ -75,7 +72,6 @@ impl Bounds {
     pub(crate) const EMPTY: Self =
         Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], are_valid: true };
 
-    /// Computes the bounds of all spheres of a query.
     pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
         let sets = [Some(query.first()), query.second()];
         sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
@@ -131,31 +127,27 @@ impl Bounds {
         0.5 * self.min[axis] + 0.5 * self.max[axis]
     }
 
-    /// The largest distance from `origin` along an axis.
     fn reach(&self, axis: usize, origin: f64) -> f64 {
         (self.max[axis] - origin).max(origin - self.min[axis])
     }
 }
 
 impl SearchFrame {
-    /// Creates the frame of spheres within these bounds.
     pub(crate) fn new(bounds: &Bounds, space: &Space) -> Self {
         let periodic = Self::periodic_axes(space);
         let origin = [0, 1, 2].map(|axis| if periodic[axis] { 0.0 } else { bounds.middle(axis) });
         Self::at(origin, scale_of(Self::size(bounds, space, &origin)), space)
     }
 
-    /// Returns `true` if the frame serves for spheres within these bounds, which fill it and do not exceed it.
+    /// Returns `true` if the frame suits spheres within these bounds.
     pub(crate) fn fits(&self, bounds: &Bounds, space: &Space) -> bool {
         (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
     }
 
-    /// The axes along which coordinates are wrapped as given.
     fn periodic_axes(space: &Space) -> [bool; 3] {
         space.triclinic_cell().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3])
     }
 
-    /// The size of a frame with this origin that holds spheres within these bounds.
     fn size(bounds: &Bounds, space: &Space, origin: &[f64; 3]) -> f64 {
         let periodic = Self::periodic_axes(space);
         let free =
@@ -168,7 +160,6 @@ impl SearchFrame {
         extent.max(lengths).max(spread)
     }
 
-    /// Creates the frame of `f32` spheres in a triclinic space.
     pub(crate) fn narrow(shear: &TriclinicCell) -> Self {
         let axes = Axes::Narrow(shear.orthogonal_space(Orthogonalization::SCALE));
         Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes }
@@ -197,7 +188,7 @@ impl SearchFrame {
                 let lengths = axes.map(|axis| axis.map(|(_, period)| f64::from(period)));
                 Space::periodic(lengths).unwrap_or_default()
             }
-            Axes::Triclinic(straight) | Axes::Narrow(straight) => straight.space(),
+            Axes::Triclinic(cell) | Axes::Narrow(cell) => cell.space(),
         }
     }
 
@@ -252,12 +243,12 @@ impl SearchFrame {
                 };
                 Sphere::new([0, 1, 2].map(place), searched_radius(radius * self.scale))
             }
-            Axes::Triclinic(straight) => straight.sphere(center, radius, 2.0 * MAX_RADIUS),
-            Axes::Narrow(straight) => {
+            Axes::Triclinic(cell) => cell.sphere(center, radius, 2.0 * MAX_RADIUS),
+            Axes::Narrow(cell) => {
                 // The spheres of the other frames are checked for their bounds.
                 let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
                 match is_valid {
-                    true => straight.sphere(center, radius, f64::from(f32::MAX)),
+                    true => cell.sphere(center, radius, f64::from(f32::MAX)),
                     false => Sphere::new([f32::NAN; 3], f32::NAN),
                 }
             }
@@ -265,8 +256,8 @@ impl SearchFrame {
     }
 }
 
-/// The map of an orthogonal frame, with the radius as a fourth lane. It computes the same numbers as
-/// [`SearchFrame::sphere`], for all lanes at once.
+/// The map of an orthogonal frame for all lanes at once, with the radius as a fourth lane. It computes the same numbers
+/// as [`SearchFrame::sphere`].
 struct Lanes {
     origin: [f64; 4],
     scale: f64,
@@ -300,7 +291,7 @@ impl Lanes {
         lanes
     }
 
-    /// Returns `false` for a sphere that is more than one and a half lengths away from the origin, whose image is wrong.
+    /// Returns `false` for a sphere more than one and a half lengths away from the origin, whose image is wrong.
     #[inline(always)]
     fn map<const PERIODIC: bool>(&self, row: [f64; 4]) -> ([f32; 4], bool) {
         let (mut mapped, mut is_near) = ([0.0_f32; 4], true);

@@ -1,5 +1,5 @@
-//! Fallible allocation of memory whose size depends on the input or on the result. A refusal is an [`Error::OutOfMemory`] and
-//! does not end the process; `clippy.toml` keeps vectors from growing elsewhere.
+//! Fallible allocation of memory whose size depends on the input or on the result. A refusal is an
+//! [`Error::OutOfMemory`]; `clippy.toml` keeps vectors from growing elsewhere.
 
 #![expect(clippy::disallowed_methods, reason = "memory is reserved first")]
 
@@ -23,8 +23,7 @@ pub(crate) fn with_growth(bytes: u64) -> u64 {
 
 /// Sets the length of a buffer, whose values are then arbitrary. `what` names them in an error.
 ///
-/// New memory comes zeroed from the system and is not written here: the threads that write it first share the cost of its
-/// page faults.
+/// New memory comes zeroed from the system and is not written here, so that threads share the cost of its page faults.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`]; the buffer is then empty.
@@ -34,7 +33,7 @@ pub(crate) fn try_resize<T: Zeroable>(
     what: &'static str,
 ) -> Result<(), Error> {
     if buffer.capacity() < len {
-        // A buffer that grows once is likely to grow again, a little, as particles are added step by step.
+        // A buffer that grows once is likely to grow again, a little.
         let room = if buffer.capacity() == 0 { len } else { len + len / GROWTH_DIVISOR };
         drop(std::mem::take(buffer));
         *buffer = try_zeroed_vec(room).map_err(|()| refused::<T>(room, what))?;

@@ -1,8 +1,8 @@
 //! A stable radix sort of (key, sphere) entries on all threads, least significant digit first.
 //!
-//! Every pass reads the entries in chunks: each chunk counts its digits, one prefix sum over (digit, chunk) gives every chunk its
-//! positions, and each chunk moves its entries. Only bits that keys can have are read, and a pass in which all digits agree
-//! moves nothing. The result does not depend on the number of threads.
+//! Each chunk of entries counts its digits, one prefix sum over (digit, chunk) gives every chunk its positions, and
+//! each chunk moves its entries. A pass in which all digits agree moves nothing. The result does not depend on the
+//! number of threads.
 
 use bytemuck::Zeroable;
 
@@ -20,7 +20,6 @@ const DIGIT: u32 = 8;
 /// The number of digits.
 const DIGITS: usize = 1 << DIGIT;
 
-/// A number to sort by.
 pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {
     /// Shifts the bits up by less than the width of the type and appends others.
     fn append(self, low: u32, bits: u32) -> Self;
@@ -54,27 +53,23 @@ macro_rules! key {
 key!(u32);
 key!(u128);
 
-/// A sphere under a key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Zeroable)]
 pub(crate) struct KeyedSphere<K> {
     pub(crate) key: K,
     pub(crate) id: u32,
 }
 
-/// Entries to be sorted, and the buffers for it, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct Radix<K> {
     pub(crate) entries: Vec<KeyedSphere<K>>,
     spare: Vec<KeyedSphere<K>>,
-    /// By chunk and digit: first the number of entries, then the position of the next one.
+    /// Indexed by chunk and digit: first the number of entries, then the position of the next one.
     counts: Vec<[usize; DIGITS]>,
 }
 
 impl<K: RadixKey> Radix<K> {
-    /// Bytes per entry, in both buffers.
     const BYTES_PER_ENTRY: u64 = 2 * size_of::<KeyedSphere<K>>() as u64;
 
-    /// The most bytes held for `entries` entries.
     pub(crate) fn memory_for(entries: u64) -> u64 {
         let chunks = entries.div_ceil(CHUNK_RECORDS as u64).min(MAX_CHUNKS as u64);
         with_growth(entries * Self::BYTES_PER_ENTRY + chunks * size_of::<[usize; DIGITS]>() as u64)
@@ -94,7 +89,6 @@ impl<K: RadixKey> Radix<K> {
         Ok(())
     }
 
-    /// Moves the entries to `spare` by one digit; returns `false` if all digits agree.
     fn pass(&mut self, shift: u32, executor: Executor) -> Result<bool, Error> {
         let Self { entries, spare, counts } = self;
         let Some(first) = entries.first() else { return Ok(false) };

@@ -45,7 +45,6 @@ pub enum RebuildReason {
     InputChanged,
 }
 
-/// Writes the reason as a clause.
 impl std::fmt::Display for RebuildReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(match self {

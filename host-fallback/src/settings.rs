@@ -26,9 +26,9 @@ pub enum Order {
 pub enum Skin {
     /// Keeps no candidate list: every call searches.
     Off,
-    /// Chooses the skin by the observed displacements. On the CPU every size class has a skin in proportion to its displacement,
-    /// on a GPU all have the same. No list is kept if searching is expected to be cheaper. Expectations follow from the
-    /// spheres, never from a clock, so that runs are reproducible. A detector that is called once keeps no list.
+    /// Chooses the skin by the observed displacements: on the CPU per size class, on a GPU for all. No list is kept if
+    /// searching is expected to be cheaper, or in a single call. Expectations never depend on a clock, so runs are
+    /// reproducible.
     #[default]
     Auto,
     /// A fixed distance. Candidates are the pairs with gaps up to this distance. The list is valid until a sphere has moved by
@@ -67,16 +67,15 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// τ by default. A vector compares 16 spheres at once, so that comparing a few hundred with each other costs less
-    /// than a split; less makes dense scenes slower, more changes little until cells hold thousands.
+    /// τ by default. A vector compares 16 spheres at once, so comparing a few hundred costs less than a split; less
+    /// makes dense scenes slower, more changes little until cells hold thousands.
     pub const TAU: u32 = 512;
-    /// Raster ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform
-    /// scenes are fastest between 4 and 8, dense ones in the array grid between 1 and 1.5.
+    /// Cell ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform scenes
+    /// are fastest between 4 and 8, dense ones in the array grid between 1 and 1.5.
     pub const CELL_RATIO: f32 = 4.0;
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
 
-    /// Refuses settings outside their range.
     pub(crate) fn check(&self) -> Result<(), Error> {
         if !(0.5..=16.0).contains(&self.cell_ratio) {
             let value = self.cell_ratio.to_string();

@@ -1,9 +1,6 @@
-//! Size classes of spheres by powers of two.
-
 /// The number of size classes, one per binary exponent of `f32`.
 pub const SIZE_CLASSES: usize = 256;
 
-/// The class of a radius: its binary exponent; 0 for zero and subnormals.
 #[inline(always)]
 pub(crate) fn class_of(radius: f32) -> usize {
     (radius.to_bits() >> 23) as usize & (SIZE_CLASSES - 1)

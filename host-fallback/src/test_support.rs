@@ -1,11 +1,10 @@
-//! Test support: inputs that are hard for grids, and the comparison of a detector with all pairs on each of them.
+//! Inputs that are hard for grids, and the comparison of a detector with naive.
 
 use glam::Vec3;
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
 use crate::{HostDetector, Order, Settings};
 
-/// A reproducible stream of numbers (SplitMix64).
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -31,7 +30,6 @@ fn many(n: usize, seed: u64, mut sphere: impl FnMut(&mut Random, usize) -> ([f32
     (0..n).map(|k| sphere(&mut random, k)).map(|(center, radius)| Sphere::new(center, radius)).collect()
 }
 
-/// Named inputs of some hundred spheres each.
 pub(crate) fn inputs() -> Vec<(&'static str, Vec<Sphere>)> {
     let shifted = |by: f32, mut spheres: Vec<Sphere>| {
         spheres.iter_mut().for_each(|sphere| sphere.center += by);
@@ -107,7 +105,6 @@ fn reactions() -> Interactions {
     table
 }
 
-/// Spaces that the spheres fill, overfill, or lie in a corner of.
 fn spaces(spheres: &[Sphere]) -> Vec<Space> {
     let corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (min, max) = spheres.iter().fold(corners, |(a, b), s| (a.min(s.center), b.max(s.center)));
@@ -120,7 +117,6 @@ fn spaces(spheres: &[Sphere]) -> Vec<Space> {
     [[1.0, 1.0, 1.0], [0.37, 0.0, 0.81], [0.0, 0.0, 0.11], [3.0, 1.7, 0.02]].map(space).into()
 }
 
-/// The pairs of `spheres` with these settings.
 pub(crate) fn pairs(spheres: Spheres<'_>, settings: &Settings) -> Vec<Pair> {
     let mut detector = HostDetector::new(settings.clone()).expect("settings within range");
     let first = detector.pairs(spheres).expect("valid spheres").to_vec();
@@ -130,7 +126,6 @@ pub(crate) fn pairs(spheres: Spheres<'_>, settings: &Settings) -> Vec<Pair> {
     first
 }
 
-/// Compares a detector with naive on every input, on one thread and several, with and without species.
 pub(crate) fn assert_matches_naive(settings: &Settings) {
     for (name, spheres) in inputs() {
         for space in spaces(&spheres) {
@@ -180,7 +175,6 @@ pub(crate) fn assert_matches_naive(settings: &Settings) {
     }
 }
 
-/// Spheres of many sizes in and around one dense cluster, enough for several threads.
 pub(crate) fn crowd(n: usize) -> Vec<Sphere> {
     many(n, 26, |r, k| {
         let scale = if k % 3 == 0 { 30.0 } else { 1.0 };
@@ -188,7 +182,6 @@ pub(crate) fn crowd(n: usize) -> Vec<Sphere> {
     })
 }
 
-/// Compares a detector with naive on an input for several threads: any number of threads gives the same bytes.
 pub(crate) fn assert_threads_match_naive(settings: &Settings) {
     let spheres = crowd(30_000);
     let with =

@@ -1,8 +1,7 @@
 //! Density: the mean number of spheres in a cube of a given size around a sphere.
 //!
 //! Estimated from a sample, because a cost model needs it before anything is built, and bounds tell nothing about
-//! clusters. The sample is sorted along the Morton curve, where the members of every octree cell are adjacent, so
-//! one sort serves all cube sizes.
+//! clusters. Along the Morton curve the members of every octree cell are adjacent, so one sort serves all cube sizes.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
@@ -18,8 +17,8 @@ const DEPTHS: usize = 21;
 /// The fewest coincidences at one depth that are evidence of density and not of chance.
 const MIN_COINCIDENCES: u64 = 24;
 
-/// Inputs below this number of spheres reuse a sample in several calls. Sampling takes a sixth of a call with 1000 spheres,
-/// and a poor plan costs little at this size.
+/// Inputs below this number of spheres reuse a sample. Sampling takes a sixth of a call with 1000 spheres, and a poor
+/// plan costs little at this size.
 const MAX_REUSE_SPHERES: usize = 1 << 12;
 /// The most further calls in which a sample is reused.
 const MAX_REUSES: u32 = 15;
@@ -29,13 +28,11 @@ const MAX_BOUNDS_SHIFT: f32 = 0.0625;
 const MAX_SEPARATE_COST: f32 = 0.9;
 /// Estimated time in nanoseconds of an exact test, which reads its spheres from anywhere in memory.
 const EXACT_TEST_NS: f32 = 60.0;
-/// The most groups: two sets of [`MAX_GROUPS`] and one that never pairs.
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
-/// The mean number of spheres in a cube around a sphere as a function of the cube's size: a polyline in log-log scale.
+/// The mean number of spheres in a cube around a sphere by the cube's size: a polyline in log-log scale.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DensityProfile {
-    /// log₂ of the size of the bounding cube.
     top: f32,
     /// log₂ of the mean number at size `2^(top - depth)`, for the depths that the sample resolves.
     log_mean: Vec<f32>,
@@ -69,8 +66,8 @@ impl DensityProfile {
         Ok(Sample::new(bounds, places, n)?.density(None))
     }
 
-    /// Computes the profile from sorted codes, each with the index of its sphere. With a grouping, only spheres of groups
-    /// that pair count.
+    /// Computes the profile from sorted codes with indices of spheres. With a grouping, only spheres of groups that
+    /// pair count.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
     fn from_codes(codes: &[(u64, u32)], n: usize, cell_size: f64, grouping: Option<&Grouping<'_>>) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
@@ -102,14 +99,12 @@ impl DensityProfile {
         Self { top, log_mean, slope: falls.clamp(0.0, 3.0) }
     }
 
-    /// log₂ of the size of the bounding cube; −∞ if all centers coincide.
     pub(crate) fn log_extent(&self) -> f32 {
         self.top
     }
 
-    /// The estimated number of pairs that touch.
     fn contacts(&self, stats: &InputStats) -> f32 {
-        // The cube with the volume of the sphere in which the centers of equal spheres in contact lie.
+        // A cube with the volume of the sphere of centers of equal spheres in contact.
         let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
@@ -127,7 +122,6 @@ impl DensityProfile {
     }
 }
 
-/// Sorted Morton codes of some spheres, with their indices.
 struct Sample {
     codes: Vec<(u64, u32)>,
     spheres: usize,
@@ -143,7 +137,6 @@ impl Sample {
         Self::new((min, max), indices.map(|index| (spheres.get(index).center, index as u32)), n)
     }
 
-    /// Creates a sample of `n` spheres between these bounds from some positions and indices.
     fn new(
         (min, max): (Vec3, Vec3),
         places: impl ExactSizeIterator<Item = (Vec3, u32)>,
@@ -158,7 +151,6 @@ impl Sample {
         Ok(Self { codes, spheres: n, cell_size })
     }
 
-    /// The density profile of spheres of groups that pair; of all spheres without a grouping.
     fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
         DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping)
     }
@@ -186,7 +178,6 @@ pub(crate) struct DensityCache {
     groups: u32,
     spheres: usize,
     bounds: [Vec3; 2],
-    /// The number of further calls in which it may be reused.
     left: u32,
 }
 
@@ -214,7 +205,6 @@ impl DensityCache {
         }
     }
 
-    /// Samples the input. Groups of species are kept apart if a search is then expected to take less time.
     fn sample(
         input: &SearchInput<'_>,
         groups: Option<&SpeciesGroups>,
@@ -243,7 +233,6 @@ impl DensityCache {
         Ok((if is_separate { apart } else { merged }, is_separate))
     }
 
-    /// Keeps groups apart, or merges them, at any cost.
     #[cfg(test)]
     pub(crate) fn with_groups(self, is_separate: bool) -> Self {
         Self { is_separate, ..self }
@@ -253,12 +242,10 @@ impl DensityCache {
         &self.density
     }
 
-    /// Returns `true` if groups of species are kept apart.
     pub(crate) fn is_separate(&self) -> bool {
         self.is_separate
     }
 
-    /// Returns `true` if the sample applies to this number of spheres between these bounds.
     fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
         let [low, high] = self.bounds;
         let margin = (high - low).max_element() * MAX_BOUNDS_SHIFT;
@@ -267,19 +254,18 @@ impl DensityCache {
     }
 }
 
-/// The size of a sample: with one sphere per cell on average it has dozens of coincidences, and it stays cheap.
+/// With one sphere per cell on average, a sample of this size has dozens of coincidences, and it stays cheap.
 fn sample_size(n: usize) -> usize {
     n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
 }
 
-/// The `k`-th of `size` indices below `n`: one from each of `size` equal ranges, at a pseudorandom position in it.
+/// The `k`-th of `size` indices below `n`: pseudorandom within the `k`-th of `size` equal ranges.
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
     from + ((mixed * (to - from) as u64) >> 32) as usize
 }
 
-/// Interleaves the bits of three coordinates below 2²¹.
 fn morton(at: DVec3) -> u64 {
     let spread = |v: f64| {
         let mut v = (v as u64).min((1 << DEPTHS) - 1);
@@ -298,12 +284,11 @@ fn cells(codes: &[(u64, u32)], depth: usize) -> impl Iterator<Item = &[(u64, u32
     codes.chunk_by(move |(a, _), (b, _)| a >> shift == b >> shift)
 }
 
-/// The number of pairs of the sorted sample that share a cell at `depth` halvings.
 fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// The number of pairs that share a cell at `depth` halvings: of spheres of groups that meet, and in all.
+/// The pairs that share a cell at `depth` halvings: of groups that meet, and in all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];

@@ -1,34 +1,31 @@
-//! The cells of one level: maps coordinates to rows of cells that are contiguous in memory.
+//! The cells of one level, as rows that are contiguous in memory.
 //!
-//! Space is unbounded but the table is not. Where the bounds hold too many cells, the grid is folded: cells whose
-//! coordinates agree modulo the grid's size share a table entry. Sharing adds comparisons, never pairs.
+//! If the bounds hold too many cells, the grid is folded: cells whose coordinates agree modulo the grid's size share a
+//! table entry. Sharing adds comparisons, never pairs.
 
 use glam::{DVec3, Vec3};
 
 use crate::compare::{Axes, Portable, SimdWidth};
 use crate::math::floor;
 
-/// Below this many cells from the origin `f64` still counts single cells; farther out two different `f32`
-/// coordinates lie 2²⁵ cells apart or more, so that only equal ones can meet.
+/// Below this many cells from the origin `f64` counts single cells; farther out, different `f32` coordinates are at
+/// least 2²⁵ cells apart, so only equal ones can meet.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
 /// The largest error of a coordinate by rounding, relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 
-/// More than the largest error of a sum of coordinates in `f32`, relative to the largest coordinate: 2⁻²⁰.
+/// An upper bound on the error of a sum of coordinates in `f32`, relative to the largest coordinate.
 const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
-/// The cells of one level.
 #[derive(Clone, Debug)]
 pub(crate) struct CellGrid {
     axes: Axes,
-    /// The size of a cell along each axis.
     cell_sizes: [f64; 3],
-    /// `true` for each periodic axis.
     periodic: [bool; 3],
     /// Cells per axis.
     pub(crate) size: [u32; 3],
     pub(crate) folded: bool,
-    /// `true` if a row of cells may wrap: the grid is folded, or space is periodic.
+    /// `true` if a row of cells may wrap.
     pub(crate) circular: bool,
     /// `true` if two spheres of the level that touch always lie in the same or in adjacent cells.
     pub(crate) adjoining: bool,
@@ -52,7 +49,6 @@ impl CellRange {
         [b[0] - a[0] + 1, b[1] - a[1] + 1, b[2] - a[2] + 1]
     }
 
-    /// Returns `true` if the range wraps in a grid of this size.
     #[inline(always)]
     pub(crate) fn wraps(&self, size: [u32; 3]) -> bool {
         self.last[0] >= size[0] || self.last[1] >= size[1] || self.last[2] >= size[2]
@@ -62,7 +58,7 @@ impl CellRange {
 impl CellGrid {
     /// Creates cells of size `cell_size` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
     ///
-    /// An axis with a length is periodic. It starts at `−length / 2` and has a whole number of cells that are no smaller.
+    /// A periodic axis starts at `−length / 2` and has a whole number of cells that are no smaller.
     pub(crate) fn new(
         cell_size: f64,
         (min, max): (Vec3, Vec3),
@@ -103,12 +99,10 @@ impl CellGrid {
         Self { axes, cell_sizes, periodic, size, folded, circular, adjoining, reach, largest }
     }
 
-    /// The largest effective radius of its spheres plus its rounding error.
     pub(crate) fn reach(&self) -> f64 {
         self.reach
     }
 
-    /// The largest effective radius of its spheres.
     pub(crate) fn largest(&self) -> f32 {
         self.largest
     }
@@ -122,12 +116,10 @@ impl CellGrid {
         cells(1) * cells(2)
     }
 
-    /// The number of table entries of the grid.
     pub(crate) fn cells(&self) -> u64 {
         self.size.iter().map(|&k| u64::from(k)).product()
     }
 
-    /// The cell of a center.
     #[inline(always)]
     pub(crate) fn cell_of<V: SimdWidth>(&self, vector: V, [x, y, z]: [f32; 3]) -> [u32; 3] {
         if self.folded {
@@ -137,7 +129,6 @@ impl CellGrid {
         [x, y, z]
     }
 
-    /// The table entry of a cell.
     #[inline(always)]
     pub(crate) fn index(&self, cell: [u32; 3]) -> usize {
         let row = cell[2] as usize * self.size[1] as usize + cell[1] as usize;
@@ -146,8 +137,8 @@ impl CellGrid {
 
     /// All cells that may hold a sphere of this level that touches one with this center and radius.
     ///
-    /// Neither folded nor periodic: lower and upper corner come from the same monotone expression as [`cell_of`](Self::cell_of),
-    /// from coordinates moved outwards by more than rounding can move them; cut to the grid.
+    /// Not for folded or periodic grids. Both corners come from the same monotone expression as
+    /// [`cell_of`](Self::cell_of), from coordinates moved outwards by more than rounding can move them.
     #[inline(always)]
     pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
         if self.circular {
@@ -159,11 +150,10 @@ impl CellGrid {
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// The bounds within which a sphere of `cell`, its radius included, touches no sphere of lower and of higher cells along
-    /// each axis; infinite without such cells. Not for folded grids.
+    /// The bounds within which a sphere of `cell`, its radius included, touches no sphere of lower and of higher cells
+    /// along each axis; infinite without such cells. Not for folded grids.
     ///
-    /// The bounds are moved inwards by far more than rounding in `f32`, that of subnormal
-    /// numbers included, can move the coordinates compared with them.
+    /// They are moved inwards by far more than rounding in `f32`, including subnormal numbers, can move coordinates.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
@@ -182,7 +172,7 @@ impl CellGrid {
         (low, high)
     }
 
-    /// Returns `true` if the cell is the first or the last of a periodic axis, so that cells at the other end are adjacent.
+    /// Returns `true` if cells at the other end of a periodic axis are adjacent.
     #[inline(always)]
     pub(crate) fn is_at_boundary(&self, cell: [u32; 3]) -> bool {
         let at_boundary = |axis: usize| cell[axis] == 0 || cell[axis] + 1 == self.size[axis];
@@ -199,8 +189,8 @@ impl CellGrid {
             let cells = f64::from(self.size[axis]);
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
-                    // Wrapped coordinates differ from unwrapped ones by the rounding of one length. A center at the very
-                    // end of the axis lies in its last cell: its distance to the first cell is smaller than that.
+                    // Wrapped coordinates differ from unwrapped ones by the rounding of one length. A center at the
+                    // very end of the axis lies in its last cell, closer to the first cell than that.
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
@@ -228,7 +218,7 @@ impl CellGrid {
             } else if at.abs() < COUNTABLE {
                 modulo(floor(at), self.size[axis])
             } else {
-                // Only equal coordinates can touch at this distance, so any function of the value is a valid cell.
+                // Only equal coordinates can touch here, so any function of the value is a valid cell.
                 center[axis].to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
             }
         })
@@ -240,7 +230,7 @@ fn modulo(cell: i64, size: u32) -> u32 {
     cell.rem_euclid(i64::from(size)) as u32
 }
 
-/// The grid's size: the whole extent where it has at most `most` cells, else the longest axes folded.
+/// Returns the grid's size: the whole extent if it has at most `most` cells, else the longest axes are folded.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);
@@ -261,7 +251,6 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
 mod tests {
     use super::*;
 
-    /// Returns `true` if the block holds the cell, on a folded or a plain grid.
     fn holds(grid: &CellGrid, block: CellRange, cell: [u32; 3]) -> bool {
         (0..3).all(|k| {
             let steps = (cell[k] + grid.size[k] - block.first[k]) % grid.size[k];

@@ -14,10 +14,9 @@ use crate::size_class::SIZE_CLASSES;
 /// Spheres per work item.
 const CHUNK_SPHERES: usize = 1 << 14;
 
-/// The spheres of a group.
 #[derive(Clone, Debug)]
 pub(super) struct GroupMembers {
-    /// The counts by size class of the effective radius, which includes the skin if candidates are searched.
+    /// Counts by size class of the effective radius, with the skin if candidates are searched.
     classes: [SizeClass; SIZE_CLASSES],
     min: Vec3,
     max: Vec3,
@@ -55,7 +54,7 @@ impl GroupMembers {
         self.margin = self.margin.max(other.margin);
     }
 
-    /// Counts the spheres of each group. Of two sets without other groups, both have the bounds of all spheres.
+    /// Counts the spheres of each group. Two sets without other groups both get the bounds of all spheres.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`], and those of the threads.
@@ -87,7 +86,6 @@ impl GroupMembers {
         Ok(())
     }
 
-    /// The members of two sets.
     fn of_sets(input: &SearchInput<'_>, split: usize) -> [Self; 2] {
         let InputStats { min, max, classes, .. } = input.stats;
         let mut first = Self { classes, min, max, ..Self::NONE };
@@ -103,7 +101,6 @@ impl GroupMembers {
         [first, second]
     }
 
-    /// The number and the largest effective radius of the spheres of a level.
     pub(super) fn of_level(&self, plan: &LevelPlan, level: usize) -> SizeClass {
         let mut all = SizeClass::default();
         for (class, of) in self.classes.iter().zip(&plan.of_class) {
@@ -114,12 +111,10 @@ impl GroupMembers {
         all
     }
 
-    /// The smallest and the largest coordinates of the centers.
     pub(super) fn bounds(&self) -> (Vec3, Vec3) {
         if self.min.x <= self.max.x { (self.min, self.max) } else { (Vec3::ZERO, Vec3::ZERO) }
     }
 
-    /// The largest distance between centers of a candidate of this group and the other.
     pub(super) fn reach(&self, other: &Self, meeting: Meeting) -> f64 {
         let radii = f64::from(self.radius) + f64::from(other.radius);
         let reach = meeting.distance.max(if meeting.touches { radii } else { 0.0 });

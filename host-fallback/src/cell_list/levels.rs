@@ -1,9 +1,8 @@
 //! The plan of a cell list: the sizes that share a level, and the cell size of each level. A pure function.
 //!
-//! Every sphere lies in the one cell of its center, at the level of its size. A search compares each sphere with its neighbor cells at
-//! its own level and at every coarser one. Few levels mean long runs of spheres too small for their cells; many
-//! mean that each sphere looks up many short runs. The cheapest plan depends on the density, so levels
-//! are chosen by dynamic programming over a cost estimate. The paper's τ decides the same for each cell by itself.
+//! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
+//! long runs of spheres too small for their cells; many mean many short runs. The cheapest plan depends on the density,
+//! so levels are chosen by dynamic programming over a cost estimate. The paper's τ decides the same per cell.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 
@@ -27,23 +26,18 @@ const MAX_CELL_SIZES: usize = 24;
 /// The most groups of size classes that are planned separately.
 const MAX_CLASS_GROUPS: usize = 20;
 
-/// The levels of one cell list, coarsest first.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LevelPlan {
     pub(crate) levels: Vec<Level>,
-    /// The level of each size class.
     pub(crate) of_class: [u8; SIZE_CLASSES],
-    /// Estimated time of a search, in nanoseconds.
     pub(crate) cost: f32,
 }
 
-/// One level: spheres of neighboring size classes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Level {
     pub(crate) spheres: u32,
     /// The largest effective radius.
     pub(crate) largest: f32,
-    /// The size of a cell.
     pub(crate) cell_size: f64,
 }
 
@@ -106,9 +100,7 @@ impl LevelPlan {
 
 /// The cost estimate.
 struct LevelCostModel<'c> {
-    /// Spheres of each group of classes, the largest first.
     counts: Vec<f32>,
-    /// Largest radius of each group.
     radii: Vec<f32>,
     /// Spheres in all.
     total: f32,
@@ -116,8 +108,8 @@ struct LevelCostModel<'c> {
 }
 
 impl LevelCostModel<'_> {
-    /// Calls `offer` for every level that begins with the class `from` and every cell size: the end of its classes, the cost of
-    /// searching it for its own spheres and for all smaller ones, and log₂ of the cell size.
+    /// Calls `offer` for every level that begins with class `from` and every cell size: the end of its classes, the
+    /// cost of searching it for its own and all smaller spheres, and log₂ of the cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
@@ -129,8 +121,7 @@ impl LevelCostModel<'_> {
             return ends.for_each(|to| offer(to, members(to) * (ROW_NS + COMPARE_NS * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
-        // From cells of the largest table's full size to one cell for all; sizes far below the largest radius are
-        // not tried.
+        // From cells of the largest table's full size to one cell for all, without sizes far below the largest radius.
         let finest = extent - most[most.len() - 1].log2() / 3.0;
         let lowest = finest.max(self.radii[from].log2() - 1.0).min(extent);
         let cell_sizes = (0..MAX_CELL_SIZES).map(|k| lowest + k as f32 / SIZES_PER_DOUBLING);
@@ -155,9 +146,9 @@ impl LevelCostModel<'_> {
         }
     }
 
-    /// The costs of each class at or after `from` with cells of this size: for the later half of the rows around its spheres,
-    /// and for the comparisons there if the level held all spheres. Members search later spheres only, smaller spheres
-    /// search twice as many.
+    /// The costs of each class at or after `from` with cells of this size: for the later half of the rows around its
+    /// spheres, and for the comparisons there if the level held all spheres. Members search later spheres only; smaller
+    /// spheres search both halves.
     fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
@@ -181,7 +172,6 @@ mod tests {
     use crate::compare::PairTest;
     use crate::input::SearchInput;
 
-    /// The plan for spheres on a lattice of this spacing whose radii take turns.
     fn plan(n: u32, spacing: f32, radii: &[f32]) -> LevelPlan {
         let side = f64::from(n).cbrt().ceil() as u32;
         let spheres: Vec<_> = (0..n)

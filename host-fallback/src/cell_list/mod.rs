@@ -1,9 +1,8 @@
 //! Hierarchical cell list: every sphere in the one cell of its center, at the level of its size.
 //!
-//! The grids of the paper map a sphere to every cell it overlaps, which costs several entries per sphere. A cell list has one
-//! entry per sphere. All levels are sorted together, since a level's cells follow the coarser level's in one numbering. Each
-//! sphere then searches the cells around it: at its own level for later spheres only, at coarser levels for all. A pair is
-//! thus found once, from its finer sphere or, within a level, from its earlier one.
+//! All levels are sorted together, in one numbering of cells, coarse levels first. Each sphere searches the cells
+//! around it: at its own level for later spheres only, at coarser levels for all. A pair is thus found once, from its
+//! finer sphere or, within a level, from its earlier one.
 //!
 //! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have levels of
 //! their own. Spheres search only levels of groups that pair with theirs; each two levels are searched from one side.
@@ -39,18 +38,15 @@ use sort::Sorter;
 
 /// Table entries per level at most, so that 32 bits number the entries of all levels.
 const MAX_CELLS: u64 = 1 << 26;
-/// Factors by which cells may exceed the planned size to avoid a folded table, which is slower: the plan knows the extent of
-/// space, but not the number of cells that it overlaps.
+/// Factors by which cells may exceed the planned size to avoid a folded table, which is slower.
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
-/// The structure and its buffers, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct CellList {
     /// Coarsest first.
     levels: Vec<LevelGrid>,
-    /// The spheres, level by level and cell by cell.
     columns: Columns,
-    /// The start of each cell's spheres in `columns`, and the end of the last one.
+    /// The start of each cell's spheres, and the end of the last one.
     starts: Vec<u32>,
     /// The other levels that each level searches.
     targets: Vec<Target>,
@@ -60,7 +56,6 @@ pub(crate) struct CellList {
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<CachedPlan>,
-    /// Estimated time of a search by one thread, in nanoseconds.
     time: f32,
 }
 
@@ -85,28 +80,23 @@ impl CachedPlan {
     }
 }
 
-/// The grid of one level for the spheres of one group, and its part of the table.
 #[derive(Clone, Debug)]
 struct LevelGrid {
     grid: CellGrid,
-    /// Table entry of its first cell.
     base: usize,
-    /// The spheres of this level in the columns.
     members: Range<usize>,
     /// `true` if its spheres pair among themselves.
     pairs_within: bool,
-    /// The other levels that its spheres search, in [`CellList::targets`].
     targets: Range<usize>,
 }
 
 impl LevelGrid {
-    /// The number of rows of cells that its spheres search on a level, with radii up to `cap`.
+    /// The rows of cells that its spheres search on a level, with radii up to `cap`.
     fn effort(&self, other: &Self, cap: f64) -> f64 {
         self.members.len() as f64 * other.grid.rows_around(self.grid.reach().min(cap))
     }
 }
 
-/// A level that another level searches.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,
@@ -114,7 +104,6 @@ struct Target {
     cap: f32,
 }
 
-/// Maps spheres to table entries.
 #[derive(Clone, Copy)]
 struct CellLocator<'p> {
     levels: &'p [LevelGrid],
@@ -124,12 +113,10 @@ struct CellLocator<'p> {
 }
 
 impl CellLocator<'_> {
-    /// The number of entries of the table.
     fn cells(&self) -> usize {
         self.levels.last().map_or(0, |level| level.base + level.grid.cells() as usize)
     }
 
-    /// The table entry of sphere `id`.
     #[inline(always)]
     fn cell_of<V: SimdWidth>(&self, vector: V, id: usize, [x, y, z, radius]: [f32; 4]) -> u32 {
         let level = match self.levels {
@@ -160,7 +147,7 @@ impl CellList {
         DensityCache::of(last, input, table.map(|_| &self.groups))
     }
 
-    /// Plans the levels for this density and sorts the spheres into cells.
+    /// Plans the levels and sorts the spheres into cells.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -202,7 +189,6 @@ impl CellList {
         report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
     }
 
-    /// The cells of a level for all spheres, or for those of one group.
     fn grid(
         input: &SearchInput<'_>,
         plan: &LevelPlan,
@@ -225,12 +211,10 @@ impl CellList {
         grid
     }
 
-    /// Returns `true` if every two compared spheres are a pair exactly if their effective radii touch.
     pub(crate) fn touch_decides(&self) -> bool {
         self.touch_decides
     }
 
-    /// The estimated time of a search by one thread, in nanoseconds.
     pub(crate) fn time(&self) -> f32 {
         self.time
     }
@@ -247,7 +231,7 @@ impl CellList {
         search::search(self, input, output)
     }
 
-    /// Replaces the ids of the spheres by their positions in the list. `order` receives the id at each position.
+    /// Replaces the ids of the spheres by their positions in the list, and fills `order` with the ids.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -255,7 +239,6 @@ impl CellList {
         self.columns.renumber(order)
     }
 
-    /// One free record per sphere, by position, which the list does not use until the next build.
     pub(crate) fn notes(&self) -> &[SortRecord] {
         self.sorter.entries()
     }
@@ -265,15 +248,14 @@ impl CellList {
         self.sorter.entries_mut()
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64) -> u64 {
         let cells = (CELLS_PER_SPHERE as u64 * spheres).max(64);
         with_growth(spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells)
     }
 }
 
-/// Decides which of each two levels searches the other: within a group the finer one, between groups the one that searches
-/// fewer cells. `members` is empty if there is one group.
+/// Decides which of each two levels searches the other: within a group the finer one, between groups the one that
+/// searches fewer cells. `members` is empty if there is one group.
 fn link(
     levels: &mut [LevelGrid],
     targets: &mut Vec<Target>,

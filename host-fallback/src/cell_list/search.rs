@@ -1,5 +1,3 @@
-//! Searches the neighbor cells of every sphere of a built cell list.
-
 use std::ops::Range;
 
 use super::grid::CellRange;
@@ -15,7 +13,6 @@ const CHUNK_SPHERES: usize = 1 << 10;
 /// Hits are queued if at least one of this number of runs contains some.
 const RUNS_PER_HIT: usize = 2;
 
-/// Finds all pairs of the list in chunks on the threads.
 pub(super) fn search<'o, O: Output>(
     list: &CellList,
     input: &SearchInput<'_>,
@@ -70,7 +67,6 @@ impl<S: Sink> SimdTask for Piece<'_, S> {
     }
 }
 
-/// Returns the neighbor rows of a cell, and the end of the cell's spheres.
 #[inline(always)]
 fn around(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, usize) {
     let [size_x, size_y, size_z] = level.grid.size;
@@ -107,8 +103,8 @@ struct Finder<'p, V, S> {
 }
 
 impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
-    /// Searches for the spheres at `members`, cell by cell: spheres of one cell share its neighbor cells. At its own level a
-    /// sphere is compared with later spheres only, so that each pair is found once.
+    /// Searches for the spheres at `members`: spheres of one cell share its neighbor cells. At its own level a sphere
+    /// is compared with later spheres only, so each pair is found once.
     #[inline(always)]
     fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
@@ -138,7 +134,6 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the runs on other levels that the sphere at `at` may touch.
     #[inline(always)]
     fn others(&mut self, targets: &[Target], at: usize) {
         for &Target { level, cap } in targets {
@@ -146,8 +141,8 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the runs of a level that the sphere at `at` may touch, without spheres before index `from`. Its radius is capped
-    /// at `cap`.
+    /// Queues the runs of a level that the sphere at `at` may touch, without spheres before index `from`. Its radius is
+    /// capped at `cap`.
     #[inline(always)]
     fn level(&mut self, level: &LevelGrid, (at, cap): (usize, f32), from: usize) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
@@ -162,7 +157,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         let first = level.base + level.grid.index(block.first);
         let (next_y, next_z) = (size_x * more_y, size_x * size_y * more_z);
         let rows = [first, first + next_y, first + next_z, first + next_y + next_z];
-        // A second row that is the first again is left out.
+        // A second row that equals the first is skipped.
         let wanted = [true, more_y > 0, more_z > 0, (more_y > 0) & (more_z > 0)];
         for (row, wanted) in rows.into_iter().zip(wanted) {
             let start = self.list.starts[row].max(from as u32);

@@ -1,7 +1,8 @@
 //! Sorts spheres by cell in two passes: into buckets of consecutive cells, then within each bucket.
 //!
-//! A single counting sort over all cells would write to one position per cell and miss every cache for large inputs. Buckets
-//! are few enough that the first pass keeps their ends in cache, and small enough that the second pass runs in cache. Both passes are stable, so the order is the same for any number of threads.
+//! A single counting sort over all cells would miss every cache for large inputs. Buckets are few enough that the first
+//! pass keeps their ends in cache, and small enough that the second pass runs in cache. Both passes are stable, so the
+//! order is the same for any number of threads.
 
 use bytemuck::Zeroable;
 use glam::Vec3;
@@ -15,14 +16,13 @@ use crate::memory::{try_collect, try_resize};
 
 /// The fewest and the most spheres per chunk of the first pass.
 const CHUNK_SPHERES: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
-/// The target number of chunks of the first pass: enough to balance threads, few enough for a counter per chunk and bucket.
+/// Enough chunks to balance threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 32;
 /// The target number of spheres per bucket: 48 KiB of records.
 const BUCKET: usize = 1 << 11;
 /// The most buckets: one cache line each stays in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
 
-/// A sphere during the sort.
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
 #[repr(C)]
 pub(crate) struct SortRecord {
@@ -32,21 +32,18 @@ pub(crate) struct SortRecord {
     pub(crate) key: u32,
 }
 
-/// Buffers that survive between calls.
 #[derive(Debug, Default)]
 pub(super) struct Sorter {
     keys: Vec<u32>,
     entries: Vec<SortRecord>,
-    /// By chunk and bucket: first the number of spheres, then the position of the next one.
+    /// Indexed by chunk and bucket: first the number of spheres, then the position of the next one.
     offsets: Vec<u32>,
-    /// The end of each bucket.
     ends: Vec<usize>,
 }
 
 impl Sorter {
     pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<SortRecord>() as u64;
 
-    /// One record per sphere, free for other use between sorts.
     pub(super) fn entries(&self) -> &[SortRecord] {
         &self.entries
     }
@@ -59,8 +56,8 @@ impl Sorter {
     /// The number of entries of `starts` after those of the cells.
     pub(super) const PADDING: usize = 3;
 
-    /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the position of the first sphere of cell `k` or a
-    /// later one, for `k` up to the number of cells; the padding of `starts` repeats the end.
+    /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the position of the first sphere of cell
+    /// `k` or a later one; the padding of `starts` repeats the end.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -107,7 +104,6 @@ impl Sorter {
         Ok(())
     }
 
-    /// Distributes the spheres to buckets.
     fn spread(
         &mut self,
         input: &SearchInput<'_>,
@@ -164,7 +160,6 @@ impl Sorter {
     }
 }
 
-/// Computes the cells of the spheres at or after index `first`.
 struct Keys<'k> {
     test: &'k PairTest<'k>,
     places: CellLocator<'k>,
@@ -192,7 +187,7 @@ impl SimdTask for Keys<'_> {
     }
 }
 
-/// Computes the start of each cell of a bucket, counted from the bucket's first sphere.
+/// Computes the start of each cell of a bucket, relative to the bucket.
 fn count(entries: &[SortRecord], first: usize, cells: &mut [u32]) {
     cells.fill(0);
     for entry in entries {

@@ -13,7 +13,6 @@ fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
     detector.pairs(spheres).expect("the spheres are valid").to_vec()
 }
 
-/// Spheres of sizes down to `2^-sizes` with edges of the scene at `spread`, from a fixed sequence.
 fn scattered(n: u32, sizes: u32, spread: f32) -> Vec<Sphere> {
     let mut state = 7_u64;
     let mut random = || {
@@ -45,7 +44,7 @@ fn agrees_with_all_pairs() {
     assert_matches_naive(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
 }
 
-/// Cells wider than the cutoff, most of them away from the periodic boundary, and pairs across every face, edge and corner.
+/// Cells wider than the cutoff, and pairs across every face, edge and corner.
 #[test]
 fn gas_in_a_periodic_box_matches_naive() {
     let spheres: Vec<_> = scattered(6000, 0, 60.0)
@@ -69,8 +68,7 @@ fn gas_in_a_periodic_box_matches_naive() {
 
 #[test]
 fn folded_table_matches_naive() {
-    // A chain across space: its bounds hold far more cells than the table may have, and its links cross every
-    // boundary of the fold.
+    // Its bounds hold far more cells than the table may have, and its links cross every boundary of the fold.
     let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
     let mut spheres = scattered(2000, 3, 30.0);
     for sphere in &mut spheres {
@@ -82,7 +80,6 @@ fn folded_table_matches_naive() {
     assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
 }
 
-/// Tables of all kinds, with groups kept apart and merged, of one set and of two.
 #[test]
 fn groups_of_species_match_naive() {
     let kinds = [Interaction::Never, Interaction::Touch, Interaction::Within(0.9), Interaction::Within(4.0)];
@@ -143,7 +140,6 @@ fn groups_of_species_match_naive() {
     }
 }
 
-/// Cells as small as the table allows, wherever space begins.
 #[test]
 fn slightly_too_many_cells_do_not_fold_the_table() {
     // Sums of four are about normally distributed, so that no cells are as good as the smallest.

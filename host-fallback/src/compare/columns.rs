@@ -7,7 +7,8 @@ pub(crate) const MAX_LANES: usize = 16;
 
 /// Spheres as columns in any order, padded so that a whole vector can be loaded at any sphere.
 ///
-/// Invariant: if there are spheres every column has `len + MAX_LANES` values; only [`Columns::resize`] changes lengths.
+/// Invariant: if there are spheres, every column has `len + MAX_LANES` values; only [`Columns::resize`] changes
+/// lengths.
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
     x: Vec<f32>,
@@ -18,8 +19,7 @@ pub(crate) struct Columns {
     len: usize,
 }
 
-/// The columns for writing: `x`, `y`, `z`, the effective radius (the given radius without interactions) and the index in
-/// the input.
+/// The columns `x`, `y`, `z`, the effective radius (the given radius without interactions) and the index in the input.
 pub(crate) struct ColumnsMut<'c> {
     pub(crate) xyzr: [&'c mut [f32]; 4],
     pub(crate) id: &'c mut [u32],
@@ -79,13 +79,11 @@ impl Columns {
         Ok(())
     }
 
-    /// The index in the input of the sphere at `at`.
     #[inline(always)]
     pub(crate) fn id(&self, at: usize) -> u32 {
         self.id[at]
     }
 
-    /// The center and the effective radius of the sphere at `at`.
     #[inline(always)]
     pub(crate) fn sphere(&self, at: usize) -> [f32; 4] {
         self.lanes::<1>(at).map(|[value]| *value)
@@ -102,7 +100,6 @@ impl Columns {
         [lanes(&self.x), lanes(&self.y), lanes(&self.z), lanes(&self.r)]
     }
 
-    /// The ids that go with [`lanes`](Self::lanes).
     #[inline(always)]
     pub(crate) fn ids<const N: usize>(&self, base: usize) -> &[u32; N] {
         const { assert!(N <= MAX_LANES) };

@@ -2,9 +2,8 @@
 //!
 //! # Correctness
 //!
-//! The consumer runs in a thread outside the pool, and the threads that search only send to it. So a consumer may wait for
-//! the pool of another detector: a thread that waits for a pool takes up other work of its own pool, and if the consumer ran
-//! in a thread that searches, that work could wait for the same consumer.
+//! The consumer runs in a thread outside the pool, so it may wait for the pool of another detector. In a searching
+//! thread, such a wait could take up other work of the own pool, which could in turn wait for the same consumer.
 
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -15,7 +14,7 @@ use lazygrid_kernels::Pair;
 use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
 use crate::Error;
 
-/// Runs `search`, whose output a new thread hands to `consume` in chunks. `free_chunks` are used for them, and come back.
+/// Runs `search`, whose output a new thread hands to `consume` in chunks from `free_chunks`.
 ///
 /// # Errors
 /// [`Error::ThreadPool`] if the thread cannot be started, and those of `search`.
@@ -24,7 +23,7 @@ pub(crate) fn deliver_unordered(
     free_chunks: &mut Vec<Vec<Pair>>,
     search: impl FnOnce(&ChunkedOutput<'_>) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    // One chunk per thread may wait, so no thread waits for a consumer that keeps up.
+    // One waiting chunk per thread: no thread waits for a consumer that keeps up.
     let (sender, receiver) = sync_channel(rayon::current_num_threads());
     let end = sender.clone();
     let output = ChunkedOutput::new(ChunkTarget::Channel(sender), std::mem::take(free_chunks));

@@ -1,8 +1,8 @@
-//! The exact filter after the broad phase: groups, exclusions and, for spheres that are searched in a frame, contact.
+//! The exact filter after the broad phase: groups, exclusions and, in a frame, contact.
 
 use lazygrid_kernels::{Exclusions, Interactions, Query, Space, Spheres};
 
-/// Decides which of the found pairs are reported. Indices count all spheres: those of a second set follow the first set.
+/// Decides which found pairs are reported. Indices of a second set follow those of the first.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
     query: Query<'a>,
@@ -12,8 +12,8 @@ pub struct PairFilter<'a> {
 }
 
 impl<'a> PairFilter<'a> {
-    /// Creates the filter of a query; `None` if the search decides. `contact` names the space and the table if spheres are
-    /// searched in a frame. Species ids and exclusions are checked already.
+    /// Creates the filter of a query; `None` if the search decides. `contact` has the space and the table if spheres
+    /// are searched in a frame. Species ids and exclusions are checked already.
     pub(crate) fn new(
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
@@ -44,7 +44,6 @@ impl<'a> PairFilter<'a> {
             && !self.query.exclusions().is_some_and(|exclusions| self.are_listed(exclusions, i, j))
     }
 
-    /// Returns the set of a sphere, and its index there.
     fn of(&self, k: u32) -> (Spheres<'a>, usize) {
         let (k, first) = (k as usize, self.query.first());
         match self.query.second() {
@@ -70,7 +69,6 @@ impl<'a> PairFilter<'a> {
         }
     }
 
-    /// The contact test on the numbers as given.
     fn touch(&self, space: &Space, table: Option<&Interactions>, i: u32, j: u32) -> bool {
         let [(of_a, a), (of_b, b)] = [i, j].map(|k| self.of(k));
         let distance = match (table, of_a.species(), of_b.species()) {

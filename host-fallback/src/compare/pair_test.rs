@@ -7,11 +7,11 @@ use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Returns `true` if two centers are at most `cutoff` apart. It computes in `f64`, where differences of `f32` coordinates
+/// Returns `true` if two centers are at most `cutoff` apart, computed in `f64`, where differences of `f32` coordinates
 /// cannot overflow, underflow or lose the digits that decide exact contact.
 ///
-/// With the lengths of a periodic space it uses minimum images. Centers are wrapped, so that along no axis they are farther
-/// apart than its length, and subtracting their distance from the length does not round.
+/// With the lengths of a periodic space it uses minimum images. Wrapped centers are no farther apart along an axis than
+/// its length, and subtracting their distance from the length does not round.
 #[inline]
 fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     let mut d = a.as_dvec3() - b.as_dvec3();
@@ -32,15 +32,14 @@ pub(crate) struct PairTest<'a> {
     margin: Option<SkinMargin<'a>>,
     /// The exact filter that is applied after the contact test.
     filter: Option<&'a PairFilter<'a>>,
-    /// The number of spheres of the first of two sets, for a search that finds pairs within a set too.
+    /// The size of the first of two sets, for a search that finds pairs within a set too.
     split: Option<u32>,
     /// The frame in which the spheres are searched.
     frame: Option<&'a SearchFrame>,
-    /// `true` if spheres that certainly touch are a pair without any further test.
+    /// `true` if spheres that certainly touch are a pair without further tests.
     is_plain: bool,
 }
 
-/// The center of a sphere and its radii.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SphereRadii {
     pub(crate) center: Vec3,
@@ -52,7 +51,7 @@ pub(crate) struct SphereRadii {
     pub(crate) widened: f32,
 }
 
-/// The margin that is added to radii, so that a search finds candidates instead of pairs.
+/// The margin that is added to radii in a search for candidates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
     /// The margin of the radii of each [size class](class_of).
@@ -61,7 +60,6 @@ pub(crate) struct SkinMargin<'a> {
     pub(crate) order: Option<&'a [u32]>,
 }
 
-/// Interactions by species, with the ids checked against the table.
 #[derive(Clone, Debug)]
 struct Species<'a> {
     table: &'a Interactions,
@@ -91,7 +89,7 @@ impl<'a> PairTest<'a> {
         }
     }
 
-    /// Adds the frame in which the spheres are searched, and the exact filter that is applied after the contact test.
+    /// Adds the frame in which the spheres are searched, and the exact filter.
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
         // In orthogonalized coordinates, and between effective radii of species, no contact is certain.
         let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
@@ -117,12 +115,12 @@ impl<'a> PairTest<'a> {
         Self { margin: Some(margin), ..self.clone() }
     }
 
-    /// The space that is searched.
     pub(crate) fn space(&self) -> &Space {
         &self.space
     }
 
-    /// The space of the SIMD filter, for spheres up to this radius; `None` if it is unbounded and contact needs no slack.
+    /// The space of the SIMD filter, for spheres up to this radius; `None` if it is unbounded and contact needs no
+    /// slack.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::is_orthogonal) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
@@ -131,12 +129,10 @@ impl<'a> PairTest<'a> {
         }
     }
 
-    /// Converts a distance to the coordinates of the search.
     pub(crate) fn searched(&self, distance: f64) -> f32 {
         (distance * self.frame.map_or(1.0, SearchFrame::scale)) as f32
     }
 
-    /// The length of each periodic axis.
     pub(crate) fn lengths(&self) -> [Option<f32>; 3] {
         self.space.lengths_f32()
     }
@@ -145,27 +141,23 @@ impl<'a> PairTest<'a> {
         self.spheres
     }
 
-    /// The spheres as rows, if their radii are the effective ones.
     #[inline(always)]
     pub(crate) fn plain_rows(&self) -> Option<&'a [Sphere]> {
         let are_effective = self.species.is_none() && self.margin.is_none();
         if are_effective { self.spheres.as_rows() } else { None }
     }
 
-    /// Returns `true` if a certain contact needs no further test.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
         self.is_plain
     }
 
-    /// The center of sphere `id`, and its effective radius with the margin.
     #[inline(always)]
     pub(crate) fn effective(&self, id: u32) -> (Vec3, f32) {
         let SphereRadii { center, widened, .. } = self.radii(id);
         (center, widened)
     }
 
-    /// Center and radii of sphere `id`.
     #[inline(always)]
     pub(crate) fn radii(&self, id: u32) -> SphereRadii {
         let sphere = self.spheres.get(id as usize);
@@ -181,25 +173,23 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
     }
 
-    /// Declares that contact by effective radii decides, if no filter, frame or second set requires more. The caller guarantees
-    /// this for the groups of the spheres.
+    /// Declares that contact by effective radii decides, which the caller guarantees for the groups of the spheres, if
+    /// no filter, frame or second set requires more.
     pub(crate) fn decided_by_radii(&mut self) {
         self.is_plain = self.filter.is_none() && self.frame.is_none() && self.split.is_none();
     }
 
-    /// Returns `true` if spheres are searched in a frame, whose distances are not those of the table.
     pub(crate) fn is_framed(&self) -> bool {
         self.frame.is_some()
     }
 
-    /// The sphere `id` as `x`, `y`, `z` and its effective radius with the margin.
     #[inline(always)]
     pub(crate) fn row(&self, id: u32) -> Xyzr {
         let (center, radius) = self.effective(id);
         [center.x, center.y, center.z, radius]
     }
 
-    /// Returns `true` if the spheres at positions `i` and `j` are a candidate, given that they touch with margins: their species
+    /// Returns `true` if the spheres at positions `i` and `j`, which touch with margins, are a candidate: their species
     /// interact. `None` if the test is not one for candidates.
     #[inline(always)]
     pub(crate) fn is_candidate(&self, i: u32, j: u32) -> Option<bool> {
@@ -223,7 +213,6 @@ impl<'a> PairTest<'a> {
         }
     }
 
-    /// The exact contact test of `f32` spheres in orthogonal space.
     fn touch(&self, i: u32, j: u32) -> bool {
         let (a, b) = (self.spheres.get(i as usize), self.spheres.get(j as usize));
         let radii = f64::from(a.radius) + f64::from(b.radius);

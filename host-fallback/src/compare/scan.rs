@@ -1,5 +1,3 @@
-//! Comparisons of one sphere with a run of others.
-
 use std::ops::Range;
 
 use super::columns::{Columns, MAX_LANES};
@@ -16,11 +14,10 @@ struct Lanes {
     possible: u32,
 }
 
-/// The spheres to compare with, and the exact test.
 type Among<'c> = (&'c Columns, &'c PairTest<'c>);
 
-/// Compares the sphere at `at` with a run of others and hands the pairs to `sink`. The run must not contain `at`. Returns
-/// the number of vectors with at least one hit.
+/// Compares the sphere at `at` with a run of others, which must not contain it, and hands the pairs to `sink`. Returns
+/// the number of vectors with hits.
 #[inline(always)]
 pub(crate) fn scan<V: SimdWidth, S: Sink>(
     vector: V,
@@ -47,8 +44,8 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
 
 /// A queue of vectors with hits.
 ///
-/// If about every second vector has a hit, no branch predictor can tell which. So comparing is separate from writing pairs: it
-/// appends without a branch.
+/// If about every second vector has a hit, no branch predictor can tell which. Comparing therefore appends to the queue
+/// without a branch, and pairs are written later.
 pub(crate) struct HitQueue {
     at: [u32; Self::ROOM],
     base: [u32; Self::ROOM],

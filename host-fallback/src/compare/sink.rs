@@ -1,7 +1,7 @@
 //! Outputs of a search: pairs are counted, kept as a list, or handed over in chunks.
 //!
-//! An [`Output`] is shared by all threads; each opens a [`Sink`] of its own, and the sinks of consecutive chunks of
-//! work are merged in their order, so that a list has the same order for any number of threads.
+//! Threads share an [`Output`]; each opens a [`Sink`], and sinks of consecutive chunks of work are merged in order, so
+//! a list has the same order for any number of threads.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -27,7 +27,7 @@ const PARTLY_FILLED: u64 = 8;
 pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
     let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
-    // Two consecutive chunks are merged if one holds both, so that at least half of all capacity is used.
+    // Consecutive chunks are merged if one holds both, so at least half of all capacity is used.
     let kept =
         bytes.saturating_mul(2).min(bytes.saturating_add(chunks(PARTLY_FILLED.saturating_mul(threads))));
     kept.saturating_add(chunks(threads.saturating_add(1)))
@@ -36,9 +36,8 @@ pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
 /// Receives pairs as they are found.
 pub type PairConsumer<'t> = &'t mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send);
 
-/// The part of an output that one thread writes.
 pub(crate) trait Sink: Send + Sized {
-    /// Takes the pairs of sphere `id` with the lanes of `ids` whose bits are set in `lanes`.
+    /// Takes the pairs of sphere `id` with the selected `lanes` of `ids`.
     fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
     /// Takes one pair.
@@ -64,7 +63,6 @@ pub(crate) trait Sink: Send + Sized {
         Ok(self)
     }
 
-    /// Returns `true` if the consumer wants no further pairs.
     fn stopped(&self) -> bool {
         false
     }
@@ -121,7 +119,7 @@ impl Sink for Counter {
 /// Writes pairs into chunks, which `to` keeps, hands over or counts.
 pub(crate) struct ChunkedOutput<'c> {
     pub(crate) to: ChunkTarget<'c>,
-    /// The range of the smaller index of pairs that are taken; `None` for all.
+    /// The range of the smaller index of wanted pairs; `None` for all.
     pub(crate) window: Option<Range<u32>>,
     /// Chunks for reuse, with arbitrary contents.
     pub(crate) free_chunks: Mutex<Vec<Vec<Pair>>>,
@@ -130,11 +128,12 @@ pub(crate) struct ChunkedOutput<'c> {
 
 /// The destination of full chunks.
 pub(crate) enum ChunkTarget<'c> {
-    /// Kept in order while they are at most `limit` pairs in all; beyond it only counted.
-    List { limit: u64, kept: AtomicU64 },
-    /// Handed over at once by the only thread of the search.
+    /// Kept in order up to `limit` pairs, then only counted.
+    List {
+        limit: u64,
+        kept: AtomicU64,
+    },
     Consumer(Mutex<PairConsumer<'c>>),
-    /// Sent to the thread that runs the consumer.
     Channel(SyncSender<Vec<Pair>>),
     /// Counted by smaller index.
     Tally(&'c [AtomicU32]),
@@ -146,18 +145,16 @@ impl<'c> ChunkedOutput<'c> {
         Self { to, window: None, free_chunks, stop }
     }
 
-    /// Returns the chunks for reuse.
     pub(crate) fn into_free_chunks(self) -> Vec<Vec<Pair>> {
         self.free_chunks.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns `true` if a list has passed its limit.
     fn is_too_long(&self) -> bool {
         matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
-    /// Returns the `lanes` of `ids` whose pairs with sphere `id` are inside the window. Pairs outside it never fill a chunk, so
-    /// that chunks take no more memory than the requested pairs.
+    /// Returns the `lanes` of `ids` whose pairs with sphere `id` are inside the window. Pairs outside never fill a
+    /// chunk, so chunks take no more memory than the requested pairs.
     #[inline(always)]
     fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         let Some(Range { start, end }) = self.window else { return lanes };
@@ -224,7 +221,7 @@ impl<'c> ChunkedOutput<'c> {
         Ok(())
     }
 
-    /// Keeps a chunk for reuse at its current length, since growing it would clear the new part.
+    /// Keeps a chunk for reuse at its current length, because growing it would clear the new part.
     fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
             memory::try_push(&mut lock(&self.free_chunks), chunk, "chunks of pairs")?;
@@ -245,7 +242,6 @@ impl<'c> Output for ChunkedOutput<'c> {
     }
 }
 
-/// The current chunk of one thread, and its finished ones.
 pub(crate) struct Writer<'o, 'c> {
     output: &'o ChunkedOutput<'c>,
     found: u64,

@@ -1,4 +1,4 @@
-//! The choice of the algorithm: a pure function of the input's statistics, with its reason.
+//! The choice of the algorithm: a pure function of the input's statistics.
 
 use lazygrid_kernels::{Algorithm, Backend};
 
@@ -31,8 +31,8 @@ impl IndexKind {
     }
 }
 
-/// The number of spheres of one size class below which all pairs are compared: sampling and sorting cost more.
-/// Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs some microseconds.
+/// The number of spheres of one size class below which all pairs are compared, because sampling and sorting cost more.
+/// Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs a few microseconds.
 pub const NAIVE_BELOW: usize = 400;
 /// The number of further spheres for every size class, since each makes the cell list's plan slower.
 pub const NAIVE_PER_CLASS: usize = 80;
@@ -52,7 +52,7 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     }
 }
 
-/// The number of comparisons of two sets' spheres that cost as much as sorting and searching for one sphere.
+/// Comparisons between two sets that cost as much as sorting and searching for one sphere.
 const COMPARED_PER_SPHERE: u64 = 200;
 
 /// Returns the algorithm and its reason for pairs of one of the first `split` spheres and one of the others.

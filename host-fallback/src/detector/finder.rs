@@ -1,5 +1,3 @@
-//! Lists, neighbor lists, streams and counts of pairs, for both backends.
-
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 use std::time::Instant;
@@ -24,7 +22,7 @@ pub type ChunkConsumer<'t> = &'t mut (dyn FnMut(&mut [Vec<Pair>]) -> ControlFlow
 /// Searches in the index that a backend has built for a query.
 pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error> + Send);
 
-/// The structure that a backend has built for one query. Spheres of a second set have indices after those of the first.
+/// The index that a backend has built for one query. Indices of a second set follow those of the first.
 pub trait PairSource {
     /// Counts the pairs.
     ///
@@ -38,8 +36,8 @@ pub trait PairSource {
     /// Fails if the backend fails.
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
 
-    /// Hands over all pairs in parts whose first indices ascend from part to part. A part has at most `limit` pairs,
-    /// except if a single sphere, or the output of a device, has more.
+    /// Hands over all pairs in parts with ascending first indices, of at most `limit` pairs unless a single sphere, or
+    /// the output of a device, has more.
     ///
     /// # Errors
     /// Fails if the backend fails.

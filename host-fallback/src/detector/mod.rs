@@ -1,7 +1,4 @@
 //! The CPU detector: prepares a query, chooses an algorithm, builds its index and searches it.
-//!
-//! `finder` turns what any backend finds into lists, counts and streams; `algorithm_choice` chooses; `state` holds the
-//! indexes and searches the chosen one.
 
 pub mod algorithm_choice;
 mod finder;
@@ -77,12 +74,11 @@ impl HostBackend {
 
     /// The most bytes held for `spheres` spheres, without the result and the chunks in which threads write it.
     ///
-    /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
-    /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
-    /// recursive grid it covers one overfull cell of all spheres, and none inside another: each of those adds up to 150
-    /// bytes for each of its spheres. The candidates that a skin keeps are included, as many as it may keep: up to 96 of
-    /// 8 bytes for each sphere, although few scenes have more than ten. [`Skin::Off`](crate::Skin::Off) keeps none.
-    /// `f64` spheres in unbounded space take up to 18 bytes more each, for their copy.
+    /// For the paper's grids this holds if space has up to 2²⁹ cells; beyond that, and for periodic axes shorter than
+    /// three cells, up to four times as much each. The recursive grid is covered with one overfull cell of all spheres;
+    /// nested ones add up to 150 bytes per sphere. Candidates of a skin count with the most that a list may keep, 96 of
+    /// 8 bytes per sphere; few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres
+    /// in unbounded space take up to 18 bytes more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {
@@ -117,8 +113,7 @@ impl SearchBackend for HostBackend {
         (&mut self.state.report.pairs, &mut self.state.report.phases)
     }
 
-    /// Checks and measures the input, chooses an algorithm, builds its index, and calls `work`, all in the detector's pool. For
-    /// small inputs only long work runs there.
+    /// Prepares, chooses, builds, and calls `work` in the detector's pool. For small inputs only long work runs there.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, buffers, state } = self;
         let settings = &*settings;
@@ -129,7 +124,7 @@ impl SearchBackend for HostBackend {
             state.report = Report { spheres: query.len() as u64, ..Report::default() };
             let executor = if is_large { team.executor()? } else { Executor::Caller };
             let prepared = buffers.prepare(query, (settings, true), executor, &mut state.report.phases)?;
-            // The cell list and naive compare spheres of different sets only.
+            // The paper's grids also find pairs within a set.
             let finds_all = !matches!(structure, IndexKind::Naive | IndexKind::CellList);
             let test = prepared.test(settings).across(prepared.split.filter(|_| finds_all));
             let lapsed = match prepared.split {
@@ -170,7 +165,7 @@ mod tests {
     use super::*;
     use crate::Order;
 
-    /// Returns `true` if the calling thread searches `n` spheres at these distances alone.
+    /// Returns `true` if the calling thread alone searches `n` spheres at these distances.
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
         let settings =
@@ -192,7 +187,6 @@ mod tests {
         assert!(!is_done_here(6000, 0.0, Algorithm::CellList), "few spheres that all touch");
     }
 
-    /// Threads that find more pairs meanwhile must not call it either.
     #[test]
     fn consumer_that_panicked_is_not_called_again() {
         let spheres = vec![Sphere::new([0.0; 3], 1.0); 4000];
@@ -217,7 +211,6 @@ mod tests {
             HostDetector::new(settings(Algorithm::CellList)).expect("the settings are in range");
         let mut naive = HostDetector::new(settings(Algorithm::Naive)).expect("the settings are in range");
         let corners = [0.0, 100.0].map(|at| Sphere::new([at; 3], 1.0));
-        // Spread out, then in ever smaller clumps between the same bounds; at last some are larger.
         for (width, radii) in [(90.0, [1.0, 0.1]), (10.0, [1.0, 0.1]), (0.0, [1.0, 0.1]), (90.0, [20.0, 0.1])]
         {
             let at = |k: u32| [7, 11, 13].map(|step| 5.0 + width * ((k * step) % 101) as f32 / 101.0);

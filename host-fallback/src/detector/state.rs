@@ -18,7 +18,6 @@ use crate::memory::{try_collect, try_extend};
 use crate::skin::SkinController;
 use crate::{CandidateListStats, Error, RebuildReason, Report, Settings, naive};
 
-/// The buffers and indexes of a detector, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct DetectorState {
     pub(crate) report: Report,
@@ -100,7 +99,6 @@ impl DetectorState {
         }
     }
 
-    /// Builds the index of the algorithm.
     fn structure(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
         let Self {
             report,
@@ -146,7 +144,7 @@ impl DetectorState {
         })
     }
 
-    /// Collects at most `limit` pairs, with `i` in `window` if one is given. Returns their number and the chunks.
+    /// Collects at most `limit` pairs, with `i` in `window` if given. Returns their number and the chunks.
     fn collect(
         &mut self,
         input: &SearchInput<'_>,
@@ -161,7 +159,6 @@ impl DetectorState {
         Ok(found)
     }
 
-    /// Hands over collected chunks and keeps their memory.
     fn deliver_chunks(
         &mut self,
         mut chunks: Vec<Vec<Pair>>,
@@ -173,7 +170,6 @@ impl DetectorState {
     }
 }
 
-/// The index that is built for a query.
 pub(crate) struct Built<'b> {
     pub(crate) state: &'b mut DetectorState,
     pub(crate) input: &'b SearchInput<'b>,

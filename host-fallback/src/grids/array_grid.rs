@@ -9,12 +9,9 @@ use crate::input::{SearchInput, search_pieces};
 use crate::radix::{KeyedSphere, RadixKey};
 use crate::report::Report;
 
-/// Entries per chunk of work: their spheres' columns take 40 KiB.
 const CHUNK_ENTRIES: usize = 1 << 11;
-/// The most entries of a cell that one thread compares at once; larger cells are compared in tiles.
 const CROWDED: usize = CHUNK_ENTRIES;
 
-/// The structure and its buffers, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct ArrayGrid {
     entries: Entries,
@@ -43,7 +40,6 @@ impl ArrayGrid {
         self.entries.visit(Search { grid: self, input, output })
     }
 
-    /// The most bytes held for `spheres` spheres whose keys are narrow.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = threads * Batch::memory_for(entries.min((CHUNK_ENTRIES + CROWDED) as u64));
@@ -72,7 +68,6 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
     }
 }
 
-/// Compares inside all cells of `entries`, one after the other.
 fn cells<'o, K: RadixKey, O: Output>(
     grid: &ArrayGrid,
     entries: &[KeyedSphere<K>],

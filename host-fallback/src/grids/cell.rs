@@ -12,12 +12,10 @@ use crate::radix::{KeyedSphere, RadixKey};
 
 /// The number of corner masks.
 const MASKS: usize = 1 << MASK_BITS;
-/// Consecutive corner masks: the first, and one more than the last.
 type MaskRange = (usize, usize);
-/// For each corner mask, those not less than it whose pairs with it belong to the cell.
+/// For each corner mask, those at or above it whose pairs with it belong to the cell.
 const LATER_PARTNERS: [&[MaskRange]; MASKS] =
     [&[(7, 8)], &[(6, 8)], &[(5, 6), (7, 8)], &[(4, 8)], &[(7, 8)], &[(6, 8)], &[(7, 8)], &[(7, 8)]];
-/// For each corner mask, all whose pairs with it belong to the cell.
 const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
     &[(7, 8)],
     &[(6, 8)],
@@ -35,9 +33,7 @@ const ROW: usize = 1 << 13;
 /// The fewest comparisons of a cell that are distributed to threads, about 0.1 ms.
 const SPREAD: usize = 1 << 20;
 
-/// A sphere in a cell.
 pub(crate) trait CellMember: Sync {
-    /// Its index in the input.
     fn id(&self) -> u32;
     /// A bit per axis, set if the cell is the sphere's lowest on that axis.
     fn corner_mask(&self) -> usize;
@@ -55,7 +51,6 @@ impl<K: RadixKey> CellMember for KeyedSphere<K> {
     }
 }
 
-/// The start of each corner mask among the spheres of a cell, and the end of the last one.
 type Starts = [u32; MASKS + 1];
 
 /// Computes the start of each corner mask among entries sorted by it, of which the first is at `from`.
@@ -79,7 +74,6 @@ fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
     starts[first] as usize..starts[end] as usize
 }
 
-/// Small cells whose spheres are gathered and compared together.
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     ids: Vec<u32>,
@@ -101,13 +95,12 @@ impl Batch {
         Ok(())
     }
 
-    /// The most bytes held if at most `entries` are gathered: ids, columns, and the starts of cells of two, whose capacity is
+    /// The most bytes held for `entries` entries: ids, columns, and the starts of cells of two, whose capacity is
     /// doubled.
     pub(crate) fn memory_for(entries: u64) -> u64 {
         with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
 
-    /// The number of gathered spheres.
     pub(crate) fn len(&self) -> usize {
         self.ids.len()
     }
@@ -155,15 +148,14 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
     }
 }
 
-/// An overfull cell, whose comparisons are divided into rows of tiles. Spheres are gathered per row, so that memory does not grow
-/// with the number of spheres in the cell.
+/// An overfull cell, whose comparisons are divided into rows of tiles. Spheres are gathered per row, so memory does not
+/// grow with the cell.
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCell {
     rows: Vec<TileRow>,
     columns: Workspaces<Columns>,
 }
 
-/// Some spheres and a range of others, none of them earlier, to compare them with.
 #[derive(Clone, Debug)]
 struct TileRow {
     of: Range<usize>,
@@ -171,7 +163,6 @@ struct TileRow {
 }
 
 impl OverfullCell {
-    /// The most bytes held for cells of `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
@@ -234,7 +225,6 @@ impl OverfullCell {
         Ok(())
     }
 
-    /// Compares the rows; `id` returns the sphere at a position in the cell.
     fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -258,7 +248,6 @@ impl OverfullCell {
 }
 
 impl TileRow {
-    /// Gathers the row's spheres; returns their ranges in the columns.
     fn gather(
         &self,
         columns: &mut Columns,
@@ -266,7 +255,6 @@ impl TileRow {
         id: impl Fn(usize) -> u32,
     ) -> Result<Self, Error> {
         let Self { of, with } = self;
-        // In the columns, the spheres to compare with follow the row's own.
         let rest = with.start.max(of.end)..with.end.max(of.end);
         let (own, fetched) = (of.len(), of.len() + rest.len());
         let place = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
@@ -276,7 +264,6 @@ impl TileRow {
     }
 }
 
-/// Divides a range into chunks of at most `size`.
 fn pieces(range: Range<usize>, size: usize) -> impl Iterator<Item = Range<usize>> {
     let end = range.end;
     range.step_by(size).map(move |from| from..end.min(from + size))

@@ -23,7 +23,7 @@ impl<K: RadixKey> KeyedSphere<K> {
     }
 }
 
-/// The bits of a key: a cell's coordinates relative to the lowest cell, each with as many bits as the highest needs.
+/// A cell's coordinates relative to the lowest cell, each with as many bits as the highest needs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KeyLayout {
     low: UVec3,
@@ -31,13 +31,11 @@ pub(crate) struct KeyLayout {
 }
 
 impl KeyLayout {
-    /// Creates the layout for cells in `low..=high`.
     pub(crate) fn new(low: UVec3, high: UVec3) -> Self {
         let bits = (high - low).to_array().map(|extent| u32::BITS - extent.leading_zeros());
         Self { low, bits: bits.into() }
     }
 
-    /// The bits of a key, including the corner mask.
     pub(crate) fn bits(&self) -> u32 {
         self.bits.element_sum() + MASK_BITS
     }
@@ -77,7 +75,6 @@ pub(crate) struct Entries {
     wide: Radix<u128>,
 }
 
-/// Work on entries with keys of either width.
 pub(crate) trait Visit {
     type Result;
     fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], layout: KeyLayout) -> Self::Result;
@@ -146,7 +143,8 @@ impl Entries {
     }
 }
 
-/// Bytes per entry with a narrow key, in both buffers of the sort, which suffices for spaces of up to 2²⁹ cells. A wide entry takes four times as much.
+/// Bytes per entry with a narrow key, in both buffers of the sort, for spaces of up to 2²⁹ cells. A wide entry takes
+/// four times as much.
 pub(crate) const ENTRY: u64 = 2 * size_of::<KeyedSphere<u32>>() as u64;
 
 /// The most bytes held for entries with narrow keys.
@@ -154,15 +152,15 @@ pub(crate) fn memory_of_entries(entries: u64) -> u64 {
     Radix::<u32>::memory_for(entries)
 }
 
-/// The number of entries of `spheres` spheres above which the grid is shifted: 5 % and 64 more than the bound on the mean, so that
-/// chance alone shifts no grid.
+/// The number of entries above which the grid is shifted: 5 % and 64 more than the bound on the mean, so that chance
+/// alone shifts no grid.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
-/// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` returns the cells of the `k`-th
-/// sphere, a mask for its corner masks, and its id; for many spheres it is called twice, first to count. `place` wraps a
-/// cell. Returns `false`, without entries, if there are more than `most`.
+/// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
+/// mask for its corner masks, and its id; for many spheres it is called twice, first to count. `place` wraps a cell.
+/// Returns `false`, without entries, if there are more than `most`.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -220,7 +218,7 @@ pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     })
 }
 
-/// The end of the run of entries of one cell that starts at `from`: by exponential search, since most runs are short.
+/// The end of the cell's entries from `from`, by exponential search, because most runs are short.
 #[inline]
 pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();

@@ -1,5 +1,5 @@
-//! The paper's HashGrid: a hash table with separate chaining, with an entry for every cell that a
-//! sphere overlaps. Only occupied cells cost memory; cells of equal hash share a chain and are distinguished by coordinates.
+//! The paper's HashGrid: a hash table with separate chaining and an entry for every cell that a sphere overlaps. Cells
+//! of equal hash share a chain and are distinguished by coordinates.
 
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
@@ -18,16 +18,11 @@ use crate::input::{SearchInput, search_pieces};
 use crate::memory::{try_push, try_resize, with_growth};
 use crate::report::Report;
 
-/// Spheres per chunk of the passes that count and insert.
 const CHUNK_SPHERES: usize = 1 << 14;
-/// Chains per chunk of the search.
 const CHUNK_CHAINS: usize = 1 << 11;
-/// Spheres gathered before they are compared.
 const BATCH_SPHERES: usize = 1 << 11;
-/// The end of a chain.
 const END: u32 = u32::MAX;
 
-/// The table and its buffers, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct HashGrid {
     /// The last entry inserted in each chain.
@@ -37,7 +32,6 @@ pub(crate) struct HashGrid {
     workspaces: Workspaces<Workspace>,
 }
 
-/// A sphere in a cell, and the entry before it in its chain.
 #[derive(Clone, Copy, Debug, Zeroable)]
 struct Linked {
     cell: UVec3,
@@ -53,7 +47,6 @@ struct Workspace {
     overfull: OverfullCell,
 }
 
-/// A sphere in a cell, in the order in which a chain is searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct InChain {
     cell: [u32; 3],
@@ -72,7 +65,7 @@ impl CellMember for InChain {
 }
 
 impl HashGrid {
-    /// Builds for these spheres: counts the entries, sizes the table, inserts.
+    /// Counts the entries, sizes the table, and inserts.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -100,8 +93,8 @@ impl HashGrid {
         })
     }
 
-    /// Counts the entries of each chunk. Shifts the grid if there are too many, and doubles its cells until 32 bits number the
-    /// entries.
+    /// Counts the entries of each chunk. Shifts the grid if there are too many, and doubles its cells until 32 bits
+    /// number the entries.
     fn count<const PERIODIC: bool>(&mut self, input: &SearchInput<'_>) -> Result<UniformGrid, Error> {
         let (n, ratio, lengths) = (input.stats.spheres, input.settings.cell_ratio, input.test.lengths());
         let mut grid = UniformGrid::new(&input.stats, ratio, lengths);
@@ -126,7 +119,6 @@ impl HashGrid {
         }
     }
 
-    /// Inserts every entry at the head of its chain; threads swap heads without locks.
     fn insert<const PERIODIC: bool>(
         &mut self,
         input: &SearchInput<'_>,
@@ -169,7 +161,6 @@ impl HashGrid {
         })
     }
 
-    /// Compares inside all cells of some chains.
     fn chains<'o, O: Output>(
         &self,
         heads: &[u32],
@@ -195,7 +186,7 @@ impl HashGrid {
         Ok(sink)
     }
 
-    /// Gathers a chain, ordered by cell, corner mask and sphere, so that the order of insertion does not matter.
+    /// Gathers a chain in the order of cell, corner mask and sphere, so that the order of insertion does not matter.
     fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
@@ -210,7 +201,6 @@ impl HashGrid {
         Ok(())
     }
 
-    /// The most bytes held for `spheres` spheres: the table, one chain of all entries, and gathered spheres.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let table = entries.next_power_of_two() * size_of::<u32>() as u64;

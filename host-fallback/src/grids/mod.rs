@@ -1,5 +1,3 @@
-//! The grids of the paper: every sphere is entered into each cell that it overlaps.
-
 mod array_grid;
 mod cell;
 mod entries;

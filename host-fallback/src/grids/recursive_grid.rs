@@ -1,14 +1,13 @@
 //! The paper's RecursiveGrid: a grid for the largest spheres, whose overfull cells are split for the smaller ones.
 //!
-//! The top grid is an [`ArrayGrid`](super::ArrayGrid)'s. In each cell, pairs with a large sphere, one that no
-//! finer grid suits, are found among all its spheres. Where more than τ smaller spheres remain, the cell is split
-//! into a finer grid, else they are compared with each other. Finer cells are a power of two smaller and nest in
-//! the cell they split, so that a pair's own cell lies in its own coarser cell. A split refines the cell's entries, and the
-//! corner mask of a finer entry has only bits of the coarser one.
+//! In each cell, pairs with a large sphere, one that no finer grid suits, are found among all its spheres. If more than
+//! τ smaller spheres remain, the cell is split into a finer grid, else they are compared with each other. Finer cells
+//! are a power of two smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. A
+//! split refines the cell's entries, and the corner mask of a finer entry has only bits of the coarser one.
 //!
-//! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells that hold a
-//! handful. It must separate the centers. If it cannot, because spheres as large as the extent of all remain, those count
-//! as large in this cell. So every step halves the largest remaining size or the extent of the spheres in a cell, and a
+//! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells
+//! that hold a handful. If it cannot separate the centers, because spheres as large as the extent of all remain, those
+//! count as large. So every step halves the largest remaining size or the extent of the spheres in a cell, and a
 //! recursion ends after some tens of steps on any input.
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
@@ -33,19 +32,17 @@ const CHUNK_ENTRIES: usize = 1 << 11;
 const PER_CELL: f64 = 16.0;
 /// The most halvings of a cell in one split, so that 32 bits hold a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
-/// The most finer cells from the origin to a coordinate. Boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, which is then
-/// at most an eighth of a cell. Different coordinates are 2²² such cells apart, so that on an axis with this many cells all
+/// The most finer cells from the origin to a coordinate. Boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, then
+/// at most an eighth of a cell. Different coordinates are 2²² such cells apart, so on an axis with this many cells all
 /// spheres of a cell agree, and it need not be split further.
 const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 
-/// The structure and its buffers, which survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct RecursiveGrid {
     entries: Entries,
     workspaces: Workspaces<Workspace>,
 }
 
-/// Buffers for one cell at a time.
 #[derive(Debug, Default)]
 struct Workspace {
     batch: Batch,
@@ -53,7 +50,6 @@ struct Workspace {
     split: CellSplit,
 }
 
-/// The spheres of an overfull cell, large and small ones each sorted by corner mask, and the finer entries of the small ones.
 #[derive(Debug, Default)]
 struct CellSplit {
     large: Vec<Member>,
@@ -62,7 +58,6 @@ struct CellSplit {
     offsets: Vec<usize>,
 }
 
-/// A sphere of an overfull cell.
 #[derive(Clone, Copy, Debug)]
 struct Member {
     center: Vec3,
@@ -82,7 +77,6 @@ impl CellMember for Member {
 }
 
 impl CellSplit {
-    /// Starts with the spheres of a run, all as small ones.
     fn start(&mut self, input: &SearchInput<'_>, run: &[impl CellMember]) -> Result<(), Error> {
         self.small.clear();
         let members = run.iter().map(|entry| {
@@ -92,7 +86,6 @@ impl CellSplit {
         try_extend(&mut self.small, members, "spheres of a crowded cell")
     }
 
-    /// Moves small spheres with a radius above `limit` to the large ones.
     fn separate_large(&mut self, limit: f64) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         large.clear();
@@ -107,7 +100,6 @@ impl CellSplit {
         Ok(())
     }
 
-    /// Moves all spheres to the large ones.
     fn merge_large(&mut self) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         let joined = !large.is_empty();
@@ -120,7 +112,6 @@ impl CellSplit {
         Ok(())
     }
 
-    /// The extent of the small spheres relative to this cell.
     fn extent<const PERIODIC: bool>(&self, grid: &UniformGrid, cell: &NestedCell) -> Extent {
         let radius = self.small.iter().fold(0.0_f32, |radius, member| radius.max(member.radius));
         if PERIODIC {
@@ -144,19 +135,15 @@ impl CellSplit {
     }
 }
 
-/// The extent of some spheres.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
-    /// Corners of a box around them, in cells of the top grid.
     low: DVec3,
     high: DVec3,
     /// The largest extent of their centers along an axis.
     wide: f64,
-    /// The largest of their radii.
     radius: f32,
 }
 
-/// The treatment of the small spheres of an overfull cell.
 enum SplitDecision {
     /// Split the cell into this many parts per axis, a power of two.
     Split(f64),
@@ -166,7 +153,7 @@ enum SplitDecision {
     BruteForce,
 }
 
-/// A cell of some level, with the map from cells of the top grid to cells of its own size, relative to its corner.
+/// A cell of some level: the map from cells of the top grid to its own size, relative to its corner.
 #[derive(Clone, Copy, Debug)]
 struct NestedCell {
     /// The top cell.
@@ -196,7 +183,6 @@ impl NestedCell {
         Self { fineness, scale, corner: self.corner * parts + at, ..*self }
     }
 
-    /// The number of possible halvings along each axis.
     fn halvings(&self) -> DVec3 {
         (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
     }
@@ -220,12 +206,10 @@ impl NestedCell {
         if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
     }
 
-    /// The finer cell, of `parts` per axis, of a coordinate of the top grid; the first or the last if the coordinate is outside
-    /// this cell.
+    /// The finer cell, of `parts` per axis, of a coordinate of the top grid, clamped to this cell.
     ///
-    /// The map is monotone, so that the larger of two lower bounds never lies above either upper bound; and a
-    /// coordinate keeps its cell when the cell is split again, since all but the first subtraction are exact inside
-    /// the cell.
+    /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
+    /// cell when the cell is split again, because all but the first subtraction are exact inside the cell.
     #[inline(always)]
     fn part(&self, at: DVec3, parts: f64) -> DVec3 {
         let at = ((at - self.top) * self.scale - self.corner) * parts;
@@ -258,8 +242,8 @@ impl RecursiveGrid {
         }
     }
 
-    /// The most bytes held for `spheres` spheres whose keys are narrow and without overfull cells inside others: the
-    /// top grid, one split cell of all spheres, and gathered spheres.
+    /// The most bytes held: the top grid, one split cell of all spheres, and gathered spheres; with narrow keys and
+    /// without nested overfull cells.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = 2 * threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
@@ -288,7 +272,6 @@ impl<'o, O: Output, const PERIODIC: bool> Visit for Search<'_, 'o, O, PERIODIC> 
 }
 
 impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
-    /// Finds the pairs of all cells of one grid; `cell` returns the cell of a key.
     fn level<K: RadixKey>(
         &self,
         entries: &[KeyedSphere<K>],
@@ -308,7 +291,6 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         }
     }
 
-    /// Finds the pairs of some cells one after the other.
     fn cells<K: RadixKey>(
         &self,
         entries: &[KeyedSphere<K>],
@@ -339,7 +321,6 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         self.input.settings.tau as usize
     }
 
-    /// Finds the pairs of an overfull cell, whose spheres are the small ones in the workspace.
     fn crowded(
         &self,
         cell: NestedCell,
@@ -372,7 +353,6 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         }
     }
 
-    /// Splits a cell for its small spheres.
     fn split(
         &self,
         cell: &NestedCell,
@@ -400,11 +380,10 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
     }
 }
 
-/// Decides by the number, the extent and the sizes of the small spheres in a cell of this size.
 fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> SplitDecision {
     let wide = extent.wide;
-    // Centers of a cell's small spheres lie within one and a half cell sizes. Others are here by rounding, and no split
-    // separates them.
+    // Centers of a cell's small spheres lie within one and a half cell sizes. No split separates others, which are here
+    // by rounding.
     if wide == 0.0 || wide > 2.0 * cell_size {
         return SplitDecision::BruteForce;
     }

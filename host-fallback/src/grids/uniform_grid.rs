@@ -3,15 +3,15 @@
 //! # Correctness
 //!
 //! A pair can share several cells. The one that reports it has, on each axis, the larger of the two spheres' lowest
-//! cells. Every (cell, sphere) entry therefore carries a corner mask: one bit per axis, set if the cell is the
-//! sphere's lowest on that axis. Two spheres of a cell are that cell's own pair exactly if their masks together have all
-//! three bits. So no pair is compared twice.
+//! cells. Every (cell, sphere) entry carries a corner mask: one bit per axis, set if the cell is the sphere's lowest on
+//! that axis. Two spheres of a cell are that cell's own pair exactly if their masks together have all three bits.
 //!
-//! A periodic axis is a ring of cells. There "the larger of the lowest" has no meaning, but corner masks have: a cell owns a pair if on every axis one of the two begins in it and the other lies in it too. Spheres of `a`
-//! and `b` cells have one such cell if they share any, since two would mean that each begins inside the other, so
-//! that together they go all the way round: with `a + b − 2` cells at least. A ring therefore has 3 cells or more for
-//! spheres of at most 2, and 5 or more for those of 3; else it is one cell, in which all begin. For the same reason
-//! two spheres share one arc of the ring only, so that inside it they can be treated as on a line.
+//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of the two begins in it and the
+//! other lies in it too. Spheres of `a` and `b` cells have one such cell if they share any, since two would mean that
+//! each begins inside the other, so that together they go all the way round: with `a + b − 2` cells at least. A ring
+//! therefore has 3 cells or more for spheres of at most 2, and 5 or more for those of 3; else it is one cell, in which
+//! all begin. For the same reason two spheres share one arc of the ring only, so inside it they can be treated as on a
+//! line.
 
 use std::convert::Infallible;
 
@@ -23,27 +23,26 @@ use crate::math::floor;
 
 /// The corner mask of an entry whose cell is the sphere's lowest on every axis.
 pub(crate) const ALL_AXES: u8 = 0b111;
-/// The largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight cells apart
-/// and no sphere is larger than two, so only equal coordinates can touch: the number of such a far cell follows from the
-/// bits of the coordinate.
+/// The largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight
+/// cells apart and no sphere is larger than two, so only equal coordinates can touch: the number of such a far cell
+/// follows from the bits of the coordinate.
 const MAX_INTEGER_CELL: u32 = 1 << 27;
 /// Unused numbers before the far cells: spheres near the limit overlap two cells beyond it.
 const FAR_GAP: u32 = 16;
-/// The number of the first cell at or above coordinate 0.
 const MIDDLE: u32 = 1 << 31;
 /// Relative widening of radii, far above the rounding of the exact test.
 const WIDER: f64 = 1.0 + 1e-9;
 /// The largest error of a coordinate by rounding, relative to it: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
-/// The factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans three.
+/// The factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans
+/// three.
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
-/// The most cells on a ring, so that rounding, some units in the last place of its length, is less than [`CELL_SLACK`].
+/// With at most this many cells, rounding of the ring's length is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
 /// The target number of points per cell if all radii are zero.
 const POINTS_PER_CELL: f64 = 4.0;
 /// The most shifts per axis that are tried.
 const MAX_SHIFTS: usize = 4;
-/// Spheres per chunk of the pass that chooses a shift.
 const CHUNK_SPHERES: usize = 1 << 14;
 
 /// Cells of one size all over space, numbered per axis in ascending order.
@@ -61,13 +60,10 @@ pub(crate) struct UniformGrid {
 /// The periodic axes of a grid. Cells of a ring are numbered from 0, at minus half a length.
 #[derive(Clone, Debug, Default)]
 struct PeriodicAxes {
-    /// Cells per axis; 0 for an unbounded axis.
     count: UVec3,
     /// Cells per unit length.
     per_length: DVec3,
-    /// The cell coordinate of the origin.
     origin: DVec3,
-    /// The length of each axis, by which its rounding is bounded; 0 for an unbounded axis.
     lengths: DVec3,
 }
 
@@ -110,12 +106,10 @@ impl UniformGrid {
         Self::of_size(cell_size * CELL_SLACK, diameter, lengths)
     }
 
-    /// Returns the grid with cells of twice the size.
     pub(crate) fn coarser(&self, lengths: [Option<f32>; 3]) -> Self {
         Self::of_size(2.0 * self.cell_size, f64::INFINITY, lengths)
     }
 
-    /// Creates cells of this size. Subnormal sizes are raised, so that 32 bits number all cells.
     fn of_size(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let cell_size = cell_size.max(f64::from(f32::MIN_POSITIVE));
         let limit = (cell_size * f64::from(MAX_INTEGER_CELL)) as f32;
@@ -129,16 +123,16 @@ impl UniformGrid {
         (ratio as usize).clamp(1, MAX_SHIFTS)
     }
 
-    /// The largest mean number of cells per sphere in a grid of this `ratio` that is [shifted](Self::shifted) if it has more.
+    /// The largest mean number of cells per sphere in a grid of this `ratio`, which is [shifted](Self::shifted) if it
+    /// has more.
     ///
-    /// At each of *p* shifts per axis a sphere overlaps one cell along that axis, except at one of the shifts, where it overlaps
-    /// two. On average over all *p*³ shifts it overlaps (1 + 1/*p*)³ cells, so at the best shift the mean is no larger.
+    /// At each of *p* shifts per axis a sphere overlaps one cell along that axis, except at one, where it overlaps two.
+    /// On average over all *p*³ shifts it overlaps (1 + 1/*p*)³ cells, so at the best shift the mean is no larger.
     pub(crate) fn most_cells(ratio: f32) -> f64 {
         let places = Self::places(ratio) as f64;
         if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
     }
 
-    /// Returns the grid with the shift at which `n` spheres overlap the fewest cells.
     pub(crate) fn shifted<const PERIODIC: bool>(
         mut self,
         ratio: f32,
@@ -146,7 +140,7 @@ impl UniformGrid {
         (n, executor): (usize, Executor),
     ) -> Self {
         let places = Self::places(ratio);
-        // For an axis, the shift at which the sphere crosses a cell boundary; `MAX_SHIFTS` without one.
+        // The shift at which the sphere crosses a cell boundary; `MAX_SHIFTS` without one.
         let at = |low: f64, high: f64| {
             let (low, high) = (floor(low * places as f64), floor(high * places as f64));
             if low == high { MAX_SHIFTS } else { (-high).rem_euclid(places as i64) as usize }
@@ -197,8 +191,8 @@ impl UniformGrid {
             .fold(self.cell_size, |cell_size, axis| cell_size.min(per_length[axis].recip()))
     }
 
-    /// Lower and upper corner of the box around a sphere, in cells, moved outwards by more than rounding can move
-    /// them. Both corners come from one monotone expression.
+    /// Both corners of the box around a sphere, in cells, moved outwards by more than rounding can move them. They come
+    /// from one monotone expression.
     #[inline(always)]
     pub(crate) fn bounds<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
         let center = center.as_dvec3();
@@ -304,8 +298,7 @@ impl UniformGrid {
         if coordinate > 0.0 { MIDDLE + step } else { MIDDLE - step }
     }
 
-    /// The lower corner of a cell, in cells; `None` on an axis on which it is a far cell, whose coordinates all agree, or a
-    /// whole ring.
+    /// The lower corner of a cell, in cells; `None` on an axis on which it is a far cell or a whole ring.
     pub(crate) fn corner(&self, cell: UVec3) -> [Option<f64>; 3] {
         [0, 1, 2].map(|axis| match (self.periodic.count[axis], cell[axis]) {
             (0, k) if k.abs_diff(MIDDLE) < MAX_INTEGER_CELL + FAR_GAP => {
@@ -332,7 +325,6 @@ impl CellBox {
         (size.x * size.y * size.z) as usize
     }
 
-    /// Calls `take` for all cells with their corner masks.
     #[inline(always)]
     pub(crate) fn for_each(self, mut take: impl FnMut(UVec3, u8)) {
         let Self { low, high } = self;

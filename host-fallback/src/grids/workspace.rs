@@ -1,16 +1,14 @@
-//! A pool of buffers for concurrent chunks of work, which survive between calls.
-
 use std::sync::{Mutex, PoisonError};
 
 use crate::Error;
 use crate::memory::try_push;
 
-/// The unused buffers. There are as many buffers as were ever in use at once.
+/// Holds as many buffers as were ever in use at once.
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces<T>(Mutex<Vec<T>>);
 
 impl<T: Default> Workspaces<T> {
-    /// Calls `work` with a buffer. If `work` fails, the buffer is dropped with its partial contents.
+    /// Calls `work` with a buffer, which is dropped if `work` fails.
     ///
     /// # Errors
     /// The errors of `work`.

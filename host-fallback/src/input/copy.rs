@@ -1,5 +1,3 @@
-//! Copies of spheres that cannot be searched in place: wrapped into a periodic space, or mapped to a frame.
-
 use bytemuck::cast;
 use lazygrid_kernels::{Space, Sphere, Spheres};
 
@@ -10,7 +8,6 @@ use crate::frame::{BLOCK_SPHERES, Bounds, SearchFrame};
 use crate::memory::try_collect;
 use crate::{Error, math};
 
-/// Spheres per chunk of a copy.
 const CHUNK_SPHERES: usize = 1 << 14;
 /// The number of lengths up to which [`Wrapping::wrap`] is exact.
 const NEAR: f64 = (1 << 20) as f64;
@@ -18,7 +15,6 @@ const NEAR: f64 = (1 << 20) as f64;
 /// The half of the largest distance of a species with any other, and `true` if it pairs with any by contact.
 pub(super) type LargestHalf = (f64, bool);
 
-/// Copies spheres, wrapped into an orthogonal `space` if one is given.
 pub(super) fn copy(
     (spheres, targets): (Spheres<'_>, &mut [Sphere]),
     space: Option<&Space>,
@@ -34,7 +30,6 @@ pub(super) fn copy(
     });
 }
 
-/// The lengths of an orthogonal periodic space, with the radius as a fourth lane.
 struct Wrapping<'s> {
     space: &'s Space,
     /// The length of each axis; 0 for an unbounded one.
@@ -55,11 +50,11 @@ impl<'s> Wrapping<'s> {
     ///
     /// # Correctness
     ///
-    /// 1. A coordinate `x` and a length `L` are `f32` numbers. Unless `x / L` is a whole number and a half, it is at least
-    ///    2⁻²⁶ away from one. Below 2²⁰ lengths the product with the inverse is wrong by less than 2⁻³¹, so that it is
+    /// 1. A coordinate `x` and a length `L` are `f32` numbers. Unless `x / L` is a whole number and a half, it is at
+    ///    least 2⁻²⁶ away from one. Below 2²⁰ lengths the product with the inverse is wrong by less than 2⁻³¹, so it is
     ///    rounded to a nearest whole number.
-    /// 2. The product of that number, of at most 21 bits, and a length of 24 bits is an `f64` number. The difference from `x`
-    ///    is at most half a length and a multiple of a unit of `x` or `L`, hence an `f32` number.
+    /// 2. The product of that number, of at most 21 bits, and a length of 24 bits is an `f64` number. The difference
+    ///    from `x` is at most half a length and a multiple of a unit of `x` or `L`, hence an `f32` number.
     /// 3. Other coordinates, which include those that are not finite, are wrapped by [`Space::wrap`].
     #[inline(always)]
     fn wrap(&self, sphere: Sphere) -> Sphere {

@@ -1,7 +1,4 @@
-//! The input of a search: a query is checked, copied where it cannot be searched in place, and measured.
-//!
-//! `query` prepares it with the copies of `copy`, `validate` refuses bad spheres, `stats` measures sizes and bounds, `species_groups` groups species
-//! by their partners, and `search_input` holds all of that for one call.
+//! The input of a search: a query is checked, copied if it cannot be searched in place, and measured.
 
 mod copy;
 mod query;

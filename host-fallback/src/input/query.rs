@@ -1,5 +1,5 @@
-//! Prepares a query for a search: checks it, appends the second set to the first, and wraps spheres into a periodic space or
-//! maps them to a frame. Both backends start here.
+//! Prepares a query for a search: checks it, appends the second set to the first, and wraps spheres into a periodic
+//! space or maps them to a frame. Both backends start here.
 
 use std::time::Instant;
 
@@ -19,7 +19,7 @@ pub struct QueryBuffers {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     frame: Option<SearchFrame>,
-    /// Of each species.
+    /// Indexed by species.
     halves: Vec<LargestHalf>,
 }
 
@@ -48,12 +48,12 @@ impl PreparedQuery<'_> {
 }
 
 impl QueryBuffers {
-    /// Checks a query and prepares its spheres. Validity of spheres is checked only if they need a frame. `wraps` requests
+    /// Checks a query and prepares its spheres. Validity is checked only if they need a frame. `wraps` requests
     /// wrapping into an orthogonal periodic space. The time of a copy is added to `phases`.
     ///
     /// # Errors
-    /// [`Error::Input`] for too many spheres, species outside the table, exclusions made for other numbers of spheres, and
-    /// spheres that are not valid; [`Error::OutOfMemory`].
+    /// [`Error::Input`] for too many spheres, species outside the table, exclusions made for other numbers of spheres,
+    /// and spheres that are not valid; [`Error::OutOfMemory`].
     pub fn prepare<'a>(
         &'a mut self,
         query: &Query<'a>,
@@ -116,7 +116,7 @@ impl QueryBuffers {
             None => {
                 let check =
                     |bounds: &Bounds| if bounds.are_valid { Ok(()) } else { check_valid(query, executor) };
-                // Radii of `f64` spheres may be more than a narrow frame holds.
+                // Radii of `f64` spheres may exceed a narrow frame.
                 let mut bounds = None;
                 let kept = match last.filter(|last| !last.is_narrow()) {
                     None => None,
@@ -164,7 +164,6 @@ impl QueryBuffers {
         }
     }
 
-    /// Copies both sets, wrapped into `space` if one is given.
     fn copy(&mut self, query: &Query<'_>, space: Option<&Space>, on: (Simd, Executor)) {
         let (first, second) = self.spheres.split_at_mut(query.first().len());
         copy((query.first(), first), space, on);
@@ -174,7 +173,6 @@ impl QueryBuffers {
     }
 }
 
-/// The copied spheres with their species.
 fn with_species<'a>(
     (spheres, species): (&'a [Sphere], &'a mut Vec<u32>),
     query: &Query<'a>,

@@ -13,7 +13,7 @@ pub(crate) struct SearchInput<'a> {
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
     pub(crate) executor: Executor,
-    /// The number of spheres of the first of two sets, if only pairs of one sphere of each count.
+    /// The size of the first of two sets, if only pairs across them count.
     pub(crate) split: Option<usize>,
 }
 
@@ -49,8 +49,8 @@ impl SearchInput<'_> {
     }
 }
 
-/// Searches chunks of work on the threads and merges their sinks in the order of the chunks. `search` adds the pairs of a chunk
-/// to a sink. A chunk is skipped once the caller wants no more pairs. At most `most` chunks are one task.
+/// Searches chunks of work on the threads and merges their sinks in order. `search` adds the pairs of a chunk to a
+/// sink. Chunks are skipped once the caller wants no more pairs. At most `most` chunks are one task.
 ///
 /// # Errors
 /// The errors of `search`, [`Error::OutOfMemory`], and [`Error::Cancelled`] if the caller cancels the search.

@@ -1,7 +1,7 @@
 //! Species grouped by the species with which they pair, so that a search compares only spheres that may be a pair.
 //!
-//! Two of the species that are present belong to one group if they pair with the same present species. A group that
-//! pairs with no present species costs nothing but sorting, however dense its spheres are.
+//! Present species that pair with the same present species share a group. A group without partners costs nothing but
+//! sorting, however dense its spheres are.
 
 #![expect(
     clippy::disallowed_methods,
@@ -18,9 +18,7 @@ use crate::executor::Executor;
 pub(crate) const MAX_GROUPS: usize = 8;
 /// The most present species that are grouped; grouping takes time in proportion to their square.
 const MAX_PRESENT: usize = 512;
-/// Species ids per work item.
 const CHUNK_SPHERES: usize = 1 << 14;
-/// Words of a set of species.
 const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
 /// The interactions between the species of two groups.
@@ -30,7 +28,7 @@ pub(crate) struct Meeting {
     pub(crate) touches: bool,
     /// The largest distance at which species pair by distance, or 0.
     pub(crate) distance: f64,
-    /// `true` if a sphere of one group and one of the other are a pair exactly if their effective radii touch.
+    /// `true` if spheres of the two groups are a pair exactly if their effective radii touch.
     pub(crate) is_by_radii: bool,
 }
 
@@ -38,7 +36,6 @@ impl Meeting {
     /// Any interaction at any distance.
     pub(crate) const ANY: Self = Self { touches: true, distance: f64::INFINITY, is_by_radii: false };
 
-    /// The interactions of each two of some species; `None` if no two of them pair.
     fn of(species: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> Option<Self> {
         let none = Self { touches: false, distance: 0.0, is_by_radii: true };
         let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
@@ -66,7 +63,6 @@ impl Meeting {
 /// A division of the present species into groups.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpeciesPartition {
-    /// The group of each species; of no meaning for species that are absent.
     of_species: Vec<u8>,
     count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
@@ -74,7 +70,6 @@ pub struct SpeciesPartition {
 }
 
 impl SpeciesPartition {
-    /// Creates the division of the species `present` into `count` groups.
     fn new(of_species: Vec<u8>, count: usize, (present, table): (&[u32], &Interactions)) -> Self {
         let members = |group: usize| {
             let of_species = &of_species;
@@ -128,7 +123,6 @@ impl SpeciesPartition {
         self.meetings[a * self.count + b].is_some()
     }
 
-    /// One group of all species, which may pair in any way.
     fn undivided(species: u32) -> Self {
         Self { of_species: vec![0; species as usize], count: 1, meetings: vec![Some(Meeting::ANY)] }
     }
@@ -138,9 +132,7 @@ impl SpeciesPartition {
 #[derive(Debug)]
 pub(crate) struct SpeciesGroups {
     present: [u64; WORDS],
-    /// Species that pair with the same species share a group.
     by_partners: SpeciesPartition,
-    /// All species that pair with any share a group.
     merged: SpeciesPartition,
     /// The number of times that the groups have changed.
     version: u32,
@@ -154,7 +146,7 @@ impl Default for SpeciesGroups {
 }
 
 impl SpeciesGroups {
-    /// Groups the species of `ids`, which are checked against `table`. The table must be the same in every call.
+    /// Groups the species of `ids`, checked against `table`, which must be the same in every call.
     ///
     /// # Errors
     /// Fails if the threads fail.
@@ -175,7 +167,6 @@ impl SpeciesGroups {
         Ok(())
     }
 
-    /// Groups by partners if `is_separate`, else all that pair in one.
     pub(crate) fn partition(&self, is_separate: bool) -> &SpeciesPartition {
         if is_separate { &self.by_partners } else { &self.merged }
     }
@@ -185,13 +176,11 @@ impl SpeciesGroups {
         self.by_partners.count > self.merged.count
     }
 
-    /// A number that changes with the groups.
     pub(crate) fn version(&self) -> u32 {
         self.version
     }
 }
 
-/// The set of the species in `ids`, a bit for each.
 fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; WORDS], Error> {
     let piece = |mut seen: [u64; WORDS], piece: usize| {
         let ids = &ids[piece * CHUNK_SPHERES..ids.len().min((piece + 1) * CHUNK_SPHERES)];
@@ -214,7 +203,7 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
     )
 }
 
-/// The group of each present species, `None` for a species that pairs with no present one; and the number of groups.
+/// The group of each present species, `None` without partners; and the number of groups.
 fn group_by_partners(present: &[u32], table: &Interactions) -> (Vec<Option<usize>>, usize) {
     let mut partners: Vec<[u64; MAX_PRESENT / 64]> = Vec::new();
     let groups: Vec<_> = present
@@ -244,7 +233,6 @@ fn group_by_partners(present: &[u32], table: &Interactions) -> (Vec<Option<usize
 pub(crate) struct Grouping<'a> {
     /// The number of spheres of the first of two sets.
     split: Option<usize>,
-    /// The division of the species, and the species of each sphere.
     species: Option<(&'a SpeciesPartition, &'a [u32])>,
 }
 
@@ -254,7 +242,6 @@ impl<'a> Grouping<'a> {
         Self { split, species }
     }
 
-    /// The number of groups of each set.
     fn per_set(&self) -> usize {
         self.species.map_or(1, |(partition, _)| partition.count)
     }
@@ -269,13 +256,12 @@ impl<'a> Grouping<'a> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Returns `true` if all spheres of groups that meet are a pair if and only if their effective radii touch.
+    /// Returns `true` if spheres of groups that meet are a pair if and only if their effective radii touch.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
     }
 
-    /// The group of sphere `id`.
     #[inline(always)]
     pub(crate) fn of(&self, id: usize) -> usize {
         let set = usize::from(self.split.is_some_and(|split| id >= split));
@@ -316,7 +302,6 @@ mod tests {
         groups
     }
 
-    /// The group of each species of `ids`.
     fn of(ids: &[u32], table: &Interactions) -> Vec<u8> {
         let groups = groups(ids, table);
         ids.iter().map(|&species| groups.by_partners.of_species[species as usize]).collect()

@@ -9,9 +9,7 @@ use crate::compare::PairTest;
 use crate::executor::Executor;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Spheres per chunk of the pass: few enough to balance threads, enough that merging takes no time.
 const CHUNK_SPHERES: usize = 1 << 13;
-/// Tables that count in turn.
 const TABLES: usize = 4;
 /// The fewest spheres that are worth counting in several tables, which must be cleared and merged.
 const MIN_TABLED_SPHERES: usize = 512;
@@ -41,14 +39,12 @@ pub struct SizeClass {
 }
 
 impl SizeClass {
-    /// Counts a sphere of this radius.
     #[inline(always)]
     pub(crate) fn add(&mut self, radius: f32) {
         self.count += 1;
         self.largest = self.largest.max(radius);
     }
 
-    /// Counts the spheres of another class.
     pub(crate) fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.largest = self.largest.max(other.largest);
@@ -162,7 +158,6 @@ impl InputStats {
         // With one table, equal radii would wait for the same counter.
         let mut tables = [[SizeClass::default(); SIZE_CLASSES]; N];
         for (k, (row, radius)) in spheres.enumerate() {
-            // Each line compiles to one vector instruction.
             for lane in 0..4 {
                 min[lane] = if row[lane] < min[lane] { row[lane] } else { min[lane] };
                 max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };

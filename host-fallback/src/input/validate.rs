@@ -4,7 +4,6 @@ use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Query, Spheres};
 
 use crate::executor::Executor;
 
-/// Spheres per chunk of a pass.
 const CHUNK_SPHERES: usize = 1 << 13;
 
 /// Checks that all spheres of a query are valid.

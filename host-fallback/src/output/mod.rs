@@ -1,5 +1,3 @@
-//! The forms of a result: pairs in canonical order, and neighbor lists with or without geometry.
-
 mod neighbor_list;
 mod neighbors;
 mod pair_sorter;

@@ -89,10 +89,10 @@ impl NeighborsBuilder {
         if is_mirrored { self.fill(pairs, rows) } else { self.fill_between(pairs, rows) }
     }
 
-    /// The lists of `spheres` spheres from their pairs in canonical order.
+    /// Builds the lists of `spheres` spheres from their pairs in canonical order.
     ///
-    /// For each sphere the pairs in which it comes second are met before those in which it comes first, each kind
-    /// ascending, so writing them in that order leaves every list sorted.
+    /// The pairs in which a sphere comes second are met before those in which it comes first, each kind ascending, so
+    /// writing them in that order leaves every list sorted.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -124,8 +124,7 @@ impl NeighborsBuilder {
         Ok(Neighbors { offsets, indices })
     }
 
-    /// The lists of the first spheres only, of the second ones of their pairs, from `rows` first spheres and pairs in
-    /// canonical order.
+    /// Builds the lists of the first `rows` spheres only.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].

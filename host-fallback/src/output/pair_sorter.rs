@@ -1,8 +1,8 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
-//! One pass distributes the pairs to buckets of consecutive `i`, small enough for the cache, as keys: the low digits of `i` and
-//! `j`. Up to millions of spheres a key has half the size of a pair. Each bucket is then
-//! ordered on its own by a radix sort, whose last pass makes pairs of keys.
+//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys: the low digits of `i` and
+//! `j`, for up to millions of spheres half the size of a pair. A radix sort then orders each bucket, and its last pass
+//! turns keys into pairs.
 
 use bytemuck::{Pod, cast_slice_mut};
 use lazygrid_kernels::Pair;
@@ -12,27 +12,25 @@ use crate::disjoint_writes::{DisjointSlice, split_at};
 use crate::executor::Executor;
 use crate::memory::{try_collect, try_resize};
 
-/// The most chunks of the first pass: enough for any number of threads, few enough for a counter per chunk and bucket.
+/// Enough chunks for any number of threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 128;
-/// The most buckets: their write positions stay in the second-level cache.
+/// The write positions of this many buckets stay in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
 /// The target number of pairs per bucket, 64 KiB.
 const BUCKET: usize = 1 << 13;
 
-/// The most indices per bucket, as far as [`MAX_BUCKETS`] allows: their counters stay in the cache.
+/// The counters of this many indices per bucket stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
 /// The most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
 /// The fewest pairs of a bucket that are sorted by radix. Comparisons sort fewer, without counters.
 const MIN_RADIX_KEYS: usize = 256;
 
-/// Puts pairs in canonical order, by `i`, then `j`, in buffers that survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct PairSorter {
-    /// Keys of one word or of two.
     scratch: Vec<u32>,
     starts: Vec<usize>,
-    /// By chunk and bucket: first the number of pairs, then the position of the next one.
+    /// Indexed by chunk and bucket: first the number of pairs, then the position of the next one.
     offsets: Vec<usize>,
 }
 
@@ -54,7 +52,6 @@ impl PairKey for u32 {
     }
 }
 
-/// Two words, which need no more alignment than a pair has.
 impl PairKey for [u32; 2] {
     #[inline(always)]
     fn new(bits: u64) -> Self {
@@ -67,13 +64,10 @@ impl PairKey for [u32; 2] {
     }
 }
 
-/// The layout of a pair's key.
 #[derive(Clone, Copy)]
 struct BucketLayout {
     buckets: usize,
-    /// The number of bits of `i` that differ within a bucket.
     i_bits: u32,
-    /// The number of bits of `j`.
     j_bits: u32,
 }
 
@@ -109,8 +103,8 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Threads share the
-    /// chunks out, so that a hundred are better than one.
+    /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Threads divide the
+    /// chunks, so a hundred are better than one.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`], [`Error::ThreadPool`].
@@ -241,7 +235,6 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     }
 }
 
-/// Computes the start of each digit and resets the counts to 0.
 fn starts(counts: &mut [u32], places: &mut [u32]) {
     let mut at = 0;
     for (count, place) in counts.iter_mut().zip(places) {
@@ -267,7 +260,6 @@ mod tests {
 
     #[test]
     fn any_number_of_pairs_in_any_order() {
-        // Keys of one word, and of two.
         for spheres in [2, 3, 255, 256, 257, 100_000, 5_000_000, u32::MAX] {
             for count in [0, 1, 2, 255, 256, 257, 70_000] {
                 let mix = |k: u32| k.wrapping_mul(2_654_435_761) >> 7;

@@ -24,14 +24,13 @@ pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
 const PREFETCH_SPHERES: usize = 128;
 /// The number of candidate vectors by which a prefetch of their spheres runs ahead.
 const PREFETCH_VECTORS: usize = 16;
-/// Spheres per chunk of the pass that measures displacements.
 const CHUNK_SPHERES: usize = 1 << 13;
 /// The usable fraction of a displacement limit. The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 /// The largest rounding error of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
-/// The most candidates per sphere in a list, 768 bytes. A skin with more is not used, and every call searches. `cost_model`
-/// plans with at most 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
+/// The most candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
+/// 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
 const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
 /// The largest effective radius with which a list is built. Displacement limits vanish next to larger radii.
 const MAX_RADIUS: f32 = 1e30;
@@ -46,14 +45,10 @@ pub(super) fn fixed(distance: f32) -> DisplacementLimits {
 /// A candidate list, and the positions of the spheres when it was built.
 #[derive(Debug, Default)]
 pub(crate) struct CandidateList {
-    /// The statistics of the spheres when the list was built; `None` without a list.
     input_stats: Option<Box<InputStats>>,
     species: Vec<u32>,
-    /// The sphere at each position of the list; spheres that are near each other have near positions.
     order: Vec<u32>,
-    /// The spheres of this call, by position.
     rows: Vec<Xyzr>,
-    /// The candidates as pairs of positions.
     chunks: Vec<Vec<Pair>>,
     count: u64,
     age: u32,
@@ -61,7 +56,6 @@ pub(crate) struct CandidateList {
 }
 
 impl CandidateList {
-    /// Bytes per sphere, without the candidates.
     const BYTES_PER_SPHERE: u64 = size_of::<Xyzr>() as u64 + 4;
 
     /// The most candidates in a list of `spheres` spheres.
@@ -69,7 +63,6 @@ impl CandidateList {
         max_pairs.min(spheres.saturating_mul(MAX_CANDIDATES_PER_SPHERE))
     }
 
-    /// The statistics of the spheres when the list was built, if one exists.
     pub(crate) fn input_stats(&self) -> Option<&InputStats> {
         self.input_stats.as_deref()
     }
@@ -79,12 +72,10 @@ impl CandidateList {
         self.input_stats = None;
     }
 
-    /// The number of calls since the build, and the largest used fraction of a displacement limit.
     pub(crate) fn age(&self) -> (u32, f32) {
         (self.age, self.displacement_fraction)
     }
 
-    /// The statistics for the report.
     pub(crate) fn stats(&self, rebuilt: Option<RebuildReason>) -> CandidateListStats {
         CandidateListStats {
             count: self.count,
@@ -94,11 +85,10 @@ impl CandidateList {
         }
     }
 
-    /// Measures the displacements. Returns the reason for a rebuild, or `None` if the list is valid. `list` holds the positions at
-    /// the build.
+    /// Measures the displacements. Returns the reason for a rebuild, or `None` if the list is valid. `list` holds the
+    /// positions at the build.
     ///
-    /// An invalid list is dropped here, before the call can fail: a later call must never use a list that an earlier one found
-    /// invalid.
+    /// An invalid list is dropped here, before the call can fail: no later call may use it.
     pub(crate) fn update_displacements(
         &mut self,
         test: &PairTest<'_>,
@@ -132,8 +122,8 @@ impl CandidateList {
         }
     }
 
-    /// Builds the cell list and the candidate list. Returns `false`, without a candidate list, if there are more candidates than
-    /// [`MAX_CANDIDATES_PER_SPHERE`] or than a result may have, or if memory is refused.
+    /// Builds the cell list and the candidate list. Returns `false`, without a candidate list, if candidates exceed
+    /// [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or if memory is refused.
     ///
     /// # Errors
     /// [`Error::Cancelled`], [`Error::ThreadPool`].
@@ -193,7 +183,6 @@ impl CandidateList {
         Ok(true)
     }
 
-    /// Copies the order of the cell list, and the positions of its spheres.
     fn place(
         &mut self,
         list: &mut CellList,
@@ -275,9 +264,9 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     apart
 }
 
-/// Copies the spheres of this call to their positions in `rows`. `then` holds the center of each at the build, and as its radius
-/// the inverse square of its displacement limit. Returns the square of the largest used fraction of a limit, or infinity if a
-/// sphere is invalid; and `true` if an effective radius has changed.
+/// Copies the spheres of this call to their positions in `rows`. `then` holds each center at the build, and as its
+/// radius the inverse square of its displacement limit. Returns the square of the largest used fraction of a limit, or
+/// infinity if a sphere is invalid; and `true` if an effective radius has changed.
 struct Advance<'a> {
     test: &'a PairTest<'a>,
     then: &'a [SortRecord],
@@ -314,7 +303,7 @@ impl Advance<'_> {
             None => {
                 for (row, then) in rows.iter_mut().zip(then) {
                     largest.add::<PERIODIC>(row, then, test.row(then.id));
-                    // An effective radius that depends on the species alone hides an invalid radius.
+                    // An effective radius by species alone hides an invalid radius.
                     is_refused |= !test.spheres().get(then.id as usize).is_valid();
                 }
             }
@@ -324,15 +313,11 @@ impl Advance<'_> {
     }
 }
 
-/// The largest displacement of some spheres.
 struct Largest {
-    /// The length of each axis; infinite for an unbounded one.
     lengths: [f32; 4],
-    /// The square of the largest used fraction of a limit.
     part: f32,
     /// NaN after a displacement that is not finite.
     poison: f32,
-    /// Bits in which effective radii differ.
     differing: u32,
 }
 
@@ -358,8 +343,8 @@ impl Largest {
     }
 }
 
-/// Tests some candidates. No branch predictor can tell which of them touch. So testing is separate from handing over: it appends
-/// without a branch.
+/// Tests some candidates. No branch predictor can tell which of them touch, so testing appends hits without a branch,
+/// and pairs are handed over later.
 struct CandidateTest<'t, S> {
     pairs: &'t [Pair],
     rows: &'t [Xyzr],
@@ -368,7 +353,6 @@ struct CandidateTest<'t, S> {
     sink: &'t mut S,
 }
 
-/// A buffer of pairs of positions that touch.
 struct HitBuffer {
     pairs: [Pair; Self::FULL + MAX_LANES],
     len: usize,
@@ -393,7 +377,6 @@ impl HitBuffer {
 }
 
 impl<S: Sink> CandidateTest<'_, S> {
-    /// Tests one vector of candidates, of which those with bits in `live` count.
     #[inline(always)]
     fn vector<V: SimdWidth>(
         &mut self,
@@ -412,7 +395,6 @@ impl<S: Sink> CandidateTest<'_, S> {
         }
     }
 
-    /// Returns the candidates that are pairs, of those that are possible or certain.
     #[inline(never)]
     fn decide(&self, pairs: &[Pair; MAX_LANES], [possible, certain]: [u32; 2]) -> u32 {
         let mut hits = if self.test.is_plain() { certain } else { 0 };

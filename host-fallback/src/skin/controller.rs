@@ -1,5 +1,3 @@
-//! Decides in each call whether a detector tests its candidate list, rebuilds it, or searches without one.
-
 use super::candidate_list::{CandidateList, DisplacementLimits, fixed};
 use super::cost_model::{SkinCosts, SkinScaling, choose};
 use super::tuner::SkinTuner;
@@ -10,7 +8,7 @@ use crate::input::SearchInput;
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Settings, Skin};
 
-/// The candidate list, and the state that decides on the next one.
+/// The candidate list, and whether the next call tests it, rebuilds it, or searches without one.
 #[derive(Debug, Default)]
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
@@ -74,7 +72,6 @@ impl SkinController {
         Ok(false)
     }
 
-    /// Chooses the displacement limits, if a list is worth it.
     fn choose(
         &mut self,
         input: &SearchInput<'_>,

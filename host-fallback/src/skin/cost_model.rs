@@ -1,7 +1,7 @@
 //! Chooses the skin: a pure function of the statistics of the spheres, their displacements, and the costs.
 //!
-//! With a skin in proportion to the displacements of each size class, all classes exceed their limits at about the same time. A
-//! wider skin makes a list valid for longer, with more candidates.
+//! With a skin in proportion to the displacements of each size class, all classes exceed their limits at about the same
+//! time.
 
 use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
 use super::displacement::DisplacementGrowth;
@@ -63,7 +63,6 @@ impl SkinCosts {
         search_ns.is_finite() && search_ns > 0.0 && others.iter().all(|cost| cost.is_finite() && *cost >= 0.0)
     }
 
-    /// The cost of a search per sphere.
     fn of_search(&self, stats: &InputStats, density: &DensityProfile, found: f32) -> f32 {
         let levels = match self.levels_ns > 0.0 {
             true => self.levels_ns * LevelPlan::plan(stats, density).cost / stats.spheres as f32,
@@ -78,7 +77,7 @@ impl SkinCosts {
 pub(super) enum SkinScaling {
     /// Limits in proportion to the largest displacements of each class.
     BySize,
-    /// The same limit for all classes.
+    /// One limit for all classes.
     Alike,
 }
 
@@ -94,14 +93,10 @@ impl SkinScaling {
 /// The most candidates per sphere that a plan allows, which bounds memory.
 const MAX_CANDIDATES: f32 = 64.0;
 
-/// A chosen skin and its expected effect.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkinChoice {
-    /// The skin in units of the largest displacement per call of the sample.
     pub(super) skin: f32,
-    /// The number of calls for which the list is expected to be valid.
     pub(super) calls: f32,
-    /// The expected number of candidates per sphere.
     pub(super) candidates: f32,
 }
 
@@ -141,7 +136,6 @@ pub(super) fn choose(
     (time < MAX_RELATIVE_COST * none).then_some(choice)
 }
 
-/// The estimated number of candidates per sphere.
 fn candidates(stats: &InputStats, density: &DensityProfile, limits: &DisplacementLimits) -> f32 {
     // log₂ of the size of a cube with the volume of a sphere of radius 1.
     const CUBE: f32 = 0.689;
@@ -155,10 +149,8 @@ fn candidates(stats: &InputStats, density: &DensityProfile, limits: &Displacemen
     }
     let groups = || groups.iter().filter(|(share, _)| *share > 0.0);
     let met = |&(share, reach): &(f32, f32)| {
-        let around = |&(of, other): &(f32, f32)| {
-            // The sphere itself is not a candidate.
-            of * (density.mean((reach + other).log2() + CUBE) - 1.0).max(0.0)
-        };
+        let around =
+            |&(of, other): &(f32, f32)| of * (density.mean((reach + other).log2() + CUBE) - 1.0).max(0.0);
         share * groups().map(around).sum::<f32>()
     };
     groups().map(met).sum::<f32>() / 2.0

@@ -8,7 +8,6 @@ use crate::compare::PairTest;
 use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// The most spheres in the sample.
 const MAX_SAMPLE: usize = 1 << 10;
 /// The fewest spheres per sampled one, so that the sample costs next to nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
@@ -20,19 +19,15 @@ const GROWTH_DECAY: f32 = 0.2;
 /// Sampled displacements by size class, and the growth law learned from candidate lists.
 #[derive(Debug)]
 pub(crate) struct DisplacementStats {
-    /// The number of spheres of the last call.
     spheres: usize,
-    /// The last positions of the sample.
     positions: Vec<Vec3>,
-    /// The largest displacement per call of each class, with decay.
     steps: [f32; SIZE_CLASSES],
-    /// The number of successive calls with this number of spheres.
     calls: u32,
     growth: DisplacementGrowth,
 }
 
-/// The growth law of the largest displacement with the number of calls: `factor · calls^exponent`, in units of the largest
-/// displacement per call of the sample. Ballistic motion has the exponent 1, diffusion ½.
+/// The largest displacement after a number of calls, `factor · calls^exponent`, in units of the largest displacement
+/// per call of the sample. Ballistic motion has the exponent 1, diffusion ½.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DisplacementGrowth {
     pub(crate) factor: f32,
@@ -92,15 +87,14 @@ impl DisplacementStats {
         Ok(())
     }
 
-    /// Learns the growth law from the largest displacements `first` after one call, and `last` with its number of calls, in units
-    /// of the largest displacement per call of the sample.
+    /// Learns the growth law from the largest displacements `first` after one call, and `last` with its number of
+    /// calls, in units of the largest displacement per call of the sample.
     pub(crate) fn learn(&mut self, first: f32, last: (u32, f32)) {
         if first > 0.0 {
             self.growth = DisplacementGrowth::between(first, last);
         }
     }
 
-    /// Decays the learned growth law towards the assumption, if no list measures it.
     pub(crate) fn forget(&mut self) {
         let DisplacementGrowth { factor, exponent } = &mut self.growth;
         *factor += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.factor - *factor);

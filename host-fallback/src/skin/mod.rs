@@ -4,12 +4,13 @@
 //!
 //! # Correctness
 //!
-//! 1. If no sphere exceeds its limit, two spheres that touch now were at most their radii and both limits apart when the list was
-//!    built. So every pair is a candidate.
-//! 2. A call measures the displacements, and tests the candidates or builds a new list. So results never depend on the limits.
+//! 1. If no sphere exceeds its limit, two spheres that touch now were at most their radii and both limits apart when
+//!    the list was built, so every pair is a candidate.
+//! 2. A call measures the displacements, and tests the candidates or builds a new list. Results never depend on the
+//!    limits.
 //!
-//! `displacement` observes, `cost_model` chooses limits, `tuner` compares expectations with results, `controller` decides in
-//! each call, `candidate_list` stores and tests. The GPU has candidate lists of its own and shares the first three.
+//! `displacement` observes, `cost_model` chooses limits, `tuner` compares expectations with results, `controller`
+//! decides in each call, `candidate_list` stores and tests. The GPU shares the first three.
 
 mod candidate_list;
 mod controller;

@@ -3,13 +3,11 @@ use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Space, Spher
 use crate::test_support::Random;
 use crate::{Error, HostDetector, Order, RebuildReason, Settings, Skin};
 
-/// Spheres of several sizes in a cube of this size.
 fn gas(n: usize, sizes: i32, edge: f32) -> Vec<Sphere> {
     let mut random = Random(11);
     (0..n).map(|k| Sphere::new(random.point(edge / 2.0), 0.5_f32.powi(k as i32 % sizes))).collect()
 }
 
-/// Moves every sphere by up to a part of its radius along each axis.
 fn step(spheres: &mut [Sphere], part: f32, random: &mut Random) {
     for sphere in spheres {
         sphere.center += glam::Vec3::from(random.point(part * sphere.radius));
@@ -27,7 +25,6 @@ fn table() -> Interactions {
     table
 }
 
-/// Detectors with these skins and without one, in several settings.
 fn settings(skin: Skin) -> Vec<Settings> {
     let plain = || Settings { skin, ..Settings::default() };
     let space = Space::periodic([Some(24.0), None, Some(25.0)]).expect("a box");
@@ -45,7 +42,6 @@ fn pairs(detector: &mut HostDetector, spheres: &[Sphere]) -> Vec<Pair> {
     detector.pairs(spheres).expect("the spheres are valid").to_vec()
 }
 
-/// Every call of a long walk has the pairs of a search, and some calls use a list.
 #[test]
 fn candidates_never_change_an_answer() {
     for skin in [Skin::Auto, Skin::Fixed(0.3), Skin::Fixed(2.0)] {
@@ -149,7 +145,6 @@ fn skins_out_of_range_are_refused() {
     assert!(matches!(HostDetector::new(settings), Err(Error::InvalidSetting { name: "skin", .. })));
 }
 
-/// A skin across all of space has more candidates than a list may hold.
 #[test]
 fn without_a_list_every_call_searches() {
     let settings =
@@ -166,7 +161,7 @@ fn without_a_list_every_call_searches() {
     }
 }
 
-/// Couples of spheres, each with another gap, that move towards each other: the skin has to give out in time.
+/// Couples with different gaps that move towards each other: the skin must expire in time.
 #[test]
 fn spheres_that_meet_head_on_are_found_as_they_touch() {
     for skin in [Skin::Fixed(0.5), Skin::Auto] {
@@ -192,8 +187,7 @@ fn spheres_that_meet_head_on_are_found_as_they_touch() {
     }
 }
 
-/// A search with default settings, and one with a fixed skin, lost pairs here: candidates that had expired in a call that
-/// compared all pairs served the next call.
+/// Candidates that expire in a call that compares all pairs must not serve the next call.
 #[test]
 fn radii_that_change_while_candidates_are_kept_lose_no_pair() {
     let at = |k: usize| [k % 10, k / 10 % 10, k / 100].map(|c| c as f32);
@@ -259,7 +253,6 @@ fn radii_without_effect_are_checked_while_candidates_serve() {
     }
 }
 
-/// Crowded spheres of which a fixed skin makes each a candidate with all others: calls search instead.
 #[test]
 fn candidates_too_many_to_keep_cost_no_memory_and_no_error() {
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 5000];

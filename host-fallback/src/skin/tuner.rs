@@ -1,5 +1,4 @@
-//! Learns and chooses skins from the observed displacements and from earlier candidate lists. Every backend uses it, with costs of
-//! its own.
+//! Learns and chooses skins from displacements and earlier candidate lists, for every backend.
 
 use lazygrid_kernels::{Interactions, Space, Spheres};
 
@@ -19,20 +18,16 @@ const MAX_WAIT: u32 = 31;
 /// Ratios of observed to expected validity and number of candidates with which a choice stands.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
-/// Learns from displacements and candidate lists, and chooses the next skin. It never reads a clock, so that runs are
-/// reproducible.
+/// It never reads a clock, so that runs are reproducible.
 #[derive(Debug, Default)]
 pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
-    /// The largest used fraction of a displacement limit one call after the build.
     first: f32,
     /// The number of searches for which the choice still stands, and that for which it stood last time.
     wait: u32,
     patience: u32,
-    /// The number of further searches without a list after an overflow.
     pause: u32,
-    /// log₂ of the ratio of observed to expected candidates.
     excess: f32,
 }
 
@@ -91,8 +86,8 @@ impl SkinTuner {
         is_paused
     }
 
-    /// Chooses the skin of the next list, the same for all spheres; `None` if searching costs less. Spheres are measured only if
-    /// the last choice no longer stands. Call it before a search, or after one that built a list.
+    /// Chooses the skin of the next list, the same for all spheres; `None` if searching costs less. Spheres are
+    /// measured only if the last choice no longer stands. Call it before a search, or after one that built a list.
     ///
     /// # Errors
     /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`], [`Error::ThreadPool`].
@@ -112,8 +107,8 @@ impl SkinTuner {
         Ok(limits.map(|limits| 2.0 * limits[0]))
     }
 
-    /// The displacement limits by the last choice, or by a new one of `think`, which gets the displacements and the excess of
-    /// candidates.
+    /// The displacement limits by the last choice, or by a new one of `think`, which gets the displacements and the
+    /// excess of candidates.
     pub(super) fn limits(
         &mut self,
         scaling: SkinScaling,
@@ -159,8 +154,8 @@ mod tests {
         call_ns: 0.0,
     };
 
-    /// Follows spheres in a periodic box that all go `step` at every call, some way each; how many calls candidates served,
-    /// and the last skin.
+    /// Follows spheres in a periodic box that all move by `step` in every call. Returns the calls that candidates
+    /// served, and the last skin.
     fn follow(
         tuner: &mut SkinTuner,
         (n, calls): (usize, u32),
@@ -168,7 +163,6 @@ mod tests {
         costs: &SkinCosts,
     ) -> (u32, Option<f32>) {
         let mut random = Random(3);
-        // About one partner within a diameter.
         let edge = (n as f32).cbrt() * 1.6;
         let space = Space::periodic([Some(f64::from(edge)); 3]).expect("a box");
         let mut spheres: Vec<_> = (0..n).map(|_| Sphere::new(random.point(edge / 2.0), 0.5)).collect();
@@ -225,7 +219,6 @@ mod tests {
         assert!(served > 100, "{served} served after the displacements has come to rest");
     }
 
-    /// A sphere that no sample sees ends candidates at once, for as long as it flies.
     #[test]
     fn unsampled_fast_sphere_makes_skin_retries_rare() {
         let n = 4000;
@@ -249,7 +242,6 @@ mod tests {
         let mut tuner = SkinTuner::default();
         let (_, skin) = follow(&mut tuner, (3000, 50), 0.01, &COSTS);
         assert!(skin.is_some());
-        // Each has sixteen times the expected number.
         for _ in 0..3 {
             tuner.record_count(16.0 * tuner.choice.map_or(1.0, |choice| choice.candidates));
         }

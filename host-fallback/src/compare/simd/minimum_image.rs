@@ -9,14 +9,13 @@ use crate::frame::SearchFrame;
 pub(crate) struct PeriodicBox {
     /// The length of each axis; infinite for an unbounded axis, which has no nearer image.
     pub(super) lengths: [f32; 3],
-    /// The largest error of a computed distance. Coordinates, of at most half a length, are exact; their difference is rounded
-    /// to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is more than twice that, for three
-    /// axes together.
+    /// An upper bound on the error of a computed distance. Coordinates, of at most half a length, are exact; their
+    /// difference is rounded to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is more
+    /// than twice that, for three axes together.
     pub(super) slack: f32,
 }
 
 impl PeriodicBox {
-    /// Creates the box of a periodic space; `None` if it is unbounded.
     pub(crate) fn of(space: &Space) -> Option<Self> {
         let lengths = space.lengths_f32();
         let longest = lengths.into_iter().flatten().fold(0.0, f32::max);
@@ -34,8 +33,8 @@ impl PeriodicBox {
     }
 }
 
-/// A SIMD width that compares minimum images and leaves all else to the inner width. All code is compiled once more for
-/// periodic spaces, so that unbounded ones pay nothing.
+/// A SIMD width that compares minimum images. All code is compiled once more for periodic spaces, so unbounded ones pay
+/// nothing.
 #[derive(Clone, Copy)]
 pub(super) struct MinimumImage<V> {
     pub(super) vector: V,
@@ -45,7 +44,7 @@ pub(super) struct MinimumImage<V> {
 impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     const LANES: usize = V::LANES;
     type Query = V::Query;
-    /// The distances with the slack added to the sum of radii, and with the slack subtracted.
+    /// Distances with the slack added to the sum of radii, and with it subtracted.
     type SquaredDistances = [V::SquaredDistances; 2];
 
     #[inline(always)]

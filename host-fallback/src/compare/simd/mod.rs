@@ -1,8 +1,8 @@
 //! SIMD code of every detector: compares one sphere with several.
 //!
-//! The comparison is a filter in `f32` with an error band around tangency. The filter decides
-//! pairs outside the band; [`PairTest`](super::pair_test::PairTest) decides pairs inside it. So SIMD width, fused
-//! multiply-adds and the order of operations cannot change a result.
+//! The comparison is a filter in `f32` with an error band around tangency. [`PairTest`](super::pair_test::PairTest)
+//! decides pairs inside the band, so SIMD width, fused multiply-adds and the order of operations cannot change a
+//! result.
 
 use std::env;
 use std::fmt;
@@ -24,9 +24,9 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-/// Relative half-width of the band left to the exact test. Rounding in `f32` moves `d²` against `(ri + rj)²` by at
-/// most 4 ulp, 2⁻²¹; twice that is safe and still leaves one comparison in 10⁶ to the exact test. Between nearest
-/// images, whose slack is kept apart, it is at most 11 of the 16 half ulps that the band has.
+/// Relative half-width of the band. Rounding in `f32` moves `d²` against `(ri + rj)²` by at most 4 ulp, 2⁻²¹; twice
+/// that is safe and leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is
+/// at most 11 of the 16 half ulps that the band has.
 const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow and relative error says nothing.
 const FLOOR: f32 = f32::MIN_POSITIVE;
@@ -62,8 +62,8 @@ impl fmt::Display for Simd {
 }
 
 impl Simd {
-    /// Looks at the processor, once, and at the environment variable `LAZYGRID_SIMD`, by which `avx2` or `portable` is used
-    /// on one that has more.
+    /// Detects the instruction sets once. The environment variable `LAZYGRID_SIMD` restricts them to `avx2` or
+    /// `portable`.
     pub fn detect() -> Self {
         static WIDEST: OnceLock<Simd> = OnceLock::new();
         #[cfg(target_arch = "x86_64")]
@@ -93,13 +93,12 @@ impl Simd {
         }
     }
 
-    /// The one of fewer, or less special, instructions.
     fn narrower(self, other: Self) -> Self {
         if self as u8 > other as u8 { self } else { other }
     }
 
-    /// The widest code of a processor that `has` some instruction sets. All that the code is compiled with must be present,
-    /// since a virtual machine may hide any of them.
+    /// The widest code of a processor that `has` some instruction sets. All of a width must be present, because a
+    /// virtual machine may hide any of them.
     #[cfg(target_arch = "x86_64")]
     fn widest(has: impl Fn(&Feature) -> bool) -> Self {
         if x86::Avx512::FEATURES.iter().all(&has) {
@@ -111,8 +110,8 @@ impl Simd {
         }
     }
 
-    /// Runs `task` with this width, or the portable one where the processor lacks it; comparisons are between nearest
-    /// images if there are any.
+    /// Runs `task` with this width, or the portable one if the processor lacks it, between minimum images if `periodic`
+    /// is given.
     pub(crate) fn run<T: SimdTask>(self, task: T, periodic: Option<PeriodicBox>) -> T::Result {
         match self.narrower(Self::detect()) {
             // SAFETY: nothing wider is returned than `detect` does, for which this processor has all features.
@@ -126,7 +125,6 @@ impl Simd {
     }
 }
 
-/// Runs `task` with this width in the space of `images`.
 #[inline(always)]
 fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<PeriodicBox>) -> T::Result {
     match periodic {
@@ -139,7 +137,7 @@ fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<Period
 #[inline(always)]
 pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: every x86-64 processor has SSE; nothing is read or written, and an address that leads nowhere is ignored.
+    // SAFETY: every x86-64 processor has SSE; a prefetch reads and writes nothing, and invalid addresses are ignored.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast());
@@ -148,10 +146,10 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     let _ = (values, at);
 }
 
-/// Work that is compiled once per SIMD width, with that width's instructions throughout.
+/// Work that is compiled once per SIMD width.
 ///
-/// Only code that is inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and none
-/// passes a closure to a function that is not.
+/// Only code that is inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and
+/// none passes a closure to a function that is not.
 pub(crate) trait SimdTask {
     type Result;
     /// Must be `#[inline(always)]`, so that it takes on the features of its caller.
@@ -162,12 +160,9 @@ pub(crate) trait SimdTask {
 pub(crate) trait SimdWidth: Copy {
     /// Spheres per comparison, at most [`MAX_LANES`].
     const LANES: usize;
-    /// One sphere in every lane.
     type Query: Copy;
-    /// Squared distances and squared sums of radii.
     type SquaredDistances: Copy;
 
-    /// Broadcasts the center and the radius of a sphere.
     fn query(self, sphere: [f32; 4]) -> Self::Query;
     /// Compares with the spheres at `base..base + LANES`, which may reach into the padding.
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
@@ -180,8 +175,8 @@ pub(crate) trait SimdWidth: Copy {
     /// The cell of the point `center + offset`, clamped to the grid. Monotone along each axis, and the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
-    /// Appends the runs to compare with some spheres of one cell, at most five per sphere. `spheres` has their start and their
-    /// number, at most [`MAX_LANES`]. A run starts after its own sphere.
+    /// Appends the runs to compare with some spheres of one cell, at most five per sphere. `spheres` has their start
+    /// and number, at most [`MAX_LANES`]. A run starts after its own sphere.
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -189,10 +184,10 @@ pub(crate) trait SimdWidth: Copy {
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     );
-    /// Writes the pairs of sphere `id` with the lanes of `ids` whose bits are set in `lanes` to the front of `pairs`, whose rest
-    /// is then arbitrary. Returns their number.
+    /// Writes the pairs of sphere `id` with the selected `lanes` of `ids` to the front of `pairs`, whose rest is then
+    /// arbitrary. Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Writes the pairs whose bits are set in `lanes` to the front of `kept`, whose rest is then arbitrary. Returns their
+    /// Writes the selected `lanes` of `pairs` to the front of `kept`, whose rest is then arbitrary. Returns their
     /// number.
     fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
 }
@@ -250,7 +245,6 @@ mod tests {
     const IDS: [u32; MAX_LANES] = [3, 9, 0, u32::MAX - 2, 7, 8, 1, 2, 40, 30, 20, 10, 11, 12, 13, 6];
     const LANES: [u32; 6] = [0, 1, 0x8000, 0xffff, 0x5a5a, 0x0ff0];
 
-    /// Everything a vector width computes besides distances, which the detectors' tests compare.
     struct Everything;
 
     impl SimdTask for Everything {
@@ -304,7 +298,6 @@ mod tests {
         }
     }
 
-    /// The masks of possible and certain contacts of some pairs.
     struct Contacts<'c>(&'c [Xyzr], &'c [[Pair; MAX_LANES]]);
 
     impl SimdTask for Contacts<'_> {

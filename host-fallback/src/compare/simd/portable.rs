@@ -97,7 +97,7 @@ impl PeriodicSimd for Portable {
         let nearest = |column: f32x8, axis: usize| {
             let apart = (column - q[axis]).abs();
             let other = f32x8::splat(periodic.lengths[axis]) - apart;
-            // Not the minimum: where both are infinite the other is NaN, and not it.
+            // Not the minimum: if both are infinite, `other` is NaN.
             other.simd_lt(apart).select(other, apart)
         };
         let (dx, dy, dz, s) = (nearest(x, 0), nearest(y, 1), nearest(z, 2), r + q[3]);
@@ -108,7 +108,6 @@ impl PeriodicSimd for Portable {
     }
 }
 
-/// Finds runs sphere by sphere.
 #[inline(always)]
 pub(super) fn find_neighbor_runs(
     columns: &Columns,
@@ -130,7 +129,6 @@ pub(super) fn find_neighbor_runs(
     }
 }
 
-/// Keeps lane by lane, without a branch that no predictor could tell.
 #[inline(always)]
 pub(super) fn keep(pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
     let mut count = 0;

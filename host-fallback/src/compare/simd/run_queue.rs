@@ -2,8 +2,7 @@ use std::ops::Range;
 
 use super::MAX_LANES;
 
-/// Rows of cells around a cell that matter to its spheres: its own, and the four next to it that come later in the
-/// table: that of higher `y`, and of higher `z` those of lower, equal and higher `y`.
+/// The rows around a cell that matter to its spheres: its own, and the four adjacent ones later in the table.
 const ROWS: usize = 5;
 
 /// The neighbor rows of one cell, in a grid in which spheres touch only spheres of adjacent cells.
@@ -13,15 +12,15 @@ pub(crate) struct NeighborRows {
     pub(crate) low: [f32; 3],
     /// A sphere reaches higher cells along an axis only if its center plus its radius is above this.
     pub(crate) high: [f32; 3],
-    /// For each row the starts of its cells `x - 1`, `x` and `x + 1`, and the end of the last. Rows outside the grid are
-    /// replaced by rows inside, which `low` and `high` keep from being used.
+    /// For each row the starts of its cells `x - 1`, `x` and `x + 1`, and the end of the last. Rows outside the grid
+    /// are replaced by rows inside, which `low` and `high` exclude.
     pub(crate) rows: [[u32; 4]; ROWS],
 }
 
 /// A queue of comparisons: the sphere `at` with the spheres at `start..end`.
 ///
-/// No branch predictor can tell how many rows a sphere searches and how many of them are empty. So finding runs is separate
-/// from comparing: it appends without a branch.
+/// No branch predictor can tell which rows are searched and which are empty, so finding runs appends to the queue
+/// without a branch.
 pub(crate) struct RunQueue {
     pub(super) at: [u32; Self::ROOM],
     pub(super) start: [u32; Self::ROOM],
@@ -39,7 +38,6 @@ impl RunQueue {
         Self { at: [0; Self::ROOM], start: [0; Self::ROOM], end: [0; Self::ROOM], len: 0 }
     }
 
-    /// Returns `true` if the runs of another vector of spheres may not fit.
     #[inline(always)]
     pub(crate) fn is_full(&self) -> bool {
         self.len >= Self::FULL
@@ -53,7 +51,6 @@ impl RunQueue {
         self.len = len + usize::from(wanted & (run.start < run.end));
     }
 
-    /// The sphere and the run of comparison `k`.
     #[inline(always)]
     pub(crate) fn get(&self, k: usize) -> (usize, Range<usize>) {
         (self.at[k] as usize, self.start[k] as usize..self.end[k] as usize)

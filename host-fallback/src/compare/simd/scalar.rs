@@ -2,24 +2,20 @@ use lazygrid_kernels::Pair;
 
 use super::{BAND, FLOOR, MAX_LANES, PeriodicBox};
 
-/// A sphere as `x`, `y`, `z` and its effective radius.
 pub(crate) type Xyzr = [f32; 4];
 
-/// Squared distances, and the squared sums of radii to compare with.
 struct SquaredDistances {
     d2: [f32; MAX_LANES],
     s2: [f32; MAX_LANES],
 }
 
 impl SquaredDistances {
-    /// A bit mask of the pairs that may touch.
     #[inline(always)]
     fn possible(&self) -> u32 {
         (0..MAX_LANES)
             .fold(0, |mask, k| mask | u32::from(self.d2[k] <= self.s2[k] * (1.0 + BAND) + FLOOR) << k)
     }
 
-    /// A bit mask of the pairs that certainly touch.
     #[inline(always)]
     fn certain(&self) -> u32 {
         (0..MAX_LANES)
@@ -27,7 +23,6 @@ impl SquaredDistances {
     }
 }
 
-/// Tests pair by pair in an unbounded space.
 #[inline(always)]
 pub(super) fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     let mut distances = SquaredDistances { d2: [0.0; MAX_LANES], s2: [0.0; MAX_LANES] };
@@ -39,7 +34,6 @@ pub(super) fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     [distances.possible(), distances.certain()]
 }
 
-/// Tests pair by pair between minimum images.
 #[inline(always)]
 pub(super) fn minimum_image_touching(
     rows: &[Xyzr],
@@ -53,7 +47,7 @@ pub(super) fn minimum_image_touching(
         let nearest = |axis: usize| {
             let apart = (a[axis] - b[axis]).abs();
             let other = periodic.lengths[axis] - apart;
-            // Not `min`: where both are infinite the other is NaN, and not it.
+            // Not `min`: if both are infinite, `other` is NaN.
             if other < apart { other } else { apart }
         };
         let [dx, dy, dz] = [nearest(0), nearest(1), nearest(2)];

@@ -8,8 +8,8 @@ use super::{
     SimdWidth, Xyzr, over, portable,
 };
 
-/// A width, from one list of instruction sets: those that its tasks are compiled with are those that the processor is
-/// asked for. What `rustc` enables along with another one stands in the list too.
+/// A width from one list of instruction sets: those that its tasks are compiled with and those that the processor is
+/// checked for, including sets that `rustc` enables implicitly.
 macro_rules! width {
     ($(#[$doc:meta])* $name:ident, $run:ident: $($feature:tt)+) => {
         $(#[$doc])*
@@ -22,7 +22,6 @@ macro_rules! width {
                 &[$(Feature { name: $feature, is_detected: || is_x86_feature_detected!($feature) }),+];
         }
 
-        /// Runs a task with this width.
         #[target_feature($(enable = $feature),+)]
         pub(super) fn $run<T: SimdTask>(task: T, periodic: Option<PeriodicBox>) -> T::Result {
             over(task, $name(()), periodic)
@@ -31,13 +30,13 @@ macro_rules! width {
 }
 
 width! {
-    /// Proof that the processor has what [`with_avx512`] needs, which alone makes it.
+    /// Proof that the processor has the features of [`with_avx512`], its only constructor.
     Avx512, with_avx512:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "f16c" "fma" "avx2" "bmi1" "bmi2" "lzcnt" "avx512f"
 }
 
 width! {
-    /// Proof that the processor has what [`with_avx2`] needs, which alone makes it.
+    /// Proof that the processor has the features of [`with_avx2`], its only constructor.
     Avx2, with_avx2:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "fma" "avx2" "bmi1" "bmi2" "lzcnt"
 }
@@ -75,7 +74,6 @@ unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
         // SAFETY: FMA, hence SSE, by the caller's promise; no position is above the last, which has a row.
         unsafe {
             let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
-            // The differences of the coordinates and the sum of the radii, squared.
             let squares = |pair: &Pair| {
                 let [a, b] = [pair.i, pair.j].map(|place| rows.get_unchecked(place as usize));
                 let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
@@ -117,12 +115,10 @@ unsafe fn minimum_image_touching(
             let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
             let [x, y, z] = periodic.lengths;
             let lengths = _mm_setr_ps(x, y, z, f32::INFINITY);
-            // The distances of the minimum images along each axis, and the sum of the radii.
             let apart = |pair: &Pair| {
                 let [a, b] = [pair.i, pair.j].map(|at| rows.get_unchecked(at as usize));
                 let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
                 let apart = _mm_andnot_ps(_mm_set1_ps(-0.0), _mm_sub_ps(_mm_loadu_ps(a.as_ptr()), other));
-                // If one operand is NaN, the minimum is the second operand.
                 _mm_min_ps(_mm_sub_ps(lengths, apart), apart)
             };
             let [a, b, c, d] = [apart(&four[0]), apart(&four[1]), apart(&four[2]), apart(&four[3])];
@@ -382,7 +378,6 @@ impl PeriodicSimd for Avx512 {
             let nearest = |column: &[f32; 16], own, length| {
                 let a = _mm512_sub_ps(_mm512_loadu_ps(column.as_ptr()), own);
                 let apart = _mm512_abs_ps(a);
-                // If one operand is NaN, the minimum is the second operand.
                 _mm512_min_ps(_mm512_sub_ps(_mm512_set1_ps(length), apart), apart)
             };
             let [dx, dy] = [nearest(x, q[0], periodic.lengths[0]), nearest(y, q[1], periodic.lengths[1])];
@@ -423,7 +418,6 @@ impl PeriodicSimd for Avx2 {
             let nearest = |column: &[f32; 8], own, length| {
                 let a = _mm256_sub_ps(_mm256_loadu_ps(column.as_ptr()), own);
                 let apart = _mm256_andnot_ps(_mm256_set1_ps(-0.0), a);
-                // If one operand is NaN, the minimum is the second operand.
                 _mm256_min_ps(_mm256_sub_ps(_mm256_set1_ps(length), apart), apart)
             };
             let [dx, dy] = [nearest(x, q[0], periodic.lengths[0]), nearest(y, q[1], periodic.lengths[1])];

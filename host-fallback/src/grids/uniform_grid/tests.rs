@@ -3,7 +3,6 @@ use lazygrid_kernels::Sphere;
 use super::*;
 use crate::compare::PairTest;
 
-/// The number of cells that the spheres overlap, before and after a shift.
 fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<f32>; 3]) -> [usize; 2] {
     let stats = InputStats::of(&PairTest::new(spheres.into(), None), Executor::Pool).expect("all are valid");
     let grid = UniformGrid::new(&stats, ratio, lengths);
@@ -31,7 +30,7 @@ fn shifted_grid_has_at_most_the_announced_entries() {
     for ratio in [2.0, 3.0, 4.0, 7.5, 16.0] {
         let most = |n: usize| (1.05 * UniformGrid::most_cells(ratio) * n as f64) as usize;
         let cell_size = 2.0 * ratio;
-        // Every one at a corner of eight cells.
+        // Each at a corner of eight cells.
         for spheres in [vec![Sphere::new([0.0; 3], 1.0); 1000], lattice(cell_size)] {
             let [before, after] = cells::<false>(&spheres, ratio, [None; 3]);
             assert!(before > 7 * spheres.len() && after == spheres.len(), "{ratio}: {before}, {after}");

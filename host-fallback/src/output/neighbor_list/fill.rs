@@ -1,5 +1,3 @@
-//! The entries of a neighbor list, row by row.
-
 use std::ops::Range;
 
 use lazygrid_kernels::{Error, ImageVector, Pair};
@@ -12,7 +10,6 @@ use crate::output::Neighbors;
 /// The part of a length below which a difference of coordinates is the minimum image, with room for rounding.
 const NEAR: f64 = 0.49;
 
-/// The pairs and spheres from which rows are filled.
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
     /// The spheres whose rows are filled, and their neighbors.
@@ -26,7 +23,6 @@ pub(super) struct Fill<'a> {
     pub candidates: Neighbors<'a>,
 }
 
-/// A sphere and its neighbor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbor {
     pub i: u32,
@@ -49,7 +45,6 @@ pub(super) struct Slots<'s> {
 }
 
 impl<'s> Slots<'s> {
-    /// Splits all arrays at an entry.
     fn split(self, at: usize) -> (Self, Self) {
         fn part<T>(all: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
             all.split_at_mut(at.min(all.len()))
@@ -60,7 +55,6 @@ impl<'s> Slots<'s> {
         (first, Self { pairs: pairs.1, shifts: shifts.1, vectors: vectors.1, distances: distances.1 })
     }
 
-    /// Writes an entry with shift 0.
     #[inline(always)]
     fn put_near(&mut self, at: usize, pair: Pair, vector: [f64; 3]) {
         if let Some(slot) = self.pairs.get_mut(at) {
@@ -91,7 +85,6 @@ impl<'s> Slots<'s> {
     }
 }
 
-/// The length of a vector.
 #[inline(always)]
 fn length_of(vector: [f64; 3]) -> f64 {
     let mut image = ImageVector::default();
@@ -99,15 +92,11 @@ fn length_of(vector: [f64; 3]) -> f64 {
     image.length()
 }
 
-/// Some rows of a list, and slots for all of their candidates.
 pub(super) struct Piece<'s> {
     rows: Range<usize>,
     slots: Slots<'s>,
-    /// The number of neighbors of each row.
     counts: &'s mut [u64],
-    /// The index of its first slot.
     pub start: usize,
-    /// The number of its entries.
     pub filled: usize,
     /// Two spheres whose shift is beyond 32 bits.
     pub too_far: Option<Neighbor>,
@@ -138,7 +127,6 @@ impl<'s> Piece<'s> {
         Ok(pieces)
     }
 
-    /// Writes the entries of all rows.
     pub(super) fn fill(&mut self, fill: &Fill<'_>) {
         let near = fill.near();
         for row in self.rows.clone() {
@@ -151,8 +139,8 @@ impl<'s> Piece<'s> {
         }
     }
 
-    /// Writes the entries of a sphere, whose minimum images are nearly all those with shift 0: differences of coordinates below
-    /// `near` are the vectors to them.
+    /// Writes the entries of a sphere whose minimum images mostly have shift 0: differences of coordinates below `near`
+    /// are the vectors to them.
     fn fill_near(&mut self, fill: &Fill<'_>, i: u32, near: [f64; 3]) {
         let neighbors = fill.candidates.neighbors_of(i as usize);
         let mirrored = match fill.contact.query.second() {
@@ -201,15 +189,14 @@ impl<'s> Piece<'s> {
 }
 
 impl Fill<'_> {
-    /// The differences of coordinates below which a minimum image has shift 0, or `None` if rows need more than minimum images of
-    /// an orthogonal space.
+    /// The differences below which a minimum image has shift 0, or `None` if rows need more than minimum images of an
+    /// orthogonal space.
     fn near(&self) -> Option<[f64; 3]> {
         let ContactTest { space, .. } = self.contact;
         let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
         is_plain.then(|| space.lengths().map(|length| NEAR * length.unwrap_or(f64::INFINITY)))
     }
 
-    /// Calls `take` with the entries of a sphere, in their order.
     #[inline]
     fn row(&self, i: u32, mut take: impl FnMut(Entry)) {
         let candidates = self.candidates.neighbors_of(i as usize);
@@ -228,7 +215,6 @@ impl Fill<'_> {
         }
     }
 
-    /// The entry of a sphere with itself, if requested.
     fn itself(&self, i: u32) -> Option<Entry> {
         let is_asked_for = self.options.has_self && self.contact.query.second().is_none();
         if !is_asked_for || self.reach(i, i)? <= 0.0 {
@@ -237,11 +223,10 @@ impl Fill<'_> {
         Some(Entry { pair: Pair { i, j: i }, bond: ImageVector::default(), distance: 0.0 })
     }
 
-    /// The entry of a pair, which the search has decided.
     #[inline(never)]
     fn nearest(&self, i: u32, j: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
-        // Of two equally distant images, the direction of the pair decides, not that of the entry.
+        // For two equally distant images, the direction of the pair decides, not that of the entry.
         let is_mirrored = query.second().is_none() && j < i;
         let (from, to) = if is_mirrored { (j, i) } else { (i, j) };
         let mut bond =
@@ -297,7 +282,6 @@ impl Fill<'_> {
         self.reach(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)
     }
 
-    /// The distance at which two spheres pair, if it is not that of their radii; `None` if they never do.
     #[inline]
     fn distance(&self, i: u32, j: u32) -> Option<Option<f64>> {
         let ContactTest { query, table, .. } = self.contact;
@@ -309,7 +293,6 @@ impl Fill<'_> {
         table.get(species[i as usize], others[j as usize]).distance()
     }
 
-    /// The distance at which two spheres pair; `None` if they never do.
     #[inline]
     fn reach(&self, i: u32, j: u32) -> Option<f64> {
         let radii = || self.first[i as usize][3] + self.second[j as usize][3];

@@ -3,10 +3,10 @@
 //! # Correctness
 //!
 //! 1. The spheres of the first set are folded into the box.
-//! 2. An image of the second set by `m` basis vectors touches none of them if, along a vector, its fraction is farther from all
-//!    fractions of the first set than its cutoff over the height of the box. All other images are created.
+//! 2. An image of the second set by `m` basis vectors touches none of them if, along a vector, its fraction is farther
+//!    from all fractions of the first set than its cutoff over the height of the box. All other images are created.
 //! 3. A search in unbounded space finds all that touch. Radii include the rounding of folds, images and the decision
-//!    ([`Lattice::rounding`]), so that no pair is lost.
+//!    ([`Lattice::rounding`]), so no pair is lost.
 //! 4. The decision uses the given numbers.
 
 use lazygrid_kernels::{Error, InputError, Lattice, MAX_SPHERES, Query, Spheres, WrappedPoint};
@@ -19,12 +19,11 @@ const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// The fraction of the distance between images below which two cutoffs prove that minimum images suffice.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 
-/// Spheres folded into the box, and the images of spheres near them, in buffers that survive between calls.
+/// Folded spheres and their images, in buffers that survive between calls.
 #[derive(Debug, Default)]
 pub struct PeriodicImages {
     first: Vec<[f64; 4]>,
     images: Vec<[f64; 4]>,
-    /// The sphere of each image.
     of: Vec<u32>,
     /// The numbers of cell vectors subtracted from each sphere of the first set, and added to each image.
     folds: Vec<[f64; 3]>,
@@ -35,7 +34,6 @@ pub struct PeriodicImages {
     steps: Vec<([f64; 3], [f64; 3])>,
 }
 
-/// The largest cutoff of a sphere of one set with one of the other, by their largest radii.
 fn largest_reach(contact: &ContactTest<'_>) -> f64 {
     let ContactTest { query, table, .. } = contact;
     let largest = |set: Spheres<'_>| (0..set.len()).map(|k| set.get_f64(k)[3]).fold(0.0, f64::max);
@@ -112,7 +110,6 @@ impl PeriodicImages {
         (self.of[image as usize], [0, 1, 2].map(|edge| shift[edge] + fold[edge]))
     }
 
-    /// Folds both sets, and returns the extent of the first.
     fn fold_all(&mut self, lattice: &Lattice, query: &Query<'_>) -> Result<Spread, Error> {
         let second = query.second().unwrap_or(query.first());
         let mut spread = Spread::default();
@@ -132,7 +129,6 @@ impl PeriodicImages {
         Ok(spread)
     }
 
-    /// Reserves memory for this number of images.
     fn reserve(&mut self, count: usize) -> Result<(), Error> {
         const WHAT: &str = "images of spheres";
         try_resize(&mut self.images, count, WHAT)?;
@@ -144,7 +140,6 @@ impl PeriodicImages {
         Ok(())
     }
 
-    /// Adds the images of a sphere, in order of their shifts.
     fn add(
         &mut self,
         lattice: &Lattice,
@@ -226,9 +221,6 @@ impl Spread {
     }
 }
 
-/// Half of the largest cutoff of a sphere with any other, as for [`Interactions::largest_half`].
-///
-/// [`Interactions::largest_half`]: lazygrid_kernels::Interactions::largest_half
 fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     let radius = set.get_f64(k)[3];
     match (contact.table, set.species()) {

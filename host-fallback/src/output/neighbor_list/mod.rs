@@ -1,7 +1,7 @@
 //! Neighbor lists with geometry: shifts, vectors and distances of all images within the cutoff.
 //!
-//! A search finds the pairs. If no sphere has two images of another within the cutoff, minimum images suffice; else the search is
-//! between the spheres and [their images](PeriodicImages). Chunks of rows are then filled in parallel.
+//! If no sphere has two images of another within the cutoff, minimum images suffice; else the search is between the
+//! spheres and [their images](PeriodicImages). Chunks of rows are then filled in parallel.
 
 mod fill;
 mod images;
@@ -18,9 +18,7 @@ use crate::memory::try_resize;
 use crate::output::NeighborsBuilder;
 use fill::{Fill, Neighbor, Piece, Slots};
 
-/// Rows per chunk of a list.
 const CHUNK_ROWS: usize = 1 << 9;
-/// Spheres per chunk of a copy.
 const CHUNK_SPHERES: usize = 1 << 13;
 
 /// A neighbor list with geometry, in compressed sparse rows: the neighbors of sphere `k` are the entries
@@ -81,7 +79,7 @@ pub struct ContactTest<'a> {
     pub query: &'a Query<'a>,
     /// The space they are in.
     pub space: &'a Space,
-    /// Which species pair, and at which distance.
+    /// The species that pair, and their distances.
     pub table: Option<&'a Interactions>,
 }
 
@@ -89,7 +87,6 @@ pub struct ContactTest<'a> {
 #[derive(Debug, Default)]
 pub struct NeighborListBuilder {
     lists: NeighborsBuilder,
-    /// All spheres as `f64` rows.
     numbers: Vec<[f64; 4]>,
     offsets: Vec<u64>,
     pairs: Vec<Pair>,
@@ -98,7 +95,6 @@ pub struct NeighborListBuilder {
     distances: Vec<f64>,
 }
 
-/// Copies the spheres of a set.
 fn read(set: Spheres<'_>, into: &mut [[f64; 4]], executor: Executor) {
     executor.for_each_chunk(into, CHUNK_SPHERES, |stretch, into| set.read(stretch * CHUNK_SPHERES, into));
 }
@@ -167,7 +163,7 @@ impl NeighborListBuilder {
         })
     }
 
-    /// Closes the gaps between chunks, given the start and the number of entries of each, and sums the counts of rows.
+    /// Closes the gaps between chunks and sums the counts of rows.
     fn close(&mut self, filled: &[(usize, usize)]) {
         fn moved<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
             if values.is_empty() {
