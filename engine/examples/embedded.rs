@@ -1,5 +1,5 @@
-//! A simulator that lives on the GPU: its device, its buffers, its encoder. The pairs are consumed by a compute
-//! pass of its own, which counts the contacts of each sphere; nothing comes back to the host in between.
+//! A simulator that lives on the GPU: its device, its buffers, its encoder. A compute pass of its own consumes the
+//! pairs and counts the contacts of each sphere, without a readback.
 //!
 //! `cargo run --release -p lazygrid --example embedded`
 
@@ -68,7 +68,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     queue.submit([encoder.finish()]);
 
-    // Only to have something to show.
     let found: Outcome = read(&device, &queue, &outcome, 1)?[0];
     let contacts: Vec<u32> = read(&device, &queue, &contacts, SPHERES as usize)?;
     let total: u64 = contacts.iter().map(|&count| u64::from(count)).sum();
@@ -92,7 +91,7 @@ fn simulator_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn Error>> {
     Ok(pollster::block_on(adapter.request_device(&descriptor))?)
 }
 
-/// Equal spheres that fill a twentieth of a cube, placed by a small hash.
+/// Equal spheres that fill a twentieth of a cube, at pseudorandom positions.
 fn simulator_spheres(device: &wgpu::Device, queue: &wgpu::Queue) -> wgpu::Buffer {
     let edge = (f64::from(SPHERES) * 4.19 * 0.125 / 0.05).cbrt() as f32;
     let spheres: Vec<Sphere> =
@@ -102,7 +101,6 @@ fn simulator_spheres(device: &wgpu::Device, queue: &wgpu::Queue) -> wgpu::Buffer
     buffer
 }
 
-/// A number in 0..1 that looks random: an integer hash of `k`.
 fn unit(k: u32) -> f32 {
     let k = (k ^ (k >> 16)).wrapping_mul(0x7feb_352d);
     let k = (k ^ (k >> 15)).wrapping_mul(0x846c_a68b);

@@ -1,5 +1,4 @@
-//! A periodic box: coordinates may leave it, pairs across its boundary are found, and neighbor lists give the neighbors
-//! of each sphere.
+//! A periodic box: coordinates may leave it, pairs across its boundary are found, and so are neighbors of each sphere.
 //!
 //! `cargo run --release -p lazygrid --example periodic`
 
@@ -27,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 writeln!(stdout(), "step {step}: {k} and {other} are {distance:.2} apart")?;
             }
         }
-        // Twice round the box and a little further: where a sphere lies need not be taken back into the box.
+        // Twice round the box and a little further: coordinates need not be wrapped.
         spheres[2].center += Vec3::new(20.0 + 2.0, 0.0, 0.0);
     }
     writeln!(

@@ -1,5 +1,5 @@
-//! A loop on the GPU: every step moves the spheres in a compute pass and detects their overlaps, adding the count to
-//! a running total there. The host only records and submits; one number comes back at the very end.
+//! A loop on the GPU: every step moves the spheres in a compute pass, detects their overlaps, and adds the count to a
+//! total there. The host only records and submits; one number comes back at the end.
 //!
 //! `cargo run --release -p lazygrid --example service [SPHERES] [STEPS]`
 
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SoftwareAdapter, wgpu};
 
-/// Moves every sphere along a fixed direction of its own and keeps it in the unit box.
+/// Moves every sphere along a direction of its own and keeps it in the unit box.
 const MOVE: &str = "
     @group(0) @binding(0) var<storage, read_write> spheres: array<vec4<f32>>;
 
@@ -26,7 +26,7 @@ const MOVE: &str = "
         }
     }";
 
-/// Adds this step's count to the total, and its overflow flag to the flags seen so far.
+/// Adds this step's count to the total, and its overflow flag to earlier flags.
 const TALLY: &str = "
     @group(0) @binding(0) var<storage, read> outcome: array<u32>;
     @group(0) @binding(1) var<storage, read_write> total: array<u32, 3>;
@@ -80,7 +80,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A number in 0..1 that looks random: an integer hash of `k`.
 fn unit(k: u32) -> f32 {
     let k = (k ^ (k >> 16)).wrapping_mul(0x7feb_352d);
     let k = (k ^ (k >> 15)).wrapping_mul(0x846c_a68b);

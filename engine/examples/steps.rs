@@ -1,4 +1,4 @@
-//! Every-day use on the CPU: particles that move, and at every step the pairs that overlap.
+//! Particles that move on the CPU, and the overlapping pairs at every step.
 //!
 //! `cargo run --release -p lazygrid --example steps [SPHERES] [STEPS]`
 
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         (0..count).map(|k| Sphere::new(place(k), 0.25 * (1 + k % 4) as f32)).collect();
     let velocity = |k: usize| Vec3::new((k % 7) as f32 - 3.0, (k % 11) as f32 - 5.0, 0.0) * 0.1;
 
-    // One detector for the whole run: it keeps its buffers, and chooses the algorithm for each call.
+    // One detector for the whole run keeps its buffers and chooses the algorithm per call.
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
     for step in 0..steps {
         // Sorted by `i`, then `j`, with i < j, and the same from run to run.

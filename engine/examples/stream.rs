@@ -1,4 +1,4 @@
-//! Streaming: more pairs than fit into memory, in chunks of bounded size, with a stop when enough were seen.
+//! Streaming: more pairs than fit into memory, in chunks of bounded size, with an early stop.
 //!
 //! `cargo run --release -p lazygrid --example stream [SPHERES]`
 
@@ -13,7 +13,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // A burst: all spheres at one point, hence n(n-1)/2 pairs.
     let burst: Vec<Sphere> = vec![Sphere::new([0.0; 3], 1.0); count];
 
-    // Unordered chunks come as they are found, which costs the least. In canonical order the stream as a whole is sorted.
+    // Unordered chunks cost the least. In canonical order the stream as a whole is sorted.
     let mut detector = Detector::new(Config::default().order(Order::Unordered))?;
     let found = detector.count(&burst)?;
     writeln!(stdout(), "{count} spheres have {found} pairs, a list of {} MB", found * 8 / 1_000_000)?;

@@ -6,12 +6,9 @@ use lazygrid_host::{HostBackend, PairFinder, SearchBackend};
 
 use crate::report::Report;
 
-/// A backend of a detector.
 pub(crate) trait DetectorBackend: SearchBackend + Debug + Send + Sync {
-    /// The report of the last call.
     fn report(&self) -> Report;
 
-    /// Estimates the bytes held for `spheres` spheres.
     fn memory_for(&self, spheres: u64) -> u64;
 }
 

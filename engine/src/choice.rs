@@ -1,5 +1,5 @@
-//! Choice of the backend, and of the algorithm on a GPU, as pure functions that return a reason with each answer. The
-//! CPU path's own choice is in `lazygrid_host::algorithm_choice`.
+//! Choice of the backend, and of the algorithm on a GPU, as pure functions with a reason. The CPU path's own choice is
+//! in `lazygrid_host::algorithm_choice`.
 
 #[cfg(feature = "gpu")]
 use lazygrid_host::SkinCosts;
@@ -11,7 +11,6 @@ use crate::gpu::costs::{AdapterProfile, Crossover};
 use crate::gpu::device::AdapterId;
 use crate::{Backend, Error};
 
-/// The algorithm of a GPU for inputs with too many spheres to test all pairs.
 #[cfg(feature = "gpu")]
 pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 
@@ -29,7 +28,7 @@ pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Re
 }
 
 /// Returns the device to run on with the reason, or `None` for the CPU. `open` returns a device with its name; its
-/// argument permits a software adapter. `open` is called only if a GPU could run.
+/// argument permits a software adapter. It is called only if a GPU could run.
 ///
 /// # Errors
 /// [`Error::NotOnBackend`] for an algorithm that the backend lacks; [`Error::GpuUnavailable`] if only a GPU can run the
@@ -82,7 +81,7 @@ pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String
 }
 
 /// Returns the algorithm of a call on a GPU, and the reason. The arguments are the numbers of spheres, of spheres in
-/// the first of two sets, and of size classes. `known` names the source of the crossover.
+/// the first of two sets, and of size classes.
 #[cfg(feature = "gpu")]
 pub(crate) fn algorithm(
     asked: Algorithm,
@@ -106,8 +105,7 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
 }
 
-/// Returns the reason for which a call on a GPU cannot use a candidate list, or `Ok` if it can. The motion of the
-/// spheres decides on the skin.
+/// Returns the reason for which a call on a GPU cannot use a candidate list, or `Ok`.
 #[cfg(feature = "gpu")]
 pub(crate) fn can_use_skin(
     asked: Algorithm,
@@ -125,7 +123,6 @@ pub(crate) fn can_use_skin(
     }
 }
 
-/// Returns the reason for which a call planned as `chosen` `ran` on one level instead.
 #[cfg(feature = "gpu")]
 pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
     format!("{ran} instead of {chosen}: the entries of several levels do not fit the device")
@@ -139,7 +136,6 @@ mod tests {
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
 
-    /// Opens a device on a machine with no adapter, a software adapter or a GPU.
     fn open(machine: &str) -> impl FnOnce(bool) -> Result<(String, ()), Error> {
         let found = machine.to_owned();
         move |software| match found.as_str() {

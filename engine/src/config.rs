@@ -25,14 +25,13 @@ pub struct Config {
     pub(crate) adapter: Option<AdapterId>,
     pub(crate) settings: Settings,
     #[cfg(feature = "gpu")]
-    /// τ and cell ratio where they were asked for; else each backend has its own.
+    /// τ and cell ratio as requested; else each backend has its own.
     pub(crate) tau: Option<u32>,
     #[cfg(feature = "gpu")]
     pub(crate) cell_ratio: Option<f32>,
     #[cfg(feature = "gpu")]
     pub(crate) calibrations: Vec<Calibration>,
     #[cfg(feature = "gpu")]
-    /// The time limit of a call on the GPU.
     pub(crate) timeout: Option<Duration>,
 }
 
@@ -61,14 +60,14 @@ impl Config {
         self
     }
 
-    /// Which detector. Default: [`Algorithm::Auto`], chosen per call.
+    /// The algorithm. Default: [`Algorithm::Auto`], chosen per call.
     pub fn algorithm(mut self, algorithm: Algorithm) -> Self {
         self.settings.algorithm = algorithm;
         self
     }
 
-    /// Measurements of GPUs, by which `Auto` chooses. Those of other adapters are passed over; of several of one
-    /// adapter the last counts. Default: none, and crossover and costs are assumed.
+    /// Measurements of GPUs, by which `Auto` chooses. Those of other adapters are ignored; of several of one adapter
+    /// the last counts. Default: none, and crossover and costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
@@ -81,21 +80,20 @@ impl Config {
         self
     }
 
-    /// Threads of the CPU path. Default: the rayon pool of the caller; with a number, a pool of its own.
+    /// Threads of the CPU path, in a pool of its own. Default: the rayon pool of the caller.
     pub fn threads(mut self, threads: usize) -> Self {
         self.settings.threads = Some(threads);
         self
     }
 
-    /// The widest vector code of the CPU path, where the processor has it. Default: the widest there is.
+    /// The widest vector code of the CPU path, if the processor has it. Default: the widest.
     pub fn simd(mut self, simd: Simd) -> Self {
         self.settings.simd = simd;
         self
     }
 
-    /// τ: a cell's smaller spheres go to a finer level only when they are more than this (paper, section 3.2).
-    /// Default: [`Settings::TAU`] on the CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU, from
-    /// measured sweeps.
+    /// τ: the number of smaller spheres above which a cell is refined (paper, section 3.2). Default: [`Settings::TAU`]
+    /// on the CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU, from measured sweeps.
     pub fn tau(mut self, tau: u32) -> Self {
         #[cfg(feature = "gpu")]
         {
@@ -105,8 +103,8 @@ impl Config {
         self
     }
 
-    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU takes less than 1.5 for 1.5.
-    /// Default: [`Settings::CELL_RATIO`] on the CPU,
+    /// Cell size of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU raises values below 1.5
+    /// to 1.5. Default: [`Settings::CELL_RATIO`] on the CPU,
     /// [`GpuConfig::CELL_RATIO`](crate::gpu::GpuConfig::CELL_RATIO) on the GPU, from measured sweeps.
     pub fn cell_ratio(mut self, ratio: f32) -> Self {
         #[cfg(feature = "gpu")]
@@ -132,8 +130,8 @@ impl Config {
     }
 
     /// Sets a flag that cancels searches on the CPU, such as for Ctrl-C. While it is true, searches return
-    /// [`Error::Cancelled`](crate::Error::Cancelled) within some milliseconds, though not while spheres are sorted or
-    /// pairs are put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
+    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except while spheres are sorted or pairs are
+    /// put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);
         self
@@ -147,9 +145,9 @@ impl Config {
         self
     }
 
-    /// Sets whether the detector keeps a candidate list from call to call. A list pays if spheres move little from one
-    /// call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU the list stays there, and
-    /// [`Skin::Auto`] uses the costs of the adapter; see [`calibration`](Self::calibration).
+    /// Sets whether the detector keeps a candidate list from call to call, which pays if spheres move little and never
+    /// changes an answer. Default: [`Skin::Auto`]. On the GPU the list stays there, and [`Skin::Auto`] uses the costs
+    /// of the adapter; see [`calibration`](Self::calibration).
     ///
     /// ```
     /// # use lazygrid::{Config, Skin};

@@ -23,8 +23,7 @@ pub fn detect<'a>(query: impl Into<Query<'a>>) -> Result<Vec<Pair>, Error> {
     Ok(detector.into_pairs())
 }
 
-/// Finds overlapping pairs, call after call, reusing its buffers: after the first call of a size nothing of
-/// the size of the input is allocated.
+/// Finds overlapping pairs, call after call, in buffers that survive between calls.
 #[derive(Debug)]
 pub struct Detector {
     finder: BackendFinder,
@@ -32,7 +31,6 @@ pub struct Detector {
     geometry: Box<Geometry>,
 }
 
-/// Returns a finder on the device that `config` requests, on the CPU, or on both; and the reason.
 #[cfg(feature = "gpu")]
 fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     let open = |allows_software: bool| {
@@ -57,7 +55,6 @@ fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     Ok((BackendFinder::on(backend), reason))
 }
 
-/// Returns a finder on the CPU, and the reason.
 #[cfg(not(feature = "gpu"))]
 fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     let none = |_| Err::<(String, ()), _>(Error::WithoutGpu);
@@ -81,7 +78,7 @@ impl Detector {
 
     /// Returns the overlapping pairs, each once, in the configured order. The slice lives until the next call.
     ///
-    /// Of two sets, only pairs across them count: `i` is an index of the first set, `j` of the second. On the CPU, the
+    /// For two sets, only pairs across them count: `i` is an index of the first set, `j` of the second. On the CPU, the
     /// cell list and naive compare spheres of different sets only.
     ///
     /// ```
@@ -153,13 +150,13 @@ impl Detector {
         self.finder().count(query)
     }
 
-    /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns how many were handed over.
-    /// Memory stays bounded for any number of pairs. `consume` may stop the search with `ControlFlow::Break`.
+    /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns their number. Memory stays bounded
+    /// for any number of pairs. `consume` may stop the search with `ControlFlow::Break`.
     ///
-    /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs
-    /// then costs one further search per that many pairs. Unordered chunks come as they are found, one at a time, and with
-    /// several threads from a thread of their own. Threads of the search may wait for `consume`, so `consume` must not wait
-    /// for work of the same rayon pool. A search by a detector with a pool of its own is fine.
+    /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs then
+    /// costs one further search per that many pairs. Unordered chunks come as they are found, one at a time, and with
+    /// several threads from a thread of their own. Searching threads may wait for `consume`, so it must not wait for
+    /// work of the same rayon pool. A search by a detector with a pool of its own is fine.
     ///
     /// # Errors
     /// See [`count`](Self::count).
@@ -183,23 +180,22 @@ impl Detector {
         report
     }
 
-    /// Returns the pair finder, whose report becomes that of the detector.
     fn finder(&mut self) -> &mut BackendFinder {
         self.geometry.end();
         &mut self.finder
     }
 
-    /// Estimates the bytes that this detector holds for `spheres` spheres, besides the result. On the CPU the estimate is an
-    /// upper bound for one set of rows or columns in `f32`; two sets, spheres in `f64` and strided ones are copied, which takes up
-    /// to 23 bytes more for each, and neighbor lists take memory in proportion to the neighbors. More than
-    /// [`MAX_SPHERES`](crate::MAX_SPHERES) spheres count as that many.
+    /// Estimates the bytes that this detector holds for `spheres` spheres, besides the result. On the CPU the estimate
+    /// is an upper bound for one set of rows or columns in `f32`; two sets, spheres in `f64` and strided ones are
+    /// copied, which takes up to 23 bytes more each, and neighbor lists take memory in proportion to the neighbors. At
+    /// most [`MAX_SPHERES`](crate::MAX_SPHERES) spheres count.
     ///
-    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes candidates. On the CPU that is room for 96 per sphere,
-    /// 768 bytes, the most that are kept; few scenes have more than ten.
+    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes candidates: on the CPU 96 per sphere, 768
+    /// bytes, the most that are kept; few scenes have more than ten.
     ///
-    /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the most on one level. Spheres of many sizes that
-    /// crowd together may have entries on several levels: ten sizes at one point have about 44 each. A call that needs
-    /// more makes room for them, 16 bytes each, and later estimates count it.
+    /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the most on one level. Spheres of many sizes
+    /// that crowd together may have more: ten sizes at one point have about 44 each. A call that needs more allocates
+    /// them, 16 bytes each, and later estimates count them.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         self.finder.backend().memory_for(spheres.min(MAX_SPHERES))
     }

@@ -1,5 +1,3 @@
-//! Neighbor lists with geometry: chooses the search that finds their pairs, and owns the buffers of the lists.
-
 use std::time::Instant;
 
 use lazygrid_host::{
@@ -11,19 +9,17 @@ use lazygrid_kernels::{Algorithm, Query, Space};
 use crate::backend::BackendFinder;
 use crate::{Error, Report};
 
-/// The buffers of neighbor lists, and the search for pairs of spheres and images.
 #[derive(Debug, Default)]
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,
     images: PeriodicImages,
-    /// Finds the pairs of spheres and images. It runs on the CPU, where pairs are decided in `f64` anyway; boxes that need it
-    /// rarely hold many spheres.
+    /// Finds the pairs of spheres and images, on the CPU because pairs are decided in `f64`.
     image_search: Option<HostDetector>,
     report: Option<Report>,
 }
 
 impl Geometry {
-    /// Finds the pairs of a query with all images within reach, and builds their list.
+    /// Finds the pairs of a query with all images within the cutoff, and builds their list.
     pub(crate) fn neighbor_list(
         &mut self,
         engine: &mut BackendFinder,
@@ -43,7 +39,6 @@ impl Geometry {
         Ok(list)
     }
 
-    /// Builds the list for a box in which images other than the minimum image may be within the cutoff.
     fn among_images(
         &mut self,
         engine: &BackendFinder,
@@ -72,23 +67,20 @@ impl Geometry {
         Ok(list)
     }
 
-    /// Forgets the report: another call begins.
     pub(crate) fn end(&mut self) {
         self.report = None;
     }
 
-    /// The report of the last call, if it looked at more than the nearest images.
     pub(crate) fn report(&self) -> Option<&Report> {
         self.report.as_ref()
     }
 }
 
-/// The contact test of a query.
 fn contact<'a>(query: &'a Query<'a>, settings: &'a Settings) -> ContactTest<'a> {
     ContactTest { query, space: &settings.space, table: settings.interactions.as_ref() }
 }
 
-/// The settings of the search between spheres and images: that of `settings` in unbounded space.
+/// The settings of the search between spheres and images, in unbounded space.
 fn among_images(settings: &Settings) -> Settings {
     Settings {
         algorithm: Algorithm::Auto,

@@ -42,7 +42,7 @@
 //!
 //! Data flows one way: spheres → choice → plan → detector → pairs. ARCHITECTURE.md says which file does what.
 
-// Without the GPU path what is said about it leads nowhere.
+// Links to the GPU path would be broken without it.
 #![cfg_attr(not(feature = "gpu"), allow(rustdoc::broken_intra_doc_links))]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 

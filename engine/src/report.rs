@@ -46,7 +46,6 @@ impl From<&lazygrid_host::Report> for Report {
 }
 
 impl Report {
-    /// Puts a reason in front of the others.
     pub(crate) fn precede(&mut self, why: &str) {
         self.reason = match self.reason.as_str() {
             "" => why.to_owned(),
@@ -57,7 +56,6 @@ impl Report {
 
 #[cfg(feature = "gpu")]
 impl Report {
-    /// Starts the report of a call.
     pub(crate) fn begin(&mut self, spheres: usize) {
         self.phases.clear();
         (self.spheres, self.pairs) = (spheres as u64, 0);

@@ -1,5 +1,5 @@
-//! The public API as programs use it. What compiles here compiles for them: a signature, a name or a marker that
-//! changes is seen here first. Little of it is run.
+//! The public API as programs use it: a signature, a name or a marker that changes fails to compile here. Little of it
+//! is run.
 
 use std::error::Error as StdError;
 use std::fmt::{Debug, Display};
@@ -45,7 +45,6 @@ const _: () = {
     is_error::<UnknownName>();
 };
 
-/// Queries of both precisions, of one set and two, and geometry.
 fn every_query(detector: &mut Detector, wide: &[[f64; 4]], bonds: &Exclusions) -> Result<(), Error> {
     let centers = [[0.0_f64, 0.0, 0.0], [1.0, 0.0, 0.0]];
     let x = &[0.0_f64; 2];
@@ -66,7 +65,6 @@ fn every_query(detector: &mut Detector, wide: &[[f64; 4]], bonds: &Exclusions) -
     Ok(())
 }
 
-/// Every way in and out of a detector, with all types written.
 fn every_call(detector: &mut Detector, rows: &[Sphere], four: &[[f32; 4]]) -> Result<(), Error> {
     let _: &[Pair] = detector.pairs(rows)?;
     let _: &[Pair] = detector.pairs(four)?;

@@ -67,10 +67,9 @@ impl GpuConfig {
         Self { interactions: interactions.into(), ..self }
     }
 
-    /// The space of the spheres, which is not [sheared](Space::triclinic). Its lengths are rounded to `f32`. Default:
-    /// [`Space::UNBOUNDED`]. In a periodic space spheres are first copied to their nearest images, which takes 16 bytes for
-    /// each; pairs within 5 ulp of exact tangency, relative to the squared reach, may fall either way. In unbounded space
-    /// it is 4 ulp.
+    /// The space of the spheres, not [triclinic](Space::triclinic). Its lengths are rounded to `f32`. Default:
+    /// [`Space::UNBOUNDED`]. In a periodic space spheres are first wrapped into a copy, 16 bytes each; pairs within 5
+    /// ulp of exact tangency, relative to the squared cutoff, may fall either way. In unbounded space it is 4 ulp.
     pub fn space(self, space: Space) -> Self {
         Self { space, ..self }
     }
@@ -81,9 +80,9 @@ impl GpuConfig {
     }
 
     /// Sets whether pairs of the cell list hold positions in the order of its cells ([`CellOrder`](super::CellOrder))
-    /// instead of indices of the spheres as given, for consumers that work on the sorted spheres.
-    /// [`Outcome::pairs_in_cell_order`] tells which, as other algorithms have no such order. Windows always go by the indices
-    /// given. A [`GpuSession`](super::GpuSession) does without. Default: no.
+    /// instead of input indices, for consumers of the sorted spheres. [`Outcome::pairs_in_cell_order`] reports which,
+    /// as other algorithms have no such order. Windows always use input indices, and so does a
+    /// [`GpuSession`](super::GpuSession). Default: no.
     pub fn pairs_in_cell_order(self, pairs_in_cell_order: bool) -> Self {
         Self { pairs_in_cell_order, ..self }
     }
@@ -122,7 +121,7 @@ impl GpuConfig {
     /// and a burst of ten sizes is fastest near 128 (`cargo bench -p lazygrid-bench --bench parameter_sweep --
     /// --backend gpu --what tau`). Other devices may differ.
     pub const TAU: u32 = 64;
-    /// Raster ratio by default: on the same driver the best for five sizes, where 3 is better for equal ones by a tenth.
+    /// The default cell ratio: on llvmpipe the best for five sizes; for equal ones, 3 is better by a tenth.
     pub const CELL_RATIO: f32 = 2.0;
     /// The smallest cell ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_CELL_RATIO: f32 = 1.5;
@@ -151,7 +150,6 @@ impl Default for GpuConfig {
     }
 }
 
-/// Rejects settings out of range.
 pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
     if settings.space.triclinic_cell().is_some() {
         let range =

@@ -1,10 +1,8 @@
-//! Measured or assumed costs of adapters, by which `Auto` chooses.
-
 use lazygrid_host::SkinCosts;
 
 use super::device::AdapterSummary;
 
-/// Below how many spheres testing all pairs is faster than a grid.
+/// The number of spheres below which testing all pairs is faster than a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Crossover {
@@ -21,13 +19,12 @@ impl Crossover {
         Self { naive_below, per_class }
     }
 
-    /// Assumed of a GPU that was not measured: the paper's, about 10⁴ on its card (section 4).
+    /// The assumption for a GPU that was not measured: the paper's 10⁴ on its card (section 4).
     pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
-    /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two
-    /// cores, rounded.
+    /// The assumption for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
     pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
 
-    /// Assumed of an adapter that was not measured.
+    /// The assumption for an adapter that was not measured.
     pub const fn assumed(is_hardware: bool) -> Self {
         if is_hardware { Self::HARDWARE } else { Self::SOFTWARE }
     }
@@ -43,8 +40,8 @@ impl Crossover {
     }
 }
 
-/// The measurements by which `Auto` chooses, valid for one adapter, one driver and one version of this library. To be kept by the
-/// application and given to [`Config::calibration`](crate::Config::calibration); the library itself writes no file.
+/// The measurements by which `Auto` chooses, valid for one adapter, driver and version of this library. The application
+/// keeps them and passes them to [`Config::calibration`](crate::Config::calibration).
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
@@ -69,24 +66,24 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The assumed distance tests per second of a GPU with memory of its own: the rate at which candidates are tested,
-    /// which is bound by memory. No GPU has confirmed it.
+    /// The assumption for a GPU with memory of its own: the rate at which candidates are tested, bound by memory. No
+    /// GPU has confirmed it.
     pub const TESTS_PER_SECOND: f64 = 2.5e10;
-    /// The assumed distance tests per second of a GPU that shares the memory of the CPU. No GPU has confirmed it.
+    /// The assumption for a GPU that shares the memory of the CPU. No GPU has confirmed it.
     pub const INTEGRATED_TESTS_PER_SECOND: f64 = 2.5e9;
-    /// The assumed distance tests per second of a software adapter.
+    /// The assumption for a software adapter.
     pub const SOFTWARE_TESTS_PER_SECOND: f64 = 5e8;
 
-    /// Assumed of a GPU with memory of its own that was not measured: a round trip with spheres from the host takes about
-    /// 0.15 ms, in which a thread of the CPU finds the pairs of some 4000 spheres. No GPU has confirmed it.
+    /// The assumption for a GPU with memory of its own: a round trip with spheres from the host takes about 0.15 ms, in
+    /// which a CPU thread finds the pairs of some 4000 spheres. No GPU has confirmed it.
     pub const DEVICE_FROM: u32 = 4096;
-    /// Assumed of a GPU that shares the memory of the CPU and was not measured: it has a tenth of the arithmetic of others. No
-    /// GPU has confirmed it.
+    /// The assumption for a GPU that shares the memory of the CPU: it has a tenth of the arithmetic. No GPU has
+    /// confirmed it.
     pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
 
-    /// The assumed number of spheres at or above which a cell list is sorted by radix: its counters no longer fit the
-    /// caches of large GPUs. Not measured through this library; with CUDA on an H200 both sorts are equal at a million
-    /// spheres, and counting is 2.6 times as fast at a hundred thousand.
+    /// The assumption for a GPU: counters no longer fit the caches of large GPUs. Not measured through this library;
+    /// with CUDA on an H200 both sorts are equal at a million spheres, and counting is 2.6 times as fast at a hundred
+    /// thousand.
     pub const RADIX_SORT_FROM: u32 = 1 << 19;
     /// The assumption for a software adapter: on Mesa's llvmpipe on two cores counting is faster at a million spheres
     /// (`cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
@@ -126,25 +123,19 @@ impl Calibration {
     }
 }
 
-/// The measured or assumed costs of an adapter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AdapterProfile {
-    /// The number of spheres at which all pairs and the grid cost the same.
     pub(crate) crossover: Crossover,
-    /// The number of spheres at or above which a cell list is sorted by radix.
     pub(crate) radix_sort_from: u32,
-    /// The costs of keeping a candidate list.
     pub(crate) skin: SkinCosts,
-    /// The number of spheres at or above which the device is faster than the CPU.
     pub(crate) device_from: u32,
     /// Distance tests per second.
     pub(crate) tests_per_second: f64,
-    /// The source of these numbers, for reasons in reports.
+    /// The source of these numbers, for reports.
     pub(crate) how: &'static str,
 }
 
 impl AdapterProfile {
-    /// The assumptions about an adapter that was not measured.
     pub(crate) const fn assumed(adapter: &AdapterSummary) -> Self {
         let crossover = Crossover::assumed(adapter.is_hardware);
         let device_from = match adapter {
@@ -188,9 +179,9 @@ pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary)
     }
 }
 
-/// Assumed of a GPU that was not measured: an estimate by the bytes that kernels move at 10¹² bytes/s, of which a search
-/// moves 210 per sphere by its plan, and 100 more per pair. A call has six more dispatches of 2 µs, and fourteen
-/// indirect ones of 3 µs more. No GPU has confirmed it.
+/// The assumption for a GPU: the bytes that kernels move at 10¹² bytes/s, of which a search moves 210 per sphere by its
+/// plan, and 100 more per pair. A call has six more dispatches of 2 µs, and fourteen indirect ones of 3 µs more. No GPU
+/// has confirmed it.
 pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     search_ns: 0.21,
     levels_ns: 0.0,
@@ -201,8 +192,7 @@ pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     call_ns: 54_000.0,
 };
 
-/// Assumed of a software adapter that was not measured: the result of `lazygrid calibrate` for Mesa's llvmpipe on two
-/// cores, rounded.
+/// The assumption for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
 pub(crate) const SOFTWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     search_ns: 900.0,
     levels_ns: 0.0,

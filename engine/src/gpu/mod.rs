@@ -1,8 +1,8 @@
 //! The GPU engine: wgpu on Vulkan, Metal or DirectX 12, with hardware or in software.
 //!
-//! [`GpuDetector`] records into a caller's encoder on a caller's device: spheres in GPU buffers in, pairs in GPU
-//! buffers out, with no submit, poll or readback in between. [`RadixSort`] and [`PrefixScan`] are its building
-//! blocks. [`GpuSession`] carries spheres and pairs between host and device. [`CallCost`] says before a call what it takes.
+//! [`GpuDetector`] records into a caller's encoder: spheres in GPU buffers in, pairs in GPU buffers out, without
+//! submit, poll or readback. [`RadixSort`] and [`PrefixScan`] are its building blocks. [`GpuSession`] carries spheres
+//! and pairs between host and device. [`CallCost`] is the cost of a call in advance.
 
 mod backend;
 mod calibration;

@@ -15,7 +15,6 @@ use crate::{Backend, Error, choice};
 pub(crate) struct AutoBackend {
     host: HostBackend,
     device: GpuBackend,
-    /// The backend of the last call, never `Auto`, and why.
     chosen: (Backend, String),
 }
 
@@ -26,7 +25,6 @@ impl AutoBackend {
         Ok(Self { host, device, chosen: (Backend::Gpu, String::new()) })
     }
 
-    /// The backend of the last call.
     fn last(&self) -> &dyn DetectorBackend {
         if self.chosen.0 == Backend::Cpu { &self.host } else { &self.device }
     }
@@ -40,7 +38,6 @@ impl DetectorBackend for AutoBackend {
     }
 
     fn memory_for(&self, spheres: u64) -> u64 {
-        // Buffers of smaller calls are kept.
         let on_host = self.host.memory_for(spheres.min(u64::from(self.device.known.device_from)));
         match choice::per_call(spheres, &self.device.known).0 {
             Backend::Cpu => on_host,

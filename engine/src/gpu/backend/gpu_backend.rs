@@ -19,18 +19,16 @@ use crate::gpu::session::GpuSession;
 use crate::report::Report;
 use crate::{Backend, Error, choice};
 
-/// Searches on a device: checks and chooses like the CPU path, and works in a session.
 #[derive(Debug)]
 pub(crate) struct GpuBackend {
     settings: Settings,
     pub(super) known: AdapterProfile,
     device: Device,
-    /// The search in frames, if only some calls need one.
     framed: Option<Box<Device>>,
     /// The host's threads.
     team: Arc<Team>,
     buffers: QueryBuffers,
-    /// Chooses the skin from call to call, if the settings leave it open.
+    /// `None` if the skin is fixed.
     skin_controller: Option<SkinController>,
     report: Report,
 }
@@ -41,7 +39,6 @@ impl GpuBackend {
         Self::on_team(gpu, config, team)
     }
 
-    /// Creates a backend whose host part runs on `team`.
     pub(crate) fn on_team(gpu: GpuDevice, config: Config, team: Arc<Team>) -> Result<Self, Error> {
         let settings = config.settings;
         let interactions = searched_table(&settings, settings.is_framed())?;
@@ -102,7 +99,7 @@ impl DetectorBackend for GpuBackend {
 
     fn memory_for(&self, spheres: u64) -> u64 {
         let session = &self.device.search.session;
-        // More are searched in slabs. What cannot be held at all is refused when it is tried.
+        // More spheres are searched in slabs; an excess beyond that is refused when it is tried.
         let keeps = self.skin_controller.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
         let memory = |n| if keeps { session.memory_with_candidates(n) } else { session.memory_for(n) };
         let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
@@ -137,7 +134,6 @@ impl SearchBackend for GpuBackend {
         })?;
         let asked_for = settings.algorithm;
         let classes = stats.occupied().count();
-        // Below 2³² by the check.
         let (spheres, split) = (query.len() as u32, prepared.split.map(|split| split as u32));
         let (algorithm, reason) =
             choice::algorithm(asked_for, (spheres, split, classes), (known.crossover, known.how));
@@ -185,7 +181,6 @@ impl SearchBackend for GpuBackend {
     }
 }
 
-/// A search on a device and its interaction table.
 #[derive(Debug)]
 struct Device {
     search: SlabSearch,
@@ -210,14 +205,14 @@ impl Device {
     }
 }
 
-/// The table with which a device searches. In a frame spheres are as large as the reach of their species: they are
+/// The table with which a device searches. In a frame spheres have the effective radius of their species: they are
 /// candidates if they touch and their species ever pair.
 fn searched_table(settings: &Settings, is_framed: bool) -> Result<Option<Interactions>, Error> {
     let Some(table) = &settings.interactions else { return Ok(None) };
     Ok(Some(if is_framed { table.contact_only()? } else { table.clone() }))
 }
 
-/// A space as a device searches it, which repeats along the same axes as that of every frame.
+/// A space as a device searches it, periodic along the same axes as that of every frame.
 fn searched_space(space: &Space) -> Space {
     let lengths = match space.triclinic_cell() {
         None => space.lengths_f32(),
@@ -227,7 +222,6 @@ fn searched_space(space: &Space) -> Space {
     Space::periodic(lengths.map(|length| length.map(in_range))).unwrap_or_default()
 }
 
-/// Completes the report of a search.
 fn conclude(report: &mut Report, search: &SlabSearch) {
     let session = &search.session;
     report.cost = session.cost();
@@ -254,7 +248,6 @@ fn conclude(report: &mut Report, search: &SlabSearch) {
     report.phases.extend_from_slice(&search.timings);
 }
 
-/// Returns the requested cell ratio, clamped to the GPU's range.
 fn cell_ratio(asked: Option<f32>) -> Result<f32, Error> {
     let ratio = asked.unwrap_or(GpuConfig::CELL_RATIO);
     if Config::RASTER_RATIOS.contains(&ratio) {

@@ -1,5 +1,3 @@
-//! The backends of a [`Detector`](crate::Detector) that run on a GPU.
-
 mod auto_backend;
 mod gpu_backend;
 mod skin_controller;

@@ -1,20 +1,19 @@
-//! Choice of the skin for calls on the GPU. The tuner is that of the CPU path; the costs are those of the device.
+//! Choice of the skin for calls on the GPU, by the CPU path's tuner with the costs of the device.
 
 use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinCosts, SkinTuner};
 
 use super::slab_search::SearchRequest;
 use crate::Error;
 
-/// Factors by which a proposed skin may differ from the current one without replacing it, as a replacement rebuilds the
+/// A proposed skin within these factors of the current one does not replace it, because a replacement rebuilds the
 /// list.
 const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 
-/// The observed motion of the spheres, and the skin in use.
 #[derive(Debug, Default)]
 pub(super) struct SkinController {
     tuner: SkinTuner,
     skin: Option<f32>,
-    /// `true` if the candidate list served the last call, so that nothing has to be decided.
+    /// `true` if the candidate list served the last call.
     is_served: bool,
 }
 
@@ -46,8 +45,7 @@ impl SkinController {
         *self = Self::default();
     }
 
-    /// Records a call: its candidate list if it used one, and for the list before it the age in calls and the used
-    /// fraction of the displacement limit.
+    /// Records a call: its candidate list if it used one, and the age and used fraction of the list before.
     pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, went: (u32, f32)) {
         self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
         match kept {
@@ -74,8 +72,8 @@ mod tests {
     use super::*;
     use crate::gpu::costs::SOFTWARE_SKIN_COSTS;
 
-    /// Calls of spheres on a lattice that all go `step` along x at every call; how many were served, and how often candidates
-    /// were found. `fits` says whether there is room for them.
+    /// Calls of spheres on a lattice that all move by `step` along. Returns the numbers of served calls and of
+    /// rebuilds. `fits` says if there is capacity.
     fn follow(controller: &mut SkinController, calls: u32, step: f32, fits: bool) -> (u32, u32) {
         let n = 8000_usize;
         let costs = SOFTWARE_SKIN_COSTS;

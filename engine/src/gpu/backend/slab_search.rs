@@ -9,11 +9,9 @@ use crate::Error;
 use crate::gpu::detector::GpuSpheres;
 use crate::gpu::session::{GpuSession, QueuedCall, Ticket};
 
-/// The input of a search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SearchRequest<'a> {
     pub(super) spheres: Spheres<'a>,
-    /// The number of spheres of the first of two sets.
     pub(super) split: Option<u32>,
     pub(super) interactions: Option<&'a Interactions>,
     pub(super) space: Space,
@@ -23,29 +21,24 @@ pub(super) struct SearchRequest<'a> {
 }
 
 impl SearchRequest<'_> {
-    /// Returns `true` if one of two sets is empty.
     fn has_no_pairs(&self) -> bool {
         self.split.is_some_and(|split| split == 0 || split as usize == self.spheres.len())
     }
 }
 
-/// A call that is cut.
 type Cut<'a> = (&'a SearchRequest<'a>, &'a SlabInput<'a>, &'a Slabs);
 
-/// Searches in a session: in one call, or slab by slab where the device cannot bind all spheres.
+/// Searches in one call, or slab by slab if the device cannot bind all spheres.
 #[derive(Debug)]
 pub(super) struct SlabSearch {
     pub(super) session: GpuSession,
     slab: Slab,
-    /// Times of the last call.
     pub(super) timings: Vec<PhaseTime>,
-    /// Slabs of the last call; 1 where it was not cut.
+    /// Slabs of the last call; 1 for an undivided one.
     pub(super) slabs: usize,
-    /// The pairs of the last list, whose memory serves the next call.
     found: Vec<Pair>,
 }
 
-/// A search of request spheres.
 pub(super) struct SlabPairSource<'b> {
     pub(super) search: &'b mut SlabSearch,
     pub(super) request: &'b SearchRequest<'b>,
@@ -157,7 +150,7 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// The pairs, of which no more than fit are ever in memory.
+    /// Lists pairs without ever holding more than fit.
     fn list_in_parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -220,8 +213,8 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// Hands the pairs over in parts: with `in_order` such that smaller indices ascend from part to part. Parts then have no
-    /// more pairs than that, but where a single sphere, or the output of the device, has more.
+    /// Hands the pairs over in parts: with `in_order` such that smaller indices ascend from part to part. Parts then
+    /// have at most that many pairs, unless a single sphere, or the output of the device, has more.
     ///
     /// # Errors
     /// Fails if the device fails.
@@ -251,7 +244,7 @@ impl SlabSearch {
         }
     }
 
-    /// Hands over the pairs of one slab after another whose smaller index is in `range`.
+    /// Hands over the pairs of slab after slab whose smaller index is in `range`.
     fn slab_by_slab(
         &mut self,
         (request, input, slabs): Cut<'_>,
@@ -280,9 +273,8 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Passes all pairs to `consume`, smaller indices ascending from part to part. Each slab has pairs of small indices
-    /// and of large ones. If the pairs are more than `most`, this counts the pairs of each sphere first and then
-    /// searches the slabs for one range of indices after another.
+    /// Passes all pairs to `consume`, smaller indices ascending from part to part. If the pairs are more than `most`,
+    /// this counts the pairs of each sphere first and then searches the slabs for one range of indices after another.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,
@@ -327,12 +319,11 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Returns `true` if the device can bind all spheres at once.
     pub(super) fn is_bound_at_once(&self, request: &SearchRequest<'_>) -> bool {
         request.spheres.len() as u64 <= self.session.most_spheres()
     }
 
-    /// Cuts what the device cannot bind at once.
+    /// Divides a call into slabs.
     fn cut<'a>(&mut self, request: &SearchRequest<'a>) -> Result<Option<(SlabInput<'a>, Slabs)>, Error> {
         self.timings.clear();
         self.slabs = 1;
@@ -359,7 +350,7 @@ impl SlabSearch {
         let call = self.session.call(request.algorithm);
         let call = match request.split {
             None => call,
-            // Candidates are kept of one set.
+            // Candidate lists are for one set.
             Some(split) => QueuedCall { split, keeps: false, ..call },
         };
         let ticket = self.session.begin_as(call, request.spheres)?;
@@ -367,8 +358,8 @@ impl SlabSearch {
         Ok(ticket)
     }
 
-    /// Gathers and begins a slab, for pairs whose smaller index is in `range`; `None` where it can have none. Candidates are not
-    /// kept for it: the next call of the session is another slab.
+    /// Gathers and begins a slab, for pairs whose smaller index is in `range`; `None` if it can have none. It keeps no
+    /// candidates, as the session's next call is another slab.
     fn begin_slab(
         &mut self,
         (slabs, number): (&Slabs, usize),
@@ -389,7 +380,6 @@ impl SlabSearch {
         Ok(Some(ticket))
     }
 
-    /// Adds the times of the session's last call.
     fn add_timings(&mut self) {
         let Self { session, timings, .. } = self;
         session.timings().iter().for_each(|timing| PhaseTime::add(timings, timing.name, timing.time));
@@ -400,7 +390,6 @@ impl SlabSearch {
     }
 }
 
-/// Removes the pairs that the filter rejects.
 fn refine(pairs: &mut Vec<Pair>, filter: &PairFilter<'_>) {
     pairs.retain(|pair| filter.accepts(pair.i, pair.j));
 }

@@ -5,8 +5,7 @@
 //!
 //! A slab can also be gathered for a *range* of indices: then only pairs whose smaller index is in the range are found.
 //! Spheres of smaller indices are omitted, spheres of the range come first, and the window of the search ends with
-//! them. The search also finds pairs of two ghosts; the slab drops them, since the slab that owns one of the two finds
-//! them as well.
+//! them. Pairs of two ghosts are dropped, because the slab that owns one of the two finds them as well.
 //!
 //! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
 //! are omitted, so that the first set precedes the second within a slab too.
@@ -17,9 +16,7 @@ use lazygrid_kernels::{EffectiveRadius, Interactions, Pair, Space, Sphere, Spher
 
 use crate::Error;
 
-/// Spheres that are sampled to place cuts.
 const SAMPLE: usize = 1 << 14;
-/// The largest number of possible cuts.
 const EDGES: usize = 1 << 10;
 /// The fraction of the radius, and of a periodic length, by which ends are moved outwards: more than rounding, or the 4
 /// ulp of a GPU, can hide.
@@ -27,17 +24,14 @@ const MARGIN: f64 = 1.0 / (1 << 20) as f64;
 /// An axis is good enough if at most one in this many spheres is a ghost.
 const FEW: usize = 16;
 
-/// The input of a slab decomposition.
 #[derive(Debug)]
 pub(crate) struct SlabInput<'a> {
     spheres: Spheres<'a>,
-    /// The number of spheres of the first of two sets; 0 for one set.
     split: u32,
     reaches: Vec<EffectiveRadius>,
     space: Space,
 }
 
-/// A call that is cut.
 #[derive(Debug)]
 pub(crate) struct Slabs {
     axis: usize,
@@ -45,7 +39,7 @@ pub(crate) struct Slabs {
     slabs: Vec<(f64, usize)>,
 }
 
-/// The spheres of a slab, in buffers that are used again.
+/// The spheres of a slab, in buffers that are reused.
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
     /// Owned spheres of the range, ghosts of the range, other owned spheres, other ghosts.
@@ -68,17 +62,17 @@ impl<'a> SlabInput<'a> {
         Self { spheres, split: 0, reaches: interactions.map_or_else(Vec::new, reach), space }
     }
 
-    /// Treats the spheres as two sets, with `split` spheres in the first; 0 for one set.
     pub(crate) fn across(self, split: u32) -> Self {
         Self { split, ..self }
     }
 
-    /// The part of `range` in which pairs have their smaller index.
+    /// The part of `range` that may have smaller indices of pairs.
     fn first_indices(&self, range: &Range<u32>) -> Range<u32> {
         if self.split == 0 { range.clone() } else { range.start..range.end.min(self.split) }
     }
 
-    /// Both ends of a sphere along an axis; on a periodic one the lower end is in the box and the upper one maybe beyond.
+    /// Both ends of a sphere along an axis; on a periodic one the lower end is in the box and the upper one may be
+    /// beyond.
     fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
         let Sphere { center, radius } = self.spheres.get(k);
         let radius = match self.spheres.species() {
@@ -104,7 +98,7 @@ impl<'a> SlabInput<'a> {
         self.space.lengths()[axis]
     }
 
-    /// Places to cut this axis at, so that there are about as many spheres between any two; the first is before all.
+    /// Positions to cut this axis at, with about equal numbers of spheres between; the first is before all.
     fn edges(&self, axis: usize) -> Vec<f64> {
         let step = (self.spheres.len() / SAMPLE).max(1);
         let mut begins: Vec<f64> =
@@ -116,13 +110,12 @@ impl<'a> SlabInput<'a> {
         edges
     }
 
-    /// Slabs across an axis with no more than `most` spheres each, and how many spheres are lent; `None` where they cannot be
-    /// cut so.
+    /// Slabs across an axis with at most `most` spheres each, and the number of ghosts; `None` if no cut does that.
     fn cut(&self, axis: usize, most: usize) -> Option<(Slabs, usize)> {
         let edges = self.edges(axis);
         let period = self.period(axis);
         let mut owned = vec![0_usize; edges.len()];
-        // Spheres lent where a slab begins at an edge, as differences from edge to edge.
+        // Ghosts for a slab that begins at an edge, as differences from edge to edge.
         let mut lent = vec![0_isize; edges.len() + 1];
         let slot = |end: f64| edges.partition_point(|&edge| edge <= end) - 1;
         let mut widest = 0.0_f64;
@@ -161,8 +154,8 @@ impl<'a> SlabInput<'a> {
 }
 
 impl Slabs {
-    /// Cuts a call into slabs of no more than `most` spheres each, across the axis where the fewest are lent; `None` where so
-    /// many spheres overlap that none will do.
+    /// Cuts a call into slabs of at most `most` spheres, across the axis with the fewest ghosts; `None` if too many
+    /// spheres overlap.
     pub(crate) fn new(input: &SlabInput<'_>, most: usize) -> Option<Self> {
         let mut best: Option<(Self, usize)> = None;
         for axis in 0..3 {
@@ -182,7 +175,7 @@ impl Slabs {
         self.slabs.len()
     }
 
-    /// Gathers the spheres of one of them, for pairs whose smaller index is in `range`.
+    /// Gathers the spheres of slab `k`, for pairs whose smaller index is in `range`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -249,13 +242,12 @@ impl Slab {
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
     }
 
-    /// The number of its spheres that are of the first of two sets; 0 for one set. Not 0 for two sets unless the
+    /// The number of its spheres of the first of two sets; 0 for one set. Not 0 for two sets unless the
     /// [window](Self::window) is empty.
     pub(crate) fn split(&self) -> u32 {
         if self.has_two_sets { self.ends[1] } else { 0 }
     }
 
-    /// Returns the window of the smaller index of the pairs to find.
     pub(crate) fn window(&self) -> Range<u32> {
         let [owned, of_range, _] = self.ends;
         // Without other spheres, no pair of two ghosts belongs to this slab.
@@ -281,7 +273,6 @@ mod tests {
 
     use super::*;
 
-    /// The words of a linear congruential generator.
     struct Random(u64);
 
     impl Random {
@@ -310,7 +301,7 @@ mod tests {
         input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
     }
 
-    /// Cut into slabs of `most` spheres, every pair is found once, in one go and range by range.
+    /// Asserts that slabs of `most` spheres find every pair once, in one go and range by range.
     fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
         let all = 0..input.spheres.len();
         let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));

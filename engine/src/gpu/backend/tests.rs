@@ -8,12 +8,10 @@ use crate::Detector;
 use crate::gpu::device::device_or_skip;
 use crate::gpu::wgpu;
 
-/// Finds pairs on a device with these settings.
 fn made(gpu: GpuDevice, config: Config) -> PairFinder<GpuBackend> {
     GpuBackend::new(gpu, config).map(PairFinder::on).expect("the settings are in range")
 }
 
-/// Opens the adapter with a limit of 2¹⁷ pairs, or 2¹⁶ spheres, per binding.
 fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
@@ -24,7 +22,7 @@ fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
     GpuDevice::from_wgpu(&device, &queue)
 }
 
-/// More spheres than a binding holds, among them a giant that reaches through all slabs.
+/// Among them a giant that reaches through all slabs.
 #[test]
 fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let Some(gpu) = device_or_skip() else { return };
@@ -34,7 +32,6 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (word >> 8) as f32 / (1 << 24) as f32
     };
-    // Places and radii are multiples of a power of two, so that no rounding happens and results agree exactly.
     let mut place = || (unit() * 16384.0).floor() / 128.0;
     let mut spheres: Vec<_> = (0..75_000).map(|_| Sphere::new([place(), place(), place()], 0.5)).collect();
     spheres[99] = Sphere::new([64.0; 3], 8.0);
@@ -51,7 +48,6 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let across = |pair: &&Pair| pair.i < 1000 && pair.j >= 1000;
     let across: Vec<_> = expected.iter().filter(across).map(|p| Pair { i: p.i, j: p.j - 1000 }).collect();
     assert!(detector.pairs(Query::new((first, second))).expect("found") == across);
-    // In order, whether or not all pairs may be held at once.
     let all_pairs = expected.len() as u64;
     for limit in [all_pairs, all_pairs - 1, all_pairs / 7] {
         let mut detector = made(gpu.clone(), config.clone().max_pairs(limit));
@@ -72,13 +68,11 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
         assert_eq!(detector.stream(all, 5, stop), Ok(5), "up to {limit}");
         assert_eq!(taken, 5);
     }
-    // Too many already in the first slab, and only in the last.
     for limit in [all_pairs / 7, all_pairs - 1] {
         let mut detector = made(gpu.clone(), config.clone().max_pairs(limit));
         let found = all_pairs;
         assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
     }
-    // Exclusions hold in every slab.
     let groups: Vec<u32> = (0..75_000).map(|k| k % 7).collect();
     let grouped = all.with_groups(&groups).expect("one of each");
     let mut kept = expected.clone();
@@ -96,13 +90,12 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     detector.stream(all, 1 << 16, &mut keep).expect("streamed");
     streamed.sort_unstable();
     assert!(streamed == expected);
-    // All at one point: there is nowhere to cut.
+    // All at one point cannot be cut.
     let crowd = vec![Sphere::new([0.0; 3], 1.0); 600_000];
     let refused = detector.count(&crowd).expect_err("too many");
     assert!(refused.to_string().contains("overlaps too much"), "{refused}");
 }
 
-/// Twenty sizes at one point, on a device that can bind a tenth of their entries.
 #[test]
 fn a_report_says_why_one_level_had_to_do() {
     let Some(gpu) = device_or_skip() else { return };
@@ -115,7 +108,7 @@ fn a_report_says_why_one_level_had_to_do() {
     assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
 }
 
-/// Spheres that move little, then far, then rest: with any choice of the detector, the pairs equal those of the CPU.
+/// Spheres that move little, then far, then rest.
 #[test]
 fn a_skin_of_its_own_choice_never_shows() {
     let Some(gpu) = device_or_skip() else { return };
@@ -124,7 +117,6 @@ fn a_skin_of_its_own_choice_never_shows() {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (word >> 8) as f32 / (1 << 24) as f32
     };
-    // Places are multiples of a power of two, so that no rounding happens and results agree exactly.
     let mut place = |scale: f32| (unit() * scale * 4096.0).floor() / 4096.0;
     let mut spheres: Vec<_> =
         (0..10_000).map(|_| Sphere::new([place(32.0), place(32.0), place(32.0)], 0.5)).collect();

@@ -1,4 +1,4 @@
-//! Measures the number of spheres at which a device overtakes the CPU, for spheres in the host's memory.
+//! Measures the number of spheres at which a device overtakes the CPU, with upload and readback.
 
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ use crate::gpu::session::GpuSession;
 /// Larger scenes are not tried if a call takes longer than this.
 const LONG: Duration = Duration::from_millis(50);
 
-/// Returns that number; [`u32::MAX`] if the device is never faster.
+/// [`u32::MAX`] if the device is never faster.
 pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from: u32) -> Result<u32, Error> {
     let config = GpuConfig::default().crossover(crossover).radix_sort_from(radix_sort_from).timestamps(true);
     let mut session = GpuSession::new(gpu.clone(), config)?;

@@ -1,5 +1,3 @@
-//! Scenes and times of calibrations.
-
 use std::time::{Duration, Instant};
 
 use lazygrid_kernels::{Sphere, Spheres};
@@ -7,13 +5,11 @@ use lazygrid_kernels::{Sphere, Spheres};
 use crate::Error;
 use crate::gpu::session::GpuSession;
 
-/// The numbers of spheres of the scenes, until the grid is clearly faster.
 pub(super) const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
-/// Rounds of which the fastest counts, since a disturbance only adds time.
+/// The fastest round counts, since a disturbance only adds time.
 pub(super) const ROUNDS: usize = 7;
 /// The grid is clearly faster when it takes less than this part of the time.
 pub(super) const CLEARLY: f64 = 0.7;
-/// The part of space that is filled.
 const DENSITY: f32 = 0.05;
 
 pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
@@ -49,11 +45,10 @@ pub(super) fn race(
     Ok(samples)
 }
 
-/// Returns the number of spheres at which the second algorithm overtakes the first, by interpolation of logarithms
-/// between two samples. Returns the first size if the second is always faster, and twice the last size, at most `most`,
-/// if it never is.
+/// Returns the number of spheres at which the second algorithm overtakes the first, interpolated in logarithms. Returns
+/// the first size if the second is always faster, and twice the last size, at most `most`, if it never is.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
-    // The lead of the first algorithm; a power of the number of spheres between two samples.
+    // The lead of the first algorithm, a power of the number of spheres between two samples.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {
         (second.as_secs_f64().max(1e-9) / first.as_secs_f64().max(1e-9)).ln()
     };
@@ -69,12 +64,12 @@ pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
 
-/// Returns evenly spread spheres that fill this fraction of a cube, of radii 1, 1/2, 1/4, … in turn.
+/// Returns evenly spread spheres of radii 1, 1/2, 1/4, … in turn that fill this fraction of a cube.
 pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();
     let edge = (volume / density).cbrt();
-    // Additive recurrence by powers of the root of x⁴ = x + 1: evenly spread, and the same everywhere.
+    // Additive recurrence by powers of the root of⁴ = + 1.
     const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2];
     let place = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * edge);
     (0..spheres as usize).map(|k| Sphere::new(place(k), radius(k))).collect()
@@ -91,9 +86,7 @@ mod tests {
             (&[(256, 20, 10)], 256..=256),
             (&[(256, 10, 20), (512, 10, 20)], 1024..=1024),
             (&[(1000, 100, 400), (2000, 400, 400)], 2000..=2000),
-            // All pairs grow with the square: equal at the geometric mean.
             (&[(1000, 100, 200), (2000, 400, 200)], 1414..=1415),
-            // One slip of the clock before the crossing does not count.
             (&[(1000, 300, 200), (2000, 100, 200), (4000, 400, 200)], 2828..=2829),
             (&[(1000, 0, 0), (2000, 0, 0)], 1000..=1000),
             (&[(70_000, 10, 20)], 100_000..=100_000),

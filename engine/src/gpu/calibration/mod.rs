@@ -18,7 +18,7 @@ use crate::Error;
 use crate::choice::LARGE_INPUT_ALGORITHM;
 use measure::{ROUNDS, SIZES, crossing, race, time};
 
-/// The size classes of the scenes that are measured: equal radii, and as in the paper's figure 3b.
+/// Equal radii, and as in the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
 /// A measurement of the crossover: the fastest of some calls, upload and readback of the count included.
@@ -70,7 +70,6 @@ pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Res
 }
 
 fn session(gpu: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
-    // Timed, as the calls of a `Detector` are.
     GpuSession::new(gpu.clone(), GpuConfig::default().algorithm(algorithm).timestamps(true))
 }
 
@@ -91,7 +90,6 @@ mod tests {
     #[test]
     fn naive_rate_is_free_of_the_cost_of_a_submission() {
         let sample = |spheres: u32, micros| (spheres, [Duration::from_micros(micros), Duration::ZERO]);
-        // 1.5·10⁶ tests more in 150 µs more.
         let rate = naive_rate(&[sample(1000, 1050), sample(2000, 1200)]).expect("times differ");
         assert!((rate / 1e10 - 1.0).abs() < 1e-9, "{rate}");
         for samples in [vec![], vec![sample(1000, 50)], vec![sample(1000, 50), sample(2000, 50)]] {

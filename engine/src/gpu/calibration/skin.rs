@@ -1,5 +1,3 @@
-//! Measures the costs of keeping a candidate list on a device.
-
 use std::time::Duration;
 
 use lazygrid_host::SkinCosts;
@@ -11,18 +9,15 @@ use crate::gpu::config::GpuConfig;
 use crate::gpu::device::GpuDevice;
 use crate::gpu::session::GpuSession;
 
-/// Spheres of the scenes, four times as many until a search takes long enough to be told from what it takes to submit one.
+/// Spheres of the scenes, until a search takes clearly longer than its submission.
 const SIZES: [u32; 4] = [1 << 14, 1 << 16, 1 << 18, 1 << 20];
-/// So few that a call takes as long as submitting it.
 const FEW: u32 = 256;
-/// Rounds of which the fastest counts.
 const ROUNDS: usize = 7;
-/// The parts of space that spheres fill, overlaps counted twice: in the first they have no partners, in the second some.
+/// Filled fractions of space, overlaps counted twice: spheres have no partners in the first, some in the second.
 const DENSITIES: [f32; 2] = [0.05, 1.0];
-/// Skins, in radii: the first has hardly more candidates than there are pairs.
+/// In radii; the first has hardly more candidates than pairs.
 const SKINS: [f32; 2] = [0.05, 1.0];
 
-/// The fastest of some calls, with its pairs and candidates per sphere.
 #[derive(Clone, Copy, Debug)]
 struct TimedCall {
     nanoseconds: f64,
@@ -31,7 +26,6 @@ struct TimedCall {
     candidates: f64,
 }
 
-/// The calls from which the costs are computed.
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     spheres: f64,
@@ -50,7 +44,6 @@ pub(super) fn measure(gpu: &GpuDevice) -> Result<SkinCosts, Error> {
     measure_with(gpu, &SIZES)
 }
 
-/// Measures the costs with scenes of these sizes.
 fn measure_with(gpu: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
     let mut search = session(gpu, None)?;
     let few = scene(FEW, 1, DENSITIES[0]);
@@ -121,7 +114,6 @@ fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Er
     Ok(call(session, spheres.len(), least))
 }
 
-/// Searches spheres of which one changes at every call, so that every call rebuilds the list.
 fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<TimedCall, Error> {
     let mut least = Duration::MAX;
     for _ in 0..ROUNDS {
@@ -182,12 +174,10 @@ mod tests {
         for (found, known) in parts(found).into_iter().zip(parts(known)) {
             assert!((found / known - 1.0).abs() < 1e-3, "{found} instead of {known}");
         }
-        // 700 over what is saved for each sphere.
         assert_eq!(found.min_worthwhile_spheres(), Some(78));
         assert_eq!(SkinCosts { measure_ns: 10.0, ..known }.min_worthwhile_spheres(), None);
     }
 
-    /// On a machine of any load, the measured costs are valid.
     #[test]
     fn what_is_measured_is_valid() {
         let Some(gpu) = device_or_skip() else { return };

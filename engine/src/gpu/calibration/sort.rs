@@ -1,4 +1,4 @@
-//! Measures the number of spheres at which the radix sort of a cell list overtakes the counting sort.
+//! Measures the number of spheres at which the radix sort overtakes the counting sort.
 
 use std::time::Duration;
 
@@ -12,17 +12,12 @@ use crate::gpu::device::GpuDevice;
 use crate::gpu::plan::GpuPhase;
 use crate::gpu::session::GpuSession;
 
-/// The numbers of spheres of the scenes, until one sort is clearly faster or takes long.
 const SIZES: [u32; 5] = [1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21];
-/// The largest result: twice the number of spheres in the largest scene.
 const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
-/// Rounds of which the fastest counts.
 const ROUNDS: usize = 3;
-/// After calls that take longer no more spheres are tried.
 const LONG: Duration = Duration::from_millis(50);
 
-/// Returns that number. If counting is faster for the largest scene, the result is at least the assumption for such an
-/// adapter.
+/// If counting is faster for the largest scene, the result is at least the assumption for such an adapter.
 pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
     let mut sessions = [session(gpu, u32::MAX)?, session(gpu, 0)?];
     let times = |scene: &[Sphere]| {
@@ -46,7 +41,7 @@ fn session(gpu: &GpuDevice, radix_sort_from: u32) -> Result<GpuSession, Error> {
     GpuSession::new(gpu.clone(), settings)
 }
 
-/// Returns the time of the device, by its own clock if it has one, since the upload may take longer.
+/// The time by the device's own clock if it has one, because the upload may take longer.
 fn busy(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
     let whole = time(session, spheres)?;
     let is_phase = |name: &str| GpuPhase::ALL.iter().any(|phase| phase.name() == name);

@@ -1,7 +1,5 @@
-//! Capacities that calls were found to need.
-
-/// The least entry capacities, indexed by the number of binary digits of the sphere count of the call that needed them.
-/// A capacity applies to calls of at least as many digits.
+/// Indexed by the number of binary digits of the sphere count of the call that needed them. A capacity applies to calls
+/// of at least as many digits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EntryCapacity(pub(super) [u32; u32::BITS as usize + 1]);
 
@@ -17,7 +15,7 @@ impl EntryCapacity {
     }
 }
 
-/// The capacities before a call that needed more, restored if the device cannot allocate them.
+/// Restored if the device cannot allocate more.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CapacitySnapshot {
     pub(super) entries: EntryCapacity,

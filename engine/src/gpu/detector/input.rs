@@ -28,8 +28,8 @@ impl From<u32> for SphereCount<'_> {
     }
 }
 
-/// A buffer, or a range of it: `&buffer`, `buffer.slice(..)`, or [`BufferRange::new`]. A call binds only the bytes that it
-/// needs, so that the buffer itself may exceed the device's binding limit.
+/// A buffer, or a range of it: `&buffer`, `buffer.slice(..)`, or [`BufferRange::new`]. A call binds only the bytes that
+/// it needs, so the buffer itself may exceed the binding limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRange<'a> {
     buffer: &'a wgpu::Buffer,
@@ -44,12 +44,10 @@ impl<'a> BufferRange<'a> {
         Self { buffer, offset, size: buffer.size().saturating_sub(offset) }
     }
 
-    /// Binds the first `bytes` bytes of the range.
     fn bound(self, bytes: u64) -> BoundBuffer {
         BoundBuffer::range(self.buffer, self.offset, bytes)
     }
 
-    /// Rejects a range that is too short, misaligned or without `STORAGE` usage.
     fn check(&self, what: &'static str, needed: u64, alignment: u32) -> Result<(), Error> {
         let storage = self.buffer.usage().contains(wgpu::BufferUsages::STORAGE);
         if self.size < needed || !storage {
@@ -84,15 +82,15 @@ impl<'a> From<wgpu::BufferSlice<'a>> for BufferRange<'a> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct GpuSpheres<'a> {
-    /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
+    /// `x,, z, r` as four `f32` per sphere.
     pub(in crate::gpu) spheres: BufferRange<'a>,
     /// The number of spheres.
     pub(in crate::gpu) count: SphereCount<'a>,
-    /// A `u32` species id per sphere, where the settings have interactions; `STORAGE` usage.
+    /// A `u32` species id per sphere, with interactions.
     pub(in crate::gpu) species: Option<BufferRange<'a>>,
-    /// Only pairs whose smaller index lies in here are counted and written.
+    /// The window of the smaller index of pairs.
     pub(in crate::gpu) window: Range<u32>,
-    /// The number of spheres of the first of two sets, before those of the second; 0 for one set.
+    /// The number of spheres of the first of two sets; 0 for one set.
     pub(in crate::gpu) split: u32,
 }
 
@@ -114,10 +112,9 @@ impl<'a> GpuSpheres<'a> {
         Self { window, ..self }
     }
 
-    /// Asks for pairs of one of the first `first` spheres and one of the others only.
+    /// Restricts pairs to one of the first `first` spheres and one of the others.
     pub fn across(self, first: u32) -> Self {
         match first {
-            // In a call 0 stands for one set.
             0 => Self { window: 0..0, split: 0, ..self },
             split => Self { split, ..self },
         }
@@ -147,7 +144,6 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// Returns the bindings of spheres, species and count in a call of up to `spheres` spheres.
     pub(super) fn bound(&self, spheres: u32) -> (BoundBuffer, Option<BoundBuffer>, Option<BoundBuffer>) {
         let spheres = u64::from(spheres.max(1));
         let count = match self.count {

@@ -1,5 +1,3 @@
-//! Detectors on a caller's device: spheres in GPU buffers in, pairs in GPU buffers out.
-
 mod capacity;
 mod input;
 mod output;
@@ -31,8 +29,8 @@ use crate::Error;
 
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
 ///
-/// [`encode`](Self::encode) records into the caller's encoder and neither submits nor polls. What a call found is
-/// in the buffers of [`GpuOutput`]. Spheres that are not finite or have a negative radius pair with nothing and are
+/// [`encode`](Self::encode) records into the caller's encoder and neither submits nor polls. The result of a call is in
+/// the buffers of [`GpuOutput`]. Spheres that are not finite or have a negative radius pair with nothing and are
 /// counted.
 #[derive(Debug)]
 pub struct GpuDetector {
@@ -45,7 +43,6 @@ pub struct GpuDetector {
     timer: Option<Timer>,
 }
 
-/// The algorithm and the cell ratio of one call.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AlgorithmChoice {
     pub(crate) algorithm: Algorithm,
@@ -94,10 +91,10 @@ impl GpuDetector {
         })
     }
 
-    /// Returns the cost of a call of up to `spheres` spheres, without making one.
+    /// Returns the cost of a call of up to `spheres` spheres.
     ///
     /// # Errors
-    /// [`Error::LimitExceeded`] where the device cannot hold it.
+    /// [`Error::LimitExceeded`] if the device cannot hold it.
     pub fn cost(&self, spheres: u32) -> Result<CallCost, Error> {
         Ok(self.plan_for(spheres, self.algorithm_choice())?.cost())
     }
@@ -128,7 +125,6 @@ impl GpuDetector {
         self.settings.space = space;
     }
 
-    /// Returns the algorithm and cell ratio of the configuration.
     pub(crate) fn algorithm_choice(&self) -> AlgorithmChoice {
         AlgorithmChoice { algorithm: self.settings.algorithm, cell_ratio: self.settings.cell_ratio }
     }
@@ -149,7 +145,6 @@ impl GpuDetector {
         Ok(self.prepared.insert(prepared).output())
     }
 
-    /// Returns the buffers if their capacity suffices, else new ones.
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
         // Old buffers are released first, so that old and new need not fit at once. Larger buffers serve smaller calls,
@@ -192,19 +187,15 @@ impl GpuDetector {
         self.raise_entry_capacity(entries, spheres)
     }
 
-    /// Raises the entry capacity as [`set_entry_capacity`](Self::set_entry_capacity) does, for calls of `spheres`
-    /// spheres.
     pub(crate) fn raise_entry_capacity(&mut self, entries: u64, spheres: u32) -> bool {
         let most = most_entries(&DeviceLimits::of(&self.device));
         if entries > most {
             return false;
         }
-        // Below 2³⁰, the most that there are anywhere.
         self.entry_capacity.0[EntryCapacity::digits(spheres)] = (entries + entries / 8).min(most) as u32;
         true
     }
 
-    /// Returns the capacities for [`restore_capacities`](Self::restore_capacities).
     pub(crate) fn capacities(&self) -> CapacitySnapshot {
         CapacitySnapshot { entries: self.entry_capacity, pairs: self.settings.pair_capacity }
     }
@@ -304,17 +295,14 @@ impl GpuDetector {
         self.prepared.as_ref().and_then(|prepared| prepared.recordings.current())
     }
 
-    /// Returns the limits of one dispatch.
     pub(crate) fn budget(&self) -> WorkBudget {
         WorkBudget::new(&self.settings, &DeviceLimits::of(&self.device))
     }
 
-    /// Returns the plan of the last recorded call.
     pub(crate) fn plan(&self) -> Option<&Plan> {
         self.prepared.as_ref().map(|p| &p.plan)
     }
 
-    /// Returns the output buffers of the last recorded call.
     pub(crate) fn output(&self) -> Option<GpuOutput> {
         self.prepared.as_ref().map(Prepared::output)
     }

@@ -12,25 +12,25 @@ pub struct GpuOutput {
     pub pairs: wgpu::Buffer,
     /// The capacity of the buffer in pairs.
     pub capacity: u32,
-    /// The [`Outcome`]: how many pairs there are, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
+    /// The [`Outcome`]: the number of pairs, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
     /// consumer with a thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`].
     pub outcome: wgpu::Buffer,
-    /// The spheres in the order of the cells, where the call runs by the cell list.
+    /// The spheres in the order of the cells, if the call ran by the cell list.
     pub sorted: Option<CellOrder>,
 }
 
 /// The spheres in the order of a cell list's cells: neighbors in space are mostly neighbors in memory. A caller that
-/// adopts this order now and then makes later calls faster, as these read memory nearly in sequence. With
-/// [`GpuConfig::pairs_in_cell_order`] its own work on pairs gains as well. All buffers have `STORAGE` and `COPY_SRC`
-/// usage, are valid until the next call, and have as many elements as the call had spheres.
+/// adopts this order now and then makes later calls faster, and with [`GpuConfig::pairs_in_cell_order`] its own work on
+/// pairs. All buffers have `STORAGE` and `COPY_SRC` usage, are valid until the next call, and have as many elements as
+/// the call had spheres.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {
-    /// The index that each had in the input, as `u32`: each once. Spheres that are not valid come last.
+    /// The input index of each, as `u32`. Invalid spheres come last.
     pub order: wgpu::Buffer,
-    /// `x, y, z, r` as four `f32` for each; in a periodic space the image nearest to the origin.
+    /// `x,, z, r` as four `f32` for each, wrapped into a periodic space.
     pub spheres: wgpu::Buffer,
-    /// The species of each as `u32`, where the settings have interactions.
+    /// The species of each as `u32`, with interactions.
     pub species: Option<wgpu::Buffer>,
 }
 

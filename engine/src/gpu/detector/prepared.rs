@@ -1,5 +1,3 @@
-//! The buffers of calls of a size, with what was recorded for them.
-
 use std::collections::{BTreeSet, HashMap};
 
 use lazygrid_kernels::Algorithm;
@@ -13,7 +11,6 @@ use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Dispatch, Plan, Resource};
 
-/// Everything that depends on the size of a call.
 #[derive(Debug)]
 pub(super) struct Prepared {
     pub(super) plan: Plan,
@@ -21,7 +18,6 @@ pub(super) struct Prepared {
     pub(super) recordings: SmallCache<Key, Recording>,
 }
 
-/// The buffers and sizes that a recording is valid for.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Key {
     pub(crate) spheres: BoundBuffer,
@@ -49,7 +45,6 @@ impl Prepared {
         GpuOutput { pairs, capacity: self.plan.pairs, outcome, sorted }
     }
 
-    /// Binds all dispatches of such a call, unless they are.
     pub(super) fn bind(
         &mut self,
         device: &wgpu::Device,
@@ -82,7 +77,7 @@ impl Prepared {
     }
 }
 
-/// Returns the parameters of a call by the first workgroup of a dispatch, 0 included.
+/// Returns the parameters of a call by the first workgroup of a dispatch.
 pub(super) fn params_buffers<'a>(
     device: &wgpu::Device,
     dispatches: impl IntoIterator<Item = &'a Dispatch>,

@@ -1,9 +1,8 @@
 //! A candidate list that stays on the device from call to call.
 //!
 //! A rebuild stores the spheres, with radii larger by half the skin, and searches them for candidates. Each call
-//! measures displacements since the rebuild. The device decides on a rebuild: the dispatches of the search get their
-//! workgroup counts, or zeros. The host reads nothing back. Then the call tests the candidates at the current
-//! positions.
+//! measures displacements since the rebuild, and the device decides on a rebuild by setting the workgroup counts of the
+//! search's dispatches to their values or to zero. Then the call tests the candidates at the current positions.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -33,9 +32,9 @@ const PER_PAIR: u32 = 4;
 
 /// Finds overlapping pairs of spheres that move little from call to call, in GPU buffers.
 ///
-/// Works as [`GpuDetector`], and keeps pairs up to a skin too far apart on the device as candidates until a sphere has
-/// moved half the skin. The device decides on a rebuild at every call; the result never depends on it. Another number
-/// of spheres, radius or species forces a rebuild.
+/// Works like [`GpuDetector`], and keeps pairs up to a skin too far apart on the device as candidates until a sphere
+/// has moved half the skin. The device decides on a rebuild at every call; the result never depends on it. Another
+/// number of spheres, radius or species forces a rebuild.
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,
@@ -43,34 +42,28 @@ pub struct GpuSkinDetector {
     skin: f32,
     pipelines: Pipelines,
     tables: Option<Tables>,
-    /// Finds the candidates among the stored spheres.
     search: GpuDetector,
     resident: Option<Resident>,
 }
 
-/// The buffers that stay on the device.
 #[derive(Debug)]
 struct Resident {
-    /// The capacities in spheres and in pairs, and the parts of the test of candidates.
+    /// In spheres and in pairs, and the parts of the test of candidates.
     capacities: [u32; 3],
     buffers: Buffers,
     candidates: Option<Candidates>,
 }
 
-/// The candidate list and its state.
 #[derive(Debug)]
 struct Candidates {
     found: GpuOutput,
     state: Buffers,
-    /// Recordings by the call and the workgroup counts of the search.
     parts: SmallCache<(Key, Vec<u32>), Parts>,
 }
 
-/// The dispatches before and after the search for candidates.
 #[derive(Debug)]
 struct Parts {
     before: Recording,
-    /// The workgroup counts of the search's dispatches.
     counts: Buffers,
     after: Recording,
 }
@@ -195,7 +188,6 @@ impl GpuSkinDetector {
         self.encode_as(self.search.algorithm_choice(), encoder, input)
     }
 
-    /// Records the detection with another algorithm or cell ratio of the search.
     pub(crate) fn encode_as(
         &mut self,
         choice: AlgorithmChoice,
@@ -249,7 +241,6 @@ impl GpuSkinDetector {
         Ok(Resident { capacities, buffers, candidates: None })
     }
 
-    /// Binds all dispatches of such a call, unless they are bound.
     fn record(&self, buffers: &Buffers, candidates: &mut Candidates, key: Key) -> Result<(), Error> {
         let Candidates { found, state, parts } = candidates;
         let search = self.search.recording();
@@ -310,7 +301,6 @@ fn check_skin(skin: f32) -> Result<(), Error> {
     Err(Error::InvalidSetting { name: "skin", value, range })
 }
 
-/// Creates the search for candidates.
 fn search(
     device: &wgpu::Device,
     pipelines: Pipelines,

@@ -1,4 +1,4 @@
-//! The wrap kernel against `Space::wrap`, the times of a call in parts, and which cells LazyGrid refines.
+//! The wrap kernel against `Space::wrap`, the times of a call in parts, and the cells that LazyGrid refines.
 
 use std::collections::HashSet;
 
@@ -22,7 +22,6 @@ fn upload<T: Pod>(gpu: &GpuDevice, data: &[T]) -> wgpu::Buffer {
     buffer
 }
 
-/// The first `count` values of a buffer when all that was recorded is done.
 fn download<T: Pod>(
     gpu: &GpuDevice,
     mut encoder: wgpu::CommandEncoder,
@@ -48,7 +47,6 @@ fn detector(gpu: &GpuDevice, settings: GpuConfig) -> GpuDetector {
     GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings).expect("made")
 }
 
-/// Returns the spheres as the kernel wraps them.
 fn wrapped(gpu: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
     let mut detector = detector(gpu, GpuConfig::default().algorithm(Algorithm::Naive).space(space));
     let given = upload(gpu, spheres);
@@ -72,7 +70,6 @@ fn the_kernel_wraps_as_the_host_does() {
         let mut coordinates = vec![0.0, -0.0, length, tiny, f32::MAX, f32::NAN, f32::INFINITY];
         for k in 0..3000 {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            // Any float; some lengths; next to a tie, near and far.
             let any = f32::from_bits((state >> 32) as u32);
             let some = ((state >> 40) as f32 / (1 << 20) as f32) * length;
             let tie = (state >> 61) as f32 * 0.5 * length;
@@ -84,7 +81,7 @@ fn the_kernel_wraps_as_the_host_does() {
             let expected = space.wrap(given.center);
             for axis in [0, 2] {
                 let (x, y) = (expected[axis], found.center[axis]);
-                // Zeroes compare equal; what is not finite stays so, for the quarantine to find.
+                // Zeroes compare equal; non-finite values stay so, for the quarantine.
                 let same = if x.is_nan() { !y.is_finite() } else { x == y };
                 assert!(same, "{:e} in {length:e}: {y:e} instead of {x:e}", given.center[axis]);
             }
@@ -124,7 +121,7 @@ fn a_further_part_is_timed_as_a_search() {
     }
 }
 
-/// The entries that the kernels of a call write: whether at the first level, and of which sphere.
+/// Returns the entries that the kernels of a call write: whether at the first level, and the sphere.
 fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
     let mut detector = detector(gpu, settings);
@@ -136,7 +133,6 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     let grid: Vec<u8> =
         download(gpu, encoder(gpu), buffers.get(BufferId::Grid), Grid::min_size().get() as usize);
     let grid: Grid = StorageBuffer::new(grid).create().expect("all of it");
-    // After the sort, which changes their order alone.
     let front = plan.passes() % 2 == 1;
     let count = outcome[0].entries_needed() as usize;
     let [keys, objects]: [Vec<u32>; 2] = [BufferId::Keys(front), BufferId::Objects(front)]
@@ -147,12 +143,12 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
 }
 
 /// A crowd near a few spheres, with some of both on the border between their cells: as τ grows, the crowd's cells stop
-/// being split, one after another. The tests of levels check the pairs.
+/// being split, one after another.
 #[test]
 fn split_and_unsplit_cells_share_spheres() {
     let Some(gpu) = device_or_skip() else { return };
-    // The largest sphere lies apart. Its cells are 4.1 wide and have a corner at the median. No other sphere is of its
-    // depth, so a cell has entries of other spheres only if it is not split.
+    // Cells are 4.1 wide and have a corner at the median. No other sphere is of the largest one's depth, so a cell has
+    // entries of other spheres only if it is not split.
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
     let mut state = 40_u64;
     let mut unit = || {
@@ -163,7 +159,6 @@ fn split_and_unsplit_cells_share_spheres() {
         let x = if k % 10 == 0 { unit() * 4.0 - 4.0 } else { unit() * 0.8 };
         spheres.push(Sphere::new([x, unit() * 0.8, unit() * 0.8], 0.1));
     }
-    // On the border, and at one point.
     spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
     let sharing = (0..=350).step_by(20).map(|tau| {
         let entries = entries_of(&gpu, tau, &spheres);

@@ -1,6 +1,5 @@
 use crate::gpu::plan::GpuPhase;
 
-/// Takes the time at either end of each phase, by the device's clock.
 #[derive(Debug)]
 pub(super) struct Timer {
     queries: wgpu::QuerySet,
@@ -26,17 +25,14 @@ impl Timer {
         Self { queries, ticks }
     }
 
-    /// The timestamp queries of each phase's passes.
     pub(super) fn queries(&self) -> &wgpu::QuerySet {
         &self.queries
     }
 
-    /// The times in a buffer, once [`resolve`](Self::resolve) has run.
     pub(super) fn ticks(&self) -> &wgpu::Buffer {
         &self.ticks
     }
 
-    /// Records that the times go into the buffer.
     pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.resolve_query_set(&self.queries, 0..Self::TICKS, &self.ticks, 0);
     }

@@ -1,10 +1,8 @@
-//! The adapters of a machine.
-
 use std::fmt;
 
 use crate::Error;
 
-/// A GPU, or a software rasteriser, that can run the engine.
+/// A GPU, or a software rasterizer, that can run the engine.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct AdapterSummary {
@@ -39,7 +37,7 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().iter().map(summary).collect()
 }
 
-/// Names one of several adapters. As text an index is a number; everything else is a name.
+/// The name or index of one of several adapters. As text an index is a number; everything else is a name.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum AdapterId {
@@ -99,8 +97,8 @@ impl AdapterId {
     }
 }
 
-/// Returns the features that are used if present. Host applications should request them for their device, with the
-/// adapter's own limits; none is required.
+/// Returns the features that are used if present. Host applications should request them, with the adapter's own limits;
+/// none is required.
 pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY
 }
@@ -145,7 +143,6 @@ pub(super) fn summarize(
     }
 }
 
-/// A graphics card of this name, for tests.
 #[cfg(test)]
 pub(crate) fn card(name: &str) -> AdapterSummary {
     AdapterSummary {
@@ -176,7 +173,6 @@ mod tests {
             ("4", Ok(4)),
             ("small", Ok(2)),
             ("LARGE", Ok(1)),
-            // The whole name of one, and a part of another.
             ("card h1", Ok(0)),
             ("llvmpipe", Ok(4)),
             ("LLVM 15", Ok(3)),
@@ -201,7 +197,6 @@ mod tests {
                 (found, expected) => panic!("{asked}: {found:?} instead of {expected:?}"),
             }
         }
-        // Two cards of one kind have but their indices.
         let twins = ["Card", "Card"].map(card);
         assert!(AdapterId::from("card").place_in(&twins).is_err());
         assert_eq!(AdapterId::from(1).place_in(&twins), Ok(1));

@@ -1,9 +1,6 @@
-//! Read-only buffers with given contents.
-
 use super::error_scope::with_error_scope;
 use crate::Error;
 
-/// A read-only buffer with these contents. Needs no queue, so that it can be made while recording.
 pub(crate) fn constant_buffer(
     device: &wgpu::Device,
     label: &'static str,

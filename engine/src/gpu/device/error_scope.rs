@@ -2,7 +2,7 @@
 
 use crate::Error;
 
-/// Runs `work` and returns what the device complained about instead of passing it on to the application.
+/// Runs `work` and returns the device's errors.
 pub(crate) fn with_error_scope<T>(
     device: &wgpu::Device,
     what: &'static str,

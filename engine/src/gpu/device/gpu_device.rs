@@ -1,5 +1,3 @@
-//! A device with its queue, its adapter and its compiled kernels.
-
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -28,7 +26,7 @@ enum SharedRequest {
     Named(AdapterId),
 }
 
-/// A device, our own or a host application's, and what it runs on.
+/// A device, opened here or by a host application, with its adapter and compiled kernels.
 #[derive(Clone, Debug)]
 pub struct GpuDevice {
     /// The device.
@@ -37,7 +35,6 @@ pub struct GpuDevice {
     pub queue: wgpu::Queue,
     /// The adapter of the device.
     pub adapter: AdapterSummary,
-    /// Kernels compiled for it so far.
     pub(crate) pipelines: Pipelines,
     lost: Arc<OnceLock<String>>,
 }
@@ -87,7 +84,7 @@ impl GpuDevice {
         let lost = Arc::new(OnceLock::new());
         let losing = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
-            // The first reason is the one that counts.
+            // Only the first reason counts.
             let _ = losing.set(format!("{reason:?}: {message}"));
         });
         log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
@@ -98,8 +95,8 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// Wraps a host application's device and leaves its handlers alone. The first device of an adapter runs a short probe of
-    /// its subgroups; detectors of an adapter that was never probed do not use subgroup operations.
+    /// Wraps a host application's device and leaves its handlers alone. The first device of an adapter runs a short
+    /// probe of its subgroups, without which detectors do not use subgroup operations.
     pub fn from_wgpu(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         subgroup_probe::run_once(device, queue);
         Self {
@@ -111,8 +108,8 @@ impl GpuDevice {
         }
     }
 
-    /// Returns one device for the whole process with its compiled kernels, opened as by [`open`](Self::open) and kept
-    /// until it is lost. The absence of an adapter is looked up once.
+    /// Returns one device for the whole process, opened as by [`open`](Self::open) and kept until it is lost. The
+    /// absence of an adapter is looked up once.
     ///
     /// # Errors
     /// See [`open`](Self::open).
@@ -145,7 +142,7 @@ impl GpuDevice {
     }
 
     /// # Errors
-    /// [`Error::DeviceLost`] once the driver has said so.
+    /// [`Error::DeviceLost`] after the driver reported it.
     pub(crate) fn check_lost(&self) -> Result<(), Error> {
         match self.lost.get() {
             Some(reason) => Err(Error::DeviceLost { reason: reason.clone() }),
@@ -158,8 +155,8 @@ impl GpuDevice {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Tests whether the device still works. A loss is reported late, and a host application's device reports it only
-    /// to the application; but a lost device refuses even a small buffer.
+    /// Tests whether the device still works. A loss is reported late, and for a host application's device only to the
+    /// application; but a lost device refuses even a small buffer.
     pub(crate) fn probe(&self) -> Result<(), Error> {
         // A poll delivers the report of a loss; its own failure adds nothing.
         let _ = self.device.poll(wgpu::PollType::Poll);
@@ -171,7 +168,6 @@ impl GpuDevice {
     }
 }
 
-/// Returns the device of this process's tests; `None` if no adapter exists and none is required.
 #[cfg(test)]
 pub(crate) fn device_or_skip() -> Option<GpuDevice> {
     match GpuDevice::shared(SoftwareAdapter::Allow) {
@@ -214,8 +210,8 @@ impl GpuDevice {
         self.pipelines.subgroup_refusal()
     }
 
-    /// Returns this device with kernels whose texts `rewrite` changes before they are compiled, for tests that stand in for
-    /// another compiler. The rewrite must keep the meaning up to rounding, and all loops.
+    /// Returns this device with kernels whose texts `rewrite` changes before they are compiled, to stand in for another
+    /// compiler in tests. The rewrite must keep the meaning up to rounding, and all loops.
     #[doc(hidden)]
     #[must_use]
     pub fn with_rewritten_kernels(self, rewrite: fn(&str) -> String) -> Self {

@@ -1,5 +1,3 @@
-//! Waiting for a staging buffer, by blocking or as a future.
-
 use crate::Error;
 use std::future::Future;
 use std::pin::Pin;
@@ -7,12 +5,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
-/// The way in which the caller waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
     /// In this thread.
     Blocking,
-    /// In a thread of its own that wakes the task; wgpu makes progress on native devices only when it is polled.
+    /// A thread of its own wakes the task; on native devices wgpu makes progress only when polled.
     Async,
 }
 

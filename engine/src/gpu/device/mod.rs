@@ -1,5 +1,3 @@
-//! Devices: adapters, error scopes, compiled kernels and waiting for readbacks.
-
 mod adapter;
 mod constant;
 mod error_scope;

@@ -19,7 +19,6 @@ pub(crate) struct Pipelines {
     compiled: Arc<Mutex<Compiled>>,
 }
 
-/// Returns the text of a kernel as another compiler would transform it.
 pub(crate) type KernelRewrite = fn(&str) -> String;
 
 type Compiled = HashMap<(&'static str, Variant), Pipeline>;
@@ -31,13 +30,11 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
-    /// Creates an empty cache. Kernels use subgroup operations if the device has the feature and its adapter passed the
-    /// probe of subgroups.
+    /// Kernels use subgroup operations if the device has the feature and its adapter passed the probe of subgroups.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         Self::with_refusal(device, subgroup_probe::refusal(device))
     }
 
-    /// Creates an empty cache for a device whose probe of subgroups gave this result.
     pub(super) fn with_refusal(device: &wgpu::Device, refusal: Option<String>) -> Self {
         let offered = device.features().contains(wgpu::Features::SUBGROUP);
         let refusal = refusal.filter(|_| offered);
@@ -62,12 +59,11 @@ impl Pipelines {
         with_error_scope(device, kernel.name, 0, || compile(device, kernel, variant, kernel.wgsl(variant)))
     }
 
-    /// Returns the reason why kernels do not use the device's subgroup operations, if they do not.
     pub(crate) fn subgroup_refusal(&self) -> Option<&str> {
         self.subgroup_refusal.as_deref()
     }
 
-    /// Returns the variant of kernels for this device. Other fields of the variant depend on the call.
+    /// Other fields of the variant depend on the call.
     pub(crate) fn variant(&self) -> Variant {
         self.variant
     }
@@ -77,7 +73,6 @@ impl Pipelines {
         Self { variant: Variant { subgroups: None, ..self.variant }, ..self }
     }
 
-    /// Returns a new cache of kernels whose texts are rewritten.
     pub(crate) fn rewritten(&self, rewrite: KernelRewrite) -> Self {
         Self { rewrite: Some(rewrite), compiled: Arc::default(), ..self.clone() }
     }
@@ -158,7 +153,7 @@ fn shader_module(device: &wgpu::Device, kernel: &Kernel, text: String) -> wgpu::
     checks.force_loop_bounding = false;
     // SAFETY: all other checks stay enabled, so the obligation is that each loop of the text ends. The text belongs to
     // lazygrid-kernels. Its loop counters approach a constant limit by steps that cannot pass it, or clear a bit at
-    // each iteration. `kernels/tests/loops.rs` checks each loop of all texts.
-    // A rewrite must keep the loops; only tests rewrite.
+    // each iteration. `kernels/tests/loops.rs` checks each loop of all texts. A rewrite must keep the loops; only tests
+    // rewrite.
     unsafe { device.create_shader_module_trusted(descriptor, checks) }
 }

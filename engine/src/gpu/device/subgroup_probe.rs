@@ -1,7 +1,7 @@
 //! The probe of what kernels assume about subgroups, run once per adapter and process.
 //!
-//! Kernels with subgroup operations need full subgroups whose lanes follow local indices. wgpu requests neither, and no API
-//! reports it. The portable kernels need no subgroups.
+//! Kernels with subgroup operations need full subgroups whose lanes follow local indices. wgpu requests neither, and no
+//! API reports it.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -16,13 +16,11 @@ use super::mapping::{Mapping, Wait};
 use super::pipelines::{Pipeline, Pipelines};
 use crate::Error;
 
-/// The time limit of the probe.
 const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Identifies an adapter and its driver.
 type AdapterKey = (String, String, String, u32, u32, wgpu::Backend);
 
-/// The results so far: the reason not to use subgroup operations, if there is one.
+/// The reason not to use subgroup operations, if one exists.
 static RESULTS: Mutex<Option<HashMap<AdapterKey, Option<String>>>> = Mutex::new(None);
 
 fn key(device: &wgpu::Device) -> AdapterKey {
@@ -39,7 +37,6 @@ pub(super) fn refusal(device: &wgpu::Device) -> Option<String> {
     }
 }
 
-/// Probes the adapter of a device unless it was probed before.
 pub(super) fn run_once(device: &wgpu::Device, queue: &wgpu::Queue) {
     if !device.features().contains(wgpu::Features::SUBGROUP) {
         return;
@@ -61,7 +58,6 @@ pub(super) fn run_once(device: &wgpu::Device, queue: &wgpu::Queue) {
     results.insert(key, refusal);
 }
 
-/// Runs the probe and returns its result.
 fn probed(device: &wgpu::Device, queue: &wgpu::Queue, smallest: u32) -> Result<SubgroupProbe, Error> {
     let variant = k::Variant { subgroups: Some(smallest), ..k::Variant::default() };
     let Pipeline { pipeline, layout } = Pipelines::compiled(device, &k::SUBGROUP_PROBE, variant)?;

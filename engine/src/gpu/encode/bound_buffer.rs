@@ -1,16 +1,14 @@
 use std::num::NonZero;
 
-/// A buffer, or a range of it, as a recording binds it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct BoundBuffer {
     pub(crate) buffer: wgpu::Buffer,
     offset: u64,
-    /// The bytes of the range; `None` for all bytes from the offset.
+    /// `None` for all bytes from the offset.
     size: Option<NonZero<u64>>,
 }
 
 impl BoundBuffer {
-    /// Binds `size` bytes from `offset`.
     pub(crate) fn range(buffer: &wgpu::Buffer, offset: u64, size: u64) -> Self {
         Self { buffer: buffer.clone(), offset, size: NonZero::new(size) }
     }

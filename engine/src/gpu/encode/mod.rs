@@ -1,5 +1,3 @@
-//! Recording dispatches into command encoders.
-
 mod bound_buffer;
 mod primitives;
 mod recording;

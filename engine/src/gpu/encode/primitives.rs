@@ -1,5 +1,5 @@
-//! The building blocks on their own: a stable radix sort and an exclusive prefix scan. Each compiles once, is bound to
-//! buffers once, and is then recorded as often as wanted without allocating anything.
+//! Building blocks: a stable radix sort and an exclusive prefix scan, which are bound to buffers once and then recorded
+//! any number of times without allocation.
 
 use lazygrid_kernels::kernel::SCAN_TILE;
 use lazygrid_kernels::layout::{RadixPass, SortCounts};
@@ -11,8 +11,7 @@ use crate::gpu::plan::{BufferId, DeviceLimits, digits, scan_dispatches, sort_buf
 
 /// A stable sort of `u32` keys with a `u32` payload, least significant digit first, up to eight bits a pass.
 ///
-/// Keys that are equal in the bits sorted by keep their order. Nothing spins on another workgroup, so that it
-/// runs on every device.
+/// No workgroup waits for another, so it runs on every device.
 #[derive(Debug)]
 pub struct RadixSort {
     device: wgpu::Device,
@@ -36,12 +35,12 @@ pub struct BoundSort {
 }
 
 impl RadixSort {
-    /// With `subgroups` their operations are used where the device was made with them.
+    /// Creates the sort. `subgroups` permits subgroup operations if the device has them.
     pub fn new(device: &wgpu::Device, subgroups: bool) -> Self {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// A sort of the first `count` keys by their lowest `bits` bits, at least one. It overwrites the buffers that come in.
+    /// Binds a sort of the first `count` keys by their lowest `bits` bits, at least one. It overwrites the input.
     ///
     /// # Errors
     /// Fails if the device refuses a buffer or a binding.
@@ -90,7 +89,6 @@ impl BoundSort {
     }
 }
 
-/// The uniforms of radix passes.
 fn pass_buffers(device: &wgpu::Device, digits: &[RadixPass]) -> Result<Vec<wgpu::Buffer>, Error> {
     digits.iter().map(|digit| constant_buffer(device, "radix pass", bytemuck::bytes_of(digit))).collect()
 }
@@ -111,12 +109,12 @@ pub struct BoundScan {
 }
 
 impl PrefixScan {
-    /// With `subgroups` their operations are used where the device was made with them.
+    /// Creates the scan. `subgroups` permits subgroup operations if the device has them.
     pub fn new(device: &wgpu::Device, subgroups: bool) -> Self {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// A scan of the first `count` values of a buffer with `STORAGE` usage.
+    /// Binds a scan of the first `count` values of a buffer with `STORAGE` usage.
     ///
     /// # Errors
     /// Fails if the device refuses a buffer or a binding.

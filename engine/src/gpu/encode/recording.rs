@@ -9,7 +9,6 @@ use crate::gpu::plan::{
     BufferId, DeviceLimits, Dispatch, DispatchSequence, GpuPhase, PlanKernel, Workgroups,
 };
 
-/// The buffers that a detector or a primitive owns.
 #[derive(Debug, Default)]
 pub(crate) struct Buffers(HashMap<BufferId, wgpu::Buffer>);
 
@@ -27,7 +26,7 @@ impl Buffers {
         Ok(Self(buffers))
     }
 
-    /// Returns `true` if these would do where buffers of `sizes` are needed.
+    /// Returns `true` if these suffice for buffers of `sizes`.
     pub(crate) fn have_room_for(&self, sizes: &[(BufferId, u64)]) -> bool {
         sizes.iter().all(|(slot, size)| self.0.get(slot).is_some_and(|buffer| buffer.size() >= *size))
     }
@@ -36,17 +35,15 @@ impl Buffers {
         &self.0[&slot]
     }
 
-    /// Returns a buffer that may be absent.
     pub(crate) fn find(&self, slot: BufferId) -> Option<&wgpu::Buffer> {
         self.0.get(&slot)
     }
 }
 
-/// Dispatches with everything bound, ready to be put into any encoder.
 #[derive(Debug)]
 pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
-    /// The first dispatch of a continuation; the number of dispatches if the call has none.
+    /// The number of dispatches if the call has no continuation.
     continuation_start: usize,
     /// The first dispatch of each part after the first.
     part_starts: Vec<usize>,
@@ -60,11 +57,10 @@ struct BoundDispatch {
     phase: GpuPhase,
 }
 
-/// The number of workgroups of a dispatch.
 #[derive(Debug)]
 enum WorkgroupCount {
     Fixed([u32; 2]),
-    /// The number that this buffer holds at this offset when the dispatch runs.
+    /// The number in this buffer at this offset when the dispatch runs.
     Indirect(wgpu::Buffer, u64),
 }
 
@@ -83,7 +79,6 @@ impl Recording {
         Self::from_sequence(device, pipelines, &sequence, &buffers)
     }
 
-    /// Binds `buffers` as the dispatches of a plan name them.
     pub(crate) fn from_sequence(
         device: &wgpu::Device,
         pipelines: &Pipelines,
@@ -121,14 +116,12 @@ impl Recording {
         Ok(Self { dispatches, continuation_start, part_starts })
     }
 
-    /// Records all dispatches in one pass.
     pub(crate) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         self.dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass));
     }
 
-    /// Returns the workgroup counts, three words per dispatch; zeros for indirect dispatches.
     pub(crate) fn workgroup_counts(&self) -> Vec<u32> {
         let of = |dispatch: &BoundDispatch| match dispatch.groups {
             WorkgroupCount::Fixed([x, y]) => [x, y, 1],
@@ -137,7 +130,6 @@ impl Recording {
         self.dispatches.iter().flat_map(of).collect()
     }
 
-    /// Returns the buffer of indirect arguments, if a dispatch has any.
     pub(crate) fn indirect_args(&self) -> Option<&wgpu::Buffer> {
         self.dispatches.iter().find_map(|dispatch| match &dispatch.groups {
             WorkgroupCount::Fixed(_) => None,
@@ -145,7 +137,7 @@ impl Recording {
         })
     }
 
-    /// Records all dispatches in one pass, each with the workgroups that `counts` holds by then: those of
+    /// Records all dispatches in one pass, with workgroups from `counts`: those of
     /// [`workgroup_counts`](Self::workgroup_counts), or zeros.
     pub(crate) fn encode_indirect(&self, encoder: &mut wgpu::CommandEncoder, counts: &wgpu::Buffer) {
         let descriptor =
@@ -160,8 +152,7 @@ impl Recording {
         }
     }
 
-    /// Records a further part of a call that is too much for one submission; with timestamps if there are queries,
-    /// in place of those of the search before.
+    /// Records a further part of a call that exceeds one submission; timestamps replace those of the search.
     pub(crate) fn encode_continuation(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -175,12 +166,11 @@ impl Recording {
         self.dispatches[self.continuation_start..].iter().for_each(|dispatch| dispatch.record(&mut pass));
     }
 
-    /// Returns the number of parts of the call.
     pub(crate) fn parts(&self) -> u32 {
         1 + self.part_starts.len() as u32
     }
 
-    /// Records one part of the call; with queries in a pass per phase, with timestamps at the ends of each phase.
+    /// Records one part of the call; with queries, in a pass per phase with timestamps at its ends.
     pub(crate) fn encode_part(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -219,7 +209,6 @@ impl Recording {
     }
 }
 
-/// Returns the timestamps that a pass writes as the begin, the end or both of a phase.
 fn ends_of(
     phase: GpuPhase,
     queries: &wgpu::QuerySet,

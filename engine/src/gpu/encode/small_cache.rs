@@ -2,11 +2,9 @@ use std::collections::VecDeque;
 
 use crate::Error;
 
-/// The last few values, for callers that alternate between a few buffers.
 #[derive(Debug)]
 pub(crate) struct SmallCache<K, V> {
     made: VecDeque<(K, V)>,
-    /// The index of the value that was requested last.
     current: usize,
 }
 
@@ -15,7 +13,6 @@ impl<K: PartialEq, V> SmallCache<K, V> {
 
     pub(crate) const NONE: Self = Self { made: VecDeque::new(), current: 0 };
 
-    /// Selects the value of `key`, created by `make` if it is absent.
     pub(crate) fn get_or_insert_with(
         &mut self,
         key: K,

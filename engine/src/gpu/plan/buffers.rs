@@ -1,70 +1,47 @@
-//! The buffers of a plan, and what else its kernels bind.
-
 use encase::ShaderType;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Bounds, Grid, Outcome, SortCounts};
 
 use super::Plan;
 
-/// A buffer that the detector owns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum BufferId {
     /// Bounds of the spheres.
     Bounds,
     /// The grid.
     Grid,
-    /// Count, overflow flag, quarantine count and dispatch arguments.
     Outcome,
     /// The pairs.
     Pairs,
     /// The wrapped spheres.
     Wrapped,
-    /// Depth and cells of each sphere.
     Cells,
-    /// Counters of the smaller spheres in each cell.
     Density,
     /// The number of entries.
     SortCounts,
-    /// Keys of the entries; two buffers, which a sort alternates between.
     Keys(bool),
-    /// Objects of the entries; two buffers.
     Objects(bool),
-    /// Digit counts of a radix pass, by digit and tile.
     Counts,
-    /// Digit counts of all tiles together.
     Totals,
-    /// Sums of the tiles of a scan.
     Sums,
     /// Total of a scan.
     Total,
-    /// Blocks of entries for the crowded search.
     Crowded,
-    /// Workgroups of the crowded search.
     DispatchArgs,
-    /// Bounds and sizes of the spheres of a cell list.
     InputStats,
-    /// The cells of a cell list.
     List,
-    /// The start of each cell's spheres.
     Starts,
-    /// The cell of each sphere, and its place there.
     Homes,
-    /// The spheres in the order of their cells.
     Sorted,
-    /// Species of the sorted spheres.
     SortedSpecies,
-    /// The spheres at the last rebuild, with larger radii.
     ReferenceSpheres,
-    /// Species of the reference spheres.
     ReferenceSpecies,
-    /// The state of the candidate list.
     SkinState,
     /// Workgroup counts of the search for candidates, or zeros.
     DispatchCounts,
 }
 
 impl BufferId {
-    /// The usage by the kernels and by readers of results.
     pub(crate) fn usage(self) -> BufferUsage {
         BufferUsage {
             storage: true,
@@ -132,20 +109,13 @@ impl From<BufferUsage> for wgpu::BufferUsages {
     }
 }
 
-/// The buffer that a kernel's binding refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Resource {
-    /// A buffer of the detector.
     Own(BufferId),
-    /// The spheres, from the caller.
     Spheres,
-    /// The number of spheres, from the caller or the call's own.
     Count,
-    /// Species ids, from the caller.
     Species,
-    /// The uniform of this call, for dispatches with this first workgroup.
     SearchParams(u32),
-    /// The uniform of a radix pass.
     RadixPass(u32),
     /// Effective radii by species.
     Reach,
@@ -153,7 +123,6 @@ pub(crate) enum Resource {
     Table,
 }
 
-/// The buffers of a call that every algorithm has.
 pub(super) fn call_buffers(pairs: u32) -> [(BufferId, u64); 4] {
     [
         (BufferId::Bounds, size_of::<Bounds>() as u64),
@@ -163,12 +132,10 @@ pub(super) fn call_buffers(pairs: u32) -> [(BufferId, u64); 4] {
     ]
 }
 
-/// The buffers of the grids for the spheres' cells.
 pub(super) fn cell_buffers(plan: &Plan) -> [(BufferId, u64); 2] {
     [(BufferId::Cells, bytes_of(plan.spheres, 8)), (BufferId::Density, bytes_of(plan.occupancy_slots, 8))]
 }
 
-/// The buffers for entries and their sort.
 pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(BufferId, u64)> {
     let mut buffers = sort_buffers(entries, tile).to_vec();
     buffers.extend([
@@ -179,7 +146,6 @@ pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(BufferId, u64)> {
     buffers
 }
 
-/// The buffers of a radix sort.
 pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6] {
     [
         (BufferId::Keys(false), bytes_of(items, 4)),
@@ -191,7 +157,7 @@ pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6
     ]
 }
 
-/// Bytes of `count` items; never zero, as an empty buffer cannot be bound.
+/// Never zero, as an empty buffer cannot be bound.
 pub(super) fn bytes_of(count: u32, size: u64) -> u64 {
     (u64::from(count) * size).max(16)
 }

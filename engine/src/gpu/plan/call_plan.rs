@@ -13,13 +13,13 @@ use super::limits::DeviceLimits;
 use super::tables::TableBytes;
 use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
 
-/// A call without a device: which buffers to create, which kernels to compile, what to bind and to dispatch, and how to
-/// read the result. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
+/// A call without a device: the buffers to create, the kernels to compile, what to bind and dispatch, and how to read
+/// the result. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
 ///
 /// With the feature `serde` a plan can be serialized; `docs/page.md` describes the format.
 ///
-/// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline for each kernel,
-/// and record all dispatches in order, in one compute pass. The [`Outcome`] then lies in the buffer
+/// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline for each
+/// kernel, and record all dispatches in order, in one compute pass. The [`Outcome`] then lies in the buffer
 /// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches from
 /// [`continuation`](DispatchSequence::continuation) again.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +57,6 @@ pub struct PlanBuffer {
     pub usage: BufferUsage,
     /// The origin of the contents.
     pub source: BufferSource,
-    /// The buffer as the detector knows it.
     pub(crate) resource: Resource,
 }
 
@@ -92,8 +91,8 @@ pub struct DispatchSequence {
     pub dispatches: Vec<PlanDispatch>,
     /// The first dispatch of a further part of a partial call; the number of dispatches if calls have one part.
     pub continuation: usize,
-    /// The first dispatch of each part after the first. No part has more than about 200 ms of work at the planned rate, so
-    /// that parts may be submitted separately where a watchdog limits submissions.
+    /// The first dispatch of each part after the first. A part has about 200 ms of work at the planned rate, so parts
+    /// may be submitted separately if a watchdog limits submissions.
     pub part_starts: Vec<usize>,
 }
 
@@ -125,7 +124,7 @@ impl PlanKernel {
         self.kernel.strict_wgsl(self.variant)
     }
 
-    /// The same kernel for devices whose smallest subgroup has this size; `None` is for all devices.
+    /// Returns the kernel for devices whose smallest subgroup has this size; `None` is for all devices.
     pub fn with_subgroups(&self, smallest: Option<u32>) -> Self {
         let variant = Variant { subgroups: smallest, ..self.variant };
         Self { variant: self.kernel.effective_variant(variant), ..*self }
@@ -161,7 +160,7 @@ pub enum Workgroups {
 }
 
 impl DispatchSequence {
-    /// Resolves the bindings of `dispatches` by `resolve`, and returns the distinct resources in the order of first use.
+    /// Resolves the bindings of `dispatches`, and returns the distinct resources in the order of first use.
     pub(crate) fn resolved<R: PartialEq>(
         dispatches: impl IntoIterator<Item = Dispatch>,
         variant: Variant,
@@ -197,7 +196,6 @@ impl DispatchSequence {
         (sequence, resources)
     }
 
-    /// The accesses to each of `buffers` buffers.
     fn accesses(&self, buffers: usize) -> Vec<Vec<Access>> {
         let mut accesses = vec![Vec::new(); buffers];
         for dispatch in &self.dispatches {
@@ -216,14 +214,13 @@ impl DispatchSequence {
     fn workgroups_per_dimension(&self) -> u32 {
         let of = |dispatch: &PlanDispatch| match dispatch.workgroups {
             Workgroups::Fixed([x, y]) => x.max(y),
-            // Kernels write at most so many.
+            // The most that kernels write.
             Workgroups::Indirect { .. } => 65_535,
         };
         self.dispatches.iter().map(of).max().unwrap_or(0)
     }
 }
 
-/// The position of a value in a list, to which it is added if it is missing.
 fn position<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
     list.iter().position(|known| *known == value).unwrap_or_else(|| {
         list.push(value);
@@ -231,18 +228,14 @@ fn position<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
     })
 }
 
-/// The constants of a call, besides those of its plan.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CallConstants<'a> {
     pub(crate) call: SearchParams,
-    /// `true` if a buffer of the host holds the number of spheres.
     pub(crate) count_in_buffer: bool,
-    /// The interaction table, if there is one.
     pub(crate) tables: Option<&'a TableBytes>,
 }
 
 impl Plan {
-    /// Returns the whole call as data.
     pub(crate) fn call_plan(
         &self,
         constants: &CallConstants<'_>,
@@ -289,7 +282,6 @@ impl Plan {
         }
     }
 
-    /// Describes the buffer of a resource; its usage by the kernels is not known yet.
     fn buffer(&self, resource: Resource, constants: &CallConstants<'_>) -> PlanBuffer {
         let input = |bytes: u64| (bytes.max(16), BufferSource::Input);
         let constant = |bytes: Arc<[u8]>| {
@@ -363,7 +355,7 @@ impl CallPlan {
         ("work", Outcome::OVERFLOW_WORK),
     ];
 
-    /// The subgroup size that the kernels are made for, if they use subgroups: the device's smallest.
+    /// The device's smallest subgroup size, if kernels use subgroups.
     pub fn subgroups(&self) -> Option<u32> {
         self.sequence.kernels.iter().find_map(|kernel| kernel.variant.subgroups)
     }

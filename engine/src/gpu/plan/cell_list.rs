@@ -1,5 +1,3 @@
-//! The buffers and dispatches of a cell list.
-
 use encase::ShaderType;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{CellListLayout, InputStats, SortCounts};
@@ -12,33 +10,30 @@ use super::{Plan, Request};
 /// Half cells per sphere for a counting sort. More cells reduce the candidates and enlarge the table: at 2, 3 and 4
 /// cells per sphere, equal spheres at 5 % density have 10.8, 8.5 and 6.4 candidates.
 const COUNTED_HALF_CELLS: u64 = 6;
-/// The same number for a radix sort, whose table exceeds caches: 12.4 candidates per sphere.
+/// For a radix sort, whose table exceeds caches: 12.4 candidates per sphere.
 const SORTED_HALF_CELLS: u64 = 3;
 /// The fewest cells: every level needs some.
 const FEWEST_CELLS: u64 = 1 << 12;
 /// The most cells, with which numbers of counters stay below 2³¹.
 const MOST_CELLS: u64 = 1 << 30;
-/// The device computes cell counts as products of floats, which three roundings of 2⁻²⁴ reduce. Per this many cells of
-/// capacity the device may use one cell more.
+/// The device computes cell counts as products of floats, which round three times by 2⁻²⁴, so it may use one cell more
+/// per this many.
 const ROUNDED: u64 = 1 << 22;
-/// The largest number of occupancy counters of level 0, which fit the caches of current devices.
+/// This many occupancy counters of level 0 fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
-/// The largest number of workgroups of the statistics kernel: enough for current devices, and few enough to avoid
-/// contention at its counters.
+/// Enough for current devices, and few enough to avoid contention at the counters of the statistics kernel.
 const SURVEY_GROUPS: u32 = 1024;
-/// The largest number of workgroups of `occupancy_count`, which stride over the spheres: enough threads for current devices.
+/// Workgroups of `occupancy_count`, which stride over the spheres: enough threads for current devices.
 const OCCUPANCY_GROUPS: u32 = 1024;
-/// Spheres per thread of the statistics kernel, up to its largest number of workgroups.
+/// Spheres per thread of the statistics kernel.
 const SPHERES_PER_THREAD: u32 = 8;
-/// The largest number of spheres for which a dispatch costs more than its work. Such calls minimize dispatches: all
-/// smaller spheres leave overfull cells, and overflow workgroups are dispatched for every block.
+/// Below this number of spheres a dispatch costs more than its work. Such calls minimize dispatches: all smaller
+/// spheres leave overfull cells, and overflow workgroups are dispatched for every block.
 const FEW: u32 = 1 << 15;
-/// The largest number of spheres that a single workgroup reduces and sets up.
+/// The most spheres that a single workgroup reduces and sets up.
 const VERY_FEW: u32 = 1 << 11;
-/// Cells whose starts one workgroup finds.
 const INDEX_BLOCK: u32 = 2048;
 
-/// Chooses the sort and the sizes of all tables.
 pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let is_counted = request.spheres < request.radix_sort_from;
     let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
@@ -121,7 +116,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let tests_per_group = u64::from(k::WORKGROUP_SIZE * plan.candidates_per_invocation.min(plan.spheres));
     let search = dispatch(&k::CELL_LIST_SEARCH, per_sphere, GpuPhase::Search);
     dispatches.extend(plan.budget.divide(search, tests_per_group));
-    // One invocation tests all candidates of a sphere if the spheres are few.
+    // With few spheres, one invocation tests all candidates of a sphere.
     if plan.overflow_workgroups > 0 {
         let groups = per_sphere * plan.overflow_workgroups;
         let overflow = dispatch(&k::CELL_LIST_SEARCH_OVERFLOW, groups, GpuPhase::Search);

@@ -1,5 +1,3 @@
-//! The cost of a plan, before it runs.
-
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::{self as k, Kernel};
 
@@ -23,12 +21,11 @@ pub struct CallCost {
     /// Bytes of device memory for pairs.
     pub pair_bytes: u64,
     /// Bytes that all dispatches read and write: sequential reads once, random reads by sectors of 32 bytes; without
-    /// pairs, and without overfull cells. `None` if the number depends on the cells per sphere or on cache contents.
+    /// pairs and overfull cells. `None` if it depends on the cells per sphere or on cache contents.
     pub traffic_bytes: Option<u64>,
 }
 
 impl Plan {
-    /// Returns the cost of the call.
     pub(crate) fn cost(&self) -> CallCost {
         let pair_bytes =
             self.buffers.iter().find(|(slot, _)| *slot == BufferId::Pairs).map_or(0, |(_, bytes)| *bytes);
@@ -43,7 +40,6 @@ impl Plan {
         }
     }
 
-    /// Bytes that a stage of a cell list reads and writes; `None` for those of the other algorithms.
     fn traffic_of(&self, dispatch: &Dispatch) -> Option<u64> {
         if self.algorithm != Algorithm::CellList {
             return None;
@@ -56,7 +52,7 @@ impl Plan {
             // Clears the counters.
             (16 + 4 * u64::from(self.occupancy_slots) / spheres.max(1), if is_counted { 4 } else { 0 })
         } else if is(&k::CELLS_COUNT) {
-            // Sphere in, home out; each counter is read and written in a cache.
+            // Sphere in, cell out; each counter is read and written in a cache.
             (16 + 8, 8)
         } else if is(&k::CELLS_KEY) {
             (16 + 4, 0)
@@ -69,18 +65,18 @@ impl Plan {
         } else if is(&k::RADIX_COUNT) {
             (4, 0)
         } else if is(&k::RADIX_SCATTER) {
-            // The payload of the first pass is the place itself.
+            // The payload of the first pass is the position itself.
             (if dispatch.pass == 0 { 4 + 8 } else { 8 + 8 }, 0)
         } else if is(&k::CELL_STARTS_FIND) {
             (4, 4)
         } else if is(&k::SPHERES_SCATTER) {
-            // Home and sphere in; sphere, cell and index out, by sectors.
+            // Cell and sphere in; sphere, cell and index out, by sectors.
             (8 + 16 + 3 * 32, 4)
         } else if is(&k::SPHERES_GATHER) {
             // Index in, sphere in by sectors, sphere out.
             (4 + 32 + 16, 0)
         } else if is(&k::CELL_LIST_SEARCH) {
-            // Sphere, cell and index, and where cells begin.
+            // Sphere, cell and index, and the starts of cells.
             (16 + 4 + 4, 4)
         } else {
             (0, 0)

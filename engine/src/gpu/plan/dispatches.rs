@@ -1,5 +1,3 @@
-//! The dispatches of a plan.
-
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::{self as k, Kernel};
 
@@ -40,27 +38,21 @@ impl GpuPhase {
 pub(crate) struct Dispatch {
     /// The kernel.
     pub(crate) kernel: &'static Kernel,
-    /// The number of workgroups, before they are laid out in two dimensions.
     pub(crate) groups: u32,
-    /// `true` if their number is instead found on the device, in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
+    /// `true` if the device computes the number, in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
     pub(crate) indirect: bool,
-    /// The number of its first workgroup among those of the kernel, if it is a part of a division.
+    /// Its first workgroup among those of the kernel, if it is a part of a division.
     pub(crate) first_group: u32,
-    /// The position of its triple of indirect arguments.
     pub(crate) args_index: u32,
-    /// The phase of the call.
     pub(crate) phase: GpuPhase,
-    /// The radix pass; 0 outside the sort.
     pub(crate) pass: u32,
 }
 
 impl Dispatch {
-    /// Creates a dispatch of a fixed number of workgroups outside the sort.
     pub(crate) const fn new(kernel: &'static Kernel, groups: u32, phase: GpuPhase) -> Self {
         Self { kernel, groups, indirect: false, first_group: 0, args_index: 0, phase, pass: 0 }
     }
 
-    /// Creates a dispatch of a fixed number of workgroups in a radix pass.
     pub(super) const fn in_sort(kernel: &'static Kernel, groups: u32, pass: u32) -> Self {
         Self { pass, ..Self::new(kernel, groups, GpuPhase::Sort) }
     }
@@ -71,7 +63,6 @@ impl Dispatch {
     }
 }
 
-/// The dispatches of a call.
 pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let per_sphere = plan.spheres.div_ceil(k::WORKGROUP_SIZE);
     let dispatch = Dispatch::new;
@@ -111,7 +102,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     dispatches
 }
 
-/// Returns the recorded parts of a deferred search: each computes its dispatch arguments and searches.
+/// Returns the recorded parts of a deferred search.
 pub(super) fn deferred(
     plan: &Plan,
     args: &'static Kernel,
@@ -122,13 +113,12 @@ pub(super) fn deferred(
     })
 }
 
-/// Workgroups laid out over two dimensions. The last row may be longer than needed; kernels end early there.
+/// The last row may be longer than needed; kernels end early there.
 pub(in crate::gpu) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
     let rows = groups.div_ceil(limits.groups_per_dimension).max(1);
     [groups.div_ceil(rows), rows]
 }
 
-/// The dispatches of a stable radix sort of at most `items` keys by `passes` digits.
 pub(in crate::gpu) fn sort_dispatches(items: u32, tile: u32, passes: u32) -> impl Iterator<Item = Dispatch> {
     let tiles = items.div_ceil(tile);
     let digits = if tiles == 0 { 0 } else { 1 << k::DIGIT_BITS };
@@ -142,7 +132,6 @@ pub(in crate::gpu) fn sort_dispatches(items: u32, tile: u32, passes: u32) -> imp
     })
 }
 
-/// The dispatches of an exclusive scan of at most `values` values.
 pub(in crate::gpu) fn scan_dispatches(values: u32, pass: u32) -> [Dispatch; 3] {
     let tiles = values.div_ceil(k::SCAN_TILE);
     let dispatch = |kernel, groups| Dispatch::in_sort(kernel, groups, pass);

@@ -41,29 +41,22 @@ pub use planner::Planner;
 pub(crate) use tables::TableBytes;
 pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
-/// Workgroups of the naive search if there is work for them: enough to fill today's largest devices.
+/// Enough to fill today's largest devices, if there is work.
 const SEARCH_GROUPS: u64 = 2048;
-/// The most entries: even if all are in one cell, the crowded search shares them out over one dimension.
+/// Even if all are in one cell, the crowded search distributes this many entries over one dimension.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
-/// The fewest key bits: folding needs three per axis at each of up to 32 levels.
+/// Folding needs three key bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
-/// The largest number of counters in either half of the occupancy table, which fit the caches of current devices.
+/// This many counters in either half of the occupancy table fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 
-/// The size and settings that a plan is made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Request {
-    /// Spheres, or the most there may be.
     pub(crate) spheres: u32,
-    /// The pair capacity of the output.
     pub(crate) pairs: u32,
-    /// The least entry capacity; 0 leaves it to the plan.
     pub(crate) entries: u32,
-    /// One of [`Algorithm::GPU`], never `Auto`.
     pub(crate) algorithm: Algorithm,
-    /// Species of the interaction table; 0 without one.
     pub(crate) species: u32,
-    /// `true` if some axis is periodic.
     pub(crate) periodic: bool,
     /// The number of spheres at or above which a cell list is sorted by radix instead of by counting.
     pub(crate) radix_sort_from: u32,
@@ -73,11 +66,11 @@ pub(crate) struct Request {
     pub(crate) deferred_parts: u32,
 }
 
-/// The cells that pass smaller spheres to the next level.
+/// Cells that pass smaller spheres to the next level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub(crate) enum SplitPolicy {
-    /// None: there is one level.
+    /// One level.
     None = 0,
     /// All.
     Every = 1,
@@ -85,42 +78,32 @@ pub(crate) enum SplitPolicy {
     Dense = 2,
 }
 
-/// The buffers and dispatches of one call.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Plan {
     /// The requested algorithm.
     pub(crate) algorithm: Algorithm,
-    /// Spheres it is made for.
     pub(crate) spheres: u32,
-    /// Pairs that the output holds.
     pub(crate) pairs: u32,
-    /// Entries that the entry buffers hold; 0 for naive.
     pub(crate) entries: u32,
-    /// Bits of the keys that are sorted; 0 where none are.
+    /// Bits of the sorted keys; 0 without a sort.
     pub(crate) key_bits: u32,
-    /// Which cells are refined.
+    /// Selects the cells that are refined.
     pub(crate) split_policy: SplitPolicy,
-    /// `true` if spheres are first wrapped into the box.
     pub(crate) periodic: bool,
-    /// Counters in either half of the density table, or of the crowds of a cell list; 0 without one.
+    /// Counters in either half of the occupancy table, or of a cell list; 0 without one.
     pub(crate) occupancy_slots: u32,
-    /// Cells that the table of a cell list has room for; 0 without one.
     pub(crate) cells: u32,
     /// Counters in that table.
     pub(crate) counters: u32,
-    /// Keys that one workgroup sorts in a radix pass; 0 where a cell list is sorted by counting.
+    /// Keys that one workgroup sorts in a radix pass; 0 if a cell list is sorted by counting.
     pub(crate) tile: u32,
     /// Candidates of one sphere of a cell list that one invocation tests.
     pub(crate) candidates_per_invocation: u32,
-    /// Workgroups for further shares of each block; 0 where the device finds how many it takes.
+    /// Workgroups for further candidates of each block; 0 if the device computes their number.
     pub(crate) overflow_workgroups: u32,
-    /// Workgroups of the naive search; 0 without it.
     pub(crate) search_groups: u32,
-    /// The limits of one dispatch.
     pub(crate) budget: WorkBudget,
-    /// Recorded parts of the deferred search.
     pub(crate) deferred_parts: u32,
-    /// The buffers and their bytes.
     pub(crate) buffers: Vec<(BufferId, u64)>,
     /// The dispatches, in order.
     pub(crate) dispatches: Vec<Dispatch>,
@@ -182,24 +165,21 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
 }
 
 impl Plan {
-    /// Bytes of all buffers of the plan.
     pub(crate) fn bytes(&self) -> u64 {
         self.buffers.iter().map(|(_, bytes)| bytes).sum()
     }
 
-    /// Returns the most distance tests of a workgroup of the naive search.
     fn naive_tests_per_group(&self) -> u64 {
         let blocks = u64::from(self.spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
         let shares = (u64::from(self.search_groups) / blocks).clamp(1, blocks);
         blocks.div_ceil(shares) * u64::from(k::WORKGROUP_SIZE).pow(2)
     }
 
-    /// Returns the number of parts of a call: each has at most one divided dispatch.
+    /// Each part has at most one divided dispatch.
     pub(crate) fn parts(&self) -> u32 {
         1 + self.dispatches.iter().filter(|dispatch| dispatch.first_group > 0).count() as u32
     }
 
-    /// Returns the recorded parts that a deferred search needs, by the outcome of a call.
     pub(crate) fn deferred_parts_for(&self, outcome: &Outcome) -> u32 {
         let tiles = match self.algorithm {
             Algorithm::CellList => self.candidates_per_invocation / k::WORKGROUP_SIZE,
@@ -209,25 +189,22 @@ impl Plan {
         outcome.deferred_blocks.div_ceil((self.budget.tiles() / tiles_per_block).max(1))
     }
 
-    /// Radix passes of the sort.
     pub(crate) fn passes(&self) -> u32 {
         self.key_bits.div_ceil(k::DIGIT_BITS)
     }
 
-    /// Which digit each of them sorts by.
+    /// The digit of each pass.
     pub(crate) fn digits(&self) -> Vec<RadixPass> {
-        // A cell list's objects are the places of its keys; entries say which theirs are.
+        // A cell list's objects are the positions of its keys; entries name theirs.
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
     }
 
-    /// Returns the buffer with the order of a cell list's spheres.
     pub(crate) fn order(&self) -> BufferId {
         BufferId::Objects(self.passes() % 2 == 1)
     }
 
-    /// Returns the buffer behind the name of a binding of a dispatch.
     pub(crate) fn resource(&self, dispatch: &Dispatch, binding: &str) -> Resource {
-        // Each pass reads what the one before wrote; after the last, the parity of their number says where.
+        // Each pass reads what the previous one wrote; after the last, the parity decides.
         let front = match dispatch.phase {
             GpuPhase::Sort => dispatch.pass % 2 == 1,
             GpuPhase::Search => self.passes() % 2 == 1,
@@ -296,9 +273,9 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 4).min(MAX_ENTRIES)
 }
 
-/// Returns the entry capacity: eight per sphere, the most at one level, or as many as the device can bind. This mostly
-/// serves several levels, as few spheres have eight entries at each. If it is too small, the overflow flag and the
-/// needed number say so. Unused capacity costs workgroups without work.
+/// Returns the entry capacity: eight per sphere, the most at one level, or as many as the device can bind. Several
+/// levels rarely need more. If it is too small, the overflow flag and the needed number say so. Unused capacity costs
+/// workgroups without work.
 fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
@@ -315,8 +292,7 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
     Ok(entries as u32)
 }
 
-/// Returns the number of workgroups: enough that none compares with more than [`k::NAIVE_TILES`] tiles and that the
-/// device is busy.
+/// Enough workgroups that none compares with more than [`k::NAIVE_TILES`] tiles and that the device is busy.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
@@ -329,22 +305,19 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     Ok(needed as u32)
 }
 
-/// Returns the number of key bits: enough for the cells that the spheres can occupy, in whole digits. Larger grids are
-/// hashed.
+/// Enough key bits for the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)
 }
 
-/// About half as many counters as spheres, as most share their cells with others.
+/// About half as many counters as spheres, as most share their cells.
 fn occupancy_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }
 
-/// The remedy if there are too many spheres for a device.
 const SPLIT: &str = "split the spheres or take a device with a larger limit";
 
-/// Refuses buffers that cannot be bound.
 pub(super) fn check_buffers(buffers: &[(BufferId, u64)], limits: &DeviceLimits) -> Result<(), Error> {
     let limit = limits.bytes();
     for &(slot, needed) in buffers {

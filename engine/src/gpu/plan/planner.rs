@@ -1,4 +1,4 @@
-//! From settings to plans, for a detector and for programs without a device.
+//! Conversion of settings to plans, for a detector and for programs without a device.
 
 use std::ops::Range;
 
@@ -93,7 +93,6 @@ impl Planner {
 }
 
 impl Request {
-    /// A request by these settings.
     pub(crate) fn new(config: &GpuConfig, algorithm: Algorithm, spheres: u32, entries: u32) -> Self {
         Self {
             spheres,
@@ -109,33 +108,28 @@ impl Request {
     }
 }
 
-/// Returns the most distance tests of one dispatch: by the configuration, else by the rate of a GPU with memory of its own.
+/// From the configuration, else by the rate of a GPU with memory of its own.
 fn max_tests(config: &GpuConfig) -> u64 {
     config.max_tests_per_dispatch.unwrap_or_else(|| tests_within_limit(Calibration::TESTS_PER_SECOND))
 }
 
 impl WorkBudget {
-    /// Returns the limits of one dispatch on a device.
     pub(crate) fn new(config: &GpuConfig, limits: &DeviceLimits) -> Self {
         Self { tests: max_tests(config), row: limits.groups_per_dimension }
     }
 }
 
-/// The settings of a call that its plan does not hold.
 #[derive(Clone, Debug)]
 pub(crate) struct CallSettings<'a> {
     pub(crate) config: &'a GpuConfig,
     pub(crate) cell_ratio: f32,
-    /// Only pairs whose smaller index lies in this range are counted and written.
+    /// The window of the smaller index of pairs.
     pub(crate) window: Range<u32>,
-    /// The number of spheres of the first of two sets; 0 for one set.
     pub(crate) split: u32,
-    /// The sides of the species, if there is an interaction table.
     pub(crate) sides: Option<&'a Sides>,
 }
 
 impl Plan {
-    /// The parameters of a call that its kernels read.
     pub(crate) fn call(&self, settings: &CallSettings<'_>) -> SearchParams {
         let sides = settings.sides;
         let (side_pairs, interaction) = if settings.split == 0 {
@@ -166,7 +160,7 @@ impl Plan {
 }
 
 impl GpuConfig {
-    /// The parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
+    /// Returns the parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
     pub(in crate::gpu) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
         let call = SearchParams {
             spheres,
@@ -183,7 +177,6 @@ impl GpuConfig {
         call.in_space(self.space)
     }
 
-    /// The algorithm that runs for `algorithm` with up to `spheres` spheres, and the reason.
     pub(in crate::gpu) fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
         crate::choice::algorithm(algorithm, (spheres, None, 1), (self.crossover, "given"))
     }

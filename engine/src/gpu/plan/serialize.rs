@@ -1,5 +1,3 @@
-//! The serialized form of a plan, which `docs/page.md` describes.
-
 use std::collections::BTreeMap;
 
 use lazygrid_kernels::kernel::Access;

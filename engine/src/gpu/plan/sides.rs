@@ -4,10 +4,9 @@ use lazygrid_host::SpeciesPartition;
 use lazygrid_kernels::layout::SearchParams;
 use lazygrid_kernels::{Interaction, Interactions};
 
-/// Two sides are kept apart if they save at least this part of the comparisons of one side.
+/// Sides are kept apart if they save at least this fraction of comparisons.
 const WORTHWHILE: f64 = 0.25;
 
-/// The side of one species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Side {
     /// The species pairs with none.
@@ -16,10 +15,8 @@ pub(crate) enum Side {
     Second,
 }
 
-/// The division of the species of a table into two sides.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sides {
-    /// The side of each species.
     pub(crate) of_species: Vec<Side>,
     /// The sides that are compared in a search of one set; see [`SearchParams::side_pairs`].
     pub(crate) side_pairs: u32,
@@ -30,7 +27,7 @@ pub(crate) struct Sides {
 }
 
 impl Sides {
-    /// Divides the species of a table such that spheres of equal numbers of each species have the fewest comparisons.
+    /// Divides the species of a table such that equal numbers of each species have the fewest comparisons.
     pub(crate) fn of(table: &Interactions) -> Self {
         let groups = SpeciesPartition::of_table(table);
         let species = || 0..table.species();
@@ -72,12 +69,11 @@ impl Sides {
     }
 }
 
-/// Every species of one list with every species of another.
 fn product(a: &[u32], b: &[u32]) -> impl Iterator<Item = (u32, u32)> {
     a.iter().flat_map(|&a| b.iter().map(move |&b| (a, b)))
 }
 
-/// The interaction of all these pairs of species, if it is the same.
+/// The common interaction of all these pairs of species, if there is one.
 fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> f32 {
     let Some((a, b)) = pairs.next() else { return SearchParams::TOUCH };
     let first = table.get(a, b);
@@ -89,8 +85,8 @@ fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> 
     }
 }
 
-/// The number of comparisons if the groups in the set `second` are on the second side, with weights for the numbers of
-/// their spheres; and the sides that are compared.
+/// The number of comparisons if the groups in the set `second` are on the second side, by the groups' numbers of
+/// spheres; and the sides that are compared.
 fn comparisons((second, weights): (u32, &[f64]), meets: impl Fn(usize, usize) -> bool) -> (f64, u32) {
     let groups = weights.len();
     let side = |group: usize| (second >> group & 1) as usize;

@@ -1,5 +1,3 @@
-//! The buffers and dispatches of a candidate list, besides those of the search that builds it.
-
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Outcome, SkinState};
 
@@ -7,17 +5,15 @@ use super::buffers::{BufferId, bytes_of};
 use super::dispatches::{Dispatch, GpuPhase};
 use super::work_budget::WorkBudget;
 
-/// The state of candidates, which is new whenever they are.
+/// A new buffer for every candidate list.
 pub(in crate::gpu) const STATE: (BufferId, u64) = (BufferId::SkinState, size_of::<SkinState>() as u64);
 
-/// Returns the parts of the test of `candidates` candidates, and the most workgroups of each.
 pub(in crate::gpu) fn candidate_parts(candidates: u32, budget: WorkBudget) -> (u32, u32) {
     let groups = candidates.div_ceil(k::WORKGROUP_SIZE).max(1);
     let per_dispatch = budget.groups_per_dispatch(groups, k::WORKGROUP_SIZE.into());
     (groups.div_ceil(per_dispatch), per_dispatch)
 }
 
-/// The buffers for these numbers of spheres and pairs, and of parts of the test of candidates.
 pub(in crate::gpu) fn buffers([spheres, pairs, parts]: [u32; 3], species: bool) -> Vec<(BufferId, u64)> {
     let mut buffers = vec![
         (BufferId::ReferenceSpheres, bytes_of(spheres, 16)),
@@ -31,7 +27,6 @@ pub(in crate::gpu) fn buffers([spheres, pairs, parts]: [u32; 3], species: bool) 
     buffers
 }
 
-/// Returns the dispatches before and after the search for candidates.
 pub(in crate::gpu) fn dispatches(spheres: u32, (parts, per_dispatch): (u32, u32)) -> [Vec<Dispatch>; 2] {
     let per_sphere = spheres.div_ceil(k::WORKGROUP_SIZE);
     let before = vec![

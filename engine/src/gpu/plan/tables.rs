@@ -1,5 +1,3 @@
-//! The interaction table as kernels read it.
-
 use std::sync::Arc;
 
 use lazygrid_kernels::layout::{SearchParams, SpeciesParams};
@@ -8,14 +6,11 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 use super::sides::{Side, Sides};
 use crate::Error;
 
-/// The bytes that kernels read about species.
 #[derive(Clone, Debug)]
 pub(crate) struct TableBytes {
-    /// A [`SpeciesParams`] for each species.
     pub(crate) reach: Arc<[u8]>,
     /// Per pair of species, a distance or one of the two negative marks.
     pub(crate) table: Arc<[u8]>,
-    /// The sides of the species.
     pub(crate) sides: Sides,
 }
 

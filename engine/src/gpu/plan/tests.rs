@@ -48,8 +48,8 @@ fn plans_fit_their_devices_or_say_why_not() {
     }
 }
 
-/// Calls are cut into slabs by this number alone. Naive is refused where it has more pairs to test than workgroups can be
-/// counted, and the message names another algorithm.
+/// Slabs are cut by this number alone. Naive is refused if it has more pairs to test than workgroups can be counted,
+/// and the message names another algorithm.
 #[test]
 fn the_most_spheres_that_can_be_bound_can_be_searched() {
     for limits in [LAVAPIPE, H200, DeviceLimits { storage_binding: 8 << 20, ..LAVAPIPE }] {
@@ -191,7 +191,7 @@ fn a_cell_list_is_sorted_by_counting_up_to_where_it_is_told() {
     let (counted, sorted) = (kernels(&list((1 << 19) - 1, false)), kernels(&list(1 << 19, false)));
     assert!(counted.contains(&"cells_count") && !counted.contains(&"radix_scatter"), "{counted:?}");
     assert!(sorted.contains(&"radix_scatter") && !sorted.contains(&"cells_count"), "{sorted:?}");
-    // Cells are rings: nothing is moved beforehand in periodic boxes.
+    // Cells are rings: nothing is wrapped in periodic boxes.
     assert_eq!(list(1 << 19, true).dispatches, list(1 << 19, false).dispatches);
 }
 
@@ -206,9 +206,8 @@ fn keys_of_cells_have_digits_of_equal_width() {
 }
 
 impl Plan {
-    /// The most turns that all loops of one invocation of a stage take together.
     fn turns(&self, dispatch: &Dispatch) -> u64 {
-        // Loops over what one thread reads, over subgroups, and over 256 samples on three axes.
+        // Loops over reads of one thread, over subgroups, and over 256 samples on three axes.
         const FIXED: u64 = 1024;
         let kernel = dispatch.kernel;
         if kernel == &k::NAIVE_SEARCH {
@@ -227,7 +226,7 @@ impl Plan {
             u64::from(self.candidates_per_invocation)
                 + u64::from(2 * self.candidates_per_invocation * k::WORKGROUP_SIZE / 1024 * 5)
         } else if kernel == &k::ENTRIES_EMIT {
-            // At each level a look at eight cells, a scan over at most 64 subgroups, and eight entries.
+            // At each level eight cells, a scan over at most 64 subgroups, and eight entries.
             u64::from(k::DEPTHS) * (1 + 8 + 64 + 8)
         } else {
             FIXED
@@ -235,8 +234,7 @@ impl Plan {
     }
 }
 
-/// The device computes cell counts in floats, which round at and above 2²⁴: for 83 333 332 spheres, 500 cells along
-/// each axis are two more than requested.
+/// Floats round at and above 2²⁴: for 83 333 332 spheres, 500 cells along each axis are two more than requested.
 #[test]
 fn a_cell_list_has_counters_for_all_cells_that_the_device_may_take() {
     let limits = DeviceLimits { storage_binding: u32::MAX.into(), buffer: u32::MAX.into(), ..LAVAPIPE };
@@ -257,7 +255,6 @@ fn a_cell_list_has_counters_for_all_cells_that_the_device_may_take() {
 #[test]
 fn tiny_budgets_divide_each_search_and_nothing_else() {
     for &algorithm in Algorithm::GPU {
-        // A cell list of many spheres and one of few, which dispatches a fixed number of overflow workgroups.
         for spheres in [10_000, 100_000] {
             let request = Request { algorithm, ..request(spheres, 1) };
             let whole = plan(&request, &LAVAPIPE).expect("fits");

@@ -2,11 +2,11 @@
 //!
 //! # Correctness
 //!
-//! 1. A divided kernel derives its work from the number of its workgroup alone. It adds
-//!    [`SearchParams::first_workgroup`](lazygrid_kernels::layout::SearchParams::first_workgroup) to that number.
+//! 1. A divided kernel derives its work from the number of its workgroup, plus
+//!    [`SearchParams::first_workgroup`](lazygrid_kernels::layout::SearchParams::first_workgroup), alone.
 //! 2. The parts of a division cover each workgroup once: a part begins where its predecessor ends.
-//! 3. A dispatch of several rows may have more workgroups than requested, which would belong to the next part. Therefore
-//!    a part has at most one row.
+//! 3. A dispatch of several rows may have more workgroups than requested, which would belong to the next part.
+//!    Therefore a part has at most one row.
 
 use std::time::Duration;
 
@@ -18,13 +18,12 @@ use super::dispatches::Dispatch;
 /// The time limit of one dispatch: a tenth of the shortest watchdog of a driver (2 s on Windows).
 pub(crate) const MAX_DISPATCH_TIME: Duration = Duration::from_millis(200);
 
-/// Returns the number of distance tests that a device of this rate does within [`MAX_DISPATCH_TIME`], at least 1.
+/// Returns the distance tests within [`MAX_DISPATCH_TIME`] at this rate, at least 1.
 pub(crate) fn tests_within_limit(tests_per_second: f64) -> u64 {
     // The cast saturates.
     ((tests_per_second * MAX_DISPATCH_TIME.as_secs_f64()) as u64).max(1)
 }
 
-/// The limits of one dispatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct WorkBudget {
     /// The most distance tests of a dispatch, unless a single workgroup has more.
@@ -44,7 +43,6 @@ impl WorkBudget {
         }
     }
 
-    /// Divides a dispatch whose workgroups do at most `tests_per_group` tests each.
     pub(crate) fn divide(&self, dispatch: Dispatch, tests_per_group: u64) -> impl Iterator<Item = Dispatch> {
         let groups = dispatch.groups;
         let step = self.groups_per_dispatch(groups, tests_per_group).max(1);

@@ -6,8 +6,8 @@ use crate::Error;
 use crate::gpu::detector::read_outcome;
 use crate::gpu::device::{GpuDevice, with_error_scope};
 
-/// Bytes before the pairs in a staging buffer: the outcome, and at [`TICKS_AT`] the ticks of the phases or the state of
-/// the candidate list.
+/// In a staging buffer, after the outcome, and at [`TICKS_AT`] the ticks of the phases or the state of the candidate
+/// list.
 const PAIRS_AT: u64 = 128;
 const TICKS_AT: u64 = 64;
 
@@ -40,7 +40,6 @@ impl CallBuffers {
         }
     }
 
-    /// Returns a staging buffer for `pairs` pairs.
     pub(crate) fn staging(&mut self, gpu: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, Error> {
         let needed = PAIRS_AT + pairs * 8;
         if let Some(staging) = self.staging.as_ref().filter(|staging| staging.size() >= needed) {
@@ -63,7 +62,6 @@ impl CallBuffers {
     }
 }
 
-/// Returns the pair capacity of a staging buffer.
 pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
     (staging.size() - PAIRS_AT) / 8
 }
@@ -88,7 +86,6 @@ pub(crate) fn copy_to_staging(
     }
 }
 
-/// The mapped bytes of a staging buffer.
 pub(crate) struct Readback<'a>(pub(crate) &'a [u8]);
 
 impl Readback<'_> {
@@ -96,12 +93,11 @@ impl Readback<'_> {
         read_outcome(self.0)
     }
 
-    /// Returns the begin and end ticks of each phase.
     pub(crate) fn ticks(&self) -> Vec<[u64; 2]> {
         bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
     }
 
-    /// Returns the state of the candidate list, which is stored in place of the ticks.
+    /// The state of the candidate list is stored in place of the ticks.
     pub(crate) fn state(&self) -> SkinState {
         let at = TICKS_AT as usize;
         bytemuck::pod_read_unaligned(&self.0[at..at + size_of::<SkinState>()])

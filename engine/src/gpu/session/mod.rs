@@ -22,22 +22,19 @@ use call_buffers::CallBuffers;
 use skin::SkinSession;
 use submission::{PendingReadback, Submission};
 
-/// Calls that may be in flight at once.
 const MAX_IN_FLIGHT: usize = 2;
-/// Pairs that the first call reads back together with their number.
+/// Pairs that the first readback includes.
 const FIRST_PAIRS: u64 = 1 << 12;
 
-/// Host in, host out: uploads, detects, reads back, and repeats what did not fit.
+/// Host in, host out: uploads, detects, reads back, and retries if a capacity was too small.
 ///
-/// Two calls may be in flight: [`begin`](Self::begin) one while the other is worked on, so that upload, detection
-/// and readback overlap. The input is not checked here; spheres that are not finite pair with nothing.
+/// Two calls may be in flight: [`begin`](Self::begin) one while the other is worked on, so that upload, detection and
+/// readback overlap. The input is not checked here; spheres that are not finite pair with nothing.
 #[derive(Debug)]
 pub struct GpuSession {
     gpu: GpuDevice,
     detector: GpuDetector,
-    /// The candidate list that survives calls, if a skin is set.
     skin: Option<SkinSession>,
-    /// The candidates that the last finished call was answered from.
     kept: Option<CandidateListStats>,
     /// The algorithm and cell ratio of calls to begin.
     asked: AlgorithmChoice,
@@ -46,17 +43,17 @@ pub struct GpuSession {
     /// The settings of the call in each slot.
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
-    /// The call whose work is in the detector's buffers, and its output, if any is.
+    /// The call whose work is in the detector's buffers, and its output.
     submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
     tickets: [Weak<()>; MAX_IN_FLIGHT],
     expected: u64,
     pairs: Vec<Pair>,
-    /// Used where pairs come in windows, to put them together.
+    /// Collects pairs of windows.
     gathered: Vec<Pair>,
     timings: Vec<PhaseTime>,
     last: Outcome,
-    /// The submissions of the call in each slot, and of the last finished call.
+    /// Counts of the call in each slot, and of the last finished call.
     counts: [SubmissionCounts; MAX_IN_FLIGHT],
     last_counts: SubmissionCounts,
 }
@@ -73,20 +70,17 @@ pub struct SubmissionCounts {
     pub copies: u32,
 }
 
-/// The settings of a call.
 #[derive(Clone, Debug)]
 pub(in crate::gpu) struct QueuedCall {
     pub(in crate::gpu) choice: AlgorithmChoice,
     /// Pairs are asked for whose smaller index is in this window.
     pub(in crate::gpu) window: Range<u32>,
-    /// The number of spheres of the first of two sets; 0 for one set.
     pub(in crate::gpu) split: u32,
     /// `true` if the candidate list may serve it.
     pub(in crate::gpu) keeps: bool,
 }
 
 impl QueuedCall {
-    /// All pairs of one set.
     fn new(choice: AlgorithmChoice) -> Self {
         Self { choice, window: GpuSpheres::ALL, split: 0, keeps: true }
     }
@@ -97,7 +91,7 @@ impl QueuedCall {
 #[must_use = "the result comes with `finish`"]
 pub struct Ticket {
     number: u64,
-    /// Seen by the session to be gone.
+    /// Lets the session see that it is gone.
     _held: Arc<()>,
 }
 
@@ -141,7 +135,6 @@ impl GpuSession {
         })
     }
 
-    /// Another session on the same device that differs in its table of interactions and keeps no candidates.
     pub(in crate::gpu) fn with_interactions(
         &self,
         interactions: Option<Interactions>,
@@ -186,18 +179,17 @@ impl GpuSession {
         Ok(())
     }
 
-    /// The algorithm of the call that was worked on last, which is ArrayGrid in place of several levels where their
-    /// entries do not fit the device; `Auto` before the first.
+    /// The algorithm of the last call: ArrayGrid if the entries of several levels did not fit the device; `Auto` before
+    /// the first.
     pub fn algorithm(&self) -> Algorithm {
         self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
 
-    /// Returns the planned cost of the last submitted call; `None` before the first, and if candidates answered it.
+    /// Returns the outcome of the last finished call.
     pub fn cost(&self) -> Option<CallCost> {
         self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
     }
 
-    /// The plan of the search that was recorded last.
     fn plan(&self) -> Option<&Plan> {
         match (&self.skin, self.kept) {
             (Some(skin), Some(_)) => skin.detector.plan(),
@@ -215,8 +207,8 @@ impl GpuSession {
         &self.last
     }
 
-    /// Times of the last finished call: GPU phases where they can be taken, and what the host waited for; of all
-    /// submissions together where it took several.
+    /// Times of the last finished call, summed over its submissions: GPU phases if they can be taken, and the waits of
+    /// the host.
     pub fn timings(&self) -> &[PhaseTime] {
         &self.timings
     }
@@ -234,14 +226,12 @@ impl GpuSession {
         Ok(working + self.io_memory(spheres))
     }
 
-    /// Returns the bytes of input and staging buffers.
     fn io_memory(&self, spheres: u32) -> u64 {
         let input = u64::from(spheres).next_power_of_two().max(1) * 16;
         MAX_IN_FLIGHT as u64 * (input + self.expected * 8)
     }
 
-    /// Returns the largest number of spheres of a call: no buffer of a grid's plan has more bytes per sphere than the
-    /// input.
+    /// No buffer of a grid's plan has more bytes per sphere than the input.
     pub(in crate::gpu) fn most_spheres(&self) -> u64 {
         most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
@@ -269,12 +259,10 @@ impl GpuSession {
         self.begin_as(self.call(self.asked.algorithm), spheres)
     }
 
-    /// Returns a call by this algorithm with default settings.
     pub(in crate::gpu) fn call(&self, algorithm: Algorithm) -> QueuedCall {
         QueuedCall::new(AlgorithmChoice { algorithm, ..self.asked })
     }
 
-    /// Begins a call with its own settings.
     pub(in crate::gpu) fn begin_as(
         &mut self,
         call: QueuedCall,
@@ -330,7 +318,6 @@ impl GpuSession {
             .map(|outcome| outcome.found())
     }
 
-    /// The window of all that a call asks for.
     fn window_of(&self, ticket: &Ticket) -> Range<u32> {
         self.calls[ticket.number as usize % MAX_IN_FLIGHT].window.clone()
     }
@@ -391,7 +378,6 @@ impl GpuSession {
         result
     }
 
-    /// Clears the results of the last finished call.
     fn forget_last(&mut self) {
         self.pairs.clear();
         self.timings.clear();
@@ -402,7 +388,6 @@ impl GpuSession {
         self.detector.pair_capacity()
     }
 
-    /// Returns the largest number of pairs that the device can bind and read back at once.
     fn largest_capacity(&self) -> u64 {
         let limits = self.gpu.device.limits();
         (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size / 2) / 8).min(1 << 31)
@@ -412,7 +397,6 @@ impl GpuSession {
         PhaseTime::add(&mut self.timings, name, time);
     }
 
-    /// Returns the pairs of the last call.
     pub(in crate::gpu) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
         &mut self.pairs
     }

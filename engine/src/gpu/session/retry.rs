@@ -15,8 +15,8 @@ use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
     /// Returns the settings with fewer entries for a retry of a call that `ran`: a coarser grid, and at last a single
-    /// level at the cell ratio `asked`. Only a single level helps coincident spheres, which have eight entries on each
-    /// of their levels at any cell size.
+    /// level at the cell ratio `asked`. Only a single level helps coincident spheres, which have eight entries per
+    /// level at any cell size.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
@@ -28,8 +28,8 @@ impl AlgorithmChoice {
 }
 
 impl GpuSession {
-    /// Waits for a call and appends its pairs. Retries with more entry capacity, or with fewer entries, if they did not
-    /// fit, and continues a search that exceeds one submission.
+    /// Waits for a call and appends its pairs. Retries with more capacity, or with fewer entries, if they did not fit,
+    /// and continues a search that exceeds one submission.
     pub(super) async fn finish_with_retries(
         &mut self,
         number: u64,
@@ -68,7 +68,7 @@ impl GpuSession {
         self.submitted.as_ref().is_some_and(|(submitted, _)| *submitted == number)
     }
 
-    /// Reads back all pairs of a finished call if its output still holds them. Returns `false` if it does not.
+    /// Reads back all pairs of a finished call, or returns `false` if its output no longer holds them.
     pub(super) async fn copy_pairs(&mut self, number: u64, found: u64, wait: Wait) -> Result<bool, Error> {
         let holds_all = |(submitted, output): &(u64, GpuOutput)| {
             *submitted == number && found <= u64::from(output.capacity)
@@ -191,7 +191,6 @@ mod tests {
     use crate::gpu::detector::GpuSpheres;
     use crate::gpu::device::device_or_skip;
 
-    /// However long a submission takes, what was there before stays in the sum.
     #[test]
     fn times_are_those_of_all_submissions_of_a_call() {
         const BEFORE: Duration = Duration::from_secs(1 << 30);

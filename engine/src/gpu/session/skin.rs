@@ -1,5 +1,3 @@
-//! Calls answered from a candidate list that stays on the device.
-
 use std::ops::Range;
 
 use lazygrid_host::{CandidateListStats, RebuildReason};
@@ -15,16 +13,11 @@ const PAUSE: u64 = 16;
 /// The most parts of the search for candidates in crowded cells. A list of more has too many candidates to pay.
 const MAX_DEFERRED_PARTS: u32 = 4096;
 
-/// A detector with a candidate list, and the history of the list.
 #[derive(Debug)]
 pub(super) struct SkinSession {
     pub(super) detector: GpuSkinDetector,
-    /// The first call that may use the list again.
     from: u64,
-    /// Calls since the last rebuild.
     age: u32,
-    /// The age of the list in calls at the start of the last call, and the largest used fraction of the displacement
-    /// limit.
     last_rebuild: (u32, f32),
 }
 
@@ -44,7 +37,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Works as [`set_skin`](Self::set_skin), but an equal skin keeps the list.
+    /// Like [`set_skin`](Self::set_skin), but an equal skin keeps the list.
     pub(in crate::gpu) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
@@ -66,7 +59,7 @@ impl GpuSession {
             .map_err(|error| self.gpu.reason(error))
     }
 
-    /// Works as [`memory_for`](Self::memory_for), for calls that alternate between searches and candidate lists.
+    /// Like [`memory_for`](Self::memory_for), for calls that alternate between searches and candidate lists.
     pub(in crate::gpu) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,
@@ -81,7 +74,6 @@ impl GpuSession {
         self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)
     }
 
-    /// Makes this call and the next [`PAUSE`] calls search without a list.
     pub(super) fn pause_skin(&mut self, number: u64) {
         if let Some(skin) = &mut self.skin {
             skin.from = number + PAUSE;

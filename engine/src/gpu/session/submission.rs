@@ -1,5 +1,3 @@
-//! Submissions of a session and their readback.
-
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
@@ -12,7 +10,6 @@ use crate::gpu::detector::GpuSpheres;
 use crate::gpu::device::{GpuDevice, Mapping, Wait, with_error_scope};
 use crate::gpu::plan::GpuPhase;
 
-/// A submission whose readback is pending.
 #[derive(Debug)]
 pub(super) struct PendingReadback {
     pub(super) number: u64,
@@ -22,25 +19,20 @@ pub(super) struct PendingReadback {
     mapping: Mapping,
     staged: u64,
     capacity: u32,
-    /// The phases that were timed.
     timed: &'static [GpuPhase],
-    /// `true` if it was answered from candidates, whose state comes back in place of times.
+    /// `true` if it was answered from candidates, whose state is read back in place of times.
     pub(super) is_kept: bool,
 }
 
 /// The work of a submission.
 #[derive(Clone, Debug)]
 pub(super) enum Submission {
-    /// A call for pairs whose smaller index is in this window.
     Full(Range<u32>),
-    /// A continuation of the last submitted call.
     Continuation,
-    /// A copy of the output of the last submitted call.
     Copy,
 }
 
 impl Drop for PendingReadback {
-    /// Unmaps the staging buffer for its next use.
     fn drop(&mut self) {
         // A lost device has nothing to unmap.
         let _ = with_error_scope(&self.device, "unmapping", 0, || self.staging.unmap());

@@ -1,5 +1,3 @@
-//! Calls in many parts, and the number of submissions of a call.
-
 use std::ops::ControlFlow;
 
 use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
@@ -67,7 +65,6 @@ fn candidate_lists_with_a_tiny_budget_find_equal_pairs() {
     }
 }
 
-/// Records all parts in one encoder, then continuations, and returns the outcomes and the pairs.
 fn encode(gpu: &GpuDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -> (Vec<Outcome>, Vec<Pair>) {
     let mut outcomes = Vec::new();
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -168,7 +165,6 @@ fn first_answer_above_the_staged_pairs_is_copied_not_searched_again() {
         assert_eq!((counts.searches, counts.copies), (1, 1), "skin {skin:?}");
         let is_kept = session.kept().is_some_and(|list| list.rebuilt.is_some());
         assert_eq!(is_kept, skin.is_some());
-        // From the second call on the pairs come back with their number.
         assert_eq!(finish(&mut session, &spheres).len(), 6105);
         assert_eq!((session.submissions().searches, session.submissions().copies), (1, 0));
     }
@@ -181,7 +177,6 @@ fn first_answer_above_the_staged_pairs_is_copied_not_searched_again() {
     };
     session.finish_in_parts(ticket, take).expect("found");
     assert_eq!((parts, session.submissions().searches), (vec![6105], 1));
-    // Another call has used the output since: only a search gives the pairs.
     let mut session = GpuSession::new(gpu, GpuConfig::default()).expect("made");
     let [first, second] = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
     assert_eq!(session.finish(first, u64::MAX).map(<[Pair]>::len), Ok(6105));
@@ -214,7 +209,6 @@ fn ranges_of_a_pooled_buffer_above_the_binding_limit_are_searched() {
         let (_, found) =
             encode(&gpu, &mut detector, &GpuSpheres::new(BufferRange::new(&pool, offset), count));
         assert_eq!(found, expected, "{algorithm}");
-        // A later range of the same buffer is another input.
         let slice = pool.slice(offset + 16 * 256..);
         let (_, found) = encode(&gpu, &mut detector, &GpuSpheres::new(slice, count - 256));
         let later = expected.iter().filter(|pair| pair.i >= 256);
