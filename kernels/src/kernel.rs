@@ -338,6 +338,10 @@ kernels! {
     CANDIDATES_TEST = "skin" / "candidates_test", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("candidates"), write("state"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("table")];
+    /// Copies spheres from columns to rows.
+    SPHERES_INTERLEAVE = "shared" / "spheres_interleave", WORKGROUP_SIZE, subgroups: false, periodic: false,
+        [uniform("params"), uniform("columns"), read("count_source"), read("x"), read("y"), read("z"), read("r"),
+         write("rows")], species: [];
     /// Overflow flag and dispatch arguments of the consumer.
     OUTCOME_FINISH = "shared" / "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome")], species: [];

@@ -7,8 +7,8 @@ use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, SubgroupProbe, Variant};
 use lazygrid_kernels::layout::{
-    Bounds, CellListLayout, CellListLevel, Grid, InputStats, LevelKeys, Outcome, RadixPass, SearchParams,
-    SkinParams, SkinState, SortCounts, SpeciesParams,
+    Bounds, CellListLayout, CellListLevel, ColumnLayout, Grid, InputStats, LevelKeys, Outcome, RadixPass,
+    SearchParams, SkinParams, SkinState, SortCounts, SpeciesParams,
 };
 use naga::valid::ModuleInfo;
 use naga::{AddressSpace, Expression, Literal, Module};
@@ -182,6 +182,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             max_occupancy,
             pairs_in_cell_order
         }),
+        layout!(words ColumnLayout { first, stride }),
         layout!(words SortCounts { items, counters }),
         layout!(words SubgroupProbe { faults, invocations, smallest, largest }),
         layout!(words SkinParams { half_skin, limit_squared, candidate_capacity }),

@@ -1,11 +1,12 @@
 //! The configuration of GPU detectors.
 
 use lazygrid_kernels::kernel::WORKGROUP_SIZE;
+use lazygrid_kernels::layout::ColumnLayout;
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use super::costs::{Calibration, Crossover};
 #[cfg(doc)]
-use super::{GpuDetector, Outcome};
+use super::{GpuDetector, GpuSpheres, Outcome};
 use crate::Error;
 
 /// The configuration of a [`GpuDetector`].
@@ -19,6 +20,7 @@ pub struct GpuConfig {
     pub(crate) radix_sort_from: u32,
     pub(crate) interactions: Option<Interactions>,
     pub(crate) space: Space,
+    pub(crate) columns: Option<ColumnLayout>,
     pub(crate) consumer_workgroup_size: u32,
     pub(crate) pairs_in_cell_order: bool,
     pub(crate) subgroups: bool,
@@ -72,6 +74,13 @@ impl GpuConfig {
     /// ulp of exact tangency, relative to the squared cutoff, may fall either way. In unbounded space it is 4 ulp.
     pub fn space(self, space: Space) -> Self {
         Self { space, ..self }
+    }
+
+    /// The layout of spheres in four arrays of `f32`, which calls then pass as [`GpuSpheres::from_columns`]. They are first
+    /// copied to rows, in one more dispatch and 16 bytes per sphere. A [`GpuSession`](super::GpuSession) does without.
+    /// Default: `None`, rows of `x, y, z, r`.
+    pub fn columns(self, columns: impl Into<Option<ColumnLayout>>) -> Self {
+        Self { columns: columns.into(), ..self }
     }
 
     /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
@@ -140,6 +149,7 @@ impl Default for GpuConfig {
             radix_sort_from: Calibration::RADIX_SORT_FROM,
             interactions: None,
             space: Space::UNBOUNDED,
+            columns: None,
             consumer_workgroup_size: WORKGROUP_SIZE,
             pairs_in_cell_order: false,
             subgroups: true,

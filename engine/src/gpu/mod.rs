@@ -25,7 +25,7 @@ pub use device::{AdapterId, AdapterSummary, GpuDevice, SoftwareAdapter, adapters
 pub use encode::{BoundScan, BoundSort, KeyValueBuffers, PrefixScan, RadixSort};
 pub use lazygrid_host::SkinCosts;
 pub use lazygrid_kernels::kernel::Access;
-pub use lazygrid_kernels::layout::{Outcome, SkinState};
+pub use lazygrid_kernels::layout::{ColumnLayout, Outcome, SkinState};
 pub use lazygrid_kernels::wgsl;
 pub use plan::{CallCost, DeviceLimits, GpuPhase};
 pub use session::{GpuSession, SubmissionCounts, Ticket};

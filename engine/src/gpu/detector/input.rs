@@ -2,7 +2,10 @@
 
 use std::ops::Range;
 
+use lazygrid_kernels::layout::ColumnLayout;
+
 use crate::Error;
+use crate::gpu::config::GpuConfig;
 use crate::gpu::encode::BoundBuffer;
 #[cfg(doc)]
 use crate::gpu::{GpuDetector, Outcome};
@@ -78,12 +81,21 @@ impl<'a> From<wgpu::BufferSlice<'a>> for BufferRange<'a> {
     }
 }
 
+/// The buffers that hold the numbers of the spheres.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::gpu) enum SphereBuffers<'a> {
+    /// `x, y, z, r` as four `f32` per sphere.
+    Rows(BufferRange<'a>),
+    /// Arrays of `x`, `y`, `z` and `r`, which a [`ColumnLayout`] describes.
+    Columns([BufferRange<'a>; 4]),
+}
+
 /// Spheres that are on the GPU already.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct GpuSpheres<'a> {
-    /// `x,, z, r` as four `f32` per sphere.
-    pub(in crate::gpu) spheres: BufferRange<'a>,
+    /// The numbers of the spheres; `STORAGE` usage.
+    pub(in crate::gpu) spheres: SphereBuffers<'a>,
     /// The number of spheres.
     pub(in crate::gpu) count: SphereCount<'a>,
     /// A `u32` species id per sphere, with interactions.
@@ -98,7 +110,17 @@ impl<'a> GpuSpheres<'a> {
     /// The first `count` spheres of a buffer or a range of it; `count` is a number or a [`SphereCount`]. Asks for all their
     /// pairs, for any species.
     pub fn new(spheres: impl Into<BufferRange<'a>>, count: impl Into<SphereCount<'a>>) -> Self {
-        Self { spheres: spheres.into(), count: count.into(), species: None, window: Self::ALL, split: 0 }
+        Self::from_buffers(SphereBuffers::Rows(spheres.into()), count.into())
+    }
+
+    /// The first `count` spheres of arrays of `x`, `y`, `z` and `r`, in the layout of [`GpuConfig::columns`]. Several may
+    /// be the same range.
+    pub fn from_columns(columns: [BufferRange<'a>; 4], count: impl Into<SphereCount<'a>>) -> Self {
+        Self::from_buffers(SphereBuffers::Columns(columns), count.into())
+    }
+
+    fn from_buffers(spheres: SphereBuffers<'a>, count: SphereCount<'a>) -> Self {
+        Self { spheres, count, species: None, window: Self::ALL, split: 0 }
     }
 
     /// Adds a `u32` species id per sphere, needed if the settings have interactions; `STORAGE` usage.
@@ -123,9 +145,33 @@ impl<'a> GpuSpheres<'a> {
     /// The window that every pair is in.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
+    /// Returns each range with the bytes that the call binds.
+    ///
+    /// # Errors
+    /// [`Error::InvalidSetting`] if the configuration asks for rows and the input has columns, or the reverse.
+    fn sphere_ranges(
+        &self,
+        spheres: u32,
+        columns: Option<&ColumnLayout>,
+    ) -> Result<Vec<(BufferRange<'a>, u64)>, Error> {
+        let mismatch = |value: &str, range| {
+            Err(Error::InvalidSetting { name: "sphere buffers", value: value.to_owned(), range })
+        };
+        match (&self.spheres, columns) {
+            (SphereBuffers::Rows(rows), None) => Ok(vec![(*rows, 16 * u64::from(spheres.max(1)))]),
+            (SphereBuffers::Columns(ranges), Some(layout)) => {
+                Ok(ranges.iter().copied().zip(layout.bytes(spheres)).collect())
+            }
+            (SphereBuffers::Rows(_), Some(_)) => {
+                mismatch("rows", "pass columns, which `GpuConfig::columns` describes")
+            }
+            (SphereBuffers::Columns(_), None) => mismatch("columns", "describe them by `GpuConfig::columns`"),
+        }
+    }
+
     /// Rejects ranges that are too short or cannot be bound, and species without a table, or a table without species.
     /// Returns the largest number of spheres.
-    pub(in crate::gpu) fn check(&self, has_table: bool, device: &wgpu::Device) -> Result<u32, Error> {
+    pub(in crate::gpu) fn check(&self, settings: &GpuConfig, device: &wgpu::Device) -> Result<u32, Error> {
         let alignment = device.limits().min_storage_buffer_offset_alignment;
         let spheres = match self.count {
             SphereCount::Host(count) => count,
@@ -134,22 +180,39 @@ impl<'a> GpuSpheres<'a> {
                 at_most
             }
         };
-        self.spheres.check("spheres", 16 * u64::from(spheres.max(1)), alignment)?;
+        for (range, bytes) in self.sphere_ranges(spheres, settings.columns.as_ref())? {
+            range.check("spheres", bytes, alignment)?;
+        }
         if let Some(species) = self.species {
             species.check("species", 4 * u64::from(spheres.max(1)), alignment)?;
         }
-        match self.species.is_some() == has_table {
+        match self.species.is_some() == settings.interactions.is_some() {
             true => Ok(spheres),
             false => Err(Error::SpeciesBuffer),
         }
     }
 
-    pub(super) fn bound(&self, spheres: u32) -> (BoundBuffer, Option<BoundBuffer>, Option<BoundBuffer>) {
-        let spheres = u64::from(spheres.max(1));
+    /// # Errors
+    /// See [`sphere_ranges`](Self::sphere_ranges).
+    pub(super) fn bound(&self, spheres: u32, columns: Option<&ColumnLayout>) -> Result<BoundInput, Error> {
+        let ranges = self.sphere_ranges(spheres, columns)?;
         let count = match self.count {
             SphereCount::Host(_) => None,
             SphereCount::Buffer { buffer, .. } => Some(BufferRange::from(buffer).bound(4)),
         };
-        (self.spheres.bound(16 * spheres), self.species.map(|species| species.bound(4 * spheres)), count)
+        Ok(BoundInput {
+            spheres: ranges.into_iter().map(|(range, bytes)| range.bound(bytes)).collect(),
+            species: self.species.map(|species| species.bound(4 * u64::from(spheres.max(1)))),
+            count,
+        })
     }
+}
+
+/// The bindings of the input of a call.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct BoundInput {
+    /// One buffer of rows or four of columns.
+    pub(crate) spheres: Vec<BoundBuffer>,
+    pub(crate) species: Option<BoundBuffer>,
+    pub(crate) count: Option<BoundBuffer>,
 }

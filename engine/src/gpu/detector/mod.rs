@@ -283,7 +283,7 @@ impl GpuDetector {
         choice: AlgorithmChoice,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuOutput, Error> {
-        let spheres = input.check(self.tables.is_some(), &self.device)?;
+        let spheres = input.check(&self.settings, &self.device)?;
         let mut prepared = self.prepare(spheres, choice)?;
         let bound = self.bind_prepared(&mut prepared, choice, input);
         let output = self.prepared.insert(prepared).output();
@@ -326,7 +326,9 @@ impl GpuDetector {
             split: input.split,
             sides: self.tables.as_ref().map(|tables| &tables.bytes.sides),
         };
-        let key = Key::of(input, prepared.plan.call(&settings));
+        let call = prepared.plan.call(&settings);
+        let input = input.bound(call.spheres, self.settings.columns.as_ref())?;
+        let key = Key { input, call };
         prepared.bind(&self.device, &self.pipelines, key, self.tables.as_ref())
     }
 }

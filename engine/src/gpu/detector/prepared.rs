@@ -3,7 +3,7 @@ use std::collections::{BTreeSet, HashMap};
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::layout::SearchParams;
 
-use super::input::GpuSpheres;
+use super::input::BoundInput;
 use super::output::{CellOrder, GpuOutput};
 use super::tables::Tables;
 use crate::Error;
@@ -20,17 +20,8 @@ pub(super) struct Prepared {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Key {
-    pub(crate) spheres: BoundBuffer,
-    pub(crate) species: Option<BoundBuffer>,
-    pub(crate) count: Option<BoundBuffer>,
+    pub(crate) input: BoundInput,
     pub(crate) call: SearchParams,
-}
-
-impl Key {
-    pub(crate) fn of(input: &GpuSpheres<'_>, call: SearchParams) -> Self {
-        let (spheres, species, count) = input.bound(call.spheres);
-        Self { spheres, species, count, call }
-    }
 }
 
 impl Prepared {
@@ -56,14 +47,15 @@ impl Prepared {
         recordings.get_or_insert_with(key, |key| {
             let constants = CallConstants {
                 call: key.call,
-                count_in_buffer: key.count.is_some(),
+                count_in_buffer: key.input.count.is_some(),
                 tables: tables.map(|tables| &tables.bytes),
             };
             let call_plan = plan.call_plan(&constants, pipelines.variant(), &DeviceLimits::of(device));
             let bound = call_plan.buffers.iter().map(|buffer| {
-                Ok(match (buffer.resource, tables, &key.species, &key.count) {
+                Ok(match (buffer.resource, tables, &key.input.species, &key.input.count) {
                     (Resource::Own(id), ..) => buffers.get(id).into(),
-                    (Resource::Spheres, ..) => key.spheres.clone(),
+                    (Resource::Spheres, ..) => key.input.spheres[0].clone(),
+                    (Resource::Column(column), ..) => key.input.spheres[column].clone(),
                     (Resource::Species, _, Some(species), _) => species.clone(),
                     (Resource::Count, _, _, Some(count)) => count.clone(),
                     (Resource::Reach, Some(tables), ..) => (&tables.reach).into(),

@@ -21,7 +21,7 @@ use crate::gpu::SkinState;
 use crate::gpu::config::{GpuConfig, check};
 use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
-use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, skin};
+use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, column_named, skin};
 
 /// The usable fraction of half the skin: below 1 by more than rounding can hide.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
@@ -155,7 +155,7 @@ impl GpuSkinDetector {
     /// See [`GpuDetector::memory_for`].
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         let (parts, _) = skin::candidate_parts(self.search.pair_capacity(), self.search.budget());
-        let buffers = skin::buffers([spheres, self.settings.pair_capacity, parts], self.tables.is_some());
+        let buffers = self.buffers([spheres, self.settings.pair_capacity, parts]);
         Ok(self.search.memory_for(spheres)? + buffers.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
@@ -194,7 +194,7 @@ impl GpuSkinDetector {
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuOutput, Error> {
-        let spheres = input.check(self.tables.is_some(), &self.device)?;
+        let spheres = input.check(&self.settings, &self.device)?;
         let pairs = self.settings.pair_capacity;
         let (parts, _) = skin::candidate_parts(self.search.pair_capacity(), self.search.budget());
         let has_room = |had: &Resident| had.capacities[0] >= spheres && had.capacities[1..] == [pairs, parts];
@@ -205,11 +205,8 @@ impl GpuSkinDetector {
         let Resident { buffers, candidates, .. } = &mut resident;
         // Candidates serve any window, and one set or two.
         let kept = GpuSpheres {
-            spheres: buffers.get(BufferId::ReferenceSpheres).into(),
-            count: input.count,
             species: buffers.find(BufferId::ReferenceSpecies).map(Into::into),
-            window: GpuSpheres::ALL,
-            split: 0,
+            ..GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count)
         };
         let found = self.search.bind_as(choice, &kept)?;
         // With new buffers of the search the old candidates are lost.
@@ -220,7 +217,10 @@ impl GpuSkinDetector {
                 candidates.insert(Candidates { found, state, parts: SmallCache::NONE })
             }
         };
-        let key = Key::of(input, self.settings.call(spheres, &input.window, input.split));
+        let key = Key {
+            input: input.bound(spheres, self.settings.columns.as_ref())?,
+            call: self.settings.call(spheres, &input.window, input.split),
+        };
         self.record(buffers, candidates, key)?;
         if let (Some(Parts { before, counts, after }), Some(search)) =
             (candidates.parts.current(), self.search.recording())
@@ -234,8 +234,13 @@ impl GpuSkinDetector {
         Ok(GpuOutput { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
     }
 
+    /// Returns the buffers for these numbers of spheres, pairs and parts.
+    fn buffers(&self, capacities: [u32; 3]) -> Vec<(BufferId, u64)> {
+        skin::buffers(capacities, self.tables.is_some(), self.settings.columns.is_some())
+    }
+
     fn allocate(&self, capacities: [u32; 3]) -> Result<Resident, Error> {
-        let buffers = skin::buffers(capacities, self.tables.is_some());
+        let buffers = self.buffers(capacities);
         check_buffers(&buffers, &DeviceLimits::of(&self.device))?;
         let buffers = Buffers::allocate(&self.device, &buffers)?;
         Ok(Resident { capacities, buffers, candidates: None })
@@ -250,20 +255,29 @@ impl GpuSkinDetector {
             let limit_squared = (half * USABLE).powi(2);
             let skin = SkinParams { half_skin: half, limit_squared, candidate_capacity: found.capacity };
             let division = skin::candidate_parts(found.capacity, self.search.budget());
-            let dispatches = skin::dispatches(key.call.spheres, division);
+            let columns = self.settings.columns;
+            let dispatches = skin::dispatches(key.call.spheres, columns.is_some(), division);
             // Without a division the device may use several rows of workgroups.
             let workgroups_per_dispatch = if division.0 > 1 { division.1 } else { 0 };
             let call = SearchParams { workgroups_per_dispatch, ..key.call };
             let params = params_buffers(&self.device, dispatches.iter().flatten(), &call)?;
             let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;
+            let columns = columns.unwrap_or_default();
+            let columns = constant_buffer(&self.device, "columns", bytemuck::bytes_of(&columns))?;
             let full = constant_buffer(&self.device, "workgroups", bytemuck::cast_slice(groups))?;
             let counts = Buffers::allocate(&self.device, &[(BufferId::DispatchCounts, full.size())])?;
             let own = |id| BoundBuffer::from(buffers.get(id));
             let resolve = |dispatch: &Dispatch, binding: &str| -> BoundBuffer {
-                match (binding, &self.tables, &key.species) {
+                if let Some(column) = column_named(binding) {
+                    return key.input.spheres[column].clone();
+                }
+                match (binding, &self.tables, &key.input.species) {
                     ("skin", ..) => (&skin).into(),
-                    ("count_source", ..) => key.count.clone().unwrap_or_else(|| (&params[&0]).into()),
-                    ("spheres", ..) => key.spheres.clone(),
+                    ("count_source", ..) => key.input.count.clone().unwrap_or_else(|| (&params[&0]).into()),
+                    ("columns", ..) => (&columns).into(),
+                    ("rows", ..) => own(BufferId::Rows),
+                    ("spheres", ..) if self.settings.columns.is_some() => own(BufferId::Rows),
+                    ("spheres", ..) => key.input.spheres[0].clone(),
                     ("species", _, Some(species)) => species.clone(),
                     ("table", Some(tables), _) => (&tables.table).into(),
                     ("reference", ..) => own(BufferId::ReferenceSpheres),
@@ -312,7 +326,8 @@ fn search(
         .interactions(settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?)
         .pair_capacity(settings.pair_capacity.saturating_mul(PER_PAIR))
         .pairs_in_cell_order(false)
-        .timestamps(false);
+        .timestamps(false)
+        .columns(None);
     GpuDetector::with_pipelines(device, pipelines, wide)
 }
 

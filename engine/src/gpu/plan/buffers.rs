@@ -13,6 +13,8 @@ pub(crate) enum BufferId {
     Outcome,
     /// The pairs.
     Pairs,
+    /// The rows of spheres that were given as columns.
+    Rows,
     /// The wrapped spheres.
     Wrapped,
     Cells,
@@ -113,6 +115,10 @@ impl From<BufferUsage> for wgpu::BufferUsages {
 pub(crate) enum Resource {
     Own(BufferId),
     Spheres,
+    /// One of the caller's four columns.
+    Column(usize),
+    /// The layout of the columns.
+    Columns,
     Count,
     Species,
     SearchParams(u32),
@@ -121,6 +127,14 @@ pub(crate) enum Resource {
     Reach,
     /// The interaction table.
     Table,
+}
+
+/// The bindings and inputs of columns, by column.
+pub(super) const COLUMN_NAMES: [&str; 4] = ["x", "y", "z", "r"];
+
+/// Returns the column that a binding of this name holds.
+pub(in crate::gpu) fn column_named(binding: &str) -> Option<usize> {
+    COLUMN_NAMES.iter().position(|name| *name == binding)
 }
 
 pub(super) fn call_buffers(pairs: u32) -> [(BufferId, u64); 4] {

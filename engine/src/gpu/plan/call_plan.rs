@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::{
 };
 use lazygrid_kernels::layout::{Outcome, SearchParams};
 
-use super::buffers::BufferUsage;
+use super::buffers::{BufferUsage, COLUMN_NAMES};
 use super::limits::DeviceLimits;
 use super::tables::TableBytes;
 use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
@@ -73,7 +73,7 @@ impl PlanBuffer {
 /// The origin of a buffer's contents.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BufferSource {
-    /// The host: `spheres` (`x, y, z, r` as `f32` rows), `species` (a `u32` per sphere), `count` (a `u32`).
+    /// The host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a `u32` per sphere), `count` (a `u32`).
     Input,
     /// These bytes, written before the call and never changed.
     Constant(Arc<[u8]>),
@@ -291,12 +291,17 @@ impl Plan {
             constants.tables.map_or_else(|| Arc::from([]), |tables| of(tables).clone())
         };
         let spheres = u64::from(self.spheres);
+        let columns = self.columns.unwrap_or_default();
         let (name, (size, source)) = match resource {
             Resource::Own(id) => {
                 let size = self.buffers.iter().find(|(of, _)| *of == id).map_or(16, |(_, size)| *size);
                 (id.name(), (size, BufferSource::Working))
             }
             Resource::Spheres => ("spheres".to_owned(), input(spheres * 16)),
+            Resource::Column(column) => {
+                (COLUMN_NAMES[column].to_owned(), input(columns.bytes(self.spheres)[column]))
+            }
+            Resource::Columns => ("columns".to_owned(), constant(bytemuck::bytes_of(&columns).into())),
             Resource::Species => ("species".to_owned(), input(spheres * 4)),
             Resource::Count => ("count".to_owned(), input(4)),
             Resource::SearchParams(first_workgroup) => {

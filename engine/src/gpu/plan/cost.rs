@@ -51,6 +51,8 @@ impl Plan {
         let (per_sphere, per_counter) = if is(&k::STATS_REDUCE) {
             // Clears the counters.
             (16 + 4 * u64::from(self.occupancy_slots) / spheres.max(1), if is_counted { 4 } else { 0 })
+        } else if is(&k::SPHERES_INTERLEAVE) {
+            (16 + 16, 0)
         } else if is(&k::CELLS_COUNT) {
             // Sphere in, cell out; each counter is read and written in a cache.
             (16 + 8, 8)

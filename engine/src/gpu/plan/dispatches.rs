@@ -97,9 +97,17 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         dispatches.extend(plan.budget.divide(near, u64::from(k::WORKGROUP_SIZE * k::NEAR)));
         dispatches.extend(deferred(plan, &k::RUNS_SEARCH_FAR_DISPATCH_ARGS, &k::RUNS_SEARCH_FAR));
     }
+    if plan.columns.is_some() {
+        dispatches.insert(0, interleave(plan.spheres));
+    }
     dispatches.push(dispatch(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
     dispatches.retain(|dispatch| dispatch.groups > 0);
     dispatches
+}
+
+/// Returns the dispatch that copies spheres from columns to rows.
+pub(super) fn interleave(spheres: u32) -> Dispatch {
+    Dispatch::new(&k::SPHERES_INTERLEAVE, spheres.div_ceil(k::WORKGROUP_SIZE), GpuPhase::Survey)
 }
 
 /// Returns the recorded parts of a deferred search.

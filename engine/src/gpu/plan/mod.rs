@@ -18,11 +18,12 @@ mod work_budget;
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::{Outcome, RadixPass};
+use lazygrid_kernels::layout::{ColumnLayout, Outcome, RadixPass};
 
 use crate::Error;
 
 pub use buffers::BufferUsage;
+pub(super) use buffers::column_named;
 pub(super) use buffers::sort_buffers;
 pub(crate) use buffers::{BufferId, Resource};
 use buffers::{bytes_of, call_buffers, cell_buffers, entry_buffers};
@@ -58,6 +59,8 @@ pub(crate) struct Request {
     pub(crate) algorithm: Algorithm,
     pub(crate) species: u32,
     pub(crate) periodic: bool,
+    /// The layout of spheres that are given as columns.
+    pub(crate) columns: Option<ColumnLayout>,
     /// The number of spheres at or above which a cell list is sorted by radix instead of by counting.
     pub(crate) radix_sort_from: u32,
     /// The most distance tests of one dispatch.
@@ -90,6 +93,8 @@ pub(crate) struct Plan {
     /// Selects the cells that are refined.
     pub(crate) split_policy: SplitPolicy,
     pub(crate) periodic: bool,
+    /// The layout of columns, from which spheres are first copied to rows.
+    pub(crate) columns: Option<ColumnLayout>,
     /// Counters in either half of the occupancy table, or of a cell list; 0 without one.
     pub(crate) occupancy_slots: u32,
     pub(crate) cells: u32,
@@ -130,6 +135,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         key_bits: 0,
         split_policy,
         periodic: request.periodic,
+        columns: request.columns,
         occupancy_slots: 0,
         cells: 0,
         counters: 0,
@@ -142,6 +148,9 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         buffers: call_buffers(request.pairs).to_vec(),
         dispatches: Vec::new(),
     };
+    if request.columns.is_some() {
+        plan.buffers.push((BufferId::Rows, bytes_of(request.spheres, 16)));
+    }
     if request.periodic && algorithm != Algorithm::CellList {
         plan.buffers.push((BufferId::Wrapped, bytes_of(request.spheres, 16)));
     }
@@ -210,12 +219,18 @@ impl Plan {
             GpuPhase::Search => self.passes() % 2 == 1,
             GpuPhase::Survey | GpuPhase::Entries => false,
         };
+        if let Some(column) = column_named(binding) {
+            return Resource::Column(column);
+        }
+        let given = if self.columns.is_some() { Resource::Own(BufferId::Rows) } else { Resource::Spheres };
         Resource::Own(match binding {
             "params" => return Resource::SearchParams(dispatch.first_group),
             "count_source" => return Resource::Count,
             "digit_pass" => return Resource::RadixPass(dispatch.pass),
-            "given" => return Resource::Spheres,
-            "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return Resource::Spheres,
+            "columns" => return Resource::Columns,
+            "rows" => BufferId::Rows,
+            "given" => return given,
+            "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return given,
             "spheres" | "wrapped" => BufferId::Wrapped,
             "species" => return Resource::Species,
             "species_params" => return Resource::Reach,
@@ -338,9 +353,10 @@ pub(super) fn check_buffers(buffers: &[(BufferId, u64)], limits: &DeviceLimits) 
 fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), Error> {
     let limit = limits.bytes();
     let remedy = SPLIT;
-    let spheres = bytes_of(plan.spheres, 16);
-    if spheres > limit {
-        return Err(Error::LimitExceeded { what: "the sphere buffer", needed: spheres, limit, remedy });
+    let columns = plan.columns.map(|columns| columns.bytes(plan.spheres));
+    let needed = columns.into_iter().flatten().fold(bytes_of(plan.spheres, 16), u64::max);
+    if needed > limit {
+        return Err(Error::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
     }
     if u64::from(plan.spheres) > k::MAX_ENTRY_OBJECTS {
         let (needed, limit) = (plan.spheres.into(), k::MAX_ENTRY_OBJECTS);

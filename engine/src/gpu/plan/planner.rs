@@ -101,6 +101,7 @@ impl Request {
             algorithm,
             species: config.interactions.as_ref().map_or(0, Interactions::species),
             periodic: config.space.is_periodic(),
+            columns: config.columns,
             radix_sort_from: config.radix_sort_from,
             max_tests: max_tests(config),
             deferred_parts: config.deferred_parts,

@@ -2,7 +2,7 @@ use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Outcome, SkinState};
 
 use super::buffers::{BufferId, bytes_of};
-use super::dispatches::{Dispatch, GpuPhase};
+use super::dispatches::{Dispatch, GpuPhase, interleave};
 use super::work_budget::WorkBudget;
 
 /// A new buffer for every candidate list.
@@ -14,26 +14,40 @@ pub(in crate::gpu) fn candidate_parts(candidates: u32, budget: WorkBudget) -> (u
     (groups.div_ceil(per_dispatch), per_dispatch)
 }
 
-pub(in crate::gpu) fn buffers([spheres, pairs, parts]: [u32; 3], species: bool) -> Vec<(BufferId, u64)> {
+pub(in crate::gpu) fn buffers(
+    [spheres, pairs, parts]: [u32; 3],
+    species: bool,
+    columns: bool,
+) -> Vec<(BufferId, u64)> {
     let mut buffers = vec![
         (BufferId::ReferenceSpheres, bytes_of(spheres, 16)),
         (BufferId::DispatchArgs, bytes_of(parts, 12)),
         (BufferId::Outcome, size_of::<Outcome>() as u64),
         (BufferId::Pairs, bytes_of(pairs, 8)),
     ];
+    if columns {
+        buffers.push((BufferId::Rows, bytes_of(spheres, 16)));
+    }
     if species {
         buffers.push((BufferId::ReferenceSpecies, bytes_of(spheres, 4)));
     }
     buffers
 }
 
-pub(in crate::gpu) fn dispatches(spheres: u32, (parts, per_dispatch): (u32, u32)) -> [Vec<Dispatch>; 2] {
+pub(in crate::gpu) fn dispatches(
+    spheres: u32,
+    columns: bool,
+    (parts, per_dispatch): (u32, u32),
+) -> [Vec<Dispatch>; 2] {
     let per_sphere = spheres.div_ceil(k::WORKGROUP_SIZE);
-    let before = vec![
+    let mut before = vec![
         Dispatch::new(&k::SKIN_DISPLACEMENT, per_sphere, GpuPhase::Survey),
         Dispatch::new(&k::SKIN_CHECK, 1, GpuPhase::Survey),
         Dispatch::new(&k::SKIN_STORE_REFERENCE, per_sphere, GpuPhase::Survey),
     ];
+    if columns {
+        before.insert(0, interleave(spheres));
+    }
     let test = |part: u32| Dispatch {
         args_index: part,
         first_group: part * per_dispatch,

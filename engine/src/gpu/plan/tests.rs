@@ -18,6 +18,7 @@ fn request(spheres: u32, pairs: u32) -> Request {
         algorithm: Algorithm::ArrayGrid,
         species: 0,
         periodic: false,
+        columns: None,
         radix_sort_from: 1 << 19,
         max_tests: u64::MAX,
         deferred_parts: 1,
@@ -141,6 +142,29 @@ fn periodic_spaces_take_a_copy_of_the_spheres_and_one_dispatch_more() {
         let rest = periodic.dispatches.iter().filter(|dispatch| dispatch.kernel != &k::SPHERES_WRAP);
         assert!(rest.eq(&open.dispatches), "{algorithm}");
     }
+}
+
+#[test]
+fn columns_take_rows_and_one_dispatch_more() {
+    let columns = Some(ColumnLayout { first: [0, 1, 2, 5], stride: [8, 8, 8, 0] });
+    for &algorithm in Algorithm::GPU {
+        let [rows, columns] = [None, columns].map(|columns| {
+            plan(&Request { algorithm, columns, ..request(100_000, 1) }, &H200).expect("fits")
+        });
+        assert_eq!(columns.bytes() - rows.bytes(), 1_600_000, "{algorithm}");
+        assert_eq!(columns.dispatches[1..], rows.dispatches, "{algorithm}");
+        assert_eq!(columns.resource(&rows.dispatches[0], "given"), Resource::Own(BufferId::Rows));
+    }
+    let config = crate::gpu::GpuConfig::default().columns(columns).algorithm(Algorithm::CellList);
+    let call = Planner::new(config, H200).plan(1000).expect("fits");
+    let size = |name: &str| call.buffers.iter().find(|buffer| buffer.name == name).map(|buffer| buffer.size);
+    assert_eq!(
+        ["x", "z", "r", "rows", "spheres"].map(size),
+        [Some(4 * (8 * 999 + 1)), Some(4 * (2 + 8 * 999 + 1)), Some(24), Some(16_000), None]
+    );
+    let vast = Some(ColumnLayout { stride: [1 << 30; 4], ..ColumnLayout::default() });
+    let error = plan(&Request { columns: vast, ..request(1000, 1) }, &H200).expect_err("4 TB");
+    assert!(matches!(error, Error::LimitExceeded { what: "the sphere buffer", .. }), "{error}");
 }
 
 #[test]
@@ -306,7 +330,7 @@ fn candidates_are_tested_in_rows_within_the_budget() {
     assert_eq!(skin::candidate_parts(1 << 22, budget(5_000_000_000)), (1, 1 << 14));
     assert_eq!(skin::candidate_parts(1 << 22, budget(1 << 20)), (4, 1 << 12));
     assert_eq!(skin::candidate_parts(0, budget(1)), (1, 1));
-    let [_, after] = skin::dispatches(10, (3, 100));
+    let [_, after] = skin::dispatches(10, false, (3, 100));
     let parts: Vec<_> = after.iter().filter(|dispatch| dispatch.indirect).collect();
     assert_eq!(
         parts.iter().map(|part| (part.args_index, part.first_group)).collect::<Vec<_>>(),

@@ -107,8 +107,8 @@ impl GpuSession {
     /// See [`GpuDetector::new`], and if the device was lost.
     pub fn new(gpu: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
         gpu.probe()?;
-        // The session hides the cell order, so pairs must hold input indices.
-        let settings = settings.pairs_in_cell_order(false);
+        // The session hides the cell order, so pairs must hold input indices. It uploads rows.
+        let settings = settings.pairs_in_cell_order(false).columns(None);
         let detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
             .map_err(|error| gpu.reason(error))?;
         let asked = detector.algorithm_choice();
