@@ -28,7 +28,7 @@ pub struct GpuOutput {
 pub struct CellOrder {
     /// The input index of each, as `u32`. Invalid spheres come last.
     pub order: wgpu::Buffer,
-    /// `x,, z, r` as four `f32` for each, wrapped into a periodic space.
+    /// `x, y, z, r` as four `f32` for each, wrapped into a periodic space.
     pub spheres: wgpu::Buffer,
     /// The species of each as `u32`, with interactions.
     pub species: Option<wgpu::Buffer>,
