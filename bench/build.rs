@@ -2,7 +2,6 @@
 
 include!("../cli/commit.rs");
 
-/// The folders of the crates that figures depend on.
 const CRATES: [&str; 9] = [
     "kernels",
     "host-fallback",

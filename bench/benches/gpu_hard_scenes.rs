@@ -1,5 +1,5 @@
-//! The GPU cell list in hard scenes, compared with the same number of equal spheres and with another algorithm: GPU
-//! timestamps of each phase, from interleaved calls. Prints Markdown.
+//! The GPU cell list in hard scenes, compared with equal spheres and with another algorithm: GPU timestamps of each
+//! phase, from interleaved calls. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --n 1000000 --baseline lazy-grid`
 #![allow(clippy::print_stdout)]
@@ -47,14 +47,12 @@ struct Args {
     bench: bool,
 }
 
-/// A scene, and whether all algorithms handle it well.
 struct BenchScene {
     name: &'static str,
     spheres: Vec<Sphere>,
     is_uniform: bool,
 }
 
-/// One algorithm on one scene, with the times of each phase.
 struct SceneRun<'a> {
     given: &'a BenchScene,
     algorithm: Algorithm,
@@ -76,7 +74,6 @@ impl SceneRun<'_> {
         Ok(())
     }
 
-    /// Seconds of each phase of the call with the median total.
     fn median(&self) -> [f64; GpuPhase::ALL.len()] {
         let mut stages = self.stages.clone();
         stages.sort_by_key(|stages| stages.iter().sum::<Duration>());
@@ -156,8 +153,6 @@ fn scenes(args: &Args) -> Vec<BenchScene> {
     ]
 }
 
-/// A row per runner: milliseconds of each phase and their sum. Further columns are the ratio to the first row with the
-/// same sort and number of spheres, and the ratio of the other algorithm to the cell list.
 fn table(runners: &[SceneRun<'_>]) -> String {
     let sum = |runner: &SceneRun<'_>| runner.median().iter().sum::<f64>();
     let rows: Vec<Vec<String>> = runners

@@ -1,5 +1,5 @@
 //! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time from submission
-//! to completion. Detectors take turns at each step, and the host step_length the spheres in between. Prints Markdown.
+//! to completion. Detectors take turns, and the host moves the spheres in between. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench gpu_skin -- --n 1000000 --step-length 0.01,0.1 --skin 0.25,0.5`
 #![allow(clippy::print_stdout)]
@@ -59,7 +59,6 @@ impl TimedDetector {
         }
     }
 
-    /// Runs a step. Returns its seconds and its number of pairs.
     fn step(&mut self, own: &GpuDevice, input: &GpuSpheres<'_>) -> Result<(f64, u64), Box<dyn Error>> {
         let start = Instant::now();
         let found = submit(own, |encoder| self.encode(encoder, input))?;
@@ -100,7 +99,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The mean seconds per step of each detector, the cell list at each step first.
 fn compare(
     own: &GpuDevice,
     args: &Args,
@@ -125,7 +123,6 @@ fn compare(
         let mut found = None;
         for (runner, sum) in runners.iter_mut().zip(&mut sums) {
             let (seconds, pairs) = runner.step(own, &input)?;
-            // Tangent pairs may be found or missed, but all detectors agree on them.
             if *found.get_or_insert(pairs) != pairs {
                 return Err(format!("{pairs} pairs at step {step}, not {found:?}").into());
             }

@@ -1,8 +1,8 @@
-//! Measurements for the defaults: τ and the cell ratio of the paper's grids, and the number of spheres at which one
-//! algorithm overtakes another. Prints Markdown.
+//! Measurements for the defaults: τ and the cell ratio of the paper's grids, and the crossovers of algorithms. Prints
+//! Markdown.
 //!
-//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --what tau --scene burst --n 100000`
-//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --backend gpu --what tau,cell-ratio`
+//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --what tau --scene burst --n 100000` `cargo bench -p
+//! lazygrid-bench --bench parameter_sweep -- --backend gpu --what tau,cell-ratio`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
@@ -80,7 +80,6 @@ impl Args {
         Config::default().backend(self.backend).order(Order::Unordered).algorithm(algorithm)
     }
 
-    /// The cell ratios that the backend supports.
     fn ratios(&self) -> impl Iterator<Item = f32> {
         let least = if self.backend == Backend::Gpu { GpuConfig::MIN_CELL_RATIO } else { 0.0 };
         self.cell_ratio.iter().copied().filter(move |&ratio| ratio >= least)
@@ -123,7 +122,6 @@ fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
         ContenderFactory::list("off", config(Skin::Off)),
         ContenderFactory::list("auto", config(Skin::Auto)),
     ];
-    // The largest radius of the scenes is 1.
     let fixed =
         |&part: &f32| ContenderFactory::list(part.to_string(), config(Skin::Fixed(f64::from(2.0 * part))));
     contenders.extend(args.skin.iter().map(fixed));
@@ -135,7 +133,6 @@ fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A table with a row per scene and number of spheres and a column per contender, the fastest in bold.
 fn table(args: &Args, contenders: &[ContenderFactory]) -> Result<String, Box<dyn Error>> {
     let mut rows = vec![];
     for plan in args.options.plans() {
@@ -157,7 +154,6 @@ fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut rows = vec![];
     for &scene in &args.options.scene {
         for &n in &args.sizes {
-            // Enough calls for a round that is long enough to time.
             let steps = if args.options.is_quick() {
                 2
             } else {

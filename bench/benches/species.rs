@@ -1,5 +1,5 @@
-//! Species that seldom or never pair, and two sets: each scene with a table of interactions, and the same search without
-//! one, on the CPU and on a GPU.
+//! Species that seldom or never pair, and two sets: with a table of interactions and without one, on the CPU and on a
+//! GPU.
 //!
 //! `cargo bench -p lazygrid-bench --bench species -- enzymes`
 
@@ -15,7 +15,6 @@ use rand_distr::{Distribution, UnitBall};
 /// Number of spheres of each scene.
 const N: usize = 20_000;
 
-/// Spheres with their species, and the species that pair.
 struct SpeciesScene {
     name: &'static str,
     spheres: Vec<Sphere>,
@@ -25,7 +24,6 @@ struct SpeciesScene {
 }
 
 impl SpeciesScene {
-    /// `N` spheres in a ball around the origin.
     fn ball(
         name: &'static str,
         [extent, radius]: [f32; 2],
@@ -45,7 +43,6 @@ impl SpeciesScene {
             Self { name, spheres, species: (0..N as u32).map(|k| k % 4).collect(), count: 4, pairs }
         };
         vec![
-            // Only one of the two species is there: no pairs.
             Self::ball("burst of one species", [0.5, 0.05], |_| 0, &[(0, 1)]),
             Self::ball("enzymes and substrate", [0.05, 0.005], |k| u32::from(k % 26 > 0), &[(0, 1)]),
             Self::ball("one target in a crowd", [7.0, 0.5], |k| u32::from(k > 0), &[(0, 1)]),
@@ -70,7 +67,7 @@ fn species(criterion: &mut Criterion) {
     let backends =
         if gpu::adapters().is_empty() { &[Backend::Cpu][..] } else { &[Backend::Cpu, Backend::Gpu] };
     for &backend in backends {
-        // The spheres do not move, so that a candidate list would never be rebuilt.
+        // Spheres at rest would never rebuild a candidate list.
         let config = Config::default().backend(backend).skin(Skin::Off);
         for scene in SpeciesScene::all() {
             let mut group = criterion.benchmark_group(format!("{backend}/{}", scene.name));

@@ -1,4 +1,4 @@
-//! Small benchmarks for changes of a detector: each phase of each algorithm, and each kind of result, by scene.
+//! Each phase of each algorithm, and each kind of result, by scene.
 //!
 //! `cargo bench -p lazygrid-bench --bench stages -- cell-list/burst/stage/sort`
 
@@ -22,7 +22,7 @@ fn algorithms(criterion: &mut Criterion) {
             Backend::Gpu => format!("{algorithm} on the GPU"),
             _ => algorithm.to_string(),
         };
-        // The spheres do not move, so that a candidate list would never be rebuilt.
+        // Spheres at rest would never rebuild a candidate list.
         let config = Config::default().backend(backend).algorithm(algorithm).skin(Skin::Off);
         for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst, Scene::BurstLinear] {
             let spheres = scene.spheres(N, SEED);
@@ -39,7 +39,6 @@ fn detector(config: &Config) -> Detector {
     Detector::new(config.clone()).expect("an algorithm of its backend")
 }
 
-/// Benchmarks each phase by the time that the detector reports.
 fn stages(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[Sphere]) {
     let mut detector = detector(config);
     detector.pairs(spheres).expect("valid spheres");

@@ -1,5 +1,5 @@
-//! `RESULTS-GPU.md`: the times that arithmetic expects of GPUs, and next to them those that `lazygrid check --json` or the
-//! page of `lazygrid page` measured.
+//! `RESULTS-GPU.md`: the times that arithmetic expects of GPUs, next to those of `lazygrid check --json` or of the page
+//! of `lazygrid page`.
 
 use std::fmt::Write;
 
@@ -8,15 +8,12 @@ use lazygrid::gpu::plan::Planner;
 use lazygrid::gpu::{CallCost, DeviceLimits, GpuConfig, wgpu};
 use serde::Deserialize;
 
-/// The numbers of spheres of the tables.
 const SIZES: [u32; 5] = [10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 /// Seconds of an empty dispatch that depends on the one before: 1.7 µs on an H200 through Vulkan.
 const DISPATCH_SECONDS: f64 = 1.7e-6;
 
-/// A device of which the bandwidth is known.
 struct Device {
     name: &'static str,
-    /// Bytes per second, read and written.
     bandwidth: f64,
     source: &'static str,
 }
@@ -128,7 +125,6 @@ fn cost(spheres: u32) -> Option<CallCost> {
     Planner::new(config, DeviceLimits::from(&limits)).plan(spheres).ok().map(|plan| plan.cost)
 }
 
-/// A duration with three digits, in µs or ms.
 fn duration(seconds: f64) -> String {
     let (number, unit) = if seconds < 1e-3 { (seconds * 1e6, "µs") } else { (seconds * 1e3, "ms") };
     let digits = (2 - number.max(1e-9).log10().floor() as i32).max(0) as usize;
@@ -191,7 +187,6 @@ The 1.7 µs are an empty dispatch that waits for the one before, measured on an 
 instructions, of which the search has the most, latencies, the pairs, and caches, which hold a million spheres on some devices.
 
 ";
-    // Writing to a string cannot fail.
     let _ = write!(text, "| spheres | dispatches | bytes per sphere |");
     for device in &DEVICES {
         let _ = write!(text, " {} |", device.name);
@@ -283,7 +278,6 @@ fn measured(text: &mut String, run: &GpuRun) {
 mod tests {
     use super::*;
 
-    /// A run as `lazygrid check --json` and the page write it.
     fn run(hardware: bool) -> GpuRun {
         let json = serde_json::json!({
             "version": "0.1.0", "cpu": null, "ok": true, "failures": [],

@@ -1,5 +1,5 @@
-//! Statistics of Vulkan drivers about the compiled GPU kernels: registers, spills, code size. No kernel is run, so that
-//! some drivers need no GPU.
+//! Statistics of Vulkan drivers about the compiled GPU kernels: registers, spills, code size. No kernel is run, so some
+//! drivers need no GPU.
 
 mod spirv;
 mod table;
@@ -140,7 +140,6 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
     Ok(Kernels { adapter: name, driver, has_statistics: compiler.has_statistics(), compiled })
 }
 
-/// The distinct variants of a kernel for calls of all kinds, on a device with variant `own`.
 fn variants(kernel: &Kernel, own: Variant, all_variants: bool) -> Vec<Variant> {
     let mut bases = vec![own];
     if all_variants {
@@ -178,7 +177,6 @@ fn compile_one(
     Compiled { kernel: kernel.name, variant, workgroup_memory, programs, error }
 }
 
-/// The difference of a variant from that of default calls.
 fn label(variant: Variant, own: Variant) -> String {
     let said = [
         (variant.periodic, "periodic"),

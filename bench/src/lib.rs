@@ -1,5 +1,5 @@
-//! The figures of the paper, the peers that lazygrid is compared with, interleaved timing, and statistics of Vulkan
-//! drivers about the GPU kernels. And `RESULTS-GPU.md`: what arithmetic expects of GPUs, next to what was measured.
+//! The figures of the paper, the peers that lazygrid is compared with, interleaved timing, statistics of Vulkan drivers
+//! about the GPU kernels, and `RESULTS-GPU.md`.
 
 pub mod figures;
 pub mod gpu_results;

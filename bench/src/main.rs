@@ -35,7 +35,6 @@ fn main() -> ExitCode {
         // The reader has closed the pipe, as in `lazygrid-bench … | head -1`.
         Err(Failure::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(failure) => {
-            // If standard error is closed, the message cannot be delivered.
             let _ = writeln!(io::stderr(), "error: {failure}");
             ExitCode::FAILURE
         }

@@ -31,8 +31,8 @@ pub enum Found<'a> {
 
 /// A search for overlapping pairs of moving spheres, with its state between steps.
 pub trait PairFinder {
-    /// Receives the spheres of the next call, outside the measured time: information that a program has before it
-    /// searches, because it stores its spheres elsewhere.
+    /// Receives the spheres of the next call, outside the measured time, for programs that store their spheres
+    /// elsewhere.
     ///
     /// # Errors
     /// Returns the error of the search.
@@ -232,10 +232,10 @@ fn scramble(i: u32, j: u32) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Runs all contenders through the same motion, round by round, and returns their times in the same order. The answers
-/// of all steps are compared, by number and checksum, with those of the first contender that lists pairs. Neither the
-/// comparison nor the motion is timed. No contender skips a step, however slow it is: a search that is kept between
-/// steps would otherwise see larger displacements.
+/// Runs all contenders through the same motion, round by round, and returns their times in the same order. All answers
+/// are compared, by number and checksum, with those of the first contender that lists pairs. Neither the comparison nor
+/// the motion is timed. No contender skips a step, because a search that is kept between steps would otherwise see
+/// larger displacements.
 ///
 /// # Errors
 /// Fails if a search fails or two answers differ.
@@ -254,8 +254,7 @@ pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timin
     Ok(runs.into_iter().map(ContenderRun::timing).collect())
 }
 
-/// A random permutation of the numbers below `count`. A new order for each round changes each contender's predecessor,
-/// which a rotation would not.
+/// Returns a random permutation of the numbers below `count`. A rotation would keep each contender's predecessor.
 pub fn turns(count: usize, seed: u64) -> Vec<usize> {
     let mut turns: Vec<usize> = (0..count).collect();
     turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
@@ -293,7 +292,6 @@ impl MovingScene {
     }
 }
 
-/// One contender and its state.
 struct ContenderRun<'a> {
     contender: &'a ContenderFactory,
     search: Box<dyn PairFinder>,

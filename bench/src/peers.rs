@@ -26,8 +26,7 @@ fn touch(a: &Sphere, b: &Sphere) -> bool {
     a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
 }
 
-/// Half the size of a box around a sphere: a few ulp more than its radius, as rounding of the box might otherwise lose
-/// a tangent pair.
+/// A few ulp more than the radius, as rounding of the box might otherwise lose a tangent pair.
 #[inline]
 fn half_extent(sphere: &Sphere) -> f32 {
     sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * f32::EPSILON

@@ -1,4 +1,4 @@
-//! The figures at the smallest scale: each engine gives the right answer, and all files exist. Times are not checked.
+//! The figures at the smallest scale: each engine gives the right answer, and all files exist.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::ffi::OsStr;
@@ -10,7 +10,6 @@ use serde_json::Value;
 
 const BENCH: Program = Program(env!("CARGO_BIN_EXE_lazygrid-bench"));
 
-/// Runs `lazygrid-bench` with these arguments.
 fn bench(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
     BENCH.run(args)
 }
@@ -58,7 +57,6 @@ fn smallest_figures_are_right() {
     for row in rows.iter().filter(measured) {
         assert!(!row["wall"].as_array().unwrap().is_empty(), "{row}");
     }
-    // All engines at one point and moment must find the same number of pairs.
     for (a, b) in rows.iter().filter(measured).zip(rows.iter().filter(measured).skip(1)) {
         let same = ["figure", "scene", "n"].iter().all(|key| a[key] == b[key]);
         if same && (a["at"] == b["at"] || a["figure"] == "tau") {
@@ -98,7 +96,6 @@ fn interrupted_run_resumes() {
         results(folder.path())["rows"].as_array().unwrap().clone()
     };
     let first = run("point,tau");
-    // Times of a repeated measurement would differ in the last digits.
     let again = run("tau");
     assert!(!again.is_empty());
     assert!(again.iter().all(|row| first.contains(row)), "measured again");
@@ -129,7 +126,6 @@ fn compare_reports_slower_measurements() {
     assert!(changed.out.contains("1 broken, 1 lost, 1 slower"), "{}", changed.out);
     assert!(changed.out.starts_with("broken   tau"), "{}", changed.out);
     assert!(changed.out.contains("lost     tau equal 200"), "{}", changed.out);
-    // A closed standard output does not change the exit code.
     assert_eq!(BENCH.run_with_closed_output(["compare", path(&old), path(&new)]).code, Some(1));
     assert_eq!(BENCH.run_with_closed_output(["compare", path(&old), path(&old)]).code, Some(0));
 }

@@ -8,7 +8,6 @@ use std::process::Command;
 use lazygrid_kernels::kernel::KERNELS;
 use serde_json::Value;
 
-/// The path of the driver's manifest, if it is installed.
 fn driver() -> Option<PathBuf> {
     let entries = fs::read_dir("/usr/share/vulkan/icd.d").ok()?;
     let mut paths = entries.filter_map(|entry| Some(entry.ok()?.path()));

@@ -1,8 +1,7 @@
 //! Correctness and speed checks of lazygrid on the machine at hand, for `lazygrid check` and for the tests:
 //!
-//! * [`oracle`]: [`TestInput`], which is spheres, species, space and exclusions; its [pairs](TestInput::oracle) by a plain
-//!   double loop (and over all images within the cutoff in triclinic cells); [`difference`], which explains the first
-//!   wrong pair; [`shrink`], which minimizes failing scenes.
+//! * [`oracle`]: a [`TestInput`] and its [pairs](TestInput::oracle) by a plain double loop; [`difference`] explains the
+//!   first wrong pair, and [`shrink`] minimizes failing scenes.
 //! * [`scenes`]: single hard scenes, and families of scenes that are made from a [`SceneSeed`] so that they shrink.
 //! * [`detectors`]: runs each [`DetectorVariant`] and compares it with the expected pairs, on fixed scenes, on random
 //!   rounds and on random sequences of calls.

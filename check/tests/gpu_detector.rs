@@ -53,7 +53,7 @@ fn grid_of_few_cells_finds_each_pair_once() {
     }
 }
 
-/// Small spheres at the surfaces of much larger ones, also on the low side of the lowest ones: there their neighbor
+/// Small spheres at the surfaces of much larger ones, also on the low side of the lowest ones, where their neighbor
 /// cells start below the lowest center. A crowd elsewhere makes all small spheres leave the cells of the large ones.
 #[test]
 fn small_spheres_below_the_lowest_center_are_found() {
@@ -235,7 +235,7 @@ fn calls_of_changing_size_reuse_buffers() {
         let spheres = cloud(n as u64, n, 15.0, |_| 0.4);
         let found = detect(&own, &mut detector, &spheres);
         verify("changing size", &spheres, &found.pairs, touching(&spheres));
-        assert_eq!(detector.reserve(n as u32).as_ref(), Ok(&reserved), "nothing is allocated anew");
+        assert_eq!(detector.reserve(n as u32).as_ref(), Ok(&reserved), "nothing is allocated again");
     }
 }
 
@@ -322,8 +322,8 @@ fn default_limits_without_features_are_sufficient() {
     assert!(matches!(error, Error::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
 }
 
-/// A simulation that reuses the cell order at each step, with counting sort and radix sort, a periodic box, and
-/// species. Pairs hold indices in cell order, which are those of the returned spheres.
+/// With counting sort and radix sort, a periodic box, and species. Pairs hold indices in cell order, which are those of
+/// the returned spheres.
 #[test]
 fn caller_can_reuse_the_cell_order() {
     let Some(own) = device() else { return };
@@ -384,7 +384,6 @@ fn caller_can_reuse_the_cell_order() {
     }
 }
 
-/// Without a cell order, pairs hold input indices and the outcome says so.
 #[test]
 fn only_the_cell_list_has_a_cell_order() {
     let Some(own) = device() else { return };

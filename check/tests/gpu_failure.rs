@@ -54,7 +54,6 @@ fn lost_device_fails_calls_in_flight() {
             lost => assert_lost(lost),
         }
     }
-    // A destroyed device stays unusable.
     for _ in 0..2 {
         match session.begin(Spheres::from(&spheres)) {
             Ok(ticket) => assert_lost(session.finish_count(ticket)),
@@ -139,8 +138,7 @@ fn oversized_request_leaves_the_detector_usable() {
     }
 }
 
-/// A software adapter uses the memory of the process, which `prlimit` can restrict. The test runs in a process of its
-/// own, as nothing else could run there.
+/// A software adapter uses the memory of the process, which `prlimit` can restrict, in a process of its own.
 #[test]
 fn out_of_memory_leaves_the_detector_usable() {
     let Some(own) = device() else { return };
@@ -180,9 +178,7 @@ fn run_out_of_memory() {
     };
     allow(&limit.to_string());
     let refused = detector.count(&many);
-    // Few spheres still fit in the little memory.
     let found = detector.pairs(&few).map(<[_]>::to_vec);
-    // 15 million pairs do not fit.
     let crowd = vec![Sphere::new([1.0; 3], 0.5); 5500];
     let crowded = detector.pairs(&crowd).map(<[_]>::len);
     let found_then = detector.pairs(&few).map(<[_]>::to_vec);

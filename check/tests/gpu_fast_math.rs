@@ -1,5 +1,5 @@
-//! The kernels under transformations that WGSL allows and fast-math compilers make: reordered, fused and flushed
-//! floating-point operations. Results stay within the contract; without the guards of `evaluation_order.wgsl` they do not.
+//! The kernels under transformations that WGSL allows and fast-math compilers make. Results stay within the contract;
+//! without the guards of `evaluation_order.wgsl` they do not.
 
 mod common;
 #[path = "fast_math/inline.rs"]
@@ -112,7 +112,6 @@ fn reassociated_contracted_and_flushed_kernels_stay_within_the_contract() {
     assert_within_contract(|text| transformed(text, &[Reassociate, Contract, Flush]));
 }
 
-/// Without a guard, its transformation breaks the contract.
 #[test]
 fn kernels_without_a_guard_leave_the_contract() {
     let Some(own) = device() else { return };
@@ -145,8 +144,8 @@ fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
     (0..3).filter(|_| call()).count()
 }
 
-/// Compilers may treat the same expression differently in two kernels, one of which compares the results of the other.
-/// On llvmpipe the text without the guard shows no difference either, so this test cannot show that the guard is needed.
+/// Compilers may treat the same expression differently in two kernels that are compared. On llvmpipe the text without
+/// the guard shows no difference either, so this test cannot show that the guard is needed.
 #[test]
 fn inflated_radii_agree_between_kernels() {
     let Some(own) = device() else { return };

@@ -29,7 +29,6 @@ fn every_scene_agrees_for_any_tau() {
     }
 }
 
-/// A crowd next to a few spheres, with some of both on the border between their cells.
 #[test]
 fn mixed_refinement_loses_no_pair() {
     let Some(own) = device() else { return };
@@ -46,14 +45,13 @@ fn mixed_refinement_loses_no_pair() {
     }
 }
 
-/// Spheres of many sizes at one point: each level has spheres, each with entries in eight cells.
+/// Each level has spheres, each with entries in eight cells.
 #[test]
 fn entry_overflow_is_reported_and_retried_by_a_session() {
     let Some(own) = device() else { return };
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
     let pairs = 3000 * 2999 / 2;
     for algorithm in [Algorithm::EagerGrid, Algorithm::LazyGrid] {
-        // One part takes all of the work.
         let config = settings(algorithm, true).max_tests_per_dispatch(u64::MAX);
         let mut detector = GpuDetector::new(&own.device, config).expect("made");
         let found = detect(&own, &mut detector, &spheres);

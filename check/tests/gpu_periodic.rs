@@ -18,7 +18,6 @@ fn check(own: &GpuDevice, scene: &Scene) {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// A radius from a range of twelve octaves.
 fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
@@ -48,8 +47,7 @@ fn boxes_of_few_cells() {
     }
 }
 
-/// More cells than keys. If the number of cells along a ring were one or two above a multiple of eight, its ends would
-/// share keys.
+/// If the number of cells along a ring were one or two above a multiple of eight, its ends would share keys.
 #[test]
 fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
     let Some(own) = device() else { return };
@@ -73,7 +71,6 @@ fn nested_grids_are_periodic_at_all_depths() {
     for (k, of) in boxes.into_iter().enumerate() {
         for axes in [2 + k, 7] {
             let mut spheres = cloud(100 + k as u64, 200, 8.0, octaves);
-            // A crowd at the periodic boundary makes its cells overfull.
             let mut random = Random(k as u64);
             spheres.extend((0..150).map(|_| {
                 let center = [0, 1, 2].map(|axis| of[axis] * 0.5 + 0.05 * (random.unit() - 0.5));
@@ -168,8 +165,7 @@ fn species_in_a_periodic_box() {
     check(&own, &Scene { species: Some((species, table)), ..scene });
 }
 
-/// Enough spheres that several cells share a key, runs of entries are long, and the periodic boundary cuts the crowd in
-/// two. The naive search is the reference.
+/// Several cells share a key, runs of entries are long, and the periodic boundary cuts the crowd in two.
 #[test]
 fn crowds_on_the_periodic_boundary_of_a_large_box() {
     let Some(own) = device() else { return };

@@ -52,8 +52,8 @@ fn both_ways(kernel: &Kernel) -> [String; 2] {
     [forwards, backwards]
 }
 
-/// With many tiles a scan takes several rounds, each starting where the last one ended. The thread that starts a round
-/// must not change values that other threads still read.
+/// A scan of many tiles takes several rounds. The thread that starts a round must not change values that other threads
+/// still read.
 #[test]
 fn scan_of_many_tiles_continues_over_rounds() {
     let Some(own) = device() else { return };

@@ -21,7 +21,6 @@ fn cpu() -> Detector {
     Detector::new(Config::default().backend(Backend::Cpu)).expect("the CPU")
 }
 
-/// Pairs within rounding of tangency may be found or missed: a few in ten million pairs.
 fn agree(gpu: u64, cpu: u64) -> bool {
     gpu.abs_diff(cpu) <= 2 + cpu / 1_000_000
 }
@@ -56,7 +55,7 @@ fn millions_of_spheres_in_one_call() {
     }
 }
 
-/// Each pair of blocks must be tested by invocations with long loops, which a software adapter may end early.
+/// Long loops, which a software adapter may end early.
 #[test]
 fn fourteen_thousand_coincident_spheres_are_counted_exactly() {
     let Some(own) = device() else { return };
@@ -147,13 +146,11 @@ fn soak_of_changing_sizes_and_shapes() {
     }
 }
 
-/// The largest number of spheres of a step, and of a step in which nearly all spheres touch.
 const LARGEST: usize = 5000;
 const CROWD: usize = 600;
 /// Bytes by which the device memory may vary, as uniform buffers come and go.
 const SLACK: u64 = 16 << 10;
 
-/// Dense, sparse and crowded boxes and lines of spheres, of changing number.
 fn scene(step: u64) -> Vec<Sphere> {
     let mut random = Random(step);
     let n = if step % 11 == 3 { LARGEST } else { random.word() as usize % LARGEST };

@@ -8,7 +8,7 @@ use common::{Random, device, limited};
 use lazygrid::gpu::{GpuConfig, GpuSession, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, RebuildReason, Sphere, Spheres};
 
-/// Radii and coordinates are multiples of a power of two, which avoids rounding, so that results agree exactly.
+/// Multiples of a power of two, so that results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
     let mut random = Random(seed);
     (0..n)
@@ -201,8 +201,6 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
     }
 }
 
-/// Twenty sizes at one point have more entries than a device binding holds, however coarse the grid. One level has
-/// fewer.
 #[test]
 fn one_level_is_used_if_entries_exceed_the_limit() {
     let Some(own) = device() else { return };
@@ -216,14 +214,12 @@ fn one_level_is_used_if_entries_exceed_the_limit() {
         assert_eq!(session.finish_count(ticket), Ok(n * (n - 1) / 2));
         assert_eq!(session.algorithm(), Algorithm::ArrayGrid);
     }
-    // The next call uses all levels again.
     let few = cloud(6, 1000, 8);
     let ticket = session.begin(Spheres::from(&few)).expect("begun");
     assert_eq!(session.finish_count(ticket), Ok(expected(&few).len() as u64));
     assert_eq!(session.algorithm(), Algorithm::LazyGrid);
 }
 
-/// One sphere has more pairs than the initial capacity of the output.
 #[test]
 fn stream_grows_the_output_for_a_giant() {
     let Some(own) = device() else { return };
@@ -242,7 +238,6 @@ fn stream_grows_the_output_for_a_giant() {
     assert_eq!((streamed, handed == expected(&spheres)), (Ok(()), true));
 }
 
-/// A capacity raised by one call does not apply to calls of fewer spheres.
 #[test]
 fn entry_capacity_is_kept_per_input_size() {
     let Some(own) = device() else { return };
@@ -257,7 +252,6 @@ fn entry_capacity_is_kept_per_input_size() {
     assert!(memory(&session, 30) < few + (64 << 10), "{} instead of {few}", memory(&session, 30));
 }
 
-/// The estimate for `Auto` does not depend on the algorithm of the last call.
 #[test]
 fn memory_estimate_does_not_depend_on_the_last_call() {
     let Some(_) = device() else { return };
@@ -296,7 +290,6 @@ fn unordered_lists_have_the_same_pairs() {
     assert_eq!(pairs, expected(&spheres));
 }
 
-/// If candidates overflow, the capacity grows or the list is not used for a while; answers stay the same.
 #[test]
 fn candidate_overflow_never_fails_a_call() {
     let Some(own) = device() else { return };

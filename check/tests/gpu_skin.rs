@@ -20,7 +20,6 @@ fn ask(
     let species =
         scenario.mixture.as_ref().map(|mixture| upload(own, &[&mixture.species[..], &[0; 5]].concat()));
     let known = upload(own, &[n]);
-    // For odd numbers of spheres, only the device knows the number.
     let count = if n.is_multiple_of(2) {
         SphereCount::Host(n)
     } else {
@@ -55,7 +54,6 @@ fn walk(spheres: &mut [Sphere], part: f32, random: &mut Random) {
     }
 }
 
-/// Each call finds the pairs of its own spheres, and most calls reuse the candidate list.
 #[test]
 fn candidate_lists_never_change_an_answer() {
     let Some(own) = device() else { return };
@@ -101,7 +99,6 @@ fn candidate_lists_never_change_an_answer() {
     }
 }
 
-/// Two spheres approach each other, each by almost the displacement limit, without a rebuild.
 #[test]
 fn displacement_within_the_limit_keeps_the_list() {
     let Some(own) = device() else { return };
@@ -113,7 +110,6 @@ fn displacement_within_the_limit_keeps_the_list() {
         };
         let mut served = 0;
         for step in 0..40 {
-            // They touch in the end, just before either reaches the displacement limit.
             let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
             let state = verify(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
             served += u32::from(state.rebuild_reason == 0);
@@ -122,8 +118,6 @@ fn displacement_within_the_limit_keeps_the_list() {
     }
 }
 
-/// Two spheres slightly more than a skin apart are not candidates; each exceeds the displacement limit before they
-/// touch.
 #[test]
 fn displacement_beyond_the_limit_rebuilds_the_list() {
     let Some(own) = device() else { return };
@@ -181,7 +175,6 @@ fn changed_species_rebuild_the_list() {
         mixture: Some(SpeciesSetup { species, rows }),
         ..TestInput::default()
     };
-    // A sphere that keeps its species, and one whose new species has other and more distant partners.
     for (change, rebuilt) in
         [(None, SkinState::NO_LIST), (None, 0), (Some(601), SkinState::INPUT_CHANGED), (None, 0)]
     {
@@ -193,8 +186,7 @@ fn changed_species_rebuild_the_list() {
     }
 }
 
-/// Radii that are too large to add half a skin without loss, up to the largest float. No candidate list is kept, and
-/// the pairs are correct.
+/// Radii that are too large to add half a skin without loss, up to the largest float.
 #[test]
 fn largest_radii_have_no_candidate_list() {
     let Some(own) = device() else { return };
@@ -209,7 +201,6 @@ fn largest_radii_have_no_candidate_list() {
     }
 }
 
-/// Each call reports the overflow until the capacity suffices.
 #[test]
 fn candidate_overflow_reports_the_needed_capacity() {
     let Some(own) = device() else { return };

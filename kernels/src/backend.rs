@@ -7,9 +7,9 @@ use crate::UnknownName;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// The CPU, or a real GPU if there is one. A call with spheres in the host's memory runs on the GPU if it has enough spheres
-    /// for the GPU to answer earlier, by measurement or estimate; the report gives the reason. An algorithm that only GPUs have
-    /// takes a software adapter if there is no real one, since nothing else can run it.
+    /// The CPU, or a real GPU if there is one. A call with spheres in the host's memory runs on the GPU if it has
+    /// enough spheres for the GPU to answer earlier, by measurement or estimate. An algorithm that only GPUs have takes
+    /// a software adapter if there is no real one.
     #[default]
     Auto,
     /// The CPU, through rayon.

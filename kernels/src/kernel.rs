@@ -164,8 +164,8 @@ impl Kernel {
     }
 
     /// Returns the text for compilers that follow the WGSL standard strictly, such as those of browsers. These require
-    /// `enable subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations that only this library
-    /// knows to be uniform, for which naga warns.
+    /// `enable subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations that only this
+    /// library knows to be uniform, for which naga warns.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
         let text = Preprocessor { variant, strict: true }.expand(self.source);
@@ -347,8 +347,6 @@ kernels! {
         [uniform("params"), write("outcome")], species: [];
 }
 
-/// The WGSL preprocessor: resolves includes, conditions and `#{NAME}` constants. Lines after `#standard` are only in the
-/// strict text.
 struct Preprocessor {
     variant: Variant,
     strict: bool,

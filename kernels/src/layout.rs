@@ -1,6 +1,6 @@
-//! Rust counterparts of the structures in the shaders. A test compares sizes and offsets.
-//! Structures with vectors have WGSL's layout in buffers (`ShaderType`), and `repr(C)` keeps their members in order, by which
-//! the test matches them. The others consist of words alone and are copied as they are (`Pod`).
+//! Rust counterparts of the structures in the shaders, whose sizes and offsets a test compares. Structures with vectors
+//! have WGSL's layout (`ShaderType`), and `repr(C)` keeps their members in order, which the test needs. The others
+//! consist of words alone (`Pod`).
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -155,7 +155,7 @@ pub struct Grid {
     pub ordinary: u32,
     /// The lowest cell of depth 0.
     pub low: IVec3,
-    /// As in the parameters; 0 if one level is enough.
+    /// The value of the parameters; 0 if one level is enough.
     pub split_policy: u32,
     /// The highest cell of depth 0.
     pub high: IVec3,

@@ -1,18 +1,18 @@
 //! The vocabulary that every lazygrid detector shares: spheres in, pairs out, and the rules between them.
 //!
-//! This crate makes no device call. It holds the types whose memory layout the CPU
-//! detectors, the GPU kernels and the bindings agree on.
+//! This crate makes no device call. It holds the types whose memory layout the CPU detectors, the GPU kernels and the
+//! bindings agree on.
 //!
 //! * [`Sphere`], [`Spheres`] — input, as rows or as columns, without copying;
-//! * [`Query`] — one set of spheres or two, and the pairs that are excluded;
-//! * [`Interactions`] — which species may pair, and at which distance;
-//! * [`Exclusions`] — pairs that are none, such as bonds;
-//! * [`Space`] — unbounded, or periodic along some axes or edges;
+//! * [`Query`] — one set of spheres or two, and the excluded pairs;
+//! * [`Interactions`] — the species that pair, and their distances;
+//! * [`Exclusions`] — pairs that are never reported, such as bonds;
+//! * [`Space`] — unbounded, or periodic along some axes or cell vectors;
 //! * [`Pair`] — one overlapping pair, smaller index first;
-//! * [`Algorithm`], [`Backend`] — the detectors, and where they run, by name;
-//! * [`Error`], [`InputError`] — why there is no result, on any backend, and what can be wrong with an input;
+//! * [`Algorithm`], [`Backend`] — the detectors by name, and the processor that runs them;
+//! * [`Error`], [`InputError`] — the failures of a call, and the faults of an input;
 //! * [`kernel`], [`layout`] — the GPU kernels in WGSL with their metadata, and the structures they share with Rust;
-//! * [`wgsl`] — texts from pieces.
+//! * [`wgsl`] — the WGSL preprocessor.
 
 mod algorithm;
 mod backend;

@@ -15,7 +15,6 @@ pub fn expand(source: &str, includes: &[(&str, &str)], is_defined: &dyn Fn(&str)
 struct Expansion<'a> {
     includes: &'a [(&'a str, &'a str)],
     is_defined: &'a dyn Fn(&str) -> bool,
-    /// The includes without an argument so far.
     included: Vec<String>,
     text: String,
 }

@@ -1,8 +1,7 @@
-//! Every loop of every kernel has a bound that its text shows, so that it ends on any device and for any data.
-//! Two kinds are accepted. Both have a single comparison as condition, and a counter that only the loop's own update
-//! changes:
-//! * `for (var k = a; k < b; k++)` and similar loops, downward or with a constant step or factor, if `b` does not change
-//!   while the loop runs and the counter cannot pass it by wrapping;
+//! Every loop of every kernel has a bound that its text shows, so that it ends on any device and for any data. Accepted
+//! loops have a single comparison as condition, and a counter that only their own update changes:
+//! * `for (var k = a; k < b; k++)`, also downward or with a constant step or factor, if `b` does not change while the
+//!   loop runs and the counter cannot pass it by wrapping;
 //! * `for (; bits != 0u; bits &= bits - 1u)`, which clears a bit per iteration.
 
 mod texts;
@@ -142,7 +141,6 @@ impl Scope<'_> {
         }
     }
 
-    /// Returns the initial value of the counter if it is a constant.
     fn start(&self, before: &[Statement], counter: Handle<LocalVariable>) -> Option<u32> {
         let stored = before.iter().rev().find_map(|statement| match statement {
             Statement::Store { pointer, value }
@@ -155,7 +153,6 @@ impl Scope<'_> {
         self.constant(stored.or(self.function.local_variables[counter].init)?)
     }
 
-    /// Returns `true` if anything in a block may change a variable.
     fn changes(&self, block: &Block, variable: Handle<LocalVariable>) -> bool {
         let names_it = |value: &Value| self.root(*value) == &Expression::LocalVariable(variable);
         block.iter().any(|statement| {
@@ -168,7 +165,6 @@ impl Scope<'_> {
         })
     }
 
-    /// Returns the variable that a pointer points into.
     fn root(&self, value: Value) -> &Expression {
         match self.of(value) {
             Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => self.root(*base),
@@ -212,7 +208,6 @@ impl Scope<'_> {
     }
 }
 
-/// The value that a counter is compared with.
 struct Limit {
     constant: Option<u32>,
     fixed: bool,
@@ -229,7 +224,6 @@ fn blocks_of(statement: &Statement) -> impl Iterator<Item = &Block> {
     two.into_iter().chain(cases.iter().map(|case| &case.body))
 }
 
-/// Collects the values that a block computes in each iteration.
 fn collect_made(block: &Block, made: &mut HashSet<Value>) {
     for statement in block.iter() {
         match statement {
@@ -259,7 +253,6 @@ fn every_loop_has_a_bound_that_its_text_shows() {
     assert!(loops > 100, "only {loops} loops were seen");
 }
 
-/// Judges a loop in a function with a counter `a`, an argument `n`, and buffers.
 fn verdict(of: &str) -> (usize, Vec<String>) {
     judge(&format!(
         "struct Call {{ limit: u32 }}
@@ -305,7 +298,6 @@ fn loops_without_a_bound_are_refused() {
         "for (var k = 0u; k < n; a++) { k += 1u; }",
         "for (var k = 0u; k < n; k++) { k -= 1u; }",
         "for (var k = 0u; k < n; k++) { stepped(&k); }",
-        // The counter may pass the limit and wrap.
         "for (var k = 0u; k < n; k += 256u) { a += k; }",
         "for (var k = 0u; k <= n; k++) { a += k; }",
         "for (var k = 0u; k < 0xfffffff0u; k += 32u) { a += k; }",

@@ -22,7 +22,6 @@ fn tint_accepts_every_text() {
         return;
     }
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wgsl");
-    // Remove the texts of earlier runs.
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).expect("a folder");
     for text in texts::all(Kernel::strict_wgsl) {

@@ -17,7 +17,6 @@ fn parsed(text: &texts::Text) -> (naga::Module, ModuleInfo) {
     (module, info)
 }
 
-/// The text between `opening` and `closing` after it, or nothing.
 fn between<'a>(text: &'a str, opening: &str, closing: &str) -> &'a str {
     text.split_once(opening).and_then(|(_, rest)| rest.split_once(closing)).map_or("", |(inside, _)| inside)
 }

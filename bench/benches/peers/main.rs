@@ -34,7 +34,7 @@ struct Args {
     /// Number of threads of `--mode sizes`
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// PairFinder at each step, without a skin
+    /// Search at each step, without a skin
     #[arg(long)]
     rebuild: bool,
     /// Write each value to this CSV file
@@ -189,7 +189,6 @@ fn contender(args: &Args, algorithm: Algorithm, output: Output, threads: usize) 
     }
 }
 
-/// A table of all contenders compared with the fastest settings of parry3d.
 fn peers_table(timings: &[Timing]) -> String {
     let trees = timings.iter().filter(|t| t.name.starts_with("parry3d"));
     let best = trees.min_by(|a, b| a.median().total_cmp(&b.median()));
@@ -206,7 +205,6 @@ fn peers_table(timings: &[Timing]) -> String {
     )
 }
 
-/// A line that compares the two grids of the paper.
 fn grids_line(timings: &[Timing]) -> String {
     let find = |algorithm: Algorithm| timings.iter().find(|t| t.name == algorithm.name());
     match (find(Algorithm::ArrayGrid), find(Algorithm::RecursiveGrid)) {

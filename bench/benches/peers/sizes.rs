@@ -1,5 +1,5 @@
-//! Time and memory per sphere for growing numbers of spheres. Each value comes from a separate process, whose peak
-//! resident memory is that of the detector.
+//! Time and memory per sphere for growing numbers of spheres. Each value comes from a separate process, for its peak
+//! resident memory.
 
 use std::error::Error;
 use std::process::Command;
@@ -11,12 +11,9 @@ use lazygrid_io::scenes::Scene;
 
 use crate::{Args, NAIVE_LIMIT, Output, config, contender};
 
-/// The measurements of a child process.
 #[derive(Clone, Copy)]
 struct Sample {
-    /// Nanoseconds per sphere of the first call.
     first: f64,
-    /// Nanoseconds per sphere of the following calls.
     nanos: f64,
     /// Peak bytes per sphere besides spheres and result; NaN if the system does not report it.
     bytes: f64,
@@ -24,7 +21,6 @@ struct Sample {
     estimate: f64,
 }
 
-/// The parameters of a child process except the number of spheres.
 #[derive(Clone, Copy)]
 struct Kind {
     scene: Scene,
@@ -61,7 +57,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A row for each size.
 fn rows_of(args: &Args, kind: Kind) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
     let Kind { scene, algorithm, output } = kind;
     let sizes = args.options.n.iter().copied();
@@ -94,7 +89,6 @@ fn rows_of(args: &Args, kind: Kind) -> Result<Vec<Vec<String>>, Box<dyn Error>> 
     Ok((0..sizes.len()).map(row).collect())
 }
 
-/// The name on the command line.
 fn name(output: Output) -> String {
     output.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
@@ -120,8 +114,7 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     }
 }
 
-/// Prints nanoseconds of the first and following calls, bytes and estimated bytes per sphere, for one scene, algorithm,
-/// output and size.
+/// Prints nanoseconds of the first and following calls, bytes and estimated bytes per sphere.
 pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
     let options = &args.options;
     let (scene, n, algorithm, output) = (options.scene[0], options.n[0], args.algorithm[0], args.output[0]);

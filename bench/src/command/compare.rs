@@ -9,7 +9,6 @@ use crate::command::args::Compare;
 use crate::command::failure::Failure;
 use crate::print;
 
-/// Prints what changed between two result folders by more than the noise.
 pub(crate) fn run(args: &Compare) -> Result<(), Failure> {
     let (old, new) = (read(&args.old)?, read(&args.new)?);
     let mut differences = differences(&old, &new);
@@ -37,7 +36,6 @@ pub(crate) fn run(args: &Compare) -> Result<(), Failure> {
         0 => Ok(()),
         _ => Err(Failure::Worse { broken, lost, slower, larger }),
     };
-    // The exit code must show the verdict even if standard output is closed.
     let printed = print(text);
     verdict.and(printed)
 }

@@ -64,7 +64,6 @@ fn summary(results: &Results, args: &Figures) -> String {
     )
 }
 
-/// Prints the memory and time of one engine in this process, for the memory figure.
 pub(crate) fn measure_memory(args: &MeasureMemory) -> Result<(), Failure> {
     let sample = figures::measure_memory(&args.engine, args.scene, args.n, args.steps);
     let sample = sample.map_err(|e| Failure::Figures(e.to_string()))?;

@@ -6,7 +6,6 @@ use lazygrid_bench::gpu_results::{GpuRun, document};
 use crate::command::args::GpuResults;
 use crate::command::failure::Failure;
 
-/// Writes the document of the runs.
 pub(crate) fn run(args: &GpuResults) -> Result<(), Failure> {
     let runs = args.runs.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
     let text = document(&runs, lazygrid_bench::COMMIT);

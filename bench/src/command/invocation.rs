@@ -5,8 +5,8 @@ use std::env;
 /// The package name, which `cargo run` also puts into the environment.
 const PACKAGE: &str = env!("CARGO_PKG_NAME");
 
-/// The command that started this process: `cargo run` with this build's profile and features if cargo started it,
-/// otherwise the program as it was called.
+/// Returns the command that started this process: `cargo run` with this build's profile and features if cargo started
+/// it, else the program as it was called.
 pub(crate) fn command() -> String {
     let mut words = env::args_os().map(|word| word.to_string_lossy().into_owned());
     let program = words.next().unwrap_or_else(|| PACKAGE.to_owned());
@@ -23,7 +23,6 @@ fn cargo_run() -> Vec<String> {
     parts.concat().into_iter().map(str::to_owned).collect()
 }
 
-/// Joins words, quoted for a shell.
 fn typed(words: &[String]) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }

@@ -8,7 +8,6 @@ use crate::command::args::Kernels;
 use crate::command::failure::Failure;
 use crate::print;
 
-/// Compiles the kernels and prints the results.
 pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
     let wanted = Wanted {
         only: args.only.clone(),
@@ -52,7 +51,6 @@ fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {
     }
 }
 
-/// Writes each representation of each program to a file.
 fn write_texts(compiled: &Compiled, folder: &Path) -> Result<(), Failure> {
     let failed =
         |path: &Path, e: std::io::Error| Failure::Kernels(format!("{}: cannot write: {e}", path.display()));

@@ -12,11 +12,9 @@ use super::plan::DataPoint;
 use super::row::Row;
 use super::{Contender, Figure};
 
-/// The scenario file, which `lazygrid simulate` can run too.
 const SCENARIO: &str = include_str!("../../../simulator/scenarios/burst.toml");
 const NAME: &str = "simulator/scenarios/burst.toml";
 
-/// The description of the simulation in the report.
 pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.toml without its receiver: one transmitter \
     releases carriers of ten radii, 1 to 10 nm in equal numbers, from one point into unbounded water of 25 °C, where \
     they diffuse as Stokes and Einstein say. Hard spheres cannot all be at one point. So they begin as a ball of which \
@@ -29,19 +27,17 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
     all threads, except N3Sim's sweep, which has one.";
 
-/// Steps per simulated second (2 ns each): √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
+/// √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm in the 2 ns of a step.
 const STEPS_PER_SECOND: f64 = 5e8;
 /// Volume fraction of the initial ball: about the density at which hard spheres are still a fluid.
 const FILLED: f64 = 0.5;
 /// Time step in seconds in which particles move by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// Relative increase of the radii while carriers are initially pushed apart. Overlaps smaller than the last digit of a
-/// coordinate are never resolved; without this margin they would remain.
+/// Relative increase of the radii while carriers are initially pushed apart. Without it, overlaps smaller than the last
+/// digit of a coordinate would remain.
 const MARGIN: f32 = 1e-3;
-/// Maximum number of initial pushes.
 const PUSHES: u32 = 200;
 
-/// The steps after which engines are timed: 1, `times`, `times²`, …, and `last`.
 fn moments(times: u32, last: u32) -> Vec<u32> {
     let mut moments: Vec<u32> =
         std::iter::successors(Some(1), |k: &u32| k.checked_mul(times)).take_while(|&k| k < last).collect();
@@ -108,8 +104,7 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     Err(format!("carriers still overlap after {PUSHES} initial pushes").into())
 }
 
-/// The scenario with `n` carriers (rounded down to a multiple of ten), in a ball, with time steps that resolve
-/// contacts.
+/// The scenario with `n` carriers (rounded down to a multiple of ten), in a ball.
 fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     let mut model = Scenario::parse(Path::new(NAME), SCENARIO.to_owned())?.model;
     // Removes receivers: they would absorb carriers, whose indices others would get.
@@ -127,7 +122,6 @@ fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     Ok(model)
 }
 
-/// The carriers at present. None is ever removed, so that each keeps its index.
 fn spheres(simulation: &Simulation) -> Vec<Sphere> {
     let particles = &simulation.state().particles;
     (0..particles.len()).map(|k| Sphere::new(particles.position_of(k), particles.radius[k])).collect()
@@ -140,7 +134,6 @@ mod tests {
     const N: usize = 400;
     const STEPS: u32 = 300;
 
-    /// The mean squared distance from the center in µm².
     fn spread(of: impl Iterator<Item = Sphere>) -> f64 {
         let squares: Vec<f64> = of.map(|sphere| f64::from(sphere.center.length_squared())).collect();
         squares.iter().sum::<f64>() / squares.len() as f64
@@ -162,7 +155,6 @@ mod tests {
         }
     }
 
-    /// No carriers overlap, all sizes are spread over the ball, and the ball is about as wide as necessary.
     #[test]
     fn burst_starts_as_a_ball_without_overlaps() {
         let model = model(4000).expect("the scenario");

@@ -2,8 +2,8 @@
 
 use super::row::{Results, Row, Status};
 
-/// Smoke ratio that counts as a change: the times of different processes differ even if those of one process hardly
-/// vary.
+/// The smallest ratio that counts as a change: the times of different processes differ even if those of one process
+/// hardly vary.
 const LEAST: f64 = 1.05;
 /// Minimum number of runs for an estimate of their spread.
 const ENOUGH: usize = 5;
@@ -56,9 +56,8 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// All measurements of the old run that the new one repeats or should repeat. Times differ if the medians are more than
-/// 5 % apart and the middle halves of the runs do not overlap; bytes differ if they are more than 5 % apart. Figures
-/// and sizes that the new run did not include are left out.
+/// Returns all measurements of the old run that the new one repeats or should repeat. Times differ if the medians are
+/// more than 5 % apart and the middle halves of the runs do not overlap; bytes differ if they are more than 5 % apart.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),

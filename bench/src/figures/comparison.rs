@@ -16,8 +16,8 @@ use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns}
 /// Multiple of its time that an engine may use to reach the minimum number of runs.
 const MORE: u32 = 3;
 
-/// Warm-up time of an engine if numbers of threads are compared. Pool threads sleep during the turns of other engines,
-/// and the system may keep newly woken threads on one core for milliseconds.
+/// Warm-up time of an engine if numbers of threads are compared. The system may keep newly woken pool threads on one
+/// core for milliseconds.
 const WAKING: Duration = Duration::from_millis(40);
 
 /// The reason why a peer is not available.
@@ -30,7 +30,6 @@ impl Unavailable {
     pub(super) const BULLET: Self = Self("not built in; build with --features bullet");
     pub(super) const LAMMPS: Self = Self("set LAZYGRID_LAMMPS_LIB to the path of liblammps.so");
 
-    /// A factory that fails with this reason.
     pub(super) fn factory(self, name: String) -> ContenderFactory {
         ContenderFactory::new(name, move || Err::<NoFinder, _>(self.into()))
     }
@@ -45,7 +44,6 @@ impl PairFinder for NoFinder {
     }
 }
 
-/// The limits of an engine's runs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// Maximum number of runs.
@@ -58,7 +56,6 @@ pub(super) struct Limits {
     pub(super) in_all: Duration,
 }
 
-/// The running comparison of the engines of a point.
 pub(super) struct Comparison<'a> {
     point: &'a DataPoint,
     limits: Limits,
@@ -99,12 +96,10 @@ impl<'a> Comparison<'a> {
         Self { point, limits, runs: point.contenders.iter().map(run).collect(), frames: 0, began: None }
     }
 
-    /// Returns `true` if no engine has runs left.
     pub(super) fn is_over(&self) -> bool {
         self.runs.iter().all(|run| run.is_done(self.limits, self.is_late()))
     }
 
-    /// Returns `true` if the time of all engines is used up.
     fn is_late(&self) -> bool {
         self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
     }
@@ -169,7 +164,6 @@ impl ContenderRun {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
         while begun.elapsed() < WAKING {
-            // An error here occurs again in the checked run.
             let _ = search.run(black_box(spheres)).map(black_box);
         }
     }
@@ -217,7 +211,6 @@ impl ContenderRun {
     }
 
     fn fail(&mut self, error: &(dyn Error + 'static)) {
-        // An engine that worked before is not unavailable but fails.
         let refused = !self.has_worked && is_refusal(error);
         self.leave(if refused { Status::NotAvailable } else { Status::Error }, error.to_string());
     }
@@ -299,8 +292,7 @@ mod tests {
         }
     }
 
-    /// A wrong answer is an error in any run and in spite of other engines that agree with it; the other engines
-    /// continue.
+    /// A wrong answer is an error in any run, also if other engines agree with it; the other engines continue.
     #[test]
     fn wrong_answer_is_an_error() {
         let point = DataPoint {
@@ -317,13 +309,11 @@ mod tests {
             runs: 3,
         };
         let spheres = Scene::Equal.spheres(300, 1);
-        // Without any time each engine runs once.
         let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO, in_all: Duration::ZERO };
         let mut comparison =
             Comparison::new(&point, limits, |e| (e == Contender::SortAndSweep).then(|| "too slow".into()));
         comparison.runs[2].search = Some(Box::new(Broken));
         comparison.frame(&spheres, true).expect("the reference works");
-        // The right number of pairs, with the last one replaced.
         let mut pairs = lazygrid::detect(&spheres).expect("valid spheres");
         let last = pairs.pop().expect("some pairs");
         pairs.push(if last == Pair::new(298, 299) { Pair::new(0, 299) } else { Pair::new(298, 299) });

@@ -12,8 +12,8 @@ use lazygrid_io::scenes::Scene;
 /// A contender in the figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contender {
-    /// A lazygrid detector; pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant runs on the GPU
-    /// adapter, or on a software adapter if there is no other, and its pairs are read back to the host.
+    /// A lazygrid detector; pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant runs on a
+    /// software adapter if there is no other, and its pairs are read back to the host.
     Lazygrid(DetectorVariant),
     /// Bullet's `btDbvtBroadphase` with default settings.
     BulletAsShipped,
@@ -113,7 +113,6 @@ impl Contender {
 /// The longest time of a call on a GPU.
 const TIMEOUT: Duration = Duration::from_secs(600);
 
-/// The settings of a detector.
 fn config(variant: DetectorVariant) -> Config {
     // A named algorithm must search at each step; `Auto` may keep candidates.
     let skin = match (variant.backend(), variant.algorithm) {

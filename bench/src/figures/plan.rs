@@ -48,7 +48,6 @@ pub(super) enum SceneUpdate {
         /// The fraction.
         part: f32,
     },
-    /// A simulation moves the spheres, starting with a burst.
     Simulated {
         /// The number of steps.
         steps: u32,
@@ -69,7 +68,6 @@ pub(super) struct DataPoint {
 }
 
 impl DataPoint {
-    /// The unique file name of the point.
     pub(super) fn key(&self) -> String {
         let step_length = self.step_length();
         match self.figure {
@@ -83,7 +81,6 @@ impl DataPoint {
         if let SceneUpdate::Steps { part } = self.update { part } else { Scene::STEP }
     }
 
-    /// The name of the scene with all its parameters.
     pub(super) fn name(&self) -> String {
         match self.scene {
             Scene::Transceivers(Transceivers { count, ratio }) => format!("{count}-transceivers-x{ratio}"),
@@ -91,7 +88,6 @@ impl DataPoint {
         }
     }
 
-    /// The name of the scene with the parameters that its figure does not vary.
     pub(super) fn kind(&self) -> String {
         match (self.figure, self.scene) {
             (Figure::Transceivers, Scene::Transceivers(of)) => format!("transceivers-x{}", of.ratio),
@@ -111,7 +107,6 @@ impl DataPoint {
         }
     }
 
-    /// The weight of the point's share of the time, in arbitrary units.
     pub(super) fn weight(&self) -> f64 {
         let share = match self.figure {
             // These have several moments.
@@ -129,7 +124,7 @@ impl DataPoint {
 }
 
 impl Settings {
-    /// All points, small ones first, so that time that they do not use goes to the large ones.
+    /// All points, small ones first, so that unused time goes to the large ones.
     pub(super) fn points(&self) -> Vec<DataPoint> {
         let mut points: Vec<DataPoint> =
             self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
@@ -241,7 +236,6 @@ impl Settings {
     }
 }
 
-/// All combinations of numbers of transceivers and size ratios.
 fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
     let of =
         |&ratio: &u32| counts.iter().map(move |&count| Scene::Transceivers(Transceivers { count, ratio }));
@@ -321,7 +315,6 @@ mod tests {
 
     use super::*;
 
-    /// Otherwise points would share cached files, or rows would share cells of a table.
     #[test]
     fn point_files_and_row_cells_are_unique() {
         for scale in [RunScale::Smoke, RunScale::Quick, RunScale::Full] {

@@ -19,7 +19,7 @@ use lazygrid_report::html;
 use super::row::Results;
 
 /// Writes all files into `folder`. Engines on a software adapter are labeled as such, except in `results.json`, which
-/// names the adapter, so that runs on different adapters can be compared.
+/// names the adapter so that runs can be compared.
 ///
 /// # Errors
 /// Fails if a file cannot be written.

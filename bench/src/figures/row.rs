@@ -153,7 +153,6 @@ impl Results {
 pub(super) mod tests {
     use super::*;
 
-    /// A row with these times.
     pub(in super::super) fn row(wall: &[f64]) -> Row {
         Row {
             figure: "4".to_owned(),

@@ -46,8 +46,8 @@ struct CachedPoint {
     rows: Vec<Row>,
 }
 
-/// Runs all figures of the settings and stores each finished point in `folder`, where the next run with the same
-/// settings and build finds it. `program` is the `lazygrid-bench` command, which memory measurements run.
+/// Runs all figures of the settings and stores each finished point in `folder`, for the next run with the same settings
+/// and build. `program` is the `lazygrid-bench` command, which memory measurements run.
 ///
 /// # Errors
 /// Fails if the folder cannot be written or a reference fails. A wrong answer is a row with
@@ -126,7 +126,6 @@ impl TimeBudget {
         self.end.saturating_duration_since(Instant::now())
     }
 
-    /// The time for this point.
     fn share(&self, point: &DataPoint) -> Duration {
         self.left().mul_f64((point.weight() / self.weight).clamp(0.0, 1.0))
     }
@@ -200,8 +199,7 @@ fn run_comparison(
     Ok(comparison.take_rows(None))
 }
 
-/// Seconds that a run may always take, even if earlier points overran their time: engines whose time grows linearly
-/// should appear at the largest size.
+/// Seconds that a run may always take, so that engines whose time grows linearly appear at the largest size.
 fn always(contender: Contender, scene: Scene) -> f64 {
     if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
@@ -224,8 +222,8 @@ fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// The fingerprint that cached results must share: settings other than the choice of figures, commit, build, machine
-/// and adapter.
+/// The fingerprint that cached results must share: settings except the choice of figures, commit, build, machine and
+/// adapter.
 fn fingerprint(settings: &Settings, environment: &Environment, program: &Path) -> String {
     let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {
@@ -243,7 +241,6 @@ fn load(path: &Path, fingerprint: &str) -> Option<CachedPoint> {
 }
 
 fn save(path: &Path, cached: &CachedPoint) -> Result<(), Box<dyn Error>> {
-    // Writes to a temporary name first, so that an interrupted run leaves no partial file.
     let draft = path.with_extension("part");
     fs::write(&draft, serde_json::to_vec(cached)?)
         .and_then(|()| fs::rename(&draft, path))
@@ -255,7 +252,6 @@ fn save(path: &Path, cached: &CachedPoint) -> Result<(), Box<dyn Error>> {
 mod tests {
     use super::*;
 
-    /// Without any time no point starts, and all missing points are named.
     #[test]
     fn skipped_points_are_named() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -7,8 +7,8 @@ use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
 use crate::measure::{ContenderFactory, Digest, Found};
 use crate::peers::cell_list;
 
-/// Maximum number of spheres for the naive reference. Above it, the reference is the plain cell list, which is checked
-/// against the naive detector below it.
+/// Above this number of spheres, the reference is the plain cell list, which is checked against the naive detector
+/// below it.
 const NAIVE_REFERENCE: usize = 20_000;
 
 /// The reference pairs of some spheres.

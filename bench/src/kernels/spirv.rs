@@ -1,5 +1,3 @@
-//! Translates a kernel to SPIR-V, as wgpu does for the engine.
-
 use naga::AddressSpace;
 use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy, Layouter};
@@ -18,7 +16,6 @@ pub(super) struct Target {
 #[derive(Clone, Debug)]
 pub(super) struct Translated {
     pub(super) words: Vec<u32>,
-    /// Bytes of variables in workgroup memory.
     pub(super) workgroup_memory: u32,
 }
 

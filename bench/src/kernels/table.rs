@@ -1,16 +1,13 @@
-//! Formats the statistics of kernels as a table.
-
 use std::fmt::{self, Display};
 
 use super::{Compiled, Kernels, Program};
 use crate::measure::markdown;
 
-/// A program and the kernel variant that it was compiled from.
 type Row<'a> = (&'a Compiled, &'a Program);
 
 impl Display for Kernels {
-    /// Writes a Markdown table with a row for each program and a column for each of the driver's statistics. A column
-    /// with the same value in all rows becomes a line above the table.
+    /// Writes a Markdown table with a row for each program and a column for each statistic. A column with one value
+    /// becomes a line above the table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
         let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();

@@ -332,7 +332,6 @@ fn failed(call: &'static str) -> impl Fn(vk::Result) -> String {
     move |result| format!("{call}: {result}")
 }
 
-/// The characters of an array up to its first zero.
 fn characters(array: &[c_char]) -> String {
     let bytes: Vec<u8> = array.iter().take_while(|&&c| c != 0).map(|&c| c as u8).collect();
     String::from_utf8_lossy(&bytes).into_owned()

@@ -36,7 +36,6 @@ pub fn sample(
 ) -> Result<Sample, Box<dyn Error>> {
     let mut spheres = scene.spheres(n, seed);
     let before = resident("VmRSS");
-    // Resets the peak to the present value.
     let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
     let mut search = (contender.make)()?;
     let timed = |search: &mut dyn PairFinder, spheres: &[Sphere]| -> Result<(f64, Digest), Box<dyn Error>> {
@@ -68,7 +67,6 @@ pub fn sample(
     })
 }
 
-/// A value of `/proc/self/status` in bytes, if it exists.
 fn resident(name: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;

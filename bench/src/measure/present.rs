@@ -43,7 +43,6 @@ pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     let head = [cells(&mut header.iter().copied()), cells(&mut rule.into_iter())];
     let body = rows.iter().map(|row| cells(&mut row.iter().map(String::as_str)));
     for line in head.into_iter().chain(body) {
-        // Writing to a string cannot fail.
         let _ = writeln!(table, "{line}");
     }
     table

@@ -24,12 +24,11 @@ impl Tuning {
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
     /// The margin with the smallest total time over at least 60 steps (fewer for bursts), after the first full update
-    /// of the tree and including all later ones. Measured at 10,000 and 100,000 spheres, bursts at 10,000, from
-    /// [`tunings`] by `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm
-    /// cell-list --csv FILE`. Equal spheres at 100,000 and bursts are from the shim alone, in processor time of its
-    /// thread, on the same scenes. Nanoseconds per sphere and step with margins of 0.25, 0.5, 1 and 2: equal spheres
-    /// 311, 170, 123, 139 (10,000) and 1160, 417, 237, 556 (100,000); five sizes 147, 111, 108, 245 and 824, 475, 708,
-    /// 1805.
+    /// of the tree. Measured at 10,000 and 100,000 spheres, bursts at 10,000, from [`tunings`] by `cargo bench -p
+    /// lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --csv FILE`. Equal spheres
+    /// at 100,000 and bursts are from the shim alone, in processor time of its thread. Nanoseconds per sphere and step
+    /// with margins of 0.25, 0.5, 1 and 2: equal spheres 311, 170, 123, 139 (10,000) and 1160, 417, 237, 556 (100,000);
+    /// five sizes 147, 111, 108, 245 and 824, 475, 708, 1805.
     pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,
@@ -90,10 +89,8 @@ unsafe extern "C" {
     ) -> bool;
 }
 
-/// A broad phase with its proxies.
 struct Bullet {
     world: NonNull<World>,
-    /// The number of proxies; `None` before the first call.
     proxies: Option<usize>,
 }
 

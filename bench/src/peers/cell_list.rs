@@ -1,6 +1,6 @@
 //! A plain, well-made cell list as the baseline: spheres sorted by the cell of their center, one grid per size class,
 //! half of the neighbor cells visited, contiguous runs compared. It shares only the exact test with lazygrid's
-//! detectors, so that it serves as the reference if testing all pairs would take too long.
+//! detectors, so it can serve as the reference.
 
 use std::error::Error;
 
@@ -82,12 +82,10 @@ pub(super) struct CellList {
 }
 
 impl CellList {
-    /// Creates the cell list with the fastest settings for a scene.
     pub(super) fn of(scene: Scene) -> Self {
         Self::new(Tuning::best(scene))
     }
 
-    /// Finds the pairs of these spheres.
     pub(super) fn pairs_of(&mut self, spheres: &[Sphere]) -> &Vec<Pair> {
         if self.spheres != spheres.len() {
             self.classify(spheres);
@@ -136,7 +134,6 @@ impl CellList {
         self.find_plainly(spheres);
     }
 
-    /// A copy of the code, compiled with wider vectors.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn find_with_avx2(&mut self, spheres: &[Sphere]) {

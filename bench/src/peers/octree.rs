@@ -1,8 +1,8 @@
 //! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes BiNS2 (section
 //! 4.3). Overfull leaves are split, and sparse siblings are merged.
 //!
-//! A sphere is in each leaf that its box overlaps. A pair in several leaves is reported by the leaf that holds the
-//! corner `max(low corner of a, low corner of b)`, which is in both boxes if they overlap.
+//! A sphere is in each leaf that its box overlaps. Of several leaves, the one that holds the corner `max(low corner of
+//! a, low corner of b)`, which is in both boxes, reports a pair.
 
 use std::error::Error;
 use std::mem;
@@ -51,12 +51,10 @@ impl Bounds {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
 
-    /// Returns `true` if it contains the other box without touching its sides, which belong to adjacent cells.
     fn encloses(&self, other: &Self) -> bool {
         self.low.cmplt(other.low).all() && other.high.cmplt(self.high).all()
     }
 
-    /// Returns `true` if the point belongs to this cell. Cells share no points.
     fn owns(&self, point: Vec3) -> bool {
         self.low.cmple(point).all() && point.cmplt(self.high).all()
     }
@@ -73,7 +71,6 @@ struct Node {
     depth: u32,
     /// The index of the first of eight consecutive children.
     children: Option<usize>,
-    /// The spheres of a leaf, in the order of the last sweep.
     members: Vec<u32>,
     intervals: Vec<Interval>,
     pairs: Vec<Pair>,
@@ -115,9 +112,8 @@ struct Octree {
     nodes: Vec<Node>,
     free: Vec<usize>,
     boxes: Vec<Bounds>,
-    /// The boxes of the previous step.
     before: Vec<Bounds>,
-    /// The leaf that encloses a sphere's box, if one does; the sphere is then in no other leaf.
+    /// The leaf that encloses a sphere's box; the sphere is then in no other leaf.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
@@ -166,7 +162,6 @@ impl Octree {
         self.home.resize(self.boxes.len(), Some(0));
     }
 
-    /// StepLength spheres from leaves that they left to leaves that they entered.
     fn update(&mut self) {
         let Self { nodes, boxes, before, home, .. } = self;
         nodes.par_iter_mut().filter(|node| node.children.is_none()).for_each(|leaf| leaf.release(boxes));
@@ -276,7 +271,6 @@ impl Octree {
     }
 }
 
-/// Calls `found` for each leaf that overlaps the box.
 fn descend(nodes: &[Node], node: usize, this: &Bounds, found: &mut impl FnMut(usize)) {
     if !nodes[node].cell.overlaps(this) {
         return;
@@ -287,7 +281,6 @@ fn descend(nodes: &[Node], node: usize, this: &Bounds, found: &mut impl FnMut(us
     }
 }
 
-/// The leaf whose cell encloses the box, if one exists.
 fn home_of(nodes: &[Node], this: &Bounds) -> Option<u32> {
     let mut node = 0;
     while let Some(first) = nodes[node].children {

@@ -58,7 +58,6 @@ pub fn from_scratch() -> Vec<ContenderFactory> {
         .into()
 }
 
-/// A tree kept between steps.
 struct PersistentTree {
     update: TreeUpdate,
     tree: Bvh,
@@ -91,7 +90,6 @@ impl PairFinder for PersistentTree {
     }
 }
 
-/// A tree rebuilt for each search.
 struct RebuiltTree {
     strategy: BvhBuildStrategy,
     pairs: Vec<Pair>,
@@ -109,7 +107,6 @@ fn build(spheres: &[Sphere], strategy: BvhBuildStrategy) -> Bvh {
     Bvh::from_iter(strategy, spheres.iter().map(aabb).enumerate())
 }
 
-/// Applies the exact test to the tree's candidate pairs.
 fn query(tree: &Bvh, workspace: &mut BvhWorkspace, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
     pairs.clear();
     tree.traverse_bvtt_single_tree::<false>(workspace, &mut |i, j| {
@@ -120,7 +117,6 @@ fn query(tree: &Bvh, workspace: &mut BvhWorkspace, spheres: &[Sphere], pairs: &m
     });
 }
 
-/// The box of a sphere.
 fn aabb(sphere: &Sphere) -> Aabb {
     let center = Vector::from(sphere.center.to_array());
     Aabb::from_half_extents(center, Vector::splat(half_extent(sphere)))

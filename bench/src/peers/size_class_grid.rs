@@ -1,5 +1,3 @@
-//! One grid of the plain cell list: the spheres of one size class, sorted by the cell of their center.
-
 use glam::{UVec3, Vec3};
 use lazygrid::{Pair, Sphere};
 
@@ -17,12 +15,11 @@ const ROWS: usize = 5 + 5 * 11;
 /// Number of candidates compared at once: a vector of AVX2.
 const LANES: usize = 8;
 
-/// The spheres of one class in cell order.
 #[derive(Default)]
 pub(super) struct SizeClassGrid {
     pub(super) order: Vec<u32>,
-    /// Coordinates and radii in cell order, with `LANES` more entries at the end, so that the last run can be read in
-    /// full vectors.
+    /// Coordinates and radii in cell order, with `LANES` more entries, so that the last run can be read in full
+    /// vectors.
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
@@ -44,7 +41,7 @@ pub(super) struct SizeClassGrid {
 
 impl SizeClassGrid {
     /// Sorts the class, whose members are `order`, into cells with a size of `edge` times the largest diameter. Starts
-    /// from the order of the previous step, so that reads and writes are local.
+    /// from the order of the previous step, so that accesses are local.
     #[inline(always)]
     pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
         self.members.clear();
@@ -68,7 +65,6 @@ impl SizeClassGrid {
         self.scatter();
     }
 
-    /// Chooses the cells from the bounds of the centers.
     #[inline(always)]
     fn grid(&mut self, edge: f32) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -160,7 +156,6 @@ impl SizeClassGrid {
         }
     }
 
-    /// Finds all pairs of this class with the spheres of a finer one.
     #[inline(always)]
     pub(super) fn pairs_with(&self, finer: &Self, pairs: &mut Vec<Pair>) {
         for at in 0..finer.order.len() {
@@ -179,7 +174,6 @@ impl SizeClassGrid {
         Sphere::new([self.x[at], self.y[at], self.z[at]], self.r[at])
     }
 
-    /// The range of cells that may contain centers of spheres of this class that touch `sphere`.
     #[inline(always)]
     fn around(&self, sphere: &Sphere) -> (UVec3, UVec3) {
         // Larger than all rounding errors, here and in the cell of a center.

@@ -1,5 +1,5 @@
-//! Sweep and prune along one axis, as in N3Sim: the spheres' intervals are sorted by their lower ends, and each is
-//! compared with those that start before it ends. Each sort starts from the order of the previous step.
+//! Sweep and prune along one axis, as in N3Sim. Each sort of the intervals by their lower ends starts from the order of
+//! the previous step.
 
 use std::error::Error;
 
@@ -67,8 +67,7 @@ impl PairFinder for Sweep {
 
 /// Sorts by the lower ends, in linear time if little has changed.
 pub(super) fn sort(intervals: &mut [Interval]) {
-    // Insertion moves each interval past those that it overtook. If that takes more moves than a sort would, sorts
-    // instead.
+    // Insertion moves each interval past those that it overtook, or gives up for a sort.
     let patience = 8 * intervals.len();
     let mut moved = 0;
     for k in 1..intervals.len() {
@@ -87,7 +86,6 @@ pub(super) fn sort(intervals: &mut [Interval]) {
     }
 }
 
-/// Calls `found` once for each overlapping pair of sorted intervals.
 #[inline]
 pub(super) fn sweep(intervals: &[Interval], mut found: impl FnMut(&Interval, &Interval)) {
     for (k, a) in intervals.iter().enumerate() {
@@ -102,7 +100,6 @@ pub(super) fn sweep(intervals: &[Interval], mut found: impl FnMut(&Interval, &In
     }
 }
 
-/// The variance of the centers along each axis.
 fn variances(spheres: &[Sphere]) -> DVec3 {
     let n = spheres.len().max(1) as f64;
     let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);

@@ -4,7 +4,6 @@ use super::*;
 use crate::measure::{ContenderFactory, Plan, compare};
 use lazygrid_io::scenes::Scene;
 
-/// All peers find the naive detector's pairs at each step.
 #[test]
 fn peers_agree_with_naive() {
     for scene in Scene::ALL {
@@ -23,7 +22,6 @@ fn peers_agree_with_naive() {
     }
 }
 
-/// Coincident points, spheres that just touch, and a row of cells along one axis.
 #[test]
 fn cell_list_handles_unusual_shapes() {
     let points = |n: usize| (0..n).map(|k| Sphere::new([(k / 2) as f32, 0.0, 0.0], 0.0)).collect();
@@ -42,7 +40,6 @@ fn cell_list_handles_unusual_shapes() {
     }
 }
 
-/// Spheres that move apart by more than their cells: the octree grows, splits and merges without losing pairs.
 #[test]
 fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
@@ -62,8 +59,6 @@ fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     }
 }
 
-/// Spheres so far from the origin that boxes often end exactly at cell borders: crossing a border must not lose a
-/// sphere.
 #[test]
 fn boxes_at_cell_borders_lose_no_pair() {
     let mut spheres = Scene::Equal.spheres(4000, 6);

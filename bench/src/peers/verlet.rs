@@ -1,5 +1,5 @@
-//! A typical Verlet list: candidate pairs within a skin, found by the plain cell list, are tested until some sphere has
-//! moved by half the skin. It shares only the exact test with lazygrid's detectors.
+//! A typical Verlet list: candidates within a skin, found by the plain cell list, are tested until some sphere has
+//! moved by half the skin.
 
 use std::error::Error;
 
@@ -44,7 +44,6 @@ fn with(name: impl Into<String>, scene: Scene, skin: f32) -> ContenderFactory {
 struct Verlet {
     skin: f32,
     list: CellList,
-    /// The spheres with half the skin added, at the time of the rebuild.
     wide: Vec<Sphere>,
     /// The sphere at each sorted position; neighbors in space are neighbors in memory.
     order: Vec<u32>,

@@ -68,8 +68,7 @@ impl DetectorVariant {
     }
 
     /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
-    /// candidates. A [quick](Effort::Quick) check uses the default settings of each algorithm only, and the cell list
-    /// with candidates.
+    /// candidates. A [quick](Effort::Quick) check uses default settings only, and the cell list with candidates.
     pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =
@@ -106,8 +105,7 @@ impl DetectorVariant {
         }
     }
 
-    /// The settings of a `Detector` of this variant. A `Detector` always uses subgroup operations if the device
-    /// supports them.
+    /// The settings of a `Detector` of this variant, which always uses subgroup operations if the device supports them.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
         let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {

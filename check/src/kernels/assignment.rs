@@ -12,8 +12,7 @@ use super::division::Division;
 use super::support::{KernelError, same};
 use crate::device::{download, run, upload, upload_one};
 
-/// Checks that cells are as large as the spheres assigned to them, fit the table, and hold touching spheres in adjacent
-/// cells.
+/// Checks that cells are as large as their spheres, fit the table, and hold touching spheres in adjacent cells.
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
@@ -46,8 +45,8 @@ pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     first_calls_miss_no_crowd(own)
 }
 
-/// Checks crowds of which a call samples one sphere each: a first call looks again, and a later one uses the occupancy
-/// of the call before.
+/// Crowds of which a call samples one sphere each: a first call looks again, and a later one uses the occupancy of the
+/// call before.
 fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     const SPHERES: u32 = 20_000;
     let sphere = |k: u32| {
@@ -114,7 +113,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     Ok(())
 }
 
-/// Checks that of two levels whose sides meet one looks at the other, and that it is a level with cells as large or larger.
+/// If the sides of two levels meet, one searches the other, which has cells as large or larger.
 fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
     let list = &chosen.list;
     let looks = |from: usize, at: usize| list.level[from].searched_levels >> at & 1;
@@ -169,7 +168,7 @@ fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Resul
     Ok(())
 }
 
-/// Checks that each counter holds the number of spheres that are not listed, if smaller spheres may leave cells.
+/// Checks that each counter holds the number of unlisted spheres, if smaller spheres may leave cells.
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
@@ -237,7 +236,6 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
                 |fused| chosen.homes(&table, fused).1,
             )?;
         } else {
-            // The smaller spheres enter their cell interleaved with the others, in any order.
             let of_level = |id: usize| level_of(list, scenario.spheres[id].radius);
             let small = |id: usize| chosen.may_pair(id) && ![0, LISTED].contains(&of_level(id));
             let mut smaller = vec![0; counts.len()];

@@ -17,8 +17,7 @@ const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0
 /// Radius of the spheres: bounds hold far more cells than there is room for.
 const RADIUS: f32 = 1.0 / 1024.0;
 
-/// Checks that the long axes have as many cells as the capacity of the table allows, around every number at which one more
-/// cell fits along each of them.
+/// Checks that the long axes have as many cells as the table holds, around every number at which one more cell fits.
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
@@ -35,7 +34,6 @@ pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), Ke
             for capacity in full - 1..=full + 1 {
                 let fits = |cells: &u32| cells.pow(long) <= capacity;
                 let expected = (root - 1..=root + 1).rev().find(fits).unwrap_or(0);
-                // Fewer than three cells along an axis are a single one.
                 if expected < 3 {
                     continue;
                 }
@@ -50,7 +48,6 @@ pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), Ke
 
 /// The numbers of cells that the device chooses.
 fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 3], KernelError> {
-    // More equal spheres than would be listed, at the corners of the bounds.
     let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { extent[axis] } else { 0.0 });
     let spheres: Vec<_> = (0..16).map(|k| Sphere::new(corner(k), RADIUS)).collect();
     let call = SearchParams {

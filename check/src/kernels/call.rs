@@ -80,7 +80,6 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
         let found = download::<[f32; 4]>(own, &wrapped, spheres.len())?;
         for (sphere, found) in spheres.iter().zip(found) {
             let center = space.wrap(sphere.center).to_array();
-            // Compares numbers, not bits: zero has two signs.
             let same_place = center == [found[0], found[1], found[2]] && found[3] == sphere.radius;
             same(|| format!("{sphere:?} in {lengths:?} at {center:?}: {found:?}"), &same_place, &true)?;
         }
@@ -175,7 +174,6 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
         let lengths = download::<SortCounts>(own, &lengths, 1)?[0];
         let case = || format!("{} entries, capacity {capacity}", wanted.entries_needed());
         same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
-        // One counter per digit and tile.
         let tiles = lengths.counters / 256;
         same(case, &(lengths.counters % 256 == 0 && (tiles > 0) == (items > 0) && tiles <= items), &true)?;
     }
@@ -278,7 +276,6 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that the count of pairs continues beyond 32 bits.
 fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
     let call = SearchParams {

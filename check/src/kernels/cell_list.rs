@@ -1,5 +1,3 @@
-//! Checks of the cell-list kernels, each against plain sequential functions.
-
 use bytemuck::Zeroable;
 use encase::ShaderType;
 use lazygrid::Sphere;
@@ -110,10 +108,8 @@ pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> 
     Ok(())
 }
 
-/// Capacity of the cell table.
 const CELLS: u32 = 4096;
 
-/// The results of the kernels that start a call; structures as bytes.
 struct Begun {
     leaves_no_survey: bool,
     list: Vec<u8>,
@@ -122,7 +118,6 @@ struct Begun {
     starts: Vec<u32>,
 }
 
-/// Runs kernels that start a call, each with its number of workgroups.
 fn begun(
     own: &GpuDevice,
     given: &[(&'static str, &wgpu::Buffer)],

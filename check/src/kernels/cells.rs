@@ -1,4 +1,4 @@
-//! Sequential versions of the device's cell assignment: the cells of a cell list and the cell of each sphere.
+//! Sequential versions of the device's cell assignment.
 
 use bytemuck::Zeroable;
 use glam::Vec3;
@@ -14,7 +14,6 @@ use crate::device::{download, download_one, run, upload, upload_one};
 use crate::scenes::periodic;
 use crate::{Random, TestInput};
 
-/// Capacity of the cell table in tests.
 pub(crate) const CELL_CAPACITY: u32 = 4096;
 /// The level number of size classes that have no cells: their spheres are kept in a list.
 pub(crate) const LISTED: usize = 255;
@@ -177,14 +176,12 @@ pub(crate) fn configure(
     })
 }
 
-/// The level of spheres with this radius.
 pub(crate) fn level_of(list: &CellListLayout, radius: f32) -> usize {
     let class = (radius.to_bits() >> 23) as usize;
     (list.class_levels[class / 4] >> (class % 4 * 8) & 255) as usize
 }
 
-/// The cell of a point along each axis, before wrapping around the ring of cells. `fused` selects the rounding of a
-/// fused multiply-add.
+/// The cell of a point along each axis before wrapping, with the rounding of a fused multiply-add if `fused`.
 pub(crate) fn numbers(
     list: &CellListLayout,
     space: Space,
@@ -215,7 +212,6 @@ pub(crate) fn numbers(
     })
 }
 
-/// The index of a point's cell in the table.
 fn cell(list: &CellListLayout, space: Space, place: Vec3, (level, fused): (usize, bool)) -> u32 {
     let own = &list.level[level];
     let [x, y, z] = numbers(list, space, place, (level, fused));
@@ -224,23 +220,19 @@ fn cell(list: &CellListLayout, space: Space, place: Vec3, (level, fused): (usize
 }
 
 impl ConfiguredCellList {
-    /// The wrapped center of a sphere, as the device sees it.
     pub(crate) fn place(&self, sphere: &Sphere) -> Vec3 {
         self.scenario.space.wrap(sphere.center)
     }
 
-    /// Returns `true` if a sphere is valid and may pair.
     pub(crate) fn may_pair(&self, id: usize) -> bool {
         let spheres = &self.scenario.spheres;
         spheres[id].is_valid() && self.division.may_pair(id, spheres.len())
     }
 
-    /// The first level of a sphere's side.
     fn first_level(&self, id: usize) -> usize {
         CellListLayout::LEVELS * self.division.side(id, self.scenario.spheres.len())
     }
 
-    /// The cell of a sphere at the first level of its side; `None` if it does not pair or is listed.
     fn coarsest(&self, id: usize, fused: bool) -> Option<u32> {
         let sphere = &self.scenario.spheres[id];
         let has_cell = self.may_pair(id) && level_of(&self.list, sphere.radius) != LISTED;
@@ -248,7 +240,6 @@ impl ConfiguredCellList {
         has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), at))
     }
 
-    /// The expected value of each occupancy counter.
     pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
         let mut density = vec![0; self.call.occupancy_slots as usize];
         let slots = density.len();
@@ -259,7 +250,7 @@ impl ConfiguredCellList {
         density
     }
 
-    /// The cell of a sphere, and the occupancy of the overfull cell that it left (0 if it left none).
+    /// The cell of a sphere, and the occupancy of the overfull cell that it left, or 0.
     fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
         let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
         let Some(coarsest) = self.coarsest(id, fused) else {

@@ -7,27 +7,21 @@ use lazygrid_kernels::layout::{SearchParams, SpeciesParams};
 use crate::SpeciesSetup;
 use crate::device::upload;
 
-/// The division of the spheres of a kernel check into sides. All that pair do so by touching.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Division {
     /// All spheres are on one side.
     OneSet,
-    /// The last fifth of the spheres is a second set.
     TwoSets,
     /// Every fifth sphere is of a species that does not pair with itself, and every seventh of one that never pairs.
     Species {
-        /// `true` if the species of the other spheres pairs with itself.
         meets_itself: bool,
     },
 }
 
-/// The species of the second side.
 const SECOND: u32 = 1;
-/// The species that never pairs.
 const IDLE: u32 = 2;
 
 impl Division {
-    /// The species of a sphere among `count`; two sets are two species.
     fn species_of(self, index: usize, count: usize) -> u32 {
         match self {
             Self::OneSet => 0,
@@ -37,22 +31,18 @@ impl Division {
         }
     }
 
-    /// The number of spheres of the first of two sets, of `count` in both.
     fn first_set(self, count: usize) -> usize {
         count - count / 5
     }
 
-    /// The side of a sphere among `count`: 0 or 1.
     pub(crate) fn side(self, index: usize, count: usize) -> usize {
         usize::from(self.species_of(index, count) == SECOND)
     }
 
-    /// Returns `true` if a sphere among `count` may pair with some other.
     pub(crate) fn may_pair(self, index: usize, count: usize) -> bool {
         self.species_of(index, count) != IDLE
     }
 
-    /// Returns `true` if spheres of these two sides are compared.
     pub(crate) fn meets(self, a: usize, b: usize) -> bool {
         self.side_pairs() >> (a + b) & 1 == 1
     }
@@ -67,12 +57,10 @@ impl Division {
         }
     }
 
-    /// Returns `true` if the device reads the species of the spheres.
     pub(crate) fn has_species(self) -> bool {
         matches!(self, Self::Species { .. })
     }
 
-    /// A call of spheres that are divided in this way.
     pub(crate) fn divide(self, call: SearchParams) -> SearchParams {
         let second_set_start =
             if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };
@@ -96,7 +84,6 @@ impl Division {
         })
     }
 
-    /// The species of `count` spheres.
     pub(crate) fn species(self, count: usize) -> Vec<u32> {
         (0..count).map(|index| self.species_of(index, count)).collect()
     }
@@ -120,7 +107,6 @@ impl Division {
     }
 }
 
-/// The buffers of species that kernels read.
 pub(crate) struct Species {
     species: wgpu::Buffer,
     reach: wgpu::Buffer,

@@ -1,5 +1,3 @@
-//! Check of the kernel that configures the paper's grids, against plain sequential functions.
-
 use bytemuck::Zeroable;
 use glam::Vec3;
 use lazygrid::gpu::GpuDevice;
@@ -15,7 +13,6 @@ use crate::scenes::periodic;
 /// Number of bits of a sort key.
 const KEY_BITS: u32 = 24;
 
-/// A dense scene of `count` spheres with these radii in turn, at distinct positions.
 fn scene(count: usize, radii: &[f32], space: Space) -> Vec<Sphere> {
     let mut random = Random(count as u64);
     let mut coordinate = || random.unit() * 20.0 - 7.0;
@@ -24,7 +21,6 @@ fn scene(count: usize, radii: &[f32], space: Space) -> Vec<Sphere> {
     (0..count).map(sphere).collect()
 }
 
-/// The bounding box of all spheres.
 fn extent(spheres: &[Sphere]) -> [Vec3; 2] {
     let corner = |sign: f32| spheres.iter().map(move |sphere| sphere.center + sign * sphere.radius);
     [corner(-1.0).fold(Vec3::INFINITY, Vec3::min), corner(1.0).fold(Vec3::NEG_INFINITY, Vec3::max)]
@@ -94,7 +90,6 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Number of bits that distinguish all cells of an axis.
 fn wanted_bits(grid: &Grid, axis: usize) -> u32 {
     match grid.ring_cells[axis] {
         0.0 => u32::BITS - (grid.high[axis].abs_diff(grid.low[axis])).leading_zeros(),
@@ -103,7 +98,6 @@ fn wanted_bits(grid: &Grid, axis: usize) -> u32 {
     }
 }
 
-/// Checks an unbounded axis. Returns what is wrong.
 fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Result<(), String> {
     let mut places: Vec<f32> = spheres.iter().map(|sphere| sphere.center[axis]).collect();
     places.sort_by(f32::total_cmp);
@@ -123,7 +117,6 @@ fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Re
     }
 }
 
-/// Checks a periodic axis. Returns what is wrong.
 fn ring(grid: &Grid, (axis, width): (usize, f32), length: f32) -> Result<(), String> {
     let turns = grid.ring_cells[axis];
     let whole = if turns >= 4.0 { turns % 4.0 == 0.0 } else { turns.log2().fract() == 0.0 };

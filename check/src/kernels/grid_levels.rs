@@ -1,5 +1,3 @@
-//! Checks of the kernels of the nested grids, each against plain sequential functions.
-
 use std::collections::HashMap;
 
 use bytemuck::Zeroable;
@@ -125,7 +123,6 @@ fn is_dense(counter: u32, tau: u32) -> bool {
     counter & !HAS_OWN > tau
 }
 
-/// The expected occupancy table after the first level, and after all levels.
 fn density_plain(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0; 2 * SLOTS as usize];
     for own in cells {

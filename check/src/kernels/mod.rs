@@ -9,6 +9,7 @@ mod division;
 mod grid;
 mod grid_levels;
 mod overflow;
+/// Checks of the radix sort and the prefix scan.
 pub mod primitives;
 mod probe;
 mod runs;

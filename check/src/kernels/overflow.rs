@@ -1,5 +1,3 @@
-//! Checks of the searches of a cell list, against all pairs.
-
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
 use lazygrid::{Pair, Sphere};
@@ -12,7 +10,6 @@ use super::support::{KernelError, same};
 use crate::device::{download, run, run_over, upload, upload_one};
 use crate::{Tolerance, difference};
 
-/// The buffers that the searches of one call share.
 struct Searched {
     call: wgpu::Buffer,
     list: wgpu::Buffer,
@@ -28,7 +25,6 @@ struct Searched {
 }
 
 impl Searched {
-    /// Sorts the spheres of a call into cells.
     fn of(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<Self, KernelError> {
         let ConfiguredCellList { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
@@ -78,12 +74,10 @@ impl Searched {
         Ok(download::<Outcome>(own, &self.outcome, 1)?[0])
     }
 
-    /// The written pairs. The buffer is large enough for all pairs.
     fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
         Ok(download::<Pair>(own, &self.pairs, self.outcome(own)?.found() as usize)?)
     }
 
-    /// Searches the first candidates of each sphere.
     fn first_shares(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
         let groups = chosen.call.spheres.div_ceil(k::WORKGROUP_SIZE);
         Ok(run(own, &k::CELL_LIST_SEARCH, chosen.variant, groups, &self.bound())?)
@@ -105,12 +99,10 @@ impl Searched {
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
-        // In a small box nearly all spheres are pairs.
         let case = CellListCase { spheres: case.spheres.min(1500), ..case };
         let chosen = case.choose(own)?;
         let scenario = chosen.scenario.only(|k| chosen.scenario.spheres[k].is_valid());
         let expected = scenario.oracle();
-        // Invalid spheres have indices but no pairs.
         let valid = (0..).zip(&chosen.scenario.spheres).filter(|(_, sphere)| sphere.is_valid());
         let ids: Vec<u32> = valid.map(|(id, _)| id).collect();
         for tiles_per_submission in [SearchParams::UNLIMITED, 1] {
@@ -138,8 +130,8 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
     Ok(())
 }
 
-/// Checks spheres at one point, where the candidates of a sphere are all spheres after it. The first search covers its
-/// share of the candidates, and lists blocks with more.
+/// Checks coincident spheres, whose candidates are all later spheres. The first search covers its share, and lists
+/// blocks with more.
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.

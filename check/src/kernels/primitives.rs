@@ -1,5 +1,3 @@
-//! Checks of the radix sort and the prefix scan on the device, against plain sequential functions.
-
 use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort};
 use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
 use lazygrid_kernels::layout::SortCounts;
@@ -31,7 +29,6 @@ pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let scan = PrefixScan::new(&own.device, subgroups);
         let mut random = Random(size as u64);
-        // The sum of random values exceeds 32 bits.
         let random = (0..size).map(|_| random.word()).collect();
         for values in [random, vec![1; size], vec![u32::MAX; size]] {
             let buffer = upload(own, &values)?;
@@ -95,7 +92,7 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
 }
 
 /// Checks the sort of `size` keys, with and without subgroup operations. Sorts random keys by several numbers of bits,
-/// and other kinds of keys by 13 and 32 bits. From 100,000 keys, sorts only random ones, by 24 and 32 bits.
+/// and other kinds of keys by 13 and 32 bits; at or above 100,000 keys only random ones, by 24 and 32 bits.
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.

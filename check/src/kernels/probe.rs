@@ -1,5 +1,3 @@
-//! The check of the subgroup probe.
-
 use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::kernel::SubgroupProbe;

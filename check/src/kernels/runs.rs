@@ -1,5 +1,3 @@
-//! Checks of the searches of the paper's grids, each against all pairs of each run of equal keys.
-
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
 use lazygrid::{Pair, Sphere};
@@ -10,12 +8,10 @@ use super::support::{KernelError, same};
 use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
 
-/// Capacity of the pair buffer.
 const PAIR_CAPACITY: u32 = 1 << 21;
 /// Distance along a run up to which the first search compares entries. The second search compares the others.
 const NEAR: u32 = 256;
 
-/// The buffers of a search in runs of entries.
 struct Runs {
     call: wgpu::Buffer,
     grid: wgpu::Buffer,
@@ -82,7 +78,6 @@ impl Runs {
         Ok(run_over(own, (&k::RUNS_SEARCH_FAR, variant), groups, &self.bound())?)
     }
 
-    /// The pairs found so far, sorted.
     fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
         let found = download::<Outcome>(own, &self.outcome, 1)?[0].found();
         let mut pairs = download::<Pair>(own, &self.pairs, found as usize)?;

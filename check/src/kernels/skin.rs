@@ -1,5 +1,3 @@
-//! Checks of the kernels of candidate lists, each against plain sequential functions.
-
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, SkinState};
 use lazygrid::{Pair, Space, Sphere};

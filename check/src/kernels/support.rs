@@ -7,7 +7,6 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::Variant;
 use thiserror::Error;
 
-/// Numbers of spheres: around the size of a workgroup, and many workgroups.
 pub(super) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
 
 /// The failure of a check.
@@ -21,7 +20,6 @@ pub enum KernelError {
     Device(#[from] Error),
 }
 
-/// The default variants without and, if the device supports them, with subgroup operations.
 pub(super) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     let smallest = own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0]);
     let subgroups = smallest.filter(|&size| size >= 4);
@@ -34,7 +32,6 @@ pub(super) fn ordered(x: f32) -> u32 {
     if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
 }
 
-/// Compares a result with the expected one.
 pub(crate) fn same<T: PartialEq + Debug>(
     case: impl FnOnce() -> String,
     found: &T,

@@ -7,9 +7,8 @@ use crate::TestInput;
 pub enum Tolerance {
     /// None: for the CPU.
     Exact,
-    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be found or missed. In a
-    /// periodic space the limit is 5 ulp, as a distance across the periodic boundary is the sum of two. Triclinic cells
-    /// are exact.
+    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be found or missed; within 5
+    /// ulp in a periodic space, where a distance across the boundary is the sum of two. Triclinic cells are exact.
     Tangent,
 }
 
@@ -35,7 +34,7 @@ impl Tolerance {
 ///
 /// # Errors
 /// Describes the difference: the numbers of missing, extra, duplicate and malformed pairs, and the first of each with
-/// its spheres and the gap between them.
+/// its spheres and gap.
 pub fn difference(
     scenario: &TestInput,
     found: &[Pair],
@@ -84,7 +83,7 @@ fn describe(scenario: &TestInput, pair: Pair) -> String {
 
 /// A digest of the pairs that does not depend on their order. Duplicates count.
 pub fn checksum(pairs: &[Pair]) -> u64 {
-    // The finalizer of SplitMix64: a change of one bit of a pair changes about half the bits of the digest.
+    // The finalizer of SplitMix64.
     let mix = |pair: &Pair| {
         let mut x = u64::from(pair.i) << 32 | u64::from(pair.j);
         x = (x ^ x >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -38,7 +38,6 @@ impl ExclusionCase {
         self.pairs.iter().copied()
     }
 
-    /// Returns `true` if the pair is excluded.
     pub(crate) fn has(&self, i: u32, j: u32) -> bool {
         self.pairs.contains(&(i.min(j), i.max(j)))
     }

@@ -28,8 +28,8 @@ impl ImageOracle {
         &self.fractions
     }
 
-    /// The smallest squared length of `apart` and all its images, if `reach` is infinite. For a finite `reach` it may
-    /// be that of any image within `reach`, or of any image at all if none is within it.
+    /// The smallest squared length of `apart` and all its images. For a finite `reach` it may be that of any image
+    /// within `reach`, or of any image at all if none is within it.
     ///
     /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell along that
     /// vector.
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(at(&triclinic, 1.5, 2.0, 0.5), 1.25);
         assert_eq!(at(&triclinic, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
         assert!(at(&triclinic, 0.0, 0.0, 3.0) > 2.25);
-        // A cell with a tilt larger than its length has the same images as one with a smaller tilt.
+        // A tilt larger than the length has the same images as a smaller one.
         let far = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
         for k in 0..50 {
             let [x, y] = [0.61 * f64::from(k), 0.37 * f64::from(k)];

@@ -38,7 +38,6 @@ pub struct SpeciesSetup {
 }
 
 impl SpeciesSetup {
-    /// The interaction of species `a` and `b`.
     fn between(&self, a: u32, b: u32) -> Interaction {
         self.rows[a.max(b) as usize][a.min(b) as usize]
     }
@@ -160,8 +159,8 @@ impl TestInput {
         dx * dx + dy * dy + dz * dz
     }
 
-    /// All pairs in canonical order, as the contract defines them. The code is as simple as possible, as all other
-    /// results are compared with it. In triclinic cells it tests all images that may be within the cutoff.
+    /// All pairs in canonical order, as the contract defines them, by the simplest code, as all other results are
+    /// compared with it.
     pub fn oracle(&self) -> Vec<Pair> {
         if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));

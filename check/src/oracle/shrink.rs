@@ -95,7 +95,6 @@ mod tests {
         }
     }
 
-    /// A detector that ignores groups, or ignores the list, is shown with only that kind of exclusion.
     #[test]
     fn exclusions_shrink_with_the_spheres() {
         let words =

@@ -1,5 +1,5 @@
-//! Families of scenes that are hard on grids. Each makes its spheres from a [`SceneSeed`], so that tests can shrink a
-//! failing scene and a fuzzer can draw any number of scenes.
+//! Families of scenes that are hard on grids, made from a [`SceneSeed`], so that tests can shrink them and a fuzzer can
+//! draw any number.
 
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};
@@ -39,8 +39,8 @@ fn place(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
     [coordinate(), coordinate(), coordinate()]
 }
 
-/// Lattices in contact: exact contact for dyadic spacings, just above or below it by rounding for others. Some spheres
-/// have twice the radius or are points.
+/// Lattices in contact: exact for dyadic spacings, up to rounding for others. Some spheres have twice the radius or are
+/// points.
 pub fn lattice(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
@@ -146,7 +146,7 @@ pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
 }
 
 /// Values log-uniform over four binades at a random place in the range of `f32`, subnormals included, so that spheres
-/// of any magnitude do meet.
+/// of any magnitude meet.
 pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
@@ -157,8 +157,8 @@ pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| value(of)), value(of).abs()))
 }
 
-/// Draws a length near which `f32` arithmetic changes: the smallest numbers, the smallest normal one and its neighbors,
-/// numbers whose squares underflow, and numbers whose squares overflow.
+/// A length near which `f32` arithmetic changes: the smallest numbers, the smallest normal one and its neighbors, and
+/// numbers whose squares underflow or overflow.
 pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
     let exponents =
         [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];
@@ -186,7 +186,7 @@ pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
         let center = place(|| match of.below(3) {
             0 => of.between(-1e20, 1e20),
             1 => any_magnitude(of),
-            // `between` needs a finite span, so that draw half the range and double it.
+            // `between` needs a finite span, so half the range is drawn and doubled.
             _ => 2.0 * of.between(-0.5 * f32::MAX, 0.5 * f32::MAX),
         });
         Sphere::new(center, radius)

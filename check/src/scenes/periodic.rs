@@ -117,7 +117,6 @@ pub fn extremes(words: &SceneSeed) -> TestInput {
     let of_quarters = |quarters: f64| (0.25 * quarters * f64::from(unit)) as f32;
     let lengths = match choices.once_in(4) {
         true => lengths(&mut choices, &[1.0, 3e38]),
-        // The smallest units cannot be divided.
         false => lengths(&mut choices, &[1.0, 2.5, 7.0, 16.0, 0.25])
             .map(|length| length.map(|length| of_quarters(4.0 * f64::from(length)).max(unit))),
     };

@@ -35,7 +35,7 @@ impl SceneSeed {
     }
 }
 
-/// Draws choices, each from the next word. Uses zeros after the last word.
+/// Draws each choice from the next word, and zeros when the words are used up.
 #[derive(Debug)]
 pub struct SeedReader<'a> {
     words: std::slice::Iter<'a, u32>,

@@ -1,5 +1,5 @@
-//! Families of scenes in triclinic cells, made from a [`SceneSeed`] like those of [`hard`]. Only the words of the
-//! scene determine the cell, so that other elements are other spheres in the same cell.
+//! Families of scenes in triclinic cells. Only the words of the scene determine the cell, so that other elements are
+//! other spheres in the same cell.
 
 use glam::Vec3;
 use lazygrid::{Space, Sphere};

@@ -131,8 +131,6 @@ impl GpuTimer {
         expected.sort_by_key(|&at| keys[at as usize] & mask);
         let found = download(&self.own, &sort.sorted().payload, n as usize)?;
         same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
-        // The keys are counted, then moved with their payload; a counter per digit and tile is written, scanned and
-        // read.
         let a_pass = 20 * u64::from(n) + 16 * u64::from(SortCounts::for_sort(n, WIDE_TILE).counters);
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
@@ -176,7 +174,6 @@ impl GpuTimer {
     }
 }
 
-/// Writes a timestamp at the beginning of an empty pass, which waits for all commands recorded before it.
 fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
     let writes = wgpu::ComputePassTimestampWrites {
         query_set: queries,

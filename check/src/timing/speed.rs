@@ -79,7 +79,7 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
 /// # Errors
 /// Fails if free memory is too small, or if a call fails.
 pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
-    // The spheres do not move, so that a candidate list would never be rebuilt.
+    // Spheres at rest would never rebuild a candidate list.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
     let mut detector = Detector::new(config).map_err(|error| SkipReason::Failed(error.to_string()))?;
     let (needed, free) = (detector.memory_for(spheres.len() as u64), free_memory());
@@ -141,8 +141,8 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>) -> Res
     })
 }
 
-/// Predicts the seconds of a call with `spheres` spheres from the sizes and times of smaller calls. Continues the
-/// growth of the last step, and at least linear growth (quadratic for `Naive`). Returns 0 without earlier times.
+/// Predicts the seconds of a call from the sizes and times of smaller calls: continues the growth of the last step, and
+/// at least linear growth (quadratic for `Naive`). Returns 0 without earlier times.
 pub fn forecast(algorithm: Algorithm, before: &[(usize, f64)], spheres: usize) -> f64 {
     let Some(&(last, seconds)) = before.last() else { return 0.0 };
     let growth = (spheres as f64 / last as f64).ln();
@@ -167,7 +167,6 @@ mod tests {
         assert!(near(forecast(Algorithm::Naive, &[(10, 1.0)], 100), 100.0));
         assert!(near(forecast(Algorithm::CellList, &[(10, 1.0)], 100), 10.0));
         assert!(near(forecast(Algorithm::CellList, &[(10, 1.0), (100, 20.0)], 1000), 400.0));
-        // Times dominated by a constant grow at least linearly.
         assert!(near(forecast(Algorithm::CellList, &[(10, 1.0), (100, 2.0)], 1000), 20.0));
     }
 

@@ -14,12 +14,11 @@ pub(crate) use lazygrid_check::Random;
 use lazygrid_check::device;
 use lazygrid_kernels::kernel::{Kernel, Variant};
 
-/// The device to test on. Without one, the test prints the reason and is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
+/// The device to test on. Without one the test is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
 pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(SoftwareAdapter::Allow))
 }
 
-/// Opens a device of the same adapter and features with other limits.
 pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> GpuDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
@@ -46,7 +45,6 @@ pub(crate) fn submit<R>(own: &GpuDevice, record: impl FnOnce(&mut wgpu::CommandE
     device::submit(own, |encoder| Ok(record(encoder))).expect("submitted")
 }
 
-/// Runs one kernel on buffers given by the names of its bindings.
 pub(crate) fn run(
     own: &GpuDevice,
     kernel: &'static Kernel,

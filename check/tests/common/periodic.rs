@@ -5,7 +5,6 @@ use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Sphere
 
 use super::Random;
 
-/// Spheres in a periodic space.
 #[derive(Clone)]
 pub(crate) struct Scene {
     pub(crate) name: String,
@@ -23,7 +22,6 @@ impl Scene {
         Space::periodic(self.lengths.map(|length| length.map(f64::from))).expect("lengths")
     }
 
-    /// The largest distance at which two spheres are a pair; `None` if they never are.
     fn reach(&self, i: usize, j: usize) -> Option<f64> {
         let touch = || f64::from(self.spheres[i].radius) + f64::from(self.spheres[j].radius);
         let Some((species, table)) = &self.species else { return Some(touch()) };
@@ -111,7 +109,6 @@ pub(crate) fn cloud(seed: u64, n: usize, extent: f32, radius: impl Fn(&mut Rando
         .collect()
 }
 
-/// The lengths of the axes whose bits are set in `axes`; other axes are unbounded.
 pub(crate) fn lengths(axes: usize, of: [f32; 3]) -> [Option<f32>; 3] {
     [0, 1, 2].map(|axis| (axes >> axis & 1 == 1).then_some(of[axis]))
 }

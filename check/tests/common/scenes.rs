@@ -1,5 +1,3 @@
-//! Hard scenes, and all pairs in `f64` as their reference.
-
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, Outcome};
 use lazygrid::{Algorithm, Pair, Sphere};
 pub(crate) use lazygrid_check::scenes::{cloud, scenes};
@@ -28,14 +26,13 @@ pub(crate) fn detect(own: &GpuDevice, detector: &mut GpuDetector, spheres: &[Sph
     detect_with(own, detector, &GpuSpheres::new(&upload(own, spheres), spheres.len() as u32))
 }
 
-/// The squared distance of two spheres and their squared cutoff, in `f64`.
 fn squares(a: &Sphere, b: &Sphere, reach: f64) -> (f64, f64) {
     let square = |axis: usize| (f64::from(a.center[axis]) - f64::from(b.center[axis])).powi(2);
     (square(0) + square(1) + square(2), reach * reach)
 }
 
-/// Checks sorted `pairs` against all pairs: each occurs once, and only pairs within four ulp of tangency may be missing
-/// or extra. `reach` returns the cutoff of two spheres, or `None` if they never pair.
+/// Checks sorted `pairs`: each occurs once, and only pairs within four ulp of tangency may be missing or extra. `reach`
+/// returns the cutoff of two spheres, or `None` if they never pair.
 pub(crate) fn verify(
     scene: &str,
     spheres: &[Sphere],

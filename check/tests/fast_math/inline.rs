@@ -1,6 +1,5 @@
 //! Expands calls of WGSL functions whose body is one `return` statement.
 
-/// A function that consists of `return body;`.
 struct Single {
     name: String,
     parameters: Vec<String>,
@@ -71,7 +70,6 @@ fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The arguments of a call whose parenthesis is open, and the text after it.
 fn arguments(text: &str) -> Option<(Vec<String>, &str)> {
     let (mut depth, mut start, mut found) = (0, 0, Vec::new());
     for (at, c) in text.char_indices() {

@@ -43,7 +43,6 @@ pub(crate) fn rewritten(text: &str, rewrites: &[Rewrite]) -> String {
 
 type Edit = (Range<usize>, String);
 
-/// Runs `visit` on each function of a text.
 fn analyzed<T>(text: &str, visit: impl Fn(&Scope<'_>) -> Vec<T>) -> Vec<T> {
     let module = naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(text)));
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
@@ -58,7 +57,6 @@ fn analyzed<T>(text: &str, visit: impl Fn(&Scope<'_>) -> Vec<T>) -> Vec<T> {
     scopes.flat_map(|scope| visit(&scope)).collect()
 }
 
-/// Applies edits, the outermost where they overlap.
 fn edited(text: &str, mut edits: Vec<Edit>) -> String {
     edits.sort_by_key(|(range, _)| (range.start, std::cmp::Reverse(range.end)));
     let (mut result, mut end) = (String::new(), 0);
@@ -102,7 +100,6 @@ fn flushed(text: &str) -> String {
     result
 }
 
-/// A function with its types and source text.
 struct Scope<'a> {
     text: &'a str,
     module: &'a Module,
@@ -119,7 +116,6 @@ impl Scope<'_> {
         values.filter_map(edit).collect()
     }
 
-    /// The ranges of all floating-point operations, and the number of their components.
     fn operations(&self) -> Vec<(Range<usize>, u32)> {
         let mut found = Vec::new();
         for (value, expression) in self.function.expressions.iter() {
@@ -137,7 +133,6 @@ impl Scope<'_> {
         found
     }
 
-    /// The text that replaces a value, if the rewrite fits.
     fn rewritten(&self, value: Value, rewrite: Rewrite) -> Option<String> {
         use BinaryOperator::{Add, Multiply, Subtract};
         let width = self.width(value)?;
@@ -202,7 +197,6 @@ impl Scope<'_> {
         }
     }
 
-    /// Formats operands, all with `width` components.
     fn joined<const N: usize>(
         &self,
         width: u32,
@@ -229,7 +223,6 @@ impl Scope<'_> {
         }
     }
 
-    /// The operation that computes an operand, if its operands may be read again at `user`.
     fn inner(&self, user: Value, operand: Value) -> Option<(BinaryOperator, Value, Value)> {
         self.width(operand)?;
         let (op, left, right) = self.binary(operand)?;
@@ -265,7 +258,6 @@ impl Scope<'_> {
         }
     }
 
-    /// The number of components of a value of floats.
     fn width(&self, value: Value) -> Option<u32> {
         match *self.info[value].ty.inner_with(&self.module.types) {
             TypeInner::Scalar(scalar) if scalar.kind == ScalarKind::Float => Some(1),

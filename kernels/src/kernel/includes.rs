@@ -1,4 +1,3 @@
-/// Shared WGSL by the name in `#include`.
 pub(super) const INCLUDES: [(&str, &str); 41] = [
     ("candidates", include_str!("../shader/shared/candidates.wgsl")),
     ("cell_assignment", include_str!("../shader/shared/cell_assignment.wgsl")),

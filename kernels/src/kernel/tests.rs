@@ -1,6 +1,5 @@
 use super::*;
 
-/// A kernel's text does not contain conditions that its metadata denies. (Shared includes may use subgroups.)
 #[test]
 fn effective_variant_has_the_whole_text() {
     for kernel in KERNELS {
@@ -21,15 +20,12 @@ fn variant_for_device_fits_its_workgroup_memory() {
     let given = Variant::for_device;
     assert_eq!(given(Some(32), 48 << 10), Variant { subgroups: Some(32), wide_tiles: true, ..plain });
     assert_eq!(given(None, 48 << 10), Variant { wide_tiles: true, ..plain });
-    // Too small for the kernels' use of subgroups.
     assert_eq!(given(Some(2), 48 << 10), Variant { wide_tiles: true, ..plain });
-    // Wide tiles take 20 KiB, and so do tables of subgroups of 8.
     assert_eq!(given(Some(32), 16 << 10), Variant { subgroups: Some(32), ..plain });
     assert_eq!(given(Some(8), 16 << 10), plain);
     assert_eq!(given(Some(8), 20 << 10), Variant { subgroups: Some(8), wide_tiles: true, ..plain });
 }
 
-/// The probe runs in workgroups of the size of every kernel with subgroup operations.
 #[test]
 fn subgroup_kernels_have_the_workgroup_size_of_the_probe() {
     let mut count = 0;

@@ -1,6 +1,5 @@
 use crate::{Error, InputError, MAX_SPHERES, try_reserve};
 
-/// The purpose of memory, in errors.
 const WHAT: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
@@ -18,11 +17,9 @@ const WHAT: &str = "excluded pairs";
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
-    /// The start of each sphere's row, and the end of the last row.
     offsets: Vec<usize>,
     /// For one set the larger index of each pair, for two sets the index in the second set; ascending within a row.
     others: Vec<u32>,
-    /// The number of spheres of the second set, if two sets were given.
     second: Option<usize>,
 }
 
@@ -76,7 +73,6 @@ impl Exclusions {
         Self::new(offsets.len() - 1, (0..offsets.len() - 1).flat_map(row))
     }
 
-    /// Creates the rows of these pairs.
     fn of((first, second): (usize, Option<usize>), mut pairs: Vec<(u32, u32)>) -> Result<Self, Error> {
         pairs.sort_unstable();
         pairs.dedup();
@@ -122,7 +118,6 @@ impl Exclusions {
     }
 }
 
-/// Returns the pairs if all of their indices are in range.
 fn checked(
     (first, second): (usize, usize),
     pairs: impl IntoIterator<Item = (u32, u32)>,

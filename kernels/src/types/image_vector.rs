@@ -62,7 +62,7 @@ impl Space {
         self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)
     }
 
-    /// The same test for sphere `a` and the image of `b` at these multiples of the cell vectors.
+    /// Tests contact of sphere `a` and the image of `b` at these multiples of the cell vectors.
     pub fn touch_image(&self, a: [f64; 4], b: [f64; 4], shift: [f64; 3], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
     }
@@ -122,7 +122,6 @@ impl Space {
     }
 }
 
-/// Returns the multiple of the length of the minimum image along an axis, and that image.
 #[inline]
 fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
     // Most differences are far from half a length and need no division.
@@ -131,8 +130,8 @@ fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
     }
     let turns = -(apart / length).round();
     let other = turns + if apart + turns * length < 0.0 { 1.0 } else { -1.0 };
-    let (image, beside) = (apart + turns * length, apart + other * length);
-    if beside.abs() < image.abs() { (other, beside) } else { (turns, image) }
+    let (image, neighbor) = (apart + turns * length, apart + other * length);
+    if neighbor.abs() < image.abs() { (other, neighbor) } else { (turns, image) }
 }
 
 #[inline]
@@ -144,7 +143,6 @@ fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
     [x, y, z]
 }
 
-/// Returns the largest of the numbers that are squared, or infinity if one of them is NaN.
 fn largest(vector: [f64; 3], reach: f64) -> f64 {
     let [x, y, z] = vector.map(f64::abs);
     let largest = x.max(y).max(z).max(reach);
@@ -200,9 +198,9 @@ mod tests {
             assert_eq!(vector, expected);
             let squared = |v: [f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
             for k in 0..125 {
-                let beside = [k % 5, k / 5 % 5, k / 25].map(|count| f64::from(count) - 2.0);
-                let image = shifted(vector, beside, &edges);
-                assert!(squared(image) >= squared(vector) * (1.0 - 1e-12), "{from:?}, {to:?}, {beside:?}");
+                let steps = [k % 5, k / 5 % 5, k / 25].map(|count| f64::from(count) - 2.0);
+                let image = shifted(vector, steps, &edges);
+                assert!(squared(image) >= squared(vector) * (1.0 - 1e-12), "{from:?}, {to:?}, {steps:?}");
             }
         }
     }

@@ -49,7 +49,6 @@ pub struct Interactions {
     species: u32,
     /// Clones share the table until one of them changes.
     table: Arc<Vec<Interaction>>,
-    /// `true` if all distances that were ever set are `f32` numbers.
     is_narrow: bool,
 }
 
@@ -168,7 +167,6 @@ impl EffectiveRadius {
     }
 }
 
-/// The number of entries of a table.
 fn entries(species: u32) -> usize {
     species as usize * species as usize
 }

@@ -9,7 +9,6 @@ use crate::Space;
 /// Lengths are in a unit of its own, a power of two times the unit of the spheres, in which no product overflows.
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice {
-    /// The number of periodic vectors, which come first in the basis.
     rank: usize,
     unit: f64,
     basis: [DVec3; 3],

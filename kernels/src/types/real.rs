@@ -13,7 +13,7 @@ impl Real for f64 {}
 pub(crate) mod sealed {
     use super::{Strided, Wide};
 
-    /// The operations of a coordinate type, hidden behind the API.
+    /// The operations of a coordinate type; callers cannot name it.
     #[expect(unnameable_types, reason = "nothing else is a coordinate type")]
     pub trait Sealed: Copy + Into<f64> + Send + Sync + 'static {
         /// Returns the columns if they are `f32`.
@@ -67,13 +67,12 @@ pub struct Strided<'a, T> {
 #[derive(Clone, Copy, Debug)]
 enum Source<'a, T> {
     All(T),
-    /// As `axes`, with the number of values from one radius to the next.
+    /// Like `axes`, with the number of values from one radius to the next.
     Each(&'a [MaybeUninit<T>], usize),
 }
 
-/// Strided spheres of either coordinate type.
 #[derive(Clone, Copy, Debug)]
-#[expect(unnameable_types, reason = "behind the sealed `Real`")]
+#[expect(unnameable_types, reason = "part of the sealed `Real`")]
 pub enum Wide<'a> {
     F32(Strided<'a, f32>),
     F64(Strided<'a, f64>),
@@ -85,7 +84,6 @@ fn maybe<T>(values: &[T]) -> &[MaybeUninit<T>] {
     unsafe { &*(std::ptr::from_ref(values) as *const [MaybeUninit<T>]) }
 }
 
-/// The columns of rows, each from its first value.
 fn columns_of<T, const N: usize>(rows: &[[T; N]]) -> [&[MaybeUninit<T>]; N] {
     let values = rows.as_flattened();
     std::array::from_fn(|column| maybe(values.get(column..).unwrap_or(&[])))
@@ -97,7 +95,6 @@ impl<'a, T: Copy> Strided<'a, T> {
         Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
     }
 
-    /// Creates strided spheres from rows `x, y, z, r`.
     pub(crate) fn of_rows(rows: &'a [[T; 4]]) -> Self {
         let [x, y, z, r] = columns_of(rows);
         Self { axes: [x, y, z], step: 4, radii: Source::Each(r, 4), count: rows.len() }
@@ -192,7 +189,6 @@ impl Wide<'_> {
         }
     }
 
-    /// Copies the spheres at or above `from` into `into`.
     #[inline]
     pub(crate) fn read(&self, from: usize, into: &mut [[f64; 4]]) {
         match self {

@@ -50,7 +50,6 @@ impl Space {
         Ok(Self { lengths, triclinic: None })
     }
 
-    /// Creates a periodic space with valid lengths.
     pub(crate) fn of_lengths(lengths: [Option<f32>; 3]) -> Self {
         Self { lengths: lengths.map(|length| length.map(f64::from)), triclinic: None }
     }
@@ -159,7 +158,6 @@ impl Space {
     }
 }
 
-/// Returns the length of each axis if each cell vector lies along an axis of its own.
 fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     let mut lengths = [None; 3];
     for edge in edges.iter().flatten() {
@@ -199,7 +197,6 @@ fn wrap(x: f32, length: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Returns the value in units of 2⁻⁶⁰, of which every tested value is a multiple.
     fn whole(x: f32) -> i128 {
         (f64::from(x) * (1_u64 << 60) as f64) as i128
     }

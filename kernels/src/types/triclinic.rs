@@ -26,13 +26,11 @@ const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
-    /// The number of cell vectors.
     rank: usize,
     /// A power of two that scales lengths before they meet the basis, so that no product overflows.
     unit: f64,
     /// The reduced vectors, and after them unit vectors that are orthogonal to all before.
     basis: [DVec3; 3],
-    /// The multiple of each cell vector in each basis vector.
     turns: [[f64; 3]; 3],
     /// The part of each basis vector that is orthogonal to those before it, divided by its squared length.
     steps: [DVec3; 3],
@@ -77,7 +75,6 @@ impl TriclinicCell {
         Ok(cell)
     }
 
-    /// Returns the cell vectors as they were given.
     pub(crate) fn vectors(&self) -> [Option<[f64; 3]>; 3] {
         self.vectors
     }
@@ -165,7 +162,6 @@ impl TriclinicCell {
         best.map_or(([0.0; 3], vector), |(_, shift, image)| (shift, image))
     }
 
-    /// Returns the multiples of the basis vectors of the candidates for the minimum image of a wrapped vector.
     fn images(&self, apart: DVec3, counts: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
         let Self { basis: [_, second, third], steps, rank, .. } = *self;
         let (planes, lines) = (rank > 2, rank > 1);
@@ -280,12 +276,10 @@ impl Orthogonalization {
     }
 }
 
-/// Returns the multiples of a basis vector that may lead to the minimum image.
 fn image_offsets(is_there: bool) -> std::slice::Iter<'static, f64> {
     if is_there { [-1.0, 0.0, 1.0].iter() } else { [0.0].iter() }
 }
 
-/// Returns the part of a vector that is orthogonal to those before it.
 fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
     let mut rest = basis[k];
     for before in 0..k {
@@ -332,13 +326,11 @@ fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
     basis
 }
 
-/// Returns the rows of the inverse of the matrix with these columns.
 pub(crate) fn inverse([a, b, c]: &[DVec3; 3]) -> [DVec3; 3] {
     let volume = a.dot(b.cross(*c));
     [b.cross(*c) / volume, c.cross(*a) / volume, a.cross(*b) / volume]
 }
 
-/// Returns the distances between neighboring images of the planes that two of the vectors span.
 fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
     inverse.map(|row| row.length().recip())
 }

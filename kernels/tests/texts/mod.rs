@@ -6,15 +6,11 @@ use std::path::{Path, PathBuf};
 use lazygrid_kernels::kernel::{KERNELS, Kernel, Variant};
 use lazygrid_kernels::wgsl;
 
-/// The whole text of one kernel in one variant.
 pub(crate) struct Text {
-    /// A unique name that suits a file.
     pub(crate) name: String,
-    /// The text that `write` returned.
     pub(crate) wgsl: String,
 }
 
-/// Returns the texts of this crate, as `write` returns them, and those of the simulator.
 pub(crate) fn all(write: fn(&Kernel, Variant) -> String) -> Vec<Text> {
     let own = KERNELS.into_iter().flat_map(|kernel| {
         let text = move |variant| Text { name: name_of(kernel, variant), wgsl: write(kernel, variant) };
@@ -48,7 +44,6 @@ fn simulator() -> Vec<Text> {
     sources.iter().map(text).collect()
 }
 
-/// The WGSL files of a folder by name.
 fn sources(folder: &Path) -> Vec<(String, String)> {
     let entries = fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
     let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry of a folder").path()).collect();

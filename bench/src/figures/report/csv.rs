@@ -6,7 +6,6 @@ use crate::measure::Spread;
 const HEADER: &str = "figure,scene,n,at,engine,status,runs,pairs,tangent,wall_mean_s,wall_sd_s,wall_median_s,wall_min_s,\
 wall_max_s,gpu_median_s,bytes_per_sphere,phases_s,reason\n";
 
-/// A line per row with times in seconds; `results.json` has the single runs.
 pub(super) fn table(results: &Results) -> String {
     let mut out = HEADER.to_owned();
     results.rows.iter().for_each(|row| add(&mut out, row));
@@ -39,7 +38,6 @@ fn add(out: &mut String, row: &Row) {
         quoted(&phases.join(" ")),
         quoted(&row.reason),
     ];
-    // Writing to a string cannot fail.
     let _ = writeln!(out, "{}", cells.join(","));
 }
 

@@ -15,7 +15,6 @@ use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
 /// Minimum number of spheres for fits: below it, fixed costs hide the growth.
 const FIT_FROM: usize = 1000;
 
-/// The section of one of these figures. `all` are the rows of all figures.
 pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Section, Box<dyn Error>> {
     let equal: Vec<&Row> = match figure {
         Figure::F3b => all.iter().filter(|row| row.figure == Figure::F3a.name()).collect(),
@@ -86,7 +85,6 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
     Ok(whole.into_iter().chain(share).collect())
 }
 
-/// A line per engine of the time of a run divided by `of`.
 fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
     let points = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
@@ -97,7 +95,6 @@ fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
     engines.map(|(colour, e)| Series { name: name(e), points: points(e), dashed, colour }).collect()
 }
 
-/// A table of means, standard deviations and exponents of growth.
 fn means(rows: &[&Row], columns: &[Column]) -> Table {
     let fitted = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
@@ -116,7 +113,6 @@ fn means(rows: &[&Row], columns: &[Column]) -> Table {
     table
 }
 
-/// A table of the times with five sizes divided by those with equal sizes.
 fn beside_equal(rows: &[&Row], equal: &[&Row], columns: &[Column]) -> Table {
     let ratio = |row: &Row| {
         let one = find(equal, &row.engine, Column::Size(row.n)).filter(|one| !one.wall.is_empty())?;
@@ -125,7 +121,6 @@ fn beside_equal(rows: &[&Row], equal: &[&Row], columns: &[Column]) -> Table {
     by_engine("Median time with five sizes over that with equal ones".to_owned(), rows, columns, ratio)
 }
 
-/// A table of the phases at the largest size of each engine.
 fn phases(rows: &[&Row]) -> Option<Table> {
     let mut cells = vec![];
     for engine in engines(rows) {

@@ -3,10 +3,8 @@ use std::fmt::Write;
 use crate::measure::markdown;
 use lazygrid_report::{Cell, Document, Kind, Table};
 
-/// Renders the document as Markdown. Plots are separate files.
 pub(super) fn text(document: &Document) -> String {
     let mut out = format!("# {}\n", document.title);
-    // Writing to a string cannot fail.
     for section in &document.sections {
         let _ = writeln!(out, "\n## {}\n", section.title);
         for paragraph in &section.text {

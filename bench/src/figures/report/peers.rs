@@ -183,7 +183,6 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     }))
 }
 
-/// Lists the peers with their line styles: the first is solid, the others are dashed.
 fn listed(peers: &[&str]) -> String {
     let named = |(k, peer): (usize, &&str)| match k {
         0 => format!("{peer} (solid)"),
@@ -192,7 +191,6 @@ fn listed(peers: &[&str]) -> String {
     peers.iter().enumerate().map(named).collect::<Vec<_>>().join(" and ")
 }
 
-/// A table of nanoseconds per sphere and step.
 fn per_sphere(scene: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{scene}: mean ns per sphere and step ± standard deviation (steps run)");
     let shown = |row: &Row| mean(row, |seconds| format!("{:.0}", seconds * 1e9 / row.n as f64));
@@ -201,7 +199,6 @@ fn per_sphere(scene: &str, rows: &[&Row], columns: &[Column]) -> Table {
     table
 }
 
-/// A table of times and numbers of pairs by simulated time.
 fn over_time(title: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{title}: median wall time of a search (quartiles; steps), by simulated time");
     let mut table = by_engine(caption, rows, columns, |row| median(&row.wall));

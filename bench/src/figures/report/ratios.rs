@@ -26,10 +26,8 @@ pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
 /// The times of a peer divided by those of an engine of lazygrid.
 pub(super) struct Times {
-    /// The ratio of the total times of all steps that both ran. Trees that are updated only occasionally are slow only
-    /// occasionally.
+    /// The ratio of the total times of all steps that both ran, because trees are slow only occasionally.
     pub(super) total: f64,
-    /// The ratios of single steps.
     pub(super) by_step: Vec<f64>,
 }
 
@@ -42,7 +40,6 @@ impl Times {
         (!by_step.is_empty()).then(|| Self { total: theirs / mine, by_step })
     }
 
-    /// The median of the steps.
     pub(super) fn median(&self) -> f64 {
         Spread::of(&self.by_step).median
     }
@@ -72,12 +69,10 @@ pub(super) fn peers<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
     engines(rows).into_iter().filter(|engine| !OURS.contains(engine)).collect()
 }
 
-/// The engines of lazygrid that ran.
 pub(super) fn ours(rows: &[&Row]) -> impl Iterator<Item = &'static str> {
     OURS.into_iter().filter(|&ours| rows.iter().any(|row| row.engine == ours && !row.wall.is_empty()))
 }
 
-/// A table of the speed-ups of `ours` in the total of all steps that both ran.
 pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -> Table {
     let others: Vec<&Row> = rows.iter().copied().filter(|row| !OURS.contains(&row.engine.as_str())).collect();
     let ratio = |peer: &Row| {
@@ -90,8 +85,7 @@ pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -
     table
 }
 
-/// Notes on peers that are faster than lazygrid and where, or that none is, and one sentence about engines on a
-/// software adapter.
+/// Notes on peers that are faster than lazygrid, or that none is, and on engines on a software adapter.
 pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Note> {
     let mut notes = vec![];
     let mut unbeaten = vec![];

@@ -13,7 +13,6 @@ use lazygrid_report::{Cell, Document, Note, Section, Table};
 /// The start of the reason for engines that were left out for lack of time.
 const TOO_LONG: &str = "left out: a run would take";
 
-/// The report of these results, which must be [`labelled`].
 pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
     let mut sections = vec![environment(results)];
     sections.extend(errors(results));
@@ -98,7 +97,6 @@ fn described(row: &Row) -> String {
     format!("figure {}, {}, {} spheres{at}, {}: {}", row.figure, row.scene, row.n, row.engine, row.reason)
 }
 
-/// Notes on missing times, once per engine and reason, and on pairs that a GPU rounded differently.
 fn remarks(rows: &[&Row]) -> Vec<Note> {
     let mut notes: Vec<(String, &str, Status, Vec<usize>)> = vec![];
     for row in rows.iter().filter(|row| row.status != Status::Ok) {

@@ -14,7 +14,6 @@ use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 /// Minimum speed-up that counts as scaling.
 const GAIN: f64 = 1.05;
 
-/// The section on τ, cell ratio or threads.
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let varied = figure.varied().unwrap_or_default();
     let (title, text) = heading(figure);
@@ -50,7 +49,6 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     }
 }
 
-/// A plot with a line per engine over the varied parameter.
 pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Box<dyn Error>> {
     let of = |engine: &str| {
         let measured = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
@@ -70,7 +68,6 @@ pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Optio
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
 
-/// A table with a row per engine and a column per value; marks the best value of each row.
 fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
     let columns = by_setting(rows, "");
     let shown = |row: &Row| {
@@ -114,7 +111,7 @@ fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     engines(rows).into_iter().filter_map(note).collect()
 }
 
-/// Describes where more threads no longer help. `times` holds threads and seconds by ascending threads.
+/// The number of threads at which scaling ends. `times` holds threads and seconds by ascending threads.
 fn limit(times: &[(f64, f64)]) -> String {
     let best_after = |k: usize| times[k + 1..].iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
     let stop = (0..times.len()).find(|&k| times[k].1 < GAIN * best_after(k)).unwrap_or(0);
@@ -125,7 +122,6 @@ fn limit(times: &[(f64, f64)]) -> String {
     }
 }
 
-/// The section on bytes per sphere of each engine and scene.
 pub(super) fn memory(rows: &[&Row]) -> Section {
     let columns: Vec<(usize, &str)> =
         sizes(rows).into_iter().flat_map(|n| scenes(rows).into_iter().map(move |scene| (n, scene))).collect();

@@ -35,12 +35,10 @@ impl Column {
     }
 }
 
-/// A column per number of spheres.
 pub(super) fn by_size(rows: &[&Row]) -> Vec<Column> {
     sizes(rows).into_iter().map(Column::Size).collect()
 }
 
-/// A column per value of the varied parameter.
 pub(super) fn by_setting(rows: &[&Row], unit: &'static str) -> Vec<Column> {
     let mut values: Vec<f64> = rows.iter().filter_map(|row| row.at).collect();
     values.sort_by(f64::total_cmp);
@@ -48,7 +46,6 @@ pub(super) fn by_setting(rows: &[&Row], unit: &'static str) -> Vec<Column> {
     values.into_iter().map(|at| Column::Setting(at, unit)).collect()
 }
 
-/// The numbers of spheres, ascending.
 pub(super) fn sizes(rows: &[&Row]) -> Vec<usize> {
     let mut sizes: Vec<usize> = rows.iter().map(|row| row.n).collect();
     sizes.sort_unstable();
@@ -56,17 +53,14 @@ pub(super) fn sizes(rows: &[&Row]) -> Vec<usize> {
     sizes
 }
 
-/// The engines in the order of the rows.
 pub(super) fn engines<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
     distinct(rows, |row| &row.engine)
 }
 
-/// The scenes in the order of the rows.
 pub(super) fn scenes<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
     distinct(rows, |row| &row.scene)
 }
 
-/// The rows of each scene at each number of spheres with their titles, fewer spheres first.
 pub(super) fn groups<'a>(rows: &[&'a Row]) -> Vec<(&'a str, usize, String, Vec<&'a Row>)> {
     let mut groups = vec![];
     for n in sizes(rows) {
@@ -90,12 +84,10 @@ fn distinct<'a>(rows: &[&'a Row], of: fn(&Row) -> &str) -> Vec<&'a str> {
     names
 }
 
-/// The row of an engine in a column.
 pub(super) fn find<'a>(rows: &[&'a Row], engine: &str, column: Column) -> Option<&'a Row> {
     rows.iter().copied().find(|row| row.engine == engine && column.holds(row))
 }
 
-/// The median, quartiles and number of these times in seconds.
 pub(super) fn median(times: &[f64]) -> Option<String> {
     let median = Spread::of(times).median;
     let (factor, _) = unit(median);
@@ -120,7 +112,6 @@ pub(super) fn mean(row: &Row, written: impl Fn(f64) -> String) -> Option<String>
     }
 }
 
-/// A cell for a row, formatted by `show` if it was measured.
 pub(super) fn cell(row: Option<&Row>, show: impl Fn(&Row) -> Option<String>) -> Cell {
     let absent = |text: &str| (text.to_owned(), Kind::Absent);
     let (text, kind) = match row.map(|row| (row, row.status)) {
@@ -133,7 +124,6 @@ pub(super) fn cell(row: Option<&Row>, show: impl Fn(&Row) -> Option<String>) -> 
     Cell { text, kind }
 }
 
-/// Marks the best of the measured cells.
 pub(super) fn mark_best(cells: &mut [Cell], rows: &[Option<&Row>], by: fn(&Row) -> f64) {
     let value = |row: &Option<&Row>| row.filter(|r| r.status == Status::Ok).map_or(f64::NAN, by);
     let values: Vec<f64> = rows.iter().map(value).collect();
@@ -145,7 +135,6 @@ pub(super) fn mark_best(cells: &mut [Cell], rows: &[Option<&Row>], by: fn(&Row) 
     }
 }
 
-/// A table with one row per engine.
 pub(super) fn by_engine(
     caption: String,
     rows: &[&Row],
@@ -164,7 +153,6 @@ pub(super) fn by_engine(
     }
 }
 
-/// Marks the best engine of each column of a table made by [`by_engine`].
 pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Column], by: fn(&Row) -> f64) {
     for (k, &column) in columns.iter().enumerate() {
         let found: Vec<Option<&Row>> =

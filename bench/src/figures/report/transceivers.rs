@@ -17,7 +17,6 @@ const OURS: &str = Algorithm::RecursiveGrid.name();
 /// A grid of the same kind without recursion.
 const WITHOUT: &str = Algorithm::ArrayGrid.name();
 
-/// The section of one of these figures.
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let varied = figure.varied().unwrap_or_default();
     let (title, text) = heading(figure);
@@ -61,7 +60,6 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
 const MOTION: &str = "Every sphere moves by a tenth of its radius in a random direction at each step, two warm-up steps are \
     dropped, and all engines have one thread, as trees have no more. Ratios are of the same steps, side by side in one run.";
 
-/// A table of times by engine, their growth with the size ratio, and the number of pairs.
 fn medians(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{what}: median time of a step (quartiles; steps)");
     let mut table = by_engine(caption, rows, columns, |row| median(&row.wall));
@@ -78,13 +76,11 @@ fn medians(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Tab
     table
 }
 
-/// The exponent of an engine's time over log₂ ratio + 1.
 fn fitted(rows: &[&Row], engine: &str) -> Option<f64> {
     let measured = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
     exponent(measured.filter_map(|row| Some((row.at?.log2() + 1.0, row.median()))))
 }
 
-/// A table of the time ratios of all other engines.
 fn compared(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let others: Vec<&Row> = rows.iter().copied().filter(|row| row.engine != OURS).collect();
     let ratio = |row: &Row| {
@@ -98,7 +94,6 @@ fn compared(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     by_engine(caption, &others, columns, ratio)
 }
 
-/// A note on where the recursion is faster, equal or slower.
 fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Option<Note> {
     let (mut faster, mut even, mut slower) = (vec![], vec![], vec![]);
     for &column in columns {

@@ -43,7 +43,7 @@ impl Round {
 }
 
 /// A triclinic space: a family and the words of the scene, which determine the cell. All spheres of a round are of that
-/// family: spheres of other families may lie too many boxes away that `f64` cannot distinguish the images.
+/// family: others may lie too many boxes away for `f64` to distinguish the images.
 #[derive(Clone, Copy)]
 struct Triclinic {
     family: PeriodicSceneFamily,
@@ -120,7 +120,6 @@ fn scene(random: &mut Random, triclinic: Option<Triclinic>) -> TestInput {
     }
 }
 
-/// Draws a scene without a triclinic cell.
 fn not_triclinic(random: &mut Random, words: &SceneSeed) -> TestInput {
     let mut scenario = match random.below(3) {
         0 => (one_of(random, &periodic::FAMILIES).scene)(words),

@@ -1,4 +1,4 @@
-//! Rounds of random scenes, settings and calls. A round depends only on its seed.
+//! Rounds of random scenes, settings and calls, determined by the seed.
 
 use std::ops::ControlFlow;
 
@@ -41,8 +41,8 @@ enum Answer {
 }
 
 impl Round {
-    /// Runs the round with a new detector. Returns a failure, if any, with as few calls and spheres as show it. `tries`
-    /// limits the attempts of [`shrink`].
+    /// Runs the round with a new detector. Returns a failure with as few calls and spheres as show it. `tries` limits
+    /// the attempts of [`shrink`].
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<FailedCase> {
         let variant = self.variant;
         self.check_with(tries, |round| catch_panic(|| round.run(gpu))).map(|(round, what)| {
@@ -56,7 +56,7 @@ impl Round {
         })
     }
 
-    /// Like [`check`](Self::check) for any detector: `run` returns a description of what is wrong with a round.
+    /// Like [`check`](Self::check) for any detector: `run` returns a fault.
     fn check_with(self, tries: usize, run: impl Fn(&Self) -> Result<(), String>) -> Option<(Self, String)> {
         let mut what = run(&self).err()?;
         let mut round = self;

@@ -16,9 +16,7 @@ use crate::detectors::variant::text;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ask {
     pub(super) output: Output,
-    /// The number of spheres in the first of two sets; `None` for one set.
     pub(super) split: Option<usize>,
-    /// `true` if coordinates and radii are passed as columns.
     pub(super) in_columns: bool,
     /// `true` if the cancel flag is set before the call.
     pub(super) is_stopped: bool,
@@ -60,7 +58,6 @@ pub(super) enum Answer {
 /// The payload of consumers' panics, which distinguishes them from all others.
 struct Thrown;
 
-/// The chunks of a stream received so far.
 #[derive(Default)]
 struct Received {
     pairs: Vec<Pair>,
@@ -72,7 +69,6 @@ struct Received {
     late: usize,
 }
 
-/// The spheres of a scenario as columns.
 struct Columns([Vec<f32>; 4]);
 
 impl Columns {
@@ -138,7 +134,6 @@ impl Ask {
         }
     }
 
-    /// The exclusions of the call, if it has any.
     fn exclusions(&self, scenario: &TestInput, split: Option<usize>) -> Result<Option<Exclusions>, String> {
         let n = scenario.spheres.len();
         let exclusions = match (split, self.has_foreign_exclusions, &scenario.excluded) {
@@ -155,7 +150,6 @@ impl Ask {
     }
 }
 
-/// Adds the species and groups of the spheres in `range`, if `scenario` has them.
 fn with_labels<'a>(
     spheres: Spheres<'a>,
     scenario: &'a TestInput,
@@ -199,7 +193,6 @@ fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
 }
 
 impl Received {
-    /// Records one chunk, then acts as `ending` says.
     fn take(&mut self, part: &[Pair], ending: Ending, stop: &AtomicBool) -> ControlFlow<()> {
         self.late += usize::from(self.has_ended);
         self.chunks += 1;

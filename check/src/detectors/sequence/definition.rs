@@ -6,13 +6,11 @@ use lazygrid::{Interaction, Pair};
 use crate::TestInput;
 use crate::oracle::ImageOracle;
 
-/// Maximum distance of a coordinate from the origin in periods: beyond it, too few digits of the position in the period
-/// remain.
+/// Beyond this number of periods from the origin, too few digits of the position in the period remain.
 const MAX_PERIODS: f64 = 1e4;
 /// Error bounds of a distance along an axis: relative to the distance, and relative to the period.
 const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 
-/// All pairs of a valid scene in canonical order.
 pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
     let images = scenario.space.triclinic_cell().map(|_| ImageOracle::of(&scenario.space));

@@ -12,7 +12,7 @@ use crate::detectors::variant::TargetDevice;
 use crate::scenes::{hard, periodic, triclinic};
 use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput};
 
-/// Mask of the seed, so that a sequence is unrelated to the [round](crate::detectors::fuzz::Round) of the same seed.
+/// Makes a sequence unrelated to the [round](crate::detectors::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
 /// First of the eight kinds of spaces whose cell vectors are tilted.
 const TRICLINIC: u32 = 6;
@@ -86,8 +86,7 @@ pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize)
 }
 
 fn world(random: &mut Random, variant: DetectorVariant) -> World {
-    // Few scenes have sizes far from 1: there the detector gives up candidate lists, as `f32` arithmetic reaches its
-    // limits.
+    // Few scenes have sizes far from 1, where the detector gives up candidate lists.
     let scales = [1.0, 1.0, 1.0, 1.0, 0.01, 37.0, 1e-12, 1e12];
     let radius = scales[random.below(8) as usize];
     let family = random.below(8);
@@ -179,7 +178,6 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     let mut ask = ask(random, world.scenario.spheres.len());
     world.remember(before.clone());
     let mut scenario = world.scenario.clone();
-    // Changed scenes fail more often.
     if random.below(if changes.is_empty() { 14 } else { 5 }) == 0 {
         changes.push(spoil(random, &mut scenario, world.radius));
         if random.below(4) == 0 {
@@ -243,7 +241,6 @@ fn ask(random: &mut Random, spheres: usize) -> Ask {
     }
 }
 
-/// Draws a position in the scene.
 pub(super) fn place(random: &mut Random, extent: [f32; 3]) -> Vec3 {
     Vec3::from(extent.map(|extent| random.unit() * extent))
 }
@@ -265,7 +262,6 @@ pub(super) fn radius(random: &mut Random, kind: u32, k: usize, radius: f32) -> f
         }
 }
 
-/// Draws new positions for spheres of these radii.
 pub(super) fn at_new_places(random: &mut Random, extent: [f32; 3], radii: &[f32]) -> Vec<Sphere> {
     radii.iter().map(|&radius| Sphere::new(place(random, extent), radius)).collect()
 }

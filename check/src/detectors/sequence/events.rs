@@ -21,21 +21,17 @@ pub(super) struct World {
     pub(super) history: Vec<TestInput>,
     /// A typical radius.
     pub(super) radius: f32,
-    /// The size of the scene along each axis.
     pub(super) extent: [f32; 3],
-    /// The displacement of spheres between calls, in radii.
     pub(super) motion: f32,
     /// Number of calls in ten before which spheres only move a little.
     pub(super) calm: u32,
     pub(super) variant: DetectorVariant,
-    /// The largest number of spheres.
     pub(super) most: usize,
     /// Number of further calls without changes, which show wrong state left by an earlier call.
     pub(super) held: u32,
 }
 
 impl World {
-    /// Draws `n` spheres with one kind of radii.
     pub(super) fn new_spheres(&self, random: &mut Random, n: usize) -> Vec<Sphere> {
         let kind = if random.below(2) == 0 { 0 } else { random.below(10) };
         // Small spheres have few pairs until they grow.
@@ -55,7 +51,6 @@ impl World {
         walk(&mut self.scenario.spheres, part, random.word());
     }
 
-    /// Keeps a scene for [`back`](Self::back).
     pub(super) fn remember(&mut self, scenario: TestInput) {
         self.history.push(scenario);
         if self.history.len() > REMEMBERED {
@@ -63,7 +58,6 @@ impl World {
         }
     }
 
-    /// Returns to an earlier scene.
     pub(super) fn back(&mut self, random: &mut Random) -> &'static str {
         if self.history.is_empty() {
             return "still";
@@ -72,7 +66,6 @@ impl World {
         "an earlier scene"
     }
 
-    /// Makes a random change. Returns its name.
     pub(super) fn event(&mut self, random: &mut Random) -> &'static str {
         match random.below(10) {
             0..=3 => self.radii(random),

@@ -1,5 +1,3 @@
-//! Invalid input, which a detector must refuse.
-
 use crate::{Random, TestInput};
 
 /// Makes a scene invalid, unless it has no spheres. Returns the name of the fault.

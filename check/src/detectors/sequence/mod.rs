@@ -1,9 +1,8 @@
 //! Sequences of random calls of one detector. A sequence depends only on its seed.
 //!
-//! A detector keeps candidates, plans, samples, forecasts and buffers from call to call. None of these may affect an
-//! answer. A sequence therefore mostly keeps its spheres, so that candidate lists are reused. In between it changes
-//! radii, numbers, species, groups and positions, and makes calls that fail, are cancelled, break off or panic. Each
-//! answer must match the definition and a new detector.
+//! Nothing that a detector keeps from call to call may affect an answer. A sequence mostly keeps its spheres, so that
+//! candidate lists are reused. In between it changes radii, numbers, species, groups and positions, and makes calls
+//! that fail, are cancelled, break off or panic. Each answer must match the definition and a new detector.
 
 use std::fmt;
 use std::sync::Arc;
@@ -44,7 +43,6 @@ struct Settings {
     order: Order,
     max_pairs: u64,
     space: Space,
-    /// The lower triangle of the interaction table, as in [`SpeciesSetup`](crate::SpeciesSetup).
     rows: Option<Vec<Vec<Interaction>>>,
 }
 
@@ -85,8 +83,8 @@ impl Sequence {
         draw::sequence(seed, |_| variant)
     }
 
-    /// Runs the sequence with a new detector. Returns a failure, if any, with as few calls and spheres as show it,
-    /// found in at most `tries` further runs.
+    /// Runs the sequence with a new detector. Returns a failure with as few calls and spheres as show it, found in at
+    /// most `tries` further runs.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
@@ -150,8 +148,7 @@ impl Settings {
         Ok(config.interactions(table))
     }
 
-    /// Adapts `config` to a detector that answers one call. Threads change no answer, and creating a pool would take
-    /// longer than the call.
+    /// Threads change no answer, and creating a pool would take longer than the call.
     fn fresh(&self, config: Config) -> Config {
         match self.variant.target {
             TargetDevice::Cpu { .. } => config.threads(1),
@@ -159,8 +156,8 @@ impl Settings {
         }
     }
 
-    /// Returns `true` if the answer to call `k` is compared with a new detector. On a GPU creating a detector takes
-    /// longer than many calls, so that only errors and every eighth call are compared.
+    /// Returns `true` if the answer to call `k` is compared with a new detector. On a GPU creating one takes longer
+    /// than many calls, so only errors and every eighth call are compared.
     fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
         let is_on_cpu = matches!(self.variant.target, TargetDevice::Cpu { .. });
         is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))

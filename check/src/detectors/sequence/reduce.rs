@@ -42,7 +42,6 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
         self.sequence.steps.truncate(self.wrong.0 + 1);
     }
 
-    /// Replaces the sequence by `smaller` if that also fails.
     fn attempt(&mut self, smaller: Sequence) -> bool {
         if self.left == 0 {
             return false;

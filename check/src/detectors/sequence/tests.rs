@@ -1,6 +1,5 @@
 use super::*;
 
-/// Each answer matches the definition and a new detector, and candidate lists answer many calls.
 #[test]
 fn sequences_on_the_cpu_are_right() {
     let mut tally = Tally::default();

@@ -7,7 +7,6 @@ use super::{Settings, Step, definition};
 use crate::detectors::fuzz::counts;
 use crate::{Tolerance, difference};
 
-/// The expected answer of a call.
 pub(super) struct Verifier<'a> {
     settings: &'a Settings,
     step: &'a Step,
@@ -89,8 +88,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Checks the chunks of an incomplete stream: each pair occurs once, and in canonical order the first pairs are
-    /// complete.
+    /// Checks an incomplete stream: each pair occurs once, and in canonical order the first pairs are complete.
     fn part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
         self.in_order(pairs)?;
         let mut all: Vec<Pair> = match (self.settings.order, pairs.last()) {
@@ -206,7 +204,6 @@ fn is_asked(pair: Pair, split: Option<u32>) -> bool {
     split.is_none_or(|split| pair.i < split && pair.j >= split)
 }
 
-/// The smallest and the largest number of pairs between two sets within the tolerance.
 fn counts_across(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     let n = step.scenario.spheres.len();
     let split = step.ask.split.map_or(n, |split| split.min(n));
@@ -245,7 +242,6 @@ fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     errors.into_iter().map(|error| format!("{:?}", Error::Input(error))).collect()
 }
 
-/// The errors of the spheres of one set.
 fn set_refusals(settings: &Settings, step: &Step, range: std::ops::Range<usize>) -> Vec<InputError> {
     let spheres = &step.scenario.spheres[range.clone()];
     let mut errors = Vec::new();

@@ -24,7 +24,6 @@
 #include neighbor_cells
 #include candidates
 
-// The most candidates that any sphere of the block has left.
 var<workgroup> most_candidates: atomic<u32>;
 
 @compute @workgroup_size(256)

@@ -27,7 +27,6 @@
 // Blocks in one layer (z) of the dispatch.
 const MAX_GROUPS: u32 = 65535u;
 
-// The range of deferred blocks of this submission.
 var<workgroup> deferred_range: vec2<u32>;
 
 @compute @workgroup_size(256)

@@ -1,5 +1,5 @@
 // Writes the dispatch arguments of the next `cell_list_search_overflow`: as many deferred blocks as one submission may
-// have, or all without a limit. x counts the chunks of candidates of the sphere with the most, y and z count blocks.
+// have. counts the chunks of candidates of the sphere with the most, and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

@@ -60,8 +60,8 @@ fn cell_starts_find(
     if (first_cell >= counters) {
         return;
     }
-    // Either half of the workgroup searches for one end of the range. Each round divides the interval `low..high` by the
-    // number of probes, a power of two: seven bits of the number of spheres.
+    // Either half of the workgroup searches for one end of the range. Each round divides `low..high` by the number of
+    // probes, a power of two: seven bits of the number of spheres.
     let half = thread.local_index / PROBES;
     let probe = thread.local_index % PROBES;
     let end_cell = first_cell + half * BLOCK;

@@ -10,7 +10,6 @@
 @group(0) @binding(3) var<storage, read_write> occupancy: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> outcome: Outcome;
 @group(0) @binding(5) var<storage, read_write> starts: array<atomic<u32>>;
-// Cell and rank of each sphere.
 @group(0) @binding(6) var<storage, read_write> cell_ranks: array<vec2<u32>>;
 #ifdef SPECIES
 @group(0) @binding(7) var<storage, read> species: array<u32>;

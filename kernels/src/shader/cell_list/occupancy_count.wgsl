@@ -1,5 +1,5 @@
-// Counts the spheres in each cell of level 0, if smaller ones may have to leave it. Few workgroups stride over the spheres,
-// because most calls end here at once.
+// Counts the spheres in each cell of level 0, if smaller ones may have to leave it. Few workgroups stride over the
+// spheres, because most calls end here at once.
 #include layout
 #include cell_list
 #include thread

@@ -1,4 +1,3 @@
-// Gathers the spheres in cell order.
 #include layout
 #include cell_list
 #include thread

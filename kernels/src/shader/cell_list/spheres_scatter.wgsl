@@ -1,4 +1,3 @@
-// Scatters the spheres to cell order.
 #include layout
 #include cell_list
 #include thread

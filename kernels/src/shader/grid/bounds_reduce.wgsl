@@ -1,4 +1,3 @@
-// Reduces the valid spheres to their bounds and counts the invalid ones.
 #include layout
 #include thread
 #include sphere

@@ -1,6 +1,5 @@
-// Finds each sphere's depth and cells. Only this kernel does, since rounding may differ between kernels. Records the
-// depths that occur. If only overfull cells are split, counts the smaller spheres that overlap each cell of the first
-// level.
+// Finds each sphere's depth and cells, in this kernel alone because rounding may differ between kernels. Records the
+// depths that occur. If only overfull cells are split, counts the smaller spheres in each cell of the first level.
 #include layout
 #include thread
 #include sphere
@@ -35,7 +34,6 @@ fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     if (grid.split_policy == 0u) {
         return 0u;
     }
-    // Lengths in cells of depth 0.
     let open = abs(clamp(sphere.xyz - grid.origin, vec3(-0x1p126), vec3(0x1p126))) * grid.inverse_edge;
     let offset = max(open, grid.ring_cells);
     let at = abs(sphere.xyz) * grid.inverse_edge;

@@ -1,6 +1,6 @@
-// Writes one (cell, object) entry for every cell that a sphere overlaps, level by level. A split cell passes its smaller
-// spheres to the next level. The object word holds, per axis, whether the cell is the sphere's first. The key holds
-// whether the entry is passive: a smaller sphere in a split cell, which meets only the spheres that stay there.
+// Writes one (cell, object) entry for every cell that a sphere overlaps, level by level. A split cell passes its
+// smaller spheres to the next level. The object word holds, per axis, whether the cell is the sphere's first. The key
+// marks passive entries: smaller spheres in a split cell, which meet only the spheres that stay there.
 #include layout
 #include thread
 
@@ -16,7 +16,6 @@
 #include reserve entries
 #include workgroup_scan
 
-// The workgroup's first entry at one level, and the number of its spheres that continue to the next level.
 struct Share {
     first: u32,
     descending: u32,

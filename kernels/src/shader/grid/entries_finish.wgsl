@@ -1,4 +1,3 @@
-// Clamps the number of entries to the capacity and stores it.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

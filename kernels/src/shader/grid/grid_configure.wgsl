@@ -57,8 +57,8 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
 }
 
 // Returns the number of cells around an axis, each at least `edge` wide; 0 for an unbounded axis. It is a multiple of
-// four, so that neither the key hash nor the periodic boundary merges neighbors. If four cells do not fit, it is a power
-// of two small enough that the axis has one cell until a depth at which four fit.
+// four, so that neither the key hash nor the periodic boundary merges neighbors, or else a power of two small enough
+// that the axis has one cell until a depth at which four fit.
 fn ring_cells_of(length: f32, edge: f32) -> f32 {
     if (is_open(length)) {
         return 0.0;

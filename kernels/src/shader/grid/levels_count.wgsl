@@ -15,7 +15,6 @@ const WORKGROUP_SIZE: u32 = 256u;
 
 var<workgroup> group_descending: array<atomic<u32>, 32>;
 
-// Returns one bit for each overfull cell among a sphere's cells of the first level.
 fn dense_cells(coarse: Cells) -> u32 {
     var dense = 0u;
     for (var number = 0u; number < 8u; number++) {

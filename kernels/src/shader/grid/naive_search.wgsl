@@ -1,6 +1,5 @@
-// Tests all pairs. Each workgroup takes 256 spheres and some of the tiles of spheres with larger indices; with two sets,
-// 256 spheres of the first and some of the tiles of the second. The number of workgroups keeps every invocation within
-// the loop iterations that devices allow.
+// Tests all pairs. Each workgroup takes 256 spheres and some of the tiles of spheres with larger indices, or of the
+// second set. The number of workgroups keeps every invocation within the loop iterations that devices allow.
 #include layout
 #include thread
 #include sphere
@@ -34,7 +33,6 @@ fn naive_search(
     let group = params.first_workgroup + workgroup_index(id, groups);
     let count = grid.spheres;
     let blocks = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
-    // With two sets, the first has the rows and the second the columns.
     let rows = select(count, min(params.second_set_start, count), params.second_set_start != 0u);
     let row_blocks = (rows + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
     let workgroups_per_block = clamp(params.search_groups / max(row_blocks, 1u), 1u, max(blocks, 1u));

@@ -1,6 +1,6 @@
-// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup takes a deferred block of 256 entries
-// and some of the tiles after it. A single overfull cell keeps the whole device busy, and no invocation exceeds the loop
-// iterations that devices allow.
+// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup takes a deferred block of 256
+// entries and some of the tiles after it, so that a single overfull cell keeps the whole device busy, and no invocation
+// exceeds the loop iterations that devices allow.
 #include layout
 #include thread
 

@@ -6,7 +6,6 @@ struct SubgroupProbe {
     faults: atomic<u32>,
     // The number of invocations that ran.
     invocations: atomic<u32>,
-    // The smallest and the largest subgroup.
     smallest: atomic<u32>,
     largest: atomic<u32>,
 }

@@ -14,10 +14,8 @@ struct QuerySphere {
     species: u32,
 }
 
-// Positions of two spheres in cell order.
 var<workgroup> hits: array<vec2<u32>, HITS>;
 var<workgroup> hit_count: atomic<u32>;
-// 1 if some thread has candidates left.
 var<workgroup> has_more: atomic<u32>;
 // The number of hits, their output position, and 1 if a further round follows.
 var<workgroup> gathered: vec3<u32>;
@@ -60,7 +58,6 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], 0u);
 }
 
-// At least the effective radius.
 fn radius_of(query: QuerySphere) -> f32 {
     return query.sphere.w;
 }
@@ -106,7 +103,7 @@ fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: 
     return bits;
 }
 
-// Returns the hits that the call asks for: in its window, across its two sets, and of sides that are compared.
+// Returns the hits that the call asks for: in its window, across its sets, and of compared sides.
 fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32) -> u32 {
     var bits = found;
     let all = asks_for_all(cell_list.spheres) && !mixes_sides();
@@ -146,8 +143,8 @@ fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, en
     return reached;
 }
 
-// Tests candidates until they or the chunk end, or the list of hits is full. The first chunk continues to the last cell,
-// to count the candidates that are left to later chunks.
+// Tests candidates until they or the chunk end, or the list of hits is full. The first chunk continues to the last
+// cell, to count the remaining candidates.
 fn gather_hits(neighbors: ptr<function, NeighborCells>, query: QuerySphere, chunk: u32) {
     let chunk_begin = chunk * params.candidates_per_invocation;
     let chunk_end = chunk_begin + params.candidates_per_invocation;

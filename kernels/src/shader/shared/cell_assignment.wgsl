@@ -4,7 +4,6 @@ struct CellAssignment {
     cell: u32,
     // The occupancy of the cell of level 0 that the sphere leaves; 0 if it does not leave one.
     occupancy: u32,
-    // `true` if the sphere is in a cell of level 0 that it could leave.
     can_descend: bool,
 }
 

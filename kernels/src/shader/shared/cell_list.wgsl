@@ -1,5 +1,5 @@
-// The cell list: each sphere in the one cell of its center, at the level of its size class. Cells of level k are 2^-k of
-// the size of those of level 0. On each axis they form a ring, so that spheres that cannot be distinguished share a cell,
+// The cell list: each sphere in the one cell of its center, at the level of its size class. Cells of level k are 2^-k
+// of the size of those of level 0. On each axis they form a ring, so spheres that cannot be distinguished share a cell,
 // which costs tests but no pair.
 
 const LEVELS: u32 = 16u;
@@ -10,15 +10,12 @@ const CLASSES: u32 = 256u;
 // The level of size classes with so few spheres that these are listed instead of put into cells.
 const LISTED: u32 = 255u;
 
-// Statistics of the spheres. All zeros mean no sphere: lower bounds are stored as complements. Bounds are of the centers of
-// valid spheres, in an order-preserving encoding.
+// Statistics of the valid spheres; see layout.rs. All zeros mean no sphere: lower bounds are stored as complements.
 struct InputStats {
     low: array<atomic<u32>, 3>,
     high: array<atomic<u32>, 3>,
-    // Complement of the bits of the smallest effective radius.
     smallest: atomic<u32>,
     quarantined: atomic<u32>,
-    // The number of spheres of each side in each class, and the bits of the largest radius of each class.
     members: array<atomic<u32>, 512>,
     largest: array<atomic<u32>, 256>,
 }
@@ -38,25 +35,21 @@ struct CellListLevel {
     far: u32,
     // The largest radius of the level; at most half a cell.
     max_radius: f32,
-    // The levels in which spheres of this one search all cells that their boxes overlap, one bit each: coarser ones of the
-    // compared sides, and the same level of the other side if that has more spheres.
+    // The levels in which spheres of this one search all cells that their boxes overlap, one bit each: coarser ones of
+    // the compared sides, and the same level of the other side if that has more spheres.
     searched_levels: u32,
     // 1 if spheres of this level are compared with each other.
     searches_itself: u32,
 }
 
 struct CellListLayout {
-    // The number of spheres of the call.
     spheres: u32,
-    // Cells of all levels. In the table, one cell for listed and one for quarantined spheres follow.
     cells: u32,
     // Fixed-point units per cell, at every level: 64 to 127.
     units_per_cell: u32,
-    // The levels of either side that have cells, one bit each; level 0 always has.
     levels: u32,
     // 1 if smaller spheres leave the cells of level 0 that have more than `tau` spheres.
     has_overfull_cells: u32,
-    // 1 if no distance test of this call can overflow or underflow.
     ordinary: u32,
     // Levels of the size classes, four per word.
     class_levels: array<u32, 64>,

@@ -1,10 +1,9 @@
 // Chooses the cells of a call: the sizes that share a level, the cell size, and the number of cells around each axis.
-// Clears the statistics for the next call, and the counters of this one.
+// Clears the statistics and counters.
 
 #include outcome_begin
 
 const SAMPLES: u32 = 256u;
-// The number of samples if fewer could miss overfull cells and no earlier call reported any.
 const MAX_SAMPLES: u32 = 1024u;
 // The most large spheres that are compared with all others instead of having cells.
 const MAX_LISTED: u32 = 8u;
@@ -21,11 +20,8 @@ const MARGIN: u32 = 8u;
 
 var<workgroup> members: array<u32, 512>;
 var<workgroup> largest: array<u32, 256>;
-// The largest size class that has cells.
 var<workgroup> base_class: atomic<u32>;
-// Bits of the largest effective radius.
 var<workgroup> largest_of_all: atomic<u32>;
-// The spheres of each level if all leave level 0, and of each side.
 var<workgroup> populations: array<atomic<u32>, 32>;
 var<workgroup> on_side: array<atomic<u32>, 2>;
 var<workgroup> packed_levels: array<atomic<u32>, 64>;
@@ -35,14 +31,12 @@ var<workgroup> samples: u32;
 // The cells of the samples.
 var<workgroup> sampled: array<u32, 1024>;
 var<workgroup> sampled_pairs: atomic<u32>;
-// The exponent of a fixed-point unit of level 0.
 var<workgroup> unit_exponent: i32;
 var<workgroup> units: u32;
 var<workgroup> level_radius: f32;
 var<workgroup> is_single: u32;
 var<workgroup> level_cells: array<vec3<u32>, 32>;
 var<workgroup> has_overfull_cells: bool;
-// The levels of either side that have cells, one bit each.
 var<workgroup> used_levels: u32;
 
 fn power_of_two(exponent: i32) -> f32 {
@@ -61,7 +55,6 @@ fn exponent_of(value: f32) -> i32 {
     return i32((bitcast<u32>(value) >> 23u) & 255u) - 127;
 }
 
-// Returns the cube root of a non-negative number of any size.
 fn cube_root(value: f32) -> f32 {
     return pow(max(value, 0x1p-120), 1.0 / 3.0);
 }
@@ -141,7 +134,6 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
     return cells;
 }
 
-// Sets everything of a level except `base`, `searched_levels` and `searches_itself`.
 fn set_level(level: u32, room: u32) {
     let lengths = periods();
     let depth = i32(level % LEVELS);
@@ -163,7 +155,6 @@ fn set_level(level: u32, room: u32) {
     cell_list.level[level].cells_per_length = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(MIN_CELL_SIZE)), used);
 }
 
-// Returns the number of spheres that have this level, or may have it.
 fn spheres_at(level: u32) -> u32 {
     if (has_overfull_cells) {
         return atomicLoad(&populations[level]);
@@ -187,7 +178,6 @@ fn set_searched_levels(level: u32, used: u32) {
     cell_list.level[level].searches_itself = select(0u, 1u, meets(side, side));
 }
 
-// Sets the values of the call as a whole.
 fn set_call(count: u32) {
     cell_list.spheres = count;
     cell_list.units_per_cell = units;
@@ -220,7 +210,6 @@ fn is_first() -> bool {
     return atomicLoad(&outcome.dispatch_z) == 0u;
 }
 
-// Returns the cell of level 0 of one sphere, or a number that no other sample has.
 fn sample_cell(number: u32, count: u32) -> u32 {
     let spread = (count / samples) * number + ((count % samples) * number) / samples;
     let index = select(number, spread, count > samples);
@@ -289,7 +278,6 @@ fn configure(local_index: u32) {
         atomicMax(&largest_of_all, largest[local_index]);
     }
 
-    // The number of spheres of this class or a larger one.
     var front = 0u;
     for (var step = 1u; step < CLASSES; step *= 2u) {
         var sum = members[front + local_index];

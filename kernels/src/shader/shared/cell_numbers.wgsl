@@ -1,10 +1,9 @@
 // The cell of a coordinate. Nothing is rounded on an unbounded axis: a coordinate times a power of two gives whole
-// fixed-point units, which are divided as integers. Hence every kernel computes the same cell, and two spheres that touch
-// lie in neighboring cells.
+// fixed-point units, which are divided as integers. Every kernel thus computes the same cell, and two spheres that
+// touch lie in neighboring cells.
 
 // The cell of coordinate 0, before `low` is subtracted.
 const MIDDLE: u32 = 0x40000000u;
-// The most cells past `far` on either side; further coordinates share the last one.
 const MAX_FAR_CELLS: u32 = 0x1fffffffu;
 
 // Returns the number of whole cells in `units` fixed-point units, at most 2^30, rounded down, modulo 2^32. The estimate
@@ -38,7 +37,6 @@ fn ring_number(x: f32, cells: u32, around: f32) -> u32 {
 }
 #endif
 
-// Returns the cell along each axis, before the periodic wrap.
 fn cell_numbers(position: vec3<f32>, level: u32) -> vec3<u32> {
     var numbers = vec3(open_number(position.x, level), open_number(position.y, level), open_number(position.z, level))
         - cell_list.level[level].low;

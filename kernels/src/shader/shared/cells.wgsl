@@ -8,7 +8,6 @@ struct Cells {
 // Marks quarantined spheres, which have no cells.
 const NO_CELLS: vec2<u32> = vec2(0xffffffffu);
 
-// 18 bits for each coordinate.
 fn cells_packed(cells: Cells) -> vec2<u32> {
     let first = vec3<u32>(cells.first) & vec3(0x3ffffu);
     let more = vec3<u32>(cells.more);
@@ -37,7 +36,6 @@ fn cells_at(cells: Cells, depth: u32) -> Cells {
 }
 
 #ifdef PERIODIC
-// Returns the cells around each axis at this depth: 0 if it is unbounded, fewer than four if all are one.
 fn cells_around(depth: u32) -> vec3<i32> {
     return vec3<i32>(min(grid.ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
 }

@@ -1,8 +1,6 @@
 struct RadixPass {
-    // The lowest bit of the digit, and the mask of a key after the shift.
     shift: u32,
     mask: u32,
-    // 1 if the payload is the index of each key, and is not read.
     is_first: u32,
 }
 

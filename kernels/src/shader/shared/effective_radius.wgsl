@@ -8,7 +8,6 @@ const FLUSHED: f32 = 0x1p-120;
 const TOUCHES: u32 = 1u;
 // Its spheres are on the second side; see `side`.
 const SECOND_SIDE: u32 = 2u;
-// It pairs with no species.
 const IDLE: u32 = 4u;
 
 // Returns the effective radius: half of the largest distance at which the sphere pairs, or its radius if contact counts.

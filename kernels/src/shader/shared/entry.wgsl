@@ -12,7 +12,6 @@ fn is_owned(object: u32, other: u32) -> bool {
     return ((object | other) >> 29u) == 7u;
 }
 
-// Returns `true` if the call asks for the pair of two entries.
 fn is_wanted(object: u32, other: u32) -> bool {
     return is_asked_for(index_of(object), index_of(other));
 }

@@ -1,4 +1,3 @@
-// Maps floats to unsigned integers of the same order.
 fn to_sortable(value: vec3<f32>) -> vec3<u32> {
     let bits = bitcast<vec3<u32>>(value);
     return select(~bits, bits | vec3(0x80000000u), bits < vec3(0x80000000u));

@@ -1,6 +1,5 @@
-// Iterates over the candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is met
-// from exactly one of its spheres.
-// A sphere in a cell is compared with
+// Iterates over the candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is
+// met from exactly one of its spheres. A sphere is compared with
 // - the later spheres of its own cell, and those of one half of the adjacent cells, if its level searches itself;
 // - at each of the searched levels, the spheres of all cells that its box overlaps when widened by that level's radius;
 // - the listed spheres, which have a cell of their own without adjacent cells.
@@ -9,7 +8,6 @@
 const NO_LEVEL: u32 = 256u;
 
 struct NeighborCells {
-    // The current level, or NO_LEVEL at the end.
     level: u32,
     // The number of cells of that level around each axis, and its first cell.
     around: vec3<u32>,
@@ -21,7 +19,6 @@ struct NeighborCells {
     // The next row and the end of all rows, counted plane by plane.
     row: u32,
     end: u32,
-    // `true` if the next rows continue past the periodic boundary.
     past_boundary: bool,
     // The levels that are still to be searched, one bit each.
     levels: u32,
@@ -38,7 +35,6 @@ struct CellRow {
     number: u32,
     y: u32,
     z: u32,
-    // The number of rows before it in its plane.
     in_plane: u32,
 }
 
@@ -87,7 +83,6 @@ fn neighbor_cells_of(own: u32) -> NeighborCells {
     return neighbors;
 }
 
-// Returns the cell before this one, wrapped.
 fn previous(cell: u32, around: u32) -> u32 {
     return select(cell, around, cell == 0u) - 1u;
 }

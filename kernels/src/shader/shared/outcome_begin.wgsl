@@ -1,4 +1,3 @@
-// Clears the counters of a call and stores the number of its spheres. `overflow` has the bits that are known already.
 fn outcome_begin(overflow: u32, quarantined: u32) {
     let given = count_source[0];
     atomicStore(&outcome.found_lo, 0u);

@@ -11,7 +11,6 @@ const OVERFLOW_WORK: u32 = 16u;
 @compute @workgroup_size(1)
 fn outcome_finish() {
     if (params.overflow_workgroups != 0u) {
-        // All deferred blocks were dispatched.
         atomicStore(&outcome.deferred_end, atomicLoad(&outcome.deferred_blocks));
     }
     let found = atomicLoad(&outcome.found_lo);

@@ -9,7 +9,6 @@ fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     return magnified(axis_displacement(a, b, period), 0x1p100);
 }
 
-// Returns `true` if the centers are at most `reach.x + reach.y` apart, when squares would overflow or underflow.
 fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -> bool {
     let lengths = periods();
     if (large) {
@@ -30,7 +29,6 @@ fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -
     return dot(d, d) <= s * s;
 }
 
-// Returns `true` if the centers are at most `reach.x + reach.y` apart, for any finite values.
 fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
     let d = displacement(a, b);
     let s = reach.x + reach.y;

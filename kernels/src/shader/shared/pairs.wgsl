@@ -4,7 +4,6 @@ fn is_in_window(smaller: u32) -> bool {
     return smaller >= params.window_begin && smaller < params.window_end;
 }
 
-// Returns `true` if the call asks for all pairs.
 fn asks_for_all(spheres: u32) -> bool {
     return params.window_begin == 0u && params.window_end >= spheres && params.second_set_start == 0u;
 }

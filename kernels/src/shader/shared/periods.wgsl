@@ -1,4 +1,3 @@
-// The lengths of the periodic axes, 0 for unbounded ones.
 #ifdef PERIODIC
 fn periods() -> vec3<f32> {
     return vec3(params.period_x, params.period_y, params.period_z);

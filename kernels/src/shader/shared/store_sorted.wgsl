@@ -1,6 +1,5 @@
 #include wrapped_sphere
 
-// Stores a sphere at its position in cell order.
 fn store_sorted(position: u32, index: u32) {
     sorted[position] = wrapped_sphere(spheres[index]);
 #ifdef SPECIES

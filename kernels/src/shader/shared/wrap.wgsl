@@ -13,7 +13,6 @@ fn number_of(bits: u32) -> Number {
     return Number(select(digits, digits | 0x800000u, exponent != 0u), max(exponent, 1u));
 }
 
-// The bits of a number of at most 24 digits.
 fn bits_of(number: Number) -> u32 {
     if (number.digits == 0u) {
         return 0u;

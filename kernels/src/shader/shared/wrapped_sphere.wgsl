@@ -5,7 +5,6 @@ fn wrapped(coordinate: f32, period: f32) -> f32 {
     return bitcast<f32>(wrap(bitcast<u32>(coordinate), bitcast<u32>(period)));
 }
 
-// Returns the sphere's image nearest to the origin.
 fn wrapped_sphere(sphere: vec4<f32>) -> vec4<f32> {
     return vec4(
         wrapped(sphere.x, params.period_x),

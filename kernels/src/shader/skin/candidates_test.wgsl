@@ -18,7 +18,6 @@
 #include pairs
 
 var<workgroup> group_hits: atomic<u32>;
-// The output position of the workgroup's pairs.
 var<workgroup> first_place: u32;
 
 fn is_hit(candidate: vec2<u32>) -> bool {

@@ -5,7 +5,6 @@
 @group(0) @binding(0) var<uniform> params: SearchParams;
 @group(0) @binding(1) var<uniform> skin: SkinParams;
 @group(0) @binding(2) var<storage, read> count_source: array<u32>;
-// The outcome of the search that built the candidate list.
 @group(0) @binding(3) var<storage, read_write> found: Outcome;
 @group(0) @binding(4) var<storage, read_write> state: SkinState;
 @group(0) @binding(5) var<storage, read_write> outcome: Outcome;

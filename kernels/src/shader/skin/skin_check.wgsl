@@ -7,7 +7,6 @@
 @group(0) @binding(1) var<uniform> skin: SkinParams;
 @group(0) @binding(2) var<storage, read> count_source: array<u32>;
 @group(0) @binding(3) var<storage, read_write> state: SkinState;
-// The arguments of each dispatch of the rebuild, three words each.
 @group(0) @binding(4) var<storage, read> full_counts: array<u32>;
 @group(0) @binding(5) var<storage, read_write> dispatch_counts: array<u32>;
 // The arguments of a dispatch that an earlier kernel sizes.

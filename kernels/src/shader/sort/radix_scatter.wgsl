@@ -27,8 +27,8 @@ var<workgroup> digits: array<u32, 256>;
 
 #ifdef SUBGROUP_RANKING
 // Each subgroup ranks its own part of the tile, with a table of 16-bit counters, two per word. Rows of keys update the
-// counters one after another: a barrier after each row orders the updates of different lanes, which no other rule of the
-// memory model does. Without that order the sort would not be stable.
+// counters one after another: only a barrier after each row orders the updates of different lanes, and without that
+// order the sort would not be stable.
 fn item_index(thread: Thread, item: u32) -> u32 {
     return thread.subgroup * thread.subgroup_size * ITEMS + item * thread.subgroup_size + thread.lane;
 }
@@ -115,7 +115,6 @@ fn merge_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the position of a key in the sorted tile.
 fn place_in_tile(thread: Thread, ranked: u32) -> u32 {
     let word = atomicLoad(&scratch[thread.subgroup * 128u + (ranked >> 17u)]);
     return (ranked & 0xffffu) + ((word >> ((ranked >> 12u) & 16u)) & 0xffffu);
@@ -172,7 +171,6 @@ fn merge_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the position of a key in the sorted tile.
 fn place_in_tile(thread: Thread, ranked: u32) -> u32 {
     return (ranked & 0xffffu) + digits[ranked >> 16u];
 }
