@@ -58,7 +58,6 @@ fn stages(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[
     }
 }
 
-/// Benchmarks whole calls.
 fn results(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[Sphere]) {
     let mut ordered = detector(config);
     let mut unordered = detector(&config.clone().order(Order::Unordered));

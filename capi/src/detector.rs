@@ -17,11 +17,9 @@ use crate::{Failure, OutPtr};
 #[derive(Debug)]
 pub struct DetectorHandle(Mutex<HandleState>);
 
-/// The state of a handle.
 #[derive(Debug)]
 pub struct HandleState {
     pub detector: Detector,
-    /// The text of the last `lazygrid_report_json`.
     pub report: CString,
     /// The error message of the last call; empty if it succeeded.
     message: CString,

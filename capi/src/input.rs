@@ -81,7 +81,6 @@ pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
     Ok(exclusions.map_or(query, |exclusions| query.without(exclusions)))
 }
 
-/// Marks a failure of the second set, as the engine does.
 fn of_second(Failure { status, message }: Failure) -> Failure {
     Failure { status, message: format!("of the second set, {message}") }
 }

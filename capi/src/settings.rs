@@ -170,7 +170,6 @@ impl CSettings {
     }
 }
 
-/// Returns the value with index `number`.
 fn choice<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> {
     let value = usize::try_from(number).ok().and_then(|place| values.get(place));
     value.copied().ok_or_else(|| {

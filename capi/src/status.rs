@@ -21,7 +21,6 @@ pub const TIMEOUT: Status = 10;
 pub const BUSY: Status = 11;
 pub const INTERNAL: Status = 12;
 
-/// The names in the header, by their number.
 pub const NAMES: [&CStr; 13] = [
     c"LAZYGRID_OK",
     c"LAZYGRID_ERROR_ARGUMENT",

@@ -28,7 +28,6 @@ use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygri
 
 const HEADER: &str = include_str!("../include/lazygrid.h");
 
-/// A type with a name in C. `const` follows the type that it applies to.
 trait CType {
     fn name() -> String;
 }
@@ -57,7 +56,6 @@ impl<T: CType> CType for *mut T {
     }
 }
 
-/// A function type with a declaration in C.
 trait Declared {
     fn declaration(&self, name: &str) -> String;
 }
@@ -76,7 +74,6 @@ macro_rules! declared {
 
 declared! { () (A) (A B) (A B C) (A B C D) (A B C D E) (A B C D E F) }
 
-/// The name and the declaration of each listed function.
 macro_rules! declarations {
     ($($name:ident: $type:ty),* $(,)?) => {
         [$((stringify!($name), Declared::declaration(&($name as $type), stringify!($name)))),*]
@@ -109,7 +106,6 @@ fn declarations() -> Vec<(&'static str, String)> {
     .into()
 }
 
-/// C assertions of the offset of each field and of the size.
 macro_rules! layout {
     ($rust:ident as $c:literal, $($field:ident),*) => {{
         // Every field is named, or this does not compile.
@@ -140,7 +136,6 @@ fn layouts() -> String {
         )
 }
 
-/// Every number that has a name in the header.
 fn numbers() -> Vec<(String, usize)> {
     let of = |kind: &str, names: &[&str]| -> Vec<(String, usize)> {
         let named = |name: &&str| format!("LAZYGRID_{kind}{}", name.to_uppercase().replace('-', "_"));
@@ -170,7 +165,6 @@ fn numbers() -> Vec<(String, usize)> {
     .concat()
 }
 
-/// The words of the header, without its comments.
 fn words() -> Vec<&'static str> {
     let code = HEADER.split("/*").map(|part| part.split_once("*/").map_or(part, |(_, code)| code));
     code.flat_map(|part| part.split(|c: char| !(c.is_alphanumeric() || c == '_'))).collect()

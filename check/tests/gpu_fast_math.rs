@@ -159,7 +159,7 @@ fn inflated_radii_agree_between_kernels() {
 #[test]
 fn calls_and_sums_are_rewritten() {
     let text = "fn twice(a: f32) -> f32 {\n    return a + a;\n}\n
-fn seam(a: f32, b: f32, half: f32) -> f32 {\n    return (half - abs(a)) + (half - twice(b));\n}\n";
+fn crossing(a: f32, b: f32, half: f32) -> f32 {\n    return (half - abs(a)) + (half - twice(b));\n}\n";
     let found = transformed(text, &[Reassociate]);
     let expected = "(((half) + (half)) - ((((abs(a)) + (b)) + (b))))";
     assert!(found.contains(expected), "{found}");

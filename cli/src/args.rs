@@ -20,7 +20,6 @@ use lazygrid_sim::run::run_args::RunArgs;
 pub(crate) use page::{PageArgs, PlanArgs};
 use parsers::{PathWith, cell_ratio, one_of, seconds, skin, table_format, threads, tilts};
 
-/// The name of standard input, and as an output of standard output.
 pub(crate) const STANDARD: &str = "-";
 
 /// All pairs of overlapping spheres.
@@ -201,7 +200,7 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub(crate) steps: u32,
     /// Output file: .npy, .csv or .xyz, optionally followed by .gz or .zst
-    #[arg(long, short, value_name = "PATH", value_parser = PathWith(SphereFormat::from_extension, ".npy, .csv or .xyz, with or without .gz or .zst behind it"))]
+    #[arg(long, short, value_name = "PATH", value_parser = PathWith(SphereFormat::from_extension, ".npy, .csv or .xyz, optionally followed by .gz or .zst"))]
     pub(crate) output: (PathBuf, SphereFormat),
 }
 
@@ -308,7 +307,6 @@ pub(crate) struct Check {
 }
 
 impl Check {
-    /// Returns the effort of the checks.
     pub(crate) fn effort(&self) -> Effort {
         match (self.quick, self.full) {
             (true, _) => Effort::Quick,

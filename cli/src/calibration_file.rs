@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::CliError;
 
-/// The file.
 #[derive(Default, Serialize, Deserialize)]
 struct CalibrationFile {
     calibrations: Vec<Entry>,
@@ -24,7 +23,7 @@ struct Entry {
     lazygrid: String,
     naive_below: u32,
     per_class: u32,
-    /// Versions that did not measure this, or what follows, left it out; what they measured is passed over.
+    /// Versions without this or a later field omit it; their other measurements are ignored.
     #[serde(default)]
     radix_sort_from: Option<u32>,
     #[serde(default)]
@@ -45,7 +44,7 @@ struct Skin {
     call_ns: f32,
 }
 
-/// Returns the stored calibrations. A file that cannot be read or makes no sense causes a warning, and counts as empty.
+/// Returns the stored calibrations. An unreadable or invalid file causes a warning and counts as empty.
 pub(crate) fn load() -> Vec<Calibration> {
     let Some(path) = path() else { return Vec::new() };
     match read(&path).and_then(checked) {
@@ -60,7 +59,7 @@ pub(crate) fn load() -> Vec<Calibration> {
     }
 }
 
-/// Keeps a calibration in place of an earlier one of the same adapter, and says where.
+/// Stores a calibration in place of an earlier one of the same adapter, and returns the path.
 pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
     let path = path().ok_or(CliError::NoCacheDirectory)?;
     if let Some(directory) = path.parent() {
@@ -92,7 +91,7 @@ fn read(path: &Path) -> io::Result<CalibrationFile> {
     }
 }
 
-/// Refuses what no calibration can have measured: with it, all pairs of millions of spheres would be tested.
+/// Refuses impossible calibrations, with which all pairs of millions of spheres would be tested.
 fn checked(file: CalibrationFile) -> io::Result<CalibrationFile> {
     let most = Crossover::MOST;
     for entry in &file.calibrations {

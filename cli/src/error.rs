@@ -102,8 +102,7 @@ pub(crate) enum CliError {
 }
 
 impl CliError {
-    /// 2 where the options contradict each other, which no other input would mend; 128 and the signal's number, as
-    /// shells say, after Ctrl-C (130) or SIGTERM (143); else 1.
+    /// 2 for contradicting options; 128 plus the signal's number after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Stopped { signal, .. } | Self::StoppedReplicas { signal, .. } => {
@@ -121,7 +120,7 @@ impl CliError {
     }
 }
 
-/// The options that stand for the engine's remedies.
+/// The options that correspond to the engine's remedies.
 fn remedy(error: &lazygrid::Error) -> &'static str {
     match error {
         lazygrid::Error::TooManyPairs { .. } => " (--count, --output without --neighbors, or --max-pairs)",

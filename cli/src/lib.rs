@@ -19,8 +19,8 @@ use crate::args::{Args, Command};
 use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
 
-/// Runs the command of the arguments, of which the first is the program's name. Returns the exit code: 0 done, 1 bad input
-/// or failure, 2 wrong usage, 128 plus the signal's number for a run that was stopped with a checkpoint.
+/// Runs the command of the arguments, of which the first is the program's name. Returns the exit code: 0 done, 1 bad
+/// input or failure, 2 wrong usage, 128 plus the signal's number for a run that was stopped with a checkpoint.
 ///
 /// Writes to standard output and standard error, listens for signals, and sets up the process's log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
@@ -81,8 +81,8 @@ fn command(command: Command) -> Result<(), CliError> {
     }
 }
 
-/// Starts the threads of the process, unless the command makes a pool of `threads` threads. Later rayon could not report that
-/// the system refuses them.
+/// Starts the threads of the process, unless the command makes a pool of `threads` threads. Later rayon could not
+/// report a refusal.
 fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
     if threads.is_some() {
         return Ok(());
@@ -97,8 +97,8 @@ fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
 /// `true` if the process was started without a standard output.
 static OUTPUT_IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Makes every later write to standard output an error. For a program that was started with a closed standard output, in whose
-/// place Rust opens a device that takes everything.
+/// Makes every later write to standard output an error, for a program that was started with a closed standard output,
+/// which Rust replaces by /dev/null.
 pub fn set_output_closed() {
     OUTPUT_IS_CLOSED.store(true, Ordering::Relaxed);
 }

@@ -11,22 +11,22 @@ fn main() -> ExitCode {
     lazygrid_cli::run(std::env::args_os()).into()
 }
 
-/// Keeps libwayland from complaining on standard error, as if the complaint were ours, if there is no run-time
-/// directory: it says so when Mesa's layer that chooses a device asks for a compositor, and wgpu lets it ask.
+/// Keeps libwayland from complaining on standard error if there is no run-time directory: Mesa's device-select layer
+/// asks for a compositor.
 fn quiet_wayland() {
     const RUNTIME_DIRECTORY: &str = "XDG_RUNTIME_DIR";
     let missing = !std::env::var_os(RUNTIME_DIRECTORY)
         .is_some_and(|directory| std::path::Path::new(&directory).is_absolute());
     if cfg!(target_os = "linux") && missing {
-        // Nothing can lie below it, so no compositor is found there, as before.
         // SAFETY: `main` has just begun. No thread has been started, by this program or by a library that is loaded
-        // with it, so no other code uses the environment at the same time.
+        // with it, so no other code uses the environment at the same time. No compositor is found below this path, as
+        // before.
         unsafe { std::env::set_var(RUNTIME_DIRECTORY, "/dev/null") };
     }
 }
 
-/// Asks whether the process was started with a closed standard output. Before `main`, Rust's runtime opens /dev/null in its place, so
-/// this is asked earlier.
+/// Tests whether the process was started with a closed standard output, before Rust's runtime opens /dev/null in its
+/// place.
 #[cfg(target_os = "linux")]
 mod closed_output {
     use std::ffi::c_int;

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressBarIter, ProgressDrawTarget, ProgressStyle};
 
-/// The time before progress is shown.
 const DELAY: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(200);
 
@@ -24,7 +23,6 @@ impl Progress {
                 show(&bar, ProgressDrawTarget::stderr());
             }
         };
-        // Without a thread the work is done without progress.
         if let Err(error) = std::thread::Builder::new().spawn(later) {
             log::info!("no progress is shown: {error}");
         }
@@ -45,13 +43,12 @@ impl Progress {
         self.bar.wrap_read(input)
     }
 
-    /// Sets the message.
     pub(crate) fn say(&self, what: impl Into<Cow<'static, str>>) {
         self.bar.set_message(what);
     }
 
     /// Hides the line during work that prints.
-    pub(crate) fn beside<T>(&self, work: impl FnOnce() -> T) -> T {
+    pub(crate) fn hidden_during<T>(&self, work: impl FnOnce() -> T) -> T {
         self.bar.suspend(work)
     }
 }
@@ -71,7 +68,6 @@ fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
     }
 }
 
-/// Creates the progress bar of runs with `steps` steps in all.
 pub(crate) fn running(steps: u64) -> ProgressBar {
     let bar = ProgressBar::new(steps);
     let bar = bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"));
@@ -81,7 +77,6 @@ pub(crate) fn running(steps: u64) -> ProgressBar {
     bar
 }
 
-/// Creates the progress bar of work in `parts` parts of about the same length.
 pub(crate) fn working(parts: u64) -> ProgressBar {
     let bar = ProgressBar::new(parts);
     bar.with_style(style("{wide_bar} {percent}%, about {eta} left, {msg}"))
@@ -100,7 +95,6 @@ mod tests {
 
     use super::*;
 
-    /// A terminal that remembers what was written.
     #[derive(Clone, Debug, Default)]
     struct Terminal(Arc<Mutex<String>>);
 

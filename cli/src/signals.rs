@@ -1,5 +1,3 @@
-//! Ctrl-C and SIGTERM: how a command ends that is told to.
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 
@@ -7,15 +5,12 @@ use lazygrid_io::write::remove_temporaries;
 
 use crate::error::CliError;
 
-/// The signal that asked the command to stop.
 #[derive(Clone, Default)]
 pub(crate) struct StopSignal(Arc<AtomicI32>);
 
 impl StopSignal {
-    /// The number of the signal that Ctrl-C sends.
     pub(crate) const CTRL_C: i32 = 2;
 
-    /// Returns the signal, or `None` if none came.
     pub(crate) fn signal(&self) -> Option<i32> {
         Some(self.0.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
     }
@@ -59,13 +54,11 @@ fn is_ignored(signal: i32) -> bool {
     mask.is_none_or(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Calls `handle` with each Ctrl-C, in a thread of its own.
 #[cfg(not(unix))]
 fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     ctrlc::set_handler(move || handle(StopSignal::CTRL_C)).map_err(CliError::Signal)
 }
 
-/// Ends the process by this signal, so that its parent sees the signal.
 fn end(signal: i32) {
     remove_temporaries();
     #[cfg(unix)]

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// Two clouds beside a receiver, the upper one of which goes away, in a box.
+/// Two clouds next to a receiver in a box; the upper cloud decays.
 const SCENARIO: &str = r#"
 time-step = 0.001
 steps = 40
@@ -51,14 +51,12 @@ frames-every = 20
 frames = ["npy"]
 "#;
 
-/// Runs a scenario with these arguments and returns its directory.
 fn animated(scratch: &Scratch, name: &str, more: &[&str]) -> String {
     let (scenario, out) = (scratch.write("clouds.toml", SCENARIO), scratch.path(name));
     LAZYGRID.run(["simulate", &scenario, "--output", &out, "--animate"].iter().chain(more)).succeeds();
     out
 }
 
-/// What stands between two texts.
 fn between<'a>(text: &'a str, begin: &str, end: &str) -> &'a str {
     text.split_once(begin).unwrap().1.split_once(end).unwrap().0
 }
@@ -124,13 +122,12 @@ fn the_page_has_every_particle_of_every_frame() {
             }
         }
     }
-    // Base goes away, and acid stays.
     let lines = scene["charts"][0]["lines"].as_array().unwrap();
     assert_eq!((&lines[0]["name"], &lines[0]["counts"][20]), (&"acid".into(), &400.into()));
     assert!(lines[1]["counts"][0] == 300 && lines[1]["counts"][20].as_u64().unwrap() < 10, "{}", lines[1]);
 }
 
-/// The scenario with another receiver, which goes up, and hardly any acid, whose colour is like theirs.
+/// The scenario with a rising receiver, and hardly any acid, whose color is similar.
 fn with_a_rising_receiver() -> String {
     let rising = "kind = \"transparent\"\n[[receiver]]\nname = \"rx-two\"\ncenter = [0, -1.2, 0]\nradius = 0.5\n\
                   kind = \"transparent\"\nvelocity = [0, 60, 0]";
@@ -192,7 +189,7 @@ fn a_resumed_animation_is_the_same_and_a_thinned_one_says_so() {
 
 const SIZE: [usize; 2] = [1000, 640];
 
-/// What a browser shows of a page, row by row as red, green and blue.
+/// The screenshot of a page, row by row as red, green and blue.
 fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[&str]) -> Vec<[u8; 3]> {
     let shot = scratch.path("shot.png");
     let done = Command::new(browser)
@@ -212,12 +209,11 @@ fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[
     decoded(&fs::read(shot).unwrap(), SIZE)
 }
 
-/// How many pixels of the scene have a hue like that of a colour: the picture without what is beside and below it.
+/// The number of pixels with a hue like that of `like`, without the controls to the right and below.
 fn hued(pixels: &[[u8; 3]], like: [u8; 3]) -> usize {
     rows_of(pixels, like).len()
 }
 
-/// The rows of these pixels.
 fn rows_of(pixels: &[[u8; 3]], like: [u8; 3]) -> Vec<usize> {
     let chroma = |[r, g, b]: [u8; 3]| {
         let mean = (f64::from(r) + f64::from(g) + f64::from(b)) / 3.0;
@@ -252,13 +248,11 @@ fn a_browser_shows_the_particles_and_time() {
     let [[acid, base], [acid_later, base_later]] = counts;
     assert!(acid > 500 && base > 2000, "{counts:?}");
     assert!(acid_later > 3 * acid && base_later < base / 5, "{counts:?}");
-    // Acid is below base, as it was released.
     let [below, above] = [ACID, BASE].map(|colour| {
         let rows = rows_of(&first, colour);
         rows.iter().sum::<usize>() / rows.len()
     });
     assert!(below > above + 50, "row {below} and row {above}");
-    // From somewhere else the same looks different, and a browser without WebGL says what is missing.
     assert_ne!(shot("frame=0&turn=2.5", &[]), first);
     let without = shot("frame=0", &["--disable-3d-apis"]);
     assert_eq!([ACID, BASE].map(|colour| hued(&without, colour)), [0, hued(&without, BASE)]);

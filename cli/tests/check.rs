@@ -1,5 +1,4 @@
-//! `lazygrid check` from outside, on small scenes and sizes; what it does with a detector that is wrong is tested in
-//! `check/src/` and `cli/src/check/`.
+//! `lazygrid check` on small scenes; wrong detectors are tested in `check/src/` and `cli/src/commands/check/`.
 
 use lazygrid::Algorithm;
 use lazygrid::gpu::adapters;
@@ -71,7 +70,7 @@ fn a_seed_is_a_round() {
         assert_eq!(object["fuzz"]["first_seed"].to_string(), seed);
     }
     let run = LAZYGRID.run(["check", "--seed", "7", "--backend", "cpu"]).succeeds();
-    assert!(run.out.contains("from seed 7 on") && run.out.contains("all right"), "{}", run.out);
+    assert!(run.out.contains("starting with seed 7") && run.out.contains("all right"), "{}", run.out);
 }
 
 #[test]

@@ -19,7 +19,6 @@ fn rows_that_a_file_names() {
     let bonds = scratch.write("bonds.txt", "# bonds\n2 1\n3 2\n\n1 2\n");
     detect(&file, ["-o", &output, "--exclude", &bonds]).succeeds();
     assert_eq!(table(&output), [[0, 1], [3, 4]]);
-    // What was written is left out the next time, and then there is nothing.
     let all = scratch.path("all.csv");
     detect(&file, ["-o", &all]).succeeds();
     assert_eq!(detect(&file, ["--json", "--exclude", &all]).succeeds().json()["pairs"], 0);
@@ -39,7 +38,6 @@ fn rows_that_a_file_names() {
 fn ids_that_a_file_names() {
     let scratch = Scratch::new();
     let (file, output) = (scratch.write("chain.csv", CHAIN), scratch.path("pairs.csv"));
-    // No sphere has the id 99.
     let bonds = scratch.write("bonds.csv", "id_i,id_j\n11,9\n99,7\n7,8\n");
     detect(&file, ["--ids", "-o", &output, "--exclude", &bonds]).succeeds();
     assert_eq!(std::fs::read_to_string(&output).unwrap(), "id_i,id_j\n8,9\n10,11\n");

@@ -1,5 +1,5 @@
-//! Limits of memory: a command ends with an error or does its work, and is never ended by a signal. `LAZYGRID_TEST_FULL=1` sweeps
-//! more limits.
+//! A command under a memory limit ends with an error or does its work, and never by a signal. `LAZYGRID_TEST_FULL=1`
+//! sweeps more limits.
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -10,7 +10,6 @@ use lazygrid_tests::command::{Program, Scratch};
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// A burst whose particles react, and which stays.
 const BURST: &str = "steps = 3
 time-step = 1e-3
 [[species]]
@@ -45,7 +44,7 @@ fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
     (code, said)
 }
 
-/// Limits in MiB, from the least with which the program is loaded to enough, in equal ratios.
+/// Limits in MiB from loading the program to enough, in equal ratios.
 fn limits(most: f64) -> Vec<u64> {
     const LEAST: f64 = 56.0;
     let count = if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { 35 } else { 4 };
@@ -88,7 +87,6 @@ fn run_that_cannot_fit_is_refused_before_it_begins() {
         let refused = LAZYGRID.run(args).fails().err;
         assert!(refused.contains("bytes of memory or more") && refused.contains("available"), "{refused}");
     }
-    // Far more spheres than any machine has memory for.
     let made = scratch.path("made.npy");
     let refused = LAZYGRID.run(["generate", "equal", "-n", "4294967294", "-o", &made]);
     assert!(

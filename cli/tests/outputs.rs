@@ -1,4 +1,4 @@
-//! What `lazygrid detect` writes over, and what it leaves behind.
+//! Files that `lazygrid detect` overwrites, and temporary files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -42,12 +42,10 @@ fn the_input_is_never_replaced() {
         assert_eq!(fs::read_to_string(&file).unwrap(), SPHERES);
     }
     assert_eq!(scratch.names(), before);
-    // The second frame's output would be the input.
     let run = detect([&numbered, "--format", "xyz", "-o", &scratch.path("pairs-{frame}.csv")]);
     assert_eq!(run.code, Some(2), "{}", run.err);
     assert_eq!(fs::read_to_string(&numbered).unwrap(), FRAME.repeat(2));
     assert_eq!(table(&scratch.path("pairs-0.csv")), [[0, 1]]);
-    // Another file may well be replaced.
     let old = scratch.write("old.csv", "what was here before");
     detect([&file, "-o", &old]).succeeds();
     assert_eq!(table(&old), [[0, 1]]);
@@ -111,7 +109,7 @@ mod stopped {
         assert_eq!(scratch.names().len(), 4);
 
         detect([&file, "-o", &scratch.path("other.csv")]).succeeds();
-        // One of two is gone: the one whose process still runs goes on as if nothing had been.
+        // The temporary file of the ended process is gone, and the other process continues.
         assert_eq!(scratch.names().len(), 4, "{:?}", scratch.names());
         drop(live.stdin.take());
         assert!(live.wait().unwrap().success());

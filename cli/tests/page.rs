@@ -1,5 +1,5 @@
-//! `lazygrid page` and `lazygrid plan`: the plans on another implementation of WebGPU (Dawn in Node, on SwiftShader), and
-//! the page in a browser.
+//! `lazygrid page` and `lazygrid plan`: the plans on another implementation of WebGPU (Dawn in Node, on SwiftShader),
+//! and the page in a browser.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -44,7 +44,6 @@ fn has_dawn() -> bool {
     false
 }
 
-/// Runs the page's scripts on Dawn and returns the JSON that they print.
 fn on_dawn(args: &[&str]) -> Value {
     let output = Command::new("node")
         .arg(tool("node.mjs"))
@@ -72,7 +71,6 @@ struct Exported {
     files: Value,
 }
 
-/// Exports a plan for these spheres.
 fn export(scratch: &Scratch, scenario: &TestInput, options: &[&'static str]) -> Exported {
     let number = fs::read_dir(scratch.path("")).unwrap().count();
     let [plan, spheres] = ["plan.json", "spheres.bin"].map(|name| scratch.path(&format!("{number}-{name}")));
@@ -94,7 +92,6 @@ fn export(scratch: &Scratch, scenario: &TestInput, options: &[&'static str]) -> 
     Exported { scenario: scenario.clone(), options: options.to_vec(), files }
 }
 
-/// Compares the pairs that Dawn found by a plan with those of the CPU.
 fn assert_pairs(exported: &Exported, replayed: &Value) {
     let Exported { scenario, options, .. } = exported;
     let numbers: Vec<u32> =
@@ -151,7 +148,6 @@ fn page_is_one_small_file_that_loads_nothing() {
 static EVERY: LazyLock<u64> =
     LazyLock::new(|| if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { 1 } else { 15 });
 
-/// Asserts that a check of the page found no fault and did enough.
 fn assert_right(report: &Value) {
     assert_eq!(report["wrong"], 0, "{:#}", report["failures"]);
     assert_eq!(report["ok"], true);
@@ -166,7 +162,6 @@ fn check_of_the_page_finds_no_fault_on_dawn() {
     }
 }
 
-/// A page whose expected number of pairs is wrong in one scene.
 #[test]
 fn check_of_the_page_notices_a_wrong_number_of_pairs() {
     if !has_dawn() {
@@ -196,7 +191,8 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
 
 const SIZE: [usize; 2] = [1100, 700];
 
-/// Opens the page in a browser until `until` is true. Returns the text of `#result`, what the console said, and a picture.
+/// Opens the page in a browser until `until` is true. Returns the text of `#result`, the console's messages, and a
+/// screenshot.
 fn visit(scratch: &Scratch, browser: &str, page: &str, until: &str) -> (String, Vec<String>, Vec<[u8; 3]>) {
     let (profile, picture) = (scratch.path("profile"), scratch.path("page.png"));
     let size = SIZE.map(|length| length.to_string());
@@ -246,7 +242,7 @@ fn overlapping_spheres_have_their_color_in_a_browser() {
         (orange, blue)
     };
     let (few, many) = (colors(1), colors(20));
-    // Of equal spheres 8 % have a neighbor at a filling of 1 %, and 80 % at 20 %.
+    // Equal spheres: 8 % have a neighbor at a filling of 1 %, and 80 % at 20 %.
     assert!(few.0 > 20 && few.1 > 8 * few.0, "orange and blue pixels: {few:?}");
     assert!(many.0 > 2 * many.1, "orange and blue pixels: {many:?}");
 }

@@ -12,7 +12,7 @@ fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
     LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))
 }
 
-/// The judge: every pair, each coordinate's difference between nearest images, in `f64`.
+/// All pairs in `f64`, with minimum images.
 fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
     let touch = |a: &Sphere, b: &Sphere| {
         let differences = [0, 1, 2].map(|axis| {
@@ -40,7 +40,6 @@ fn xyz(comment: &str) -> String {
     format!("600\nProperties=pos:R:3:radius:R:1 {comment}\n{rows}")
 }
 
-/// A frame with coordinates as fractions of the box, or as they are.
 fn dump(bounds: &str, scale: Option<[f64; 3]>) -> String {
     let columns = if scale.is_some() { "xs ys zs radius" } else { "x y z radius" };
     let [a, b, c] = scale.unwrap_or([1.0; 3]);
@@ -63,7 +62,6 @@ fn a_box_of_the_file_is_used_and_said() {
     let files = [
         ("a.xyz", xyz("Lattice=\"16 0 0 0 20 0 0 0 12\" pbc=\"T T F\"")),
         ("a.dump", dump("pp pp ff\n0 16\n0 20\n0 12", None)),
-        // Powers of two, so that scaled coordinates are exact.
         ("b.dump", dump("pp pp ff\n0 16\n0 20\n0 16", Some([16.0, 20.0, 16.0]))),
     ];
     let unbounded = brute_force(&spheres(), [None; 3]);
@@ -145,7 +143,6 @@ fn a_box_that_leans_is_used_and_said() {
             |periodic| detect(&file, ["--json", "--periodic", periodic]).succeeds().json()["pairs"].clone();
         assert_eq!(pairs("none"), brute_force(&spheres(), [None; 3]).len());
         assert_eq!(pairs("16,16,16"), brute_force(&spheres(), [Some(16.0); 3]).len());
-        // The same said by hand.
         detect(&file, ["-o", &output, "--periodic", "16,16,16", "--tilt", "2,0,-3"]).succeeds();
         assert_eq!(table(&output), expected, "{name}");
     }
@@ -155,8 +152,7 @@ fn a_box_that_leans_is_used_and_said() {
     assert!(run.err.contains("(1000000000, 16, 0)"), "{}", run.err);
 }
 
-/// The pour is in a box with fixed walls (`BOX BOUNDS ff ff ff`). With the same box said to be periodic, it has the
-/// pairs that touch through its walls too.
+/// The pour has fixed walls (`BOX BOUNDS ff ff ff`). As a periodic box, it also has the pairs across its walls.
 #[test]
 fn the_pour_is_not_periodic_and_could_be() {
     let scratch = Scratch::new();

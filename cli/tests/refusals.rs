@@ -1,4 +1,4 @@
-//! Inputs and environments in which a command refuses to begin, and files of others that it leaves alone.
+//! Refused inputs and environments, and foreign files, which are left alone.
 #![cfg(target_os = "linux")]
 
 use std::fs;
@@ -30,7 +30,6 @@ fn closed_standard_output_is_an_error() {
         assert_eq!(output.status.code(), Some(1), "{arguments}: {said}");
         assert!(said.contains("closed"), "{arguments}: {said}");
     }
-    // A device that takes everything is no closed output, however it is opened.
     let null = fs::OpenOptions::new().read(true).write(true).open("/dev/null").unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
     let command = command.args(["detect", &file, "--backend", "cpu", "-o", "-"]).stderr(Stdio::null());
@@ -83,7 +82,7 @@ fn incomplete_files_of_a_killed_run_are_removed_by_the_next_one() {
     assert!(!fs::exists(left).unwrap() && fs::exists(kept).unwrap());
 }
 
-/// A table of all seeds would take minutes, and either has no room on the disk or is cancelled by the signal.
+/// A table of all seeds would take minutes; it exceeds the disk or is cancelled by the signal.
 #[test]
 fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
     let scratch = Scratch::new();

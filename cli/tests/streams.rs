@@ -17,13 +17,11 @@ fn detect<const N: usize>(args: [&str; N]) -> Run {
     LAZYGRID.run(["detect", "--backend", "cpu"].into_iter().chain(args))
 }
 
-/// The same with this standard input.
 fn fed<const N: usize>(input: &[u8], args: [&str; N]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
     command.args(["detect", "--backend", "cpu"]).args(args).env_remove("RUST_LOG");
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
-    // It may have ended before all was written.
     let _ = child.stdin.take().unwrap().write_all(input);
     child.wait_with_output().unwrap().into()
 }
@@ -63,7 +61,6 @@ fn pairs_go_to_standard_output_and_the_summary_aside() {
     assert_eq!(detect([&file, "-o", "-", "--neighbors"]).succeeds().out, "i,j\n0,1\n1,0\n");
     assert_eq!(fed(SPHERES.as_bytes(), ["-", "-o", "-"]).succeeds().out, "i,j\n0,1\n");
 
-    // The whole array, also where the pairs are more than a list may hold.
     let [pour, array] = [data("lammps-pour.dump"), scratch.path("pairs.npy")];
     detect([&pour, "-o", &array]).succeeds();
     for most in ["4000", "100"] {
@@ -87,7 +84,6 @@ fn pairs_go_to_standard_output_and_the_summary_aside() {
     let run = detect([&file, "-o", "-", "--neighbors", "--output-format", "npy"]);
     assert!(run.code == Some(2) && run.err.contains("standard output is one"), "{}", run.err);
 
-    // Several frames are refused before the first is written.
     let frames = scratch.write("a.xyz", &FRAME.repeat(2));
     let run = detect([&frames, "-o", "-"]).fails();
     assert!(run.out.is_empty() && run.err.contains("several frames"), "{}", run.err);
@@ -97,7 +93,7 @@ fn pairs_go_to_standard_output_and_the_summary_aside() {
     // The reader may have read enough.
     let run = LAZYGRID.run_with_closed_output(["detect", &file, "-o", "-"]);
     assert_eq!(run.code, Some(0), "{}", run.err);
-    // What is read cannot be appended to.
+    // A file that is read cannot be appended to.
     let both = fs::File::options().append(true).open(&file).unwrap();
     let run =
         Command::new(env!("CARGO_BIN_EXE_lazygrid")).args(["detect", &file, "-o", "-"]).stdout(both).output();
@@ -152,7 +148,6 @@ fn decompressed(path: &str) -> Vec<u8> {
     text
 }
 
-/// Two frames of the same spheres, in different orders.
 #[test]
 fn ids_name_spheres_in_any_order_of_rows() {
     let scratch = Scratch::new();
@@ -185,7 +180,6 @@ fn ids_name_spheres_in_any_order_of_rows() {
     let shown: Vec<_> = expected.iter().map(|[i, j]| format!("{i},{j}")).collect();
     assert!(shown.len() > 30 && lines.eq(shown.iter()));
     for frame in ["p-0.npy", "p-1.npy"] {
-        // The halves of numbers of 64 bits.
         let (shape, words) = npy::<4>(&scratch.path(frame), "<i8");
         assert_eq!(shape, format!("({}, 2)", expected.len()));
         let whole = |pair: &[i64; 2]| [pair[0] as u32, 0, pair[1] as u32, 0];
@@ -229,7 +223,6 @@ fn digits_that_are_lost_are_said_once() {
     let run = detect([&path]).succeeds();
     assert_eq!(run.err.matches("rounded").count(), 1, "{}", run.err);
     assert!(run.err.contains("a.npy, row 1: y is 0.1, more digits"), "{}", run.err);
-    // Numbers that 32 bits hold lose nothing.
     fs::write(&path, rows(0.125)).unwrap();
     assert_eq!(detect([&path]).succeeds().err, "");
 }
@@ -272,7 +265,6 @@ fn a_time_out_is_told_with_its_option() {
     assert!(run.err.contains("did not finish") && run.err.contains("(--timeout)"), "{}", run.err);
 }
 
-/// On a machine without a desktop a library of the driver's had something to say, and it looked like an error of ours.
 #[test]
 fn standard_error_has_no_foreign_messages() {
     let scratch = Scratch::new();

@@ -94,7 +94,6 @@ impl Bounds {
         })
     }
 
-    /// Adds spheres.
     #[inline(always)]
     pub(crate) fn add(&mut self, rows: &[[f64; 4]]) {
         let [mut min, mut max, mut zero] = [[f64::INFINITY; 4], [f64::NEG_INFINITY; 4], [0.0; 4]];

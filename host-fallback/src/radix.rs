@@ -17,7 +17,6 @@ const CHUNK_RECORDS: usize = 1 << 14;
 const MAX_CHUNKS: usize = 64;
 /// Bits per digit: few enough that the lines which a pass writes to stay in the first-level cache.
 const DIGIT: u32 = 8;
-/// The number of digits.
 const DIGITS: usize = 1 << DIGIT;
 
 pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {

@@ -1,8 +1,7 @@
-//! The scenes that tests, benchmarks, `lazygrid generate` and figures share: one definition of each.
+//! The scenes that tests, benchmarks, `lazygrid generate` and figures share.
 //!
-//! A scene is a function of the number of spheres and a seed. The same seed gives the same bytes on every
-//! platform: the generator is `ChaCha8`, the sampling is arithmetic in `f64`, and the few transcendental
-//! functions come from `libm` rather than from the system.
+//! A scene is a function of the number of spheres and a seed, with the same bytes on every platform: the generator is
+//! `ChaCha8`, the sampling is arithmetic in `f64`, and transcendental functions come from `libm`.
 
 mod expected;
 
@@ -40,7 +39,6 @@ impl Transceivers {
     /// Thirty, a hundred times as large.
     pub const DEFAULT: Self = Self { count: 30, ratio: 100 };
 
-    /// The number of transceivers among `n` spheres.
     fn among(self, n: usize) -> usize {
         n.min(self.count as usize)
     }
@@ -72,16 +70,16 @@ pub enum Scene {
     Equal,
     /// Radii 1, ½ … 1⁄16, equally frequent and in random order; centers uniform in a ball, 5 % filled.
     FiveSizes,
-    /// Radii 1, ½ … 1⁄512, equally frequent and in random order; centers normal about the origin, as dense as
-    /// gives 20 pairs per sphere. Below 42 spheres there are fewer pairs, and all centers coincide.
+    /// Radii 1, ½ … 1⁄512, equally frequent and in random order; centers normal about the origin, with a density of 20
+    /// pairs per sphere. Below 42 spheres there are fewer pairs, and all centers coincide.
     Burst,
     /// [`Burst`](Self::Burst) with radii 0.1, 0.2 … 1.
     BurstLinear,
     /// The radii of [`Burst`](Self::Burst); all centers at the origin.
     Point,
-    /// Few large spheres among many small ones, in random order; centers uniform in a ball, 5 % filled. Where the large
-    /// ones fill most of that, the ball grows with them, so that a small one lies in one of them with a chance of 5 %,
-    /// however large they are.
+    /// Few large spheres among many small ones, in random order; centers uniform in a ball, 5 % filled. If the large
+    /// ones fill most of that, the ball grows with them, so that a small one lies in one of them with a probability of
+    /// 5 %.
     Transceivers(Transceivers),
 }
 
@@ -120,13 +118,13 @@ impl Scene {
     /// The part of its radius by which a sphere moves in one step of the benchmarks' motion.
     pub const STEP: f32 = 0.1;
 
-    /// One step of the benchmarks' motion: every sphere moves by a tenth of its radius in a uniformly random
-    /// direction, which depends on `seed`, `step` and the sphere's index only.
+    /// Moves every sphere by a tenth of its radius in a uniformly random direction, which depends on `seed`, `step` and
+    /// the sphere's index only.
     pub fn advance(spheres: &mut [Sphere], seed: u64, step: u32) {
         Self::advance_by(Self::STEP, spheres, seed, step);
     }
 
-    /// The same motion in other steps: every sphere moves by this part of its radius.
+    /// Moves every sphere by this fraction of its radius, as [`advance`](Self::advance).
     pub fn advance_by(part: f32, spheres: &mut [Sphere], seed: u64, step: u32) {
         let mut rng = stream(seed, 1 + u64::from(step));
         for sphere in spheres {
@@ -141,7 +139,6 @@ impl Scene {
         expected::pairs(&self.sizes().classes(n), self.cloud(n))
     }
 
-    /// The distribution of the centers of `n` spheres.
     fn cloud(self, n: usize) -> CenterDistribution {
         let classes = self.sizes().classes(n);
         match self {
@@ -156,7 +153,6 @@ impl Scene {
         }
     }
 
-    /// Which radii there are, and how often.
     const fn sizes(self) -> RadiusMix {
         match self {
             Self::Equal => RadiusMix::EquallyOften(&[1.0]),
@@ -183,7 +179,6 @@ impl FromStr for Scene {
     }
 }
 
-/// Which radii a scene has.
 #[derive(Clone, Copy, Debug)]
 enum RadiusMix {
     EquallyOften(&'static [f32]),
@@ -191,7 +186,6 @@ enum RadiusMix {
 }
 
 impl RadiusMix {
-    /// The radii of `n` spheres, not yet in random order.
     fn radii(self, n: usize) -> Vec<f32> {
         match self {
             Self::EquallyOften(sizes) => sizes.iter().copied().cycle().take(n).collect(),
@@ -219,14 +213,12 @@ impl RadiusMix {
     }
 }
 
-/// Spheres of one radius.
 #[derive(Clone, Copy, Debug)]
 struct SizeGroup {
     count: f64,
     radius: f64,
 }
 
-/// A distribution of centers about the origin.
 #[derive(Clone, Copy, Debug)]
 enum CenterDistribution {
     Ball { radius: f64 },

@@ -47,7 +47,6 @@ pub fn available_memory() -> Option<AvailableMemory> {
     all.min_by_key(|&(bytes, _)| bytes).map(|(bytes, limit)| AvailableMemory { bytes, limit })
 }
 
-/// A line `name: N kB` of a file below `/proc`, in bytes.
 fn kilobytes(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
     Some(line.split_whitespace().next()?.parse::<u64>().ok()?.saturating_mul(1024))

@@ -51,7 +51,6 @@ pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<Py
     of_type(given, name, "offsets")
 }
 
-/// Borrows an array of one type, in one piece; `copy` is the function of the package that makes one.
 fn of_type<'py, T: Element>(
     given: &Bound<'py, PyAny>,
     name: impl Display,
@@ -66,7 +65,6 @@ fn of_type<'py, T: Element>(
     readable(copied.cast::<PyArray1<T>>()?, name)
 }
 
-/// Returns `true` if an array can be read as a slice.
 fn in_one_piece<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> bool {
     array.is_c_contiguous() && array.is_aligned()
 }
@@ -82,7 +80,6 @@ pub(crate) fn readable<'py, T: Element, D: Dimension>(
     array.try_readonly().map_err(|_| error::array(format!("`{name}` is being written to by another call")))
 }
 
-/// The module `lazygrid._arrays`, which converts what cannot be read in place.
 pub(crate) fn package(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     let module =

@@ -1,7 +1,7 @@
 //! The class `Chunks`: the pairs of a stream, a chunk at a time.
 //!
-//! A thread searches and sends chunks through a channel that holds two; when it is full the search waits. The thread
-//! works on a copy of the spheres, since the caller may move the spheres between two chunks.
+//! A thread searches and sends chunks through a channel that holds two. It works on a copy of the spheres, since the
+//! caller may move them between two chunks.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -30,7 +30,6 @@ pub(crate) struct Chunks {
     /// `None` once there will be no more.
     chunks: Mutex<Option<Receiver<Sent>>>,
     stopper: StreamStopper,
-    /// The process that the thread is in.
     process: Process,
 }
 
@@ -69,7 +68,7 @@ impl Chunks {
     }
 
     fn end(&self) {
-        // In a copy of the process the thread is gone, and another thread may have held the lock when it was copied.
+        // A forked process does not have the thread, and the lock may have been held when it was forked.
         if !self.process.is_current() {
             return;
         }
@@ -121,7 +120,6 @@ impl Drop for Chunks {
     }
 }
 
-/// A query that a thread owns.
 struct OwnedQuery {
     first: OwnedSpheres,
     second: Option<OwnedSpheres>,
@@ -145,7 +143,6 @@ impl OwnedQuery {
     }
 }
 
-/// A set of spheres that a thread owns.
 struct OwnedSpheres {
     rows: Rows,
     species: Option<Vec<u32>>,
@@ -158,7 +155,6 @@ enum Rows {
 }
 
 impl OwnedSpheres {
-    /// Copies spheres, in their precision.
     fn new(spheres: Spheres<'_>) -> Result<Self, Error> {
         const WHAT: &str = "copied spheres";
         let rows = match spheres.is_f64() {

@@ -146,7 +146,6 @@ impl SimulationCore {
         Ok(PyArray1::from_iter(py, ids))
     }
 
-    /// Removes particles by id and returns their number.
     fn remove(&self, ids: PyReadonlyArray1<'_, u32>) -> PyResult<usize> {
         let mut inner = self.lock()?;
         inner.detach()?;

@@ -6,7 +6,6 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyModule;
 
-/// An exception of one of lazygrid's classes, with attributes.
 fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> PyErr {
     Python::attach(|py| {
         let raised = || {
@@ -29,7 +28,6 @@ fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> 
     })
 }
 
-/// The value of an attribute of an exception.
 enum Attribute {
     Whole(u64),
     Truth(bool),
@@ -72,7 +70,6 @@ pub(crate) fn input(error: InputError) -> PyErr {
     }
 }
 
-/// The message and the attributes.
 fn described(error: InputError) -> (String, Vec<(&'static str, Attribute)>) {
     let message = match error {
         InputError::SpeciesMissing => {
@@ -111,7 +108,6 @@ pub(crate) fn unknown(name: lazygrid::UnknownName) -> PyErr {
     setting(name)
 }
 
-/// An array of the wrong type, shape or layout.
 pub(crate) fn array(message: impl ToString) -> PyErr {
     exception("InputError", message.to_string(), &[])
 }

@@ -36,7 +36,6 @@ impl Exclusions {
         self.list.clone()
     }
 
-    /// The list that `make` makes without the interpreter's lock.
     fn made(
         py: Python<'_>,
         make: impl FnOnce() -> Result<lazygrid::Exclusions, lazygrid::Error> + Send,

@@ -35,7 +35,6 @@ impl fmt::Display for Name {
     }
 }
 
-/// A coordinate type and its layouts in memory.
 pub(crate) trait Number: Element + Real + Copy {}
 
 impl Number for f32 {}
@@ -62,7 +61,6 @@ impl<'py, D: Dimension> Floats<'py, D> {
         Self::of_package(&read, name, width)
     }
 
-    /// Borrows what the package made of an array.
     fn of_package(read: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Self> {
         let array = Self::in_place(read, name, width)?;
         array.ok_or_else(|| crate::error::array(format!("`{name}` cannot be read as an array")))
@@ -98,7 +96,6 @@ impl<'py, D: Dimension> Floats<'py, D> {
     }
 }
 
-/// Returns `true` if the array has this width and a layout that [`Floats`] promises.
 fn is_readable<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>, width: usize) -> bool {
     let is_whole = |&stride: &isize| stride >= 0 && (stride as usize).is_multiple_of(size_of::<T>());
     (width == 0 || array.shape()[1] == width)

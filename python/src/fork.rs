@@ -1,5 +1,5 @@
-//! Detection of forked processes. A fork has no threads of its parent, and work that waits for them never ends. A forked
-//! process whose parent had started threads therefore refuses calls.
+//! Detection of forked processes, which lack the threads of their parent. A forked process whose parent had started
+//! threads refuses calls.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -7,15 +7,11 @@ use pyo3::prelude::*;
 
 use crate::error;
 
-/// `true` if this process or its parent has used a thread pool.
 static STARTED: AtomicBool = AtomicBool::new(false);
-/// `true` if that was before a fork.
 static GONE: AtomicBool = AtomicBool::new(false);
 
-/// The number of copies that lead from the first process to this one.
 static COPIES: AtomicU32 = AtomicU32::new(0);
 
-/// The process that an object with a thread was made in.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Process(u32);
 

@@ -82,7 +82,6 @@ impl Interactions {
     }
 }
 
-/// `None`, `"touch"` or a distance.
 fn interaction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Interaction> {
     let Some(given) = given else { return Ok(Interaction::Never) };
     if given.extract::<&str>().is_ok_and(|word| word == "touch") {

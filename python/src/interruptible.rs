@@ -1,8 +1,8 @@
 //! Calls that release the interpreter's lock and that Ctrl-C ends.
 //!
-//! Python handles signals in its main thread only. A call that may take long therefore works in a thread of its own,
-//! while the calling thread polls for signals. A signal raises the flag that ends the search, and the call returns when
-//! the search has ended. No work continues after the return, so the caller may change the arrays again.
+//! Python handles signals in its main thread only. A long call therefore works in a thread of its own, while the
+//! calling thread polls for signals. A signal sets the flag that ends the search, and the call returns when the search
+//! has ended, so the caller may change the arrays again.
 
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,12 +13,12 @@ use std::time::Duration;
 use lazygrid::Error;
 use pyo3::prelude::*;
 
-/// The number of spheres from which a call works in a thread of its own. A smaller call takes milliseconds, and one
-/// second if all spheres are at one place.
+/// At or above this number of spheres a call works in a thread of its own. A smaller call takes milliseconds, or a
+/// second if all spheres coincide.
 const MIN_THREADED_SPHERES: usize = 1 << 15;
 
-/// The number of spheres below which a call on the CPU keeps the interpreter's lock. It takes some microseconds, to which
-/// releasing the lock would add a tenth.
+/// Below this number of spheres a call on the CPU keeps the interpreter's lock: releasing it would add a tenth to some
+/// microseconds.
 const MIN_UNLOCKED_SPHERES: usize = 1 << 6;
 
 /// The time between two polls for signals.
@@ -28,7 +28,6 @@ pub(crate) const SIGNAL_POLL: Duration = Duration::from_millis(20);
 pub(crate) struct Work {
     /// The number of spheres.
     pub(crate) spheres: usize,
-    /// `true` if few spheres take microseconds, so that the call may keep the interpreter's lock.
     pub(crate) can_hold_lock: bool,
 }
 

@@ -1,7 +1,5 @@
-//! lazygrid as a Python module: NumPy arrays in, NumPy arrays out.
-//!
-//! This is `lazygrid._lazygrid`; the package around it, in `package/lazygrid`, adds what is said better in Python. What
-//! Python programmers read is in `package/lazygrid/_lazygrid.pyi`.
+//! lazygrid as a Python module, `lazygrid._lazygrid`. The package around it is `package/lazygrid`, with its
+//! documentation in `_lazygrid.pyi`.
 
 mod arrays;
 mod chunks;

@@ -19,10 +19,8 @@ use crate::interruptible::{Work, interruptible};
 use crate::pool::DetectorPool;
 use crate::{error, fork, result_memory};
 
-/// Entries per piece of work.
 const CHUNK_ENTRIES: usize = 1 << 14;
 
-/// Atoms are neighbors if they are nearer than this.
 enum Cutoffs<'a> {
     /// A single distance for all.
     One(f64),
@@ -58,17 +56,15 @@ impl Cutoffs<'_> {
         Ok(config.interactions(interactions))
     }
 
-    /// The part of the cutoffs that settings depend on.
     fn table(&self) -> &[f64] {
         if let Self::Kinds { table, .. } = self { table } else { &[] }
     }
 }
 
-/// The largest list whose detector keeps its buffers, a few hundred MB, for the next call.
+/// The largest list whose detector keeps its buffers, a few hundred MB.
 const MAX_KEPT_ENTRIES: usize = 1 << 23;
 
-/// The detectors of the last call. The next call with the same cell and cutoffs by kind reuses their buffers: new memory
-/// would take a third of its time.
+/// The detectors of the last call. New memory would take a third of the next call's time.
 static LAST: Mutex<Option<Last>> = Mutex::new(None);
 
 struct Last {
@@ -96,13 +92,11 @@ fn detectors(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>) -> PyResult<Arc<Detecto
     DetectorPool::new(config, false).map_err(error::engine)
 }
 
-/// Keeps detectors for the next call.
 fn keep(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>, detectors: Arc<DetectorPool>) {
     let last = Last { cell, table: cutoffs.table().to_vec(), detectors };
     *LAST.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
 }
 
-/// The arrays that are returned, by the letters of their quantities.
 struct Arrays<'py> {
     i: Option<Bound<'py, PyArray1<i64>>>,
     j: Option<Bound<'py, PyArray1<i64>>>,
@@ -123,7 +117,6 @@ impl<'py> Arrays<'py> {
         })
     }
 
-    /// Copies a list into the arrays.
     fn fill(&self, py: Python<'_>, list: &NeighborList<'_>) -> PyResult<()> {
         let (mut i, mut j) =
             (self.i.as_ref().map(|array| array.readwrite()), self.j.as_ref().map(|array| array.readwrite()));
@@ -200,7 +193,6 @@ impl CutoffArg<'_> {
     }
 }
 
-/// Converts the letters of quantities to options.
 fn options(quantities: &str, with_itself: bool) -> ListOptions {
     let wanted = |quantity| quantities.contains(quantity);
     let options = ListOptions::full().open();

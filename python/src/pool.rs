@@ -1,5 +1,5 @@
-//! The detectors of one Python object. Each call leases one of them, so that several threads can use the object at a time,
-//! and a thread that iterates over chunks can call it again. A returned detector keeps its buffers for the next call.
+//! The detectors of one Python object. Each call leases one, so that several threads can use the object at a time. A
+//! returned detector keeps its buffers.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,7 +9,6 @@ use pyo3::PyResult;
 
 use crate::{error, fork};
 
-/// A detector, and the flag that ends its search.
 struct PooledDetector {
     detector: lazygrid::Detector,
     cancel: Arc<AtomicBool>,
@@ -18,9 +17,7 @@ struct PooledDetector {
 /// Detectors of one configuration.
 pub(crate) struct DetectorPool {
     config: Config,
-    /// `true` if calls use the calling thread alone.
     is_single_threaded: bool,
-    /// `true` if no call runs on a GPU.
     is_on_cpu: bool,
     idle: Mutex<Idle>,
 }
@@ -58,7 +55,6 @@ impl DetectorPool {
         Ok(DetectorLease { pool: self.clone(), detector: Some(detector), stream: None })
     }
 
-    /// Returns the report of the call that ended last.
     pub(crate) fn report(&self) -> Report {
         let idle = self.idle();
         idle.detectors.last().map_or_else(|| idle.report.clone(), |last| last.detector.report())
@@ -78,7 +74,6 @@ impl PooledDetector {
     }
 }
 
-/// A detector for the time of a call.
 pub(crate) struct DetectorLease {
     pool: Arc<DetectorPool>,
     /// `None` only while the lease ends.
@@ -88,7 +83,6 @@ pub(crate) struct DetectorLease {
 }
 
 impl DetectorLease {
-    /// The detector, and the flag that ends its search.
     pub(crate) fn parts(&mut self) -> (&mut lazygrid::Detector, &AtomicBool) {
         match self.detector.as_deref_mut() {
             Some(PooledDetector { detector, cancel }) => (detector, cancel),
@@ -96,7 +90,6 @@ impl DetectorLease {
         }
     }
 
-    /// Returns `true` if calls run on the CPU.
     pub(crate) fn is_on_cpu(&self) -> bool {
         self.pool.is_on_cpu
     }
@@ -130,7 +123,6 @@ impl Drop for DetectorLease {
     }
 }
 
-/// Ends the search of one lease.
 pub(crate) struct StreamStopper {
     pool: Arc<DetectorPool>,
     is_leased: Arc<AtomicBool>,

@@ -4,7 +4,6 @@ use lazygrid::Report;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// A report by name; times in seconds.
 pub(crate) fn dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py, PyDict>> {
     let phases = PyDict::new(py);
     for phase in &report.phases {

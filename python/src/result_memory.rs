@@ -1,7 +1,6 @@
 //! Memory of large result arrays, which later results reuse.
 //!
-//! The system zeroes new memory page by page, which takes as long as the search of a neighbor list. So the memory of an
-//! array returns to a pool when Python drops the array.
+//! The system zeroes new memory page by page, which takes as long as the search of a neighbor list.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -19,7 +18,6 @@ const MAX_POOLED_WORDS: usize = 1 << 26;
 /// Memory of dropped arrays.
 static POOL: Mutex<Vec<Vec<u64>>> = Mutex::new(Vec::new());
 
-/// The base of a result array, which owns its memory.
 #[pyclass(frozen)]
 struct ResultMemory(Vec<u64>);
 

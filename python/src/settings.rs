@@ -8,7 +8,6 @@ use pyo3::types::PyBool;
 
 use crate::error;
 
-/// The keywords of a detector.
 pub(crate) struct Settings<'s> {
     pub(crate) backend: &'s str,
     pub(crate) algorithm: &'s str,

@@ -26,7 +26,6 @@ pub(crate) enum Source<'py> {
     File(PathBuf),
 }
 
-/// The options of a run, which override the scenario.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Options {
@@ -39,7 +38,6 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-/// A run and its recorded results.
 struct Run {
     scenario: Scenario,
     simulation: AnySimulation,
@@ -75,7 +73,6 @@ impl Run {
         Ok(Self { scenario, simulation, every, frames_every, steps, counts, frames, pool })
     }
 
-    /// Does all steps and polls for signals.
     fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
         self.record().map_err(error::simulator)?;
         while self.simulation.step_count() < self.scenario.steps {
@@ -85,7 +82,6 @@ impl Run {
         Ok(())
     }
 
-    /// Does steps until it is time to poll for signals.
     fn some_steps(&mut self) -> Result<(), Error> {
         let began = Instant::now();
         while self.simulation.step_count() < self.scenario.steps && began.elapsed() < SIGNAL_POLL {
@@ -102,7 +98,6 @@ impl Run {
         Ok(())
     }
 
-    /// Records the row and the frame of the present step, if due.
     fn record(&mut self) -> Result<(), Error> {
         let step = self.simulation.step_count();
         if step.is_multiple_of(self.every) {

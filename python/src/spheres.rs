@@ -16,7 +16,6 @@ use crate::error;
 use crate::exclusions::Exclusions;
 use crate::floats::{Column, Floats, Name, Number, RadiiArg};
 
-/// The arguments that all searches take.
 #[derive(Clone, Copy)]
 pub(crate) struct Arguments<'a, 'py> {
     pub(crate) spheres: &'a Bound<'py, PyAny>,
@@ -28,7 +27,6 @@ pub(crate) struct Arguments<'a, 'py> {
     pub(crate) exclusions: Option<&'a Bound<'py, Exclusions>>,
 }
 
-/// A query on borrowed arrays.
 pub(crate) struct BorrowedQuery<'py> {
     first: BorrowedSpheres<'py>,
     second: Option<BorrowedSpheres<'py>>,
@@ -72,13 +70,11 @@ impl<'py> BorrowedQuery<'py> {
         Ok(self.exclusions.as_deref().map_or(query, |pairs| query.without(pairs)))
     }
 
-    /// The excluded pairs, to be kept beyond the call.
     pub(crate) fn exclusions(&self) -> Option<Arc<lazygrid::Exclusions>> {
         self.exclusions.clone()
     }
 }
 
-/// Species or groups of one set.
 type Labels<'py> = Option<PyReadonlyArray1<'py, u32>>;
 
 fn labels<'py>(given: Option<&Bound<'py, PyAny>>, name: Name) -> PyResult<Labels<'py>> {
@@ -115,7 +111,6 @@ struct BorrowedSpheres<'py> {
     groups: Labels<'py>,
 }
 
-/// The numbers of a set, all of one type.
 enum Numbers<'py> {
     F32(Layout<'py, f32>),
     F64(Layout<'py, f64>),
@@ -196,7 +191,6 @@ impl<'py> Numbers<'py> {
 }
 
 impl<'py, T: Number> Layout<'py, T> {
-    /// Columns in place, or copies if the steps from value to value of the first three differ.
     fn of_columns([x, y, z, r]: [PyReadonlyArray1<'py, T>; 4], name: Name) -> PyResult<Self> {
         let stride = x.strides()[0];
         if y.strides()[0] == stride && z.strides()[0] == stride {

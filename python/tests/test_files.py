@@ -16,7 +16,7 @@ from conftest import scene
 import lazygrid
 
 # The scenario is short of steps, and says so.
-pytestmark = pytest.mark.filterwarnings("ignore:.*is long beside")
+pytestmark = pytest.mark.filterwarnings("ignore:.*is long compared")
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = """

@@ -1,4 +1,4 @@
-//! Axes: which values get a label, and what it says. Pure functions; `plot.rs` draws.
+//! Axes: labeled values and their text. Pure functions; `plot.rs` draws.
 
 use std::ops::Range;
 
@@ -23,7 +23,6 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// The position of a value, in arbitrary units.
     pub(crate) fn position(self, value: f64) -> f64 {
         match self {
             Self::Logarithmic => value.ln(),
@@ -31,7 +30,6 @@ impl Scale {
         }
     }
 
-    /// Returns `true` if a value has a position.
     pub(crate) fn holds(self, value: f64) -> bool {
         value.is_finite() && (self == Self::Linear || value > 0.0)
     }
@@ -71,7 +69,6 @@ fn number(value: f64) -> String {
     let scientific = format!("{value:.2e}");
     let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     if (1e-3..1e6).contains(&size) {
-        // Parsed back, so that it has the three figures and no more.
         scientific.parse::<f64>().map_or_else(|_| scientific.clone(), |rounded| rounded.to_string())
     } else {
         format!("{}e{exponent}", without_zeros(digits))
@@ -82,16 +79,11 @@ fn without_zeros(number: &str) -> &str {
     if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { number }
 }
 
-/// The space for labels along an axis, in pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LabelSpace {
-    /// The length of the axis.
     pub(crate) axis: f64,
-    /// The space of a label besides its characters.
     pub(crate) gap: f64,
-    /// The space of each character: its width along a horizontal axis, 0 along a vertical one.
     pub(crate) character: f64,
-    /// The scale.
     pub(crate) scale: Scale,
 }
 
@@ -116,7 +108,6 @@ pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -
     let decades = DECADES.iter().map(|values| of_decades(range, values));
     let fits = |ticks: &Vec<f64>| ticks.len() <= MAX_LABELS && space.holds(ticks, range, quantity);
     let candidates = decades.chain(sparse(range)).chain(steps(range)).filter(fits);
-    // The first of those with as many labels has the roundest values.
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
 }
 
@@ -158,7 +149,6 @@ fn steps(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     })
 }
 
-/// Equidistant values of a linear axis: as many as do not overlap.
 fn even(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
     let exponent = (range.end - range.start).log10().floor() as i32;
     let sizes = (exponent - 2..=exponent).flat_map(|k| STEPS.map(|step| scaled(step, k)));
@@ -214,7 +204,6 @@ mod tests {
             ["10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s"]
         );
         assert_eq!(labels(0.8..150.0, Quantity::Number, UP), ["1", "2", "5", "10", "20", "50", "100"]);
-        // Far more decades than labels.
         let many = labels(1e-12..1e12, Quantity::Number, ACROSS);
         assert!((3..=MAX_LABELS).contains(&many.len()), "{many:?}");
     }
@@ -230,7 +219,6 @@ mod tests {
 
     #[test]
     fn labels_keep_apart_and_say_different_things() {
-        // 13 pixels from each other, with 35 to 40 of text each.
         assert!(!ACROSS.holds(&[900.0, 1000.0], &(100.0..20_000.0), Quantity::Number));
         for space in [ACROSS, UP] {
             for quantity in [Quantity::Count, Quantity::Time, Quantity::Number] {

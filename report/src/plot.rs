@@ -80,7 +80,6 @@ const TEXT: u32 = 22;
 /// Height of the names of lines.
 const NAMES: u32 = 19;
 const MARGIN: u32 = 12;
-/// The space for the labels and the title of each axis.
 const BELOW: u32 = 64;
 const LEFT: u32 = 110;
 const COLOURS: [RGBColor; 10] = [
@@ -158,7 +157,6 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
     Ok(Some(svg))
 }
 
-/// A line of the legend.
 fn name<B: DrawingBackend>(
     legend: &DrawingArea<B, plotters::coord::Shift>,
     row: i32,
@@ -171,13 +169,11 @@ fn name<B: DrawingBackend>(
     legend.draw(&Text::new(line.name.clone(), (24, middle - NAMES as i32 / 2), (FONT, NAMES)))
 }
 
-/// Space for labels below an area of this width. Characters are about half as wide as a line is high.
 fn across(width: u32, scale: Scale) -> LabelSpace {
     let text = f64::from(TEXT);
     LabelSpace { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text, scale }
 }
 
-/// Space for labels next to an area of this height.
 fn up(height: u32, scale: Scale) -> LabelSpace {
     LabelSpace {
         axis: f64::from(height - 2 * MARGIN - BELOW),
@@ -187,7 +183,6 @@ fn up(height: u32, scale: Scale) -> LabelSpace {
     }
 }
 
-/// An axis, with the values that get labels.
 struct AxisTicks {
     scale: Scale,
     range: Range<f64>,

@@ -10,7 +10,6 @@ use lazygrid_sim::{
     Decay, Model, Receiver, ReceiverKind, Schedule, Simulation, Species, Transmitter, Unbinding,
 };
 
-/// Steps per symbol.
 const SYMBOL: u32 = 200;
 const BURST: u32 = 20_000;
 const THRESHOLD: u64 = 25;

@@ -26,7 +26,9 @@ pub fn browser() -> Option<&'static str> {
     };
     let found = known.into_iter().find(runs);
     if found.is_none() {
-        let why = format!("there is none of {known:?}; install one (Debian: apt-get install chromium)");
+        let why = format!(
+            "no browser among {known:?} is installed; install one (Debian: apt-get install chromium)"
+        );
         skipped("LAZYGRID_REQUIRE_BROWSER", &why);
     }
     found

@@ -1,7 +1,6 @@
 //! Helpers of the tests in `suite/`:
 //!
-//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
-//!   that `lazygrid check` uses too.
+//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop.
 //! * [`DetectorVariant`]: a detector variant; [`variants::all`] lists all variants, and [`SuiteVariant`] runs one.
 //! * [`periodic`]: oracles and generators of scenarios in periodic spaces.
 //! * [`triclinic`]: generators of scenarios in triclinic cells.

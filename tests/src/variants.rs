@@ -14,9 +14,8 @@ use crate::{TestInput, Tolerance, difference};
 /// The numbers of threads of the CPU variants: one, a few, and usually more than cores.
 pub const THREADS: [usize; 3] = [1, 2, 7];
 
-/// All variants. A new backend is added here. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects the variants of one
-/// backend: changing a GPU driver or its settings does not affect the CPU. `LAZYGRID_TEST_VARIANTS=gpu/cell-list` selects
-/// one GPU algorithm.
+/// All variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects the variants of one backend,
+/// `LAZYGRID_TEST_VARIANTS=gpu/cell-list` one GPU algorithm.
 ///
 /// # Panics
 /// Panics if `LAZYGRID_TEST_VARIANTS` has another value, or if a required GPU is missing.
@@ -53,9 +52,8 @@ fn on_gpu() -> Vec<DetectorVariant> {
     Algorithm::GPU.iter().map(|&algorithm| DetectorVariant::new(algorithm, target)).collect()
 }
 
-/// The variants for one of many scenarios: all CPU variants, and two GPU variants chosen by the scenario. A property with
-/// many cases thus covers each GPU variant, which is slow on a software adapter. All variants if `LAZYGRID_TEST_VARIANTS`
-/// is set.
+/// The variants for one of many scenarios: all CPU variants, and two GPU variants chosen by the scenario, because
+/// software adapters are slow. All variants if `LAZYGRID_TEST_VARIANTS` is set.
 ///
 /// # Panics
 /// Panics like [`all`].

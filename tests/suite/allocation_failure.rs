@@ -13,15 +13,13 @@ use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
 
 /// The system allocator, which refuses large allocations on request. Small ones, such as the text of a message, always
-/// succeed: no system refuses them while it still grants pages.
+/// succeed.
 struct Refusing;
 
-/// Minimum size of a large allocation in bytes: a page.
 const LARGE: usize = 4096;
 
 /// Currently allocated bytes.
 static LIVE: AtomicUsize = AtomicUsize::new(0);
-/// Number of large allocations to grant before refusing.
 static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
 /// Total number of bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
@@ -80,7 +78,6 @@ impl Refusal {
     }
 }
 
-/// A kind of query.
 #[derive(Clone, Copy, Debug)]
 enum Ask {
     Canonical,
@@ -102,7 +99,6 @@ impl Ask {
         Self::StreamUnordered,
     ];
 
-    /// The settings for this query, if it finds `found` pairs.
     fn config(self, config: Config, found: u64) -> Config {
         match self {
             Self::Unordered | Self::StreamUnordered => config.order(Order::Unordered),

@@ -7,7 +7,6 @@ use lazygrid::{
 };
 use lazygrid_tests::{SuiteVariant, variants};
 
-/// The error of all variants and all queries for these spheres; all must return the same error.
 fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
     let mut errors = Vec::new();
     for variant in variants::all() {

@@ -9,11 +9,9 @@ use lazygrid::{
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
-/// A linear congruential generator.
 struct Random(u64);
 
 impl Random {
-    /// A number between −1 and 1 with all bits of an `f64`.
     fn signed(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
@@ -47,7 +45,6 @@ fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Ve
     spheres
 }
 
-/// The images that the plain loop tests along each cell vector.
 const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
 /// The smallest squared length of an image of `to − from`, by the contract's expression.
@@ -102,7 +99,6 @@ fn spaces() -> [Space; 5] {
     ]
 }
 
-/// Checks all results of one detector.
 fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Result<(), String> {
     let text = |error: Error| error.to_string();
     let found = detector.pairs(query).map_err(text)?;
@@ -234,7 +230,6 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
     }
 }
 
-/// Spheres that move little between calls, so that candidate lists are reused. The frame may change in between.
 #[test]
 fn candidates_of_f64_spheres_lose_no_pair() {
     for space in [spaces()[0], spaces()[1], spaces()[3]] {
@@ -269,7 +264,6 @@ fn candidates_of_f64_spheres_lose_no_pair() {
     }
 }
 
-/// The frame of a call with `f32` spheres does not support radii as large as those of the next call.
 #[test]
 fn calls_of_both_precisions_can_alternate() {
     let edges = [Some([4.0, 0.0, 0.0]), Some([1.0, 4.0, 0.0]), Some([0.0, 1.0, 4.0])];

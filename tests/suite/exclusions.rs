@@ -35,7 +35,6 @@ fn cases() -> impl Strategy<Value = TestInput> {
     (scenarios, words).prop_map(|(scenario, words)| scenario.with_exclusions(&words))
 }
 
-/// Checks that no excluded pair is found, and that all other pairs are.
 fn same(
     variant: DetectorVariant,
     scenario: &TestInput,
@@ -105,7 +104,6 @@ fn all_kinds_of_results_agree() {
         let lists = detector.neighbors(query).expect("neighbours");
         let listed: usize = (0..2000).map(|i| lists.neighbors_of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{variant}");
-        // Another call of the detector, without exclusions.
         assert_eq!(detector.count(without), Ok(all as u64), "{variant}");
     }
 }
@@ -139,7 +137,6 @@ fn pairs_across_two_sets() {
     });
 }
 
-/// Candidate lists do not depend on exclusions, which may change with each call.
 #[test]
 fn candidate_lists_never_change_a_result() {
     let mut variants = variants::all();
@@ -187,7 +184,6 @@ fn exclusions_of_wrong_size_are_refused() {
     }
 }
 
-/// A session supports neither groups nor triclinic cells; its errors refer to `Detector`.
 #[test]
 fn sessions_refuse_groups_and_triclinic_cells() {
     let Some(device) = lazygrid_tests::device() else { return };

@@ -10,7 +10,6 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
 }
 
-/// The only frame of a file. Species are ignored.
 fn frame(name: &str, format: Option<Format>, radii: &[(&str, f32)]) -> TestInput {
     let radii = radii.iter().map(|&(name, radius)| (name.to_owned(), radius)).collect();
     let frames =

@@ -42,7 +42,6 @@ fn small_radii_with_large_distances() {
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Species that never pair have no pairs, and huge radii among them lose no pair of other species.
 #[test]
 fn species_that_never_pair() {
     let strategy = (hard::any_spheres(), 2_usize..5).prop_map(|(spheres, period)| {
@@ -53,7 +52,6 @@ fn species_that_never_pair() {
     check(64, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Species ids without a table have no effect.
 #[test]
 fn ids_without_a_table_have_no_effect() {
     check(32, hard::any_spheres(), |spheres| {

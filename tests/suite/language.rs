@@ -1,10 +1,8 @@
-//! The language of comments, documents and messages: phrases that leave the reader to work out what they refer to become
-//! fewer, never more.
+//! Budgets for vague phrases in comments, documents and messages, which may only fall.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Folders and files of the project with text that people read.
 const ROOTS: [&str; 19] = [
     "ARCHITECTURE.md",
     "CONTRIBUTING.md",
@@ -27,20 +25,16 @@ const ROOTS: [&str; 19] = [
     "tests",
 ];
 
-/// The extensions of these files.
 const EXTENSIONS: [&str; 10] = ["c", "cc", "h", "hpp", "java", "md", "py", "pyi", "rs", "wgsl"];
 
 /// Text that is not the project's own language: build outputs, generated tables and this list of patterns.
 const SKIPPED: [&str; 5] = ["target", "node_modules", "results", "data", "language.rs"];
 
-/// Words with which no comment should begin.
 const OPENINGS: [&str; 12] =
     ["what", "whether", "where", "how", "who", "why", "which", "those", "as", "of", "by", "the same"];
 
-/// The number of comments that still begin with one of them. It may only fall.
 const OPENINGS_BUDGET: usize = 199;
 
-/// A pattern of a line, in lower case.
 enum Pattern {
     /// One of these phrases, as whole words.
     Phrases(&'static [&'static str]),
@@ -104,7 +98,6 @@ impl Pattern {
     }
 }
 
-/// Adds the files at `path`.
 fn add_files(path: PathBuf, files: &mut Vec<PathBuf>) {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if name.starts_with('.') || SKIPPED.contains(&name.as_str()) {
@@ -119,7 +112,6 @@ fn add_files(path: PathBuf, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// The text of the project's files.
 fn texts() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
     let mut files = Vec::new();
@@ -127,13 +119,11 @@ fn texts() -> Vec<(PathBuf, String)> {
     files.into_iter().map(|path| (path.clone(), fs::read_to_string(path).expect("text"))).collect()
 }
 
-/// The text of a comment line of Rust or WGSL; `None` for code.
 fn comment(line: &str) -> Option<&str> {
     let text = line.trim_start().strip_prefix("//")?;
     Some(text.trim_start_matches(['/', '!']).trim_start())
 }
 
-/// The comments of a source that begin with one of [`OPENINGS`].
 fn unclear_openings(source: &str) -> usize {
     let mut before = None;
     let mut count = 0;

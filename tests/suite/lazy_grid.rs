@@ -28,7 +28,6 @@ fn scenes_for_any_tau() {
     }
 }
 
-/// One to twenty sizes, each half of the previous one (a ratio of up to 2¹⁹), and sizes that are not powers of two.
 #[test]
 fn one_to_twenty_sizes() {
     for sizes in [1, 2, 20] {
@@ -43,7 +42,6 @@ fn one_to_twenty_sizes() {
     }
 }
 
-/// One sphere 2²⁰ times as large as the others, which are crowded at its surface.
 #[test]
 fn one_giant_among_grains() {
     let grains = Scene::Equal.spheres(1500, 13).into_iter();

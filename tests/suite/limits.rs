@@ -51,7 +51,6 @@ fn list_of_too_many_pairs_is_refused_with_its_count() {
     }
 }
 
-/// Coincident points are exactly tangent, so that each comparison needs the exact test.
 #[test]
 fn coincident_points_are_counted_exactly() {
     let spheres = vec![Sphere::new([1e30, 0.0, -1e-30], 0.0); 10_000];

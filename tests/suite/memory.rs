@@ -11,7 +11,6 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
-/// The system allocator with counters.
 struct Counting;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
@@ -41,8 +40,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The allocations since the start of a measurement. All threads share the counters, so that a measuring test locks out
-/// all others.
+/// The allocations since the start of a measurement. All threads share the counters, so a measuring test locks out all
+/// others.
 struct Measurement {
     live: usize,
     _alone: MutexGuard<'static, ()>,
@@ -57,7 +56,6 @@ impl Measurement {
         Self { live: 0, _alone: alone }
     }
 
-    /// Starts a new measurement.
     fn start(&mut self) {
         self.live = LIVE.load(SeqCst);
         PEAK.store(self.live, SeqCst);
@@ -81,7 +79,6 @@ impl Measurement {
     }
 }
 
-/// Variants whose memory this allocator sees completely: the GPU driver allocates its own.
 fn on_cpu(variants: Vec<DetectorVariant>) -> impl Iterator<Item = DetectorVariant> {
     variants.into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
@@ -116,7 +113,6 @@ fn second_call_allocates_nothing_proportional_to_the_input() {
             let (total, largest) = measurement.total_and_largest();
             let n = spheres.len();
             assert!(largest < n, "{variant}, {scene}: one allocation of {largest} bytes");
-            // Each chunk of work has its own counters.
             let most = 16 * n + 2 * pairs;
             assert!(total < most, "{variant}, {scene}: {total} bytes in all where {most} are plenty");
         }
@@ -128,7 +124,6 @@ fn memory_for_is_an_upper_bound() {
     let mut measurement = Measurement::alone();
     for n in [0, 1, 100, 5000, 50_000] {
         for (scene, spheres) in scenes(n, 32) {
-            // All spheres of these scenes touch each other.
             let n = if ["point", "crowd", "far and fine"].contains(&scene.as_str()) { n / 10 } else { n };
             let spheres = &spheres[..n];
             for variant in on_cpu(variants::each_algorithm()) {
@@ -150,7 +145,6 @@ fn memory_for_is_an_upper_bound() {
 /// the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
-        // A ball, a twentieth of which the spheres fill.
         let extent = (n as f32 * 20.0).cbrt().max(1.0);
         Sphere::new(sphere.center * (5.0 / extent) + 100.0, 1.0)
     });
@@ -165,8 +159,7 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     scenes
 }
 
-/// For the most demanding kind of scene. Equal spheres take nearly as much with single-level grids. The bound includes the
-/// growth of buffers, which inputs of constant size do not need.
+/// The bound includes the growth of buffers, which inputs of constant size do not need.
 #[test]
 fn memory_for_exceeds_the_peak_by_at_most_two_thirds() {
     let mut measurement = Measurement::alone();
@@ -175,7 +168,6 @@ fn memory_for_exceeds_the_peak_by_at_most_two_thirds() {
         let (mut most, mut equal, mut bound) = (0, 0, 0);
         for (scene, spheres) in scenes(n, 34) {
             measurement.start();
-            // Candidate lists have their own test.
             let mut detector = Detector::new(variant.settings().skin(Skin::Off)).expect("a detector");
             for _ in 0..3 {
                 variant.run(|| detector.count(&spheres)).expect("a count");
@@ -210,8 +202,8 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
     }
 }
 
-/// Equal spheres have nearly the announced number of entries in cells of up to two diameters, and a buffer that grows has an
-/// eighth more than it needs.
+/// Equal spheres have nearly the announced number of entries in cells of up to two diameters, and a buffer that grows
+/// has an eighth more than it needs.
 #[test]
 fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
     let mut measurement = Measurement::alone();

@@ -92,7 +92,6 @@ fn after_item(rest: &str) -> &str {
     ""
 }
 
-/// The paths of `text` that begin after `prefix`, with groups in braces expanded.
 fn paths(text: &str, prefix: &str) -> Vec<Vec<String>> {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let mut found = Vec::new();
@@ -143,7 +142,6 @@ fn expand<'a>(text: &'a str, before: &[String], found: &mut Vec<Vec<String>>) ->
     }
 }
 
-/// A crate's files with their module paths.
 fn modules(folder: &Path, path: &[String], files: &mut Vec<(Vec<String>, PathBuf)>) {
     for entry in fs::read_dir(folder).expect("a folder of the workspace") {
         let entry = entry.expect("an entry").path();
@@ -158,14 +156,12 @@ fn modules(folder: &Path, path: &[String], files: &mut Vec<(Vec<String>, PathBuf
     }
 }
 
-/// The modules that `text` declares for tests only.
 fn test_modules(text: &str) -> BTreeSet<String> {
     let after = text.split("#[cfg(test)]").skip(1);
     let name = |item: &str| Some(item.trim_start().strip_prefix("mod ")?.split_once(';')?.0.to_owned());
     after.filter_map(name).filter(|name| !name.contains(['{', '\n'])).collect()
 }
 
-/// The dependencies between the top-level modules of a crate.
 fn graph(folder: &Path) -> Graph {
     let mut files = Vec::new();
     modules(folder, &[], &mut files);
@@ -177,7 +173,6 @@ fn graph(folder: &Path) -> Graph {
         .collect();
     let is_tested_only = |path: &[String]| (1..=path.len()).any(|end| tests.contains(&path[..end]));
     let names: BTreeSet<String> = sources.iter().filter_map(|(path, _)| path.first().cloned()).collect();
-    // The names that the root takes from modules.
     let mut exported: BTreeMap<String, String> = BTreeMap::new();
     for (_, text) in sources.iter().filter(|(path, _)| path.is_empty()) {
         for path in paths(&code(text), "use ") {
@@ -211,7 +206,6 @@ fn graph(folder: &Path) -> Graph {
     graph
 }
 
-/// The modules that can be reached from `start`.
 fn reached(graph: &Graph, start: &str) -> BTreeSet<String> {
     let mut reached = BTreeSet::new();
     let mut next: Vec<&String> = graph[start].iter().collect();
@@ -223,7 +217,6 @@ fn reached(graph: &Graph, start: &str) -> BTreeSet<String> {
     reached
 }
 
-/// Groups of modules that depend on each other.
 fn circles(graph: &Graph) -> BTreeSet<Vec<String>> {
     let all: BTreeMap<&String, BTreeSet<String>> =
         graph.keys().map(|module| (module, reached(graph, module))).collect();

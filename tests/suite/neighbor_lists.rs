@@ -6,7 +6,6 @@ use lazygrid::{
 };
 use lazygrid_tests::{SuiteVariant, variants};
 
-/// One entry of a neighbor list.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 struct Entry {
     pair: Pair,
@@ -15,13 +14,11 @@ struct Entry {
     distance: f64,
 }
 
-/// A number between 0 and 1 with all bits of an `f64`.
 fn random(state: &mut u64) -> f64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Spheres in and around the cell; every third one on a lattice, so that distances repeat.
 fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64; 4]> {
     let edges = space.cell_vectors();
     let sphere = |k: usize| {
@@ -83,7 +80,6 @@ fn oracle(
     entries
 }
 
-/// Builds a list with all quantities.
 fn entries(detector: &mut Detector, query: Query<'_>, options: ListOptions) -> Result<Vec<Entry>, Error> {
     let list = detector.neighbor_list(query, options.shifts().vectors().distances())?;
     let rows = list.offsets().windows(2).flat_map(|ends| ends[0]..ends[1]);
@@ -101,7 +97,6 @@ fn entries(detector: &mut Detector, query: Query<'_>, options: ListOptions) -> R
     Ok((0..list.len()).map(entry).collect())
 }
 
-/// Returns `true` if an entry belongs to the half list.
 fn is_half(entry: &Entry) -> bool {
     entry.pair.i < entry.pair.j || (entry.pair.i == entry.pair.j && entry.shift > [0; 3])
 }
@@ -152,7 +147,6 @@ fn all_images_within_the_cutoff_are_found() {
                         without().filter(is_half).collect::<Vec<_>>(),
                         "{variant}, {space:?}"
                     );
-                    // A sphere of radius 0 touches itself in the oracle, but has no self entry, as its cutoff is 0.
                     let own = |entry: &&Entry| !is_itself(entry) || spheres[entry.pair.i as usize][3] > 0.0;
                     let with_self: Vec<Entry> = all.iter().filter(own).copied().collect();
                     assert_eq!(ask(full.with_self()), with_self, "{variant}, {space:?}, {radius}");
@@ -216,7 +210,6 @@ fn species_groups_and_exclusions_hold_for_all_images() {
     }
 }
 
-/// Far from the origin, coordinates are rounded to the precision there; no image may be lost.
 #[test]
 fn lists_far_from_the_origin() {
     let mut state = 1;

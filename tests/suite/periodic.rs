@@ -13,12 +13,10 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::properties::{check, settings};
 
-/// The CPU variants with all numbers of threads.
 fn on_cpu() -> impl Iterator<Item = DetectorVariant> {
     variants::all().into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
-/// Spheres of these radii in turn, uniform in the cube from the origin to `edge`.
 fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut coordinate = || (rng.next_u32() >> 8) as f32 * (edge / (1 << 24) as f32);
@@ -81,7 +79,6 @@ fn species_in_periodic_boxes() {
     });
 }
 
-/// Checks the oracle against all images, with all spheres in the box.
 #[test]
 fn the_oracle_agrees_with_all_images() {
     for (k, edge) in [0.4_f32, 1.0, 3.0, 8.0].into_iter().enumerate() {
@@ -96,7 +93,6 @@ fn the_oracle_agrees_with_all_images() {
     }
 }
 
-/// A full periodic lattice has three contacts per site. None is lost or found twice at the periodic boundary.
 #[test]
 fn full_periodic_lattice_has_three_contacts_per_site() {
     for (k, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (10, 0.25), (21, 3.0)] {
@@ -111,14 +107,12 @@ fn full_periodic_lattice_has_three_contacts_per_site() {
     }
 }
 
-/// Enough spheres for many cells, levels and chunks of work: all algorithms and thread counts give identical pairs.
 #[test]
 fn large_boxes_give_identical_pairs() {
     let cases = [
         (&[0.5_f32][..], [Some(20.0); 3], 20.0),
         (&[0.5, 0.25, 0.125, 0.06, 0.03], [Some(16.0), None, Some(14.0)], 16.0),
         (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 3.0], [Some(8.0); 3], 8.0),
-        // Coordinates over several boxes, and overfull cells.
         (&[0.1, 0.01], [Some(2.0), Some(3.0), Some(2.5)], 10.0),
     ];
     for (case, (radii, lengths, edge)) in cases.into_iter().enumerate() {
@@ -158,7 +152,6 @@ fn uniform_boxes_by_the_formula() {
     }
 }
 
-/// Lists, neighbor lists, counts, streams and columns give the same pairs.
 #[test]
 fn all_kinds_of_results_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
@@ -229,7 +222,6 @@ fn invalid_lengths_are_refused() {
     assert!(error.contains("-2") && error.contains("axis y"), "{error}");
 }
 
-/// All results of a GPU agree too. Its count comes from the device alone.
 #[test]
 fn all_kinds_of_results_on_the_gpu_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
@@ -248,7 +240,6 @@ fn all_kinds_of_results_on_the_gpu_agree() {
         assert!(handed == Ok(list.len() as u64) && streamed == list, "{variant}: the stream differs");
         let lists = detector.neighbors(spheres).expect("neighbours");
         assert_eq!((0..spheres.len()).map(|i| lists.neighbors_of(i).len()).sum::<usize>(), 2 * list.len());
-        // A cell list has periodic cells; other algorithms make a wrapped copy of the spheres.
         let copy = if variant.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
         let unbounded = Detector::new(variant.settings()).expect("a detector").memory_for(3000);
         assert!(detector.memory_for(3000) >= unbounded + copy, "{variant}");

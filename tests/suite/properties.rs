@@ -116,7 +116,6 @@ fn mixed_lists() {
     every_variant_agrees(96, hard::any_spheres());
 }
 
-/// The variants for this scenario, with the fewest threads.
 pub(crate) fn one_of_each(scenario: &TestInput) -> impl Iterator<Item = DetectorVariant> {
     variants::in_turn(scenario).into_iter().filter(|variant| variant.threads() == THREADS[0])
 }

@@ -137,7 +137,6 @@ fn break_stops_a_stream() {
     });
 }
 
-/// A stream so long that each thread delivers many chunks.
 #[test]
 fn break_stops_a_long_stream() {
     let scenario = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
@@ -158,7 +157,6 @@ fn break_stops_a_long_stream() {
     }
 }
 
-/// The neighbor lists of these pairs, built in the simplest way.
 fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
     let mut lists = vec![Vec::new(); spheres];
     for pair in pairs {

@@ -9,7 +9,6 @@ use proptest::prelude::*;
 
 use crate::properties::{check, one_of_each, settings};
 
-/// A kind of query.
 #[derive(Clone, Copy, Debug)]
 enum Call {
     Pairs,
@@ -89,7 +88,6 @@ fn calls_after_errors_are_right() {
     }
 }
 
-/// The steps of a simulation, where the detector starts from the order of the previous step.
 #[test]
 fn simulation_steps_are_right() {
     use lazygrid_io::scenes::Scene;

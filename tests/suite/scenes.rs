@@ -41,13 +41,11 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
     }
 }
 
-/// All variants except `Naive` on the GPU, which is slow on a software adapter.
 fn quick_ones() -> impl Iterator<Item = DetectorVariant> {
     let is_slow = |s: &DetectorVariant| s.backend() == Backend::Gpu && s.algorithm == Algorithm::Naive;
     variants::all().into_iter().filter(move |variant| !is_slow(variant))
 }
 
-/// Enough spheres for many chunks of work, which threads take in different orders.
 #[test]
 fn pairs_are_identical_for_any_number_of_threads() {
     let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
@@ -56,7 +54,6 @@ fn pairs_are_identical_for_any_number_of_threads() {
         for order in [Order::Canonical, Order::Unordered] {
             for variant in quick_ones() {
                 let is_on_gpu = variant.backend() == Backend::Gpu;
-                // The GPU guarantees an order only on request.
                 if is_on_gpu && order == Order::Unordered {
                     continue;
                 }
@@ -81,7 +78,6 @@ fn pairs_are_identical_for_any_number_of_threads() {
     assert!(canonical.iter().all(|(_, list)| list.is_sorted()));
 }
 
-/// A detector that starts from the order of the previous step must not show it in the order of the result.
 #[test]
 fn pairs_are_identical_at_each_step_for_any_number_of_threads() {
     for order in [Order::Canonical, Order::Unordered] {
@@ -126,7 +122,6 @@ fn crowd_near_the_smallest_normal_number() {
     }
 }
 
-/// A lattice in exact contact: each edge of the lattice is a pair.
 #[test]
 fn full_lattice_has_one_pair_per_edge() {
     for (k, spacing) in [(2_usize, 1.0_f32), (9, 0.5), (21, 3.0)] {

@@ -8,7 +8,6 @@ use lazygrid_tests::variants;
 /// Default number of sequences for each CPU variant and each GPU variant.
 const COUNTS: [u64; 2] = [40, 8];
 
-/// The number of sequences to run, scaled by `PROPTEST_CASES` like that of properties.
 fn share(count: u64) -> u64 {
     let cases = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse::<u64>().ok());
     cases.map_or(count, |cases| (count * cases / 256).max(2))

@@ -11,7 +11,6 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// Variants with candidate lists: the cell list on the CPU, and all algorithms on the GPU.
 fn keepers() -> Vec<DetectorVariant> {
     let mut variants = variants::all();
     variants.retain(|variant| variant.backend() == Backend::Gpu || variant.algorithm == Algorithm::CellList);
@@ -74,7 +73,6 @@ fn arbitrary_spheres_in_periodic_boxes() {
     check(200, cases, |(scenario, part, moves, variant)| follows(&scenario, part, moves, variant));
 }
 
-/// The motion of the benchmarks, in which candidate lists are reused.
 #[test]
 fn running_simulations() {
     let mut variants = keepers();
@@ -85,7 +83,6 @@ fn running_simulations() {
         let mut scenario = TestInput::from(scene.spheres(3000, 21));
         let made =
             |of: &(DetectorVariant, Skin)| Detector::new(of.0.settings().skin(of.1)).expect("a detector");
-        // On the GPU all sizes have the same skin, which gives too many candidates for the smallest of ten sizes.
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
         let serves = |way: &&(DetectorVariant, Skin)| {
             has_few_sizes || way.0.backend() == Backend::Cpu || way.1 != Skin::Auto
@@ -120,7 +117,7 @@ fn skin_out_of_range_is_refused_alike_everywhere() {
                 let refused = Detector::new(config).expect_err("a skin out of range").to_string();
                 assert!(refused.contains(&skin.to_string()), "{variant}: {refused}");
             }
-            // The ends of the range are inside, whatever the space.
+            // The ends of the range are inside, in every space.
             for skin in [1e-14, 1e17] {
                 let config = variant.settings().space(space).skin(Skin::Fixed(skin));
                 assert!(Detector::new(config).is_ok(), "{variant}, {skin}");

@@ -16,7 +16,6 @@ fn detector(algorithm: Algorithm, threads: usize) -> Detector {
     Detector::new(config.order(Order::Unordered).space(Space::UNBOUNDED)).expect("a detector")
 }
 
-/// The outer search must take several threads, with more chunks than threads.
 #[test]
 fn consumer_with_a_detector_of_its_own_pool_does_not_hang() {
     for algorithm in [Algorithm::CellList, Algorithm::HashGrid, Algorithm::Naive] {
@@ -38,7 +37,6 @@ fn consumer_with_a_detector_of_its_own_pool_does_not_hang() {
                 (pairs, calls) = (pairs + chunk.len() as u64, calls + 1);
                 ControlFlow::Continue(())
             });
-            // Fails only if the test has given up.
             let _ = done.send((found, all, pairs, calls));
         });
         let (found, all, pairs, calls) =

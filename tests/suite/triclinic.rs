@@ -24,7 +24,6 @@ fn agree(cases: u32, scenarios: impl Strategy<Value = TestInput>) {
     });
 }
 
-/// Spheres of these radii in turn, uniform in a cell.
 fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut part = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
@@ -79,7 +78,6 @@ fn species_in_triclinic_cells() {
     agree(96, triclinic::mixture());
 }
 
-/// The library's distance agrees with the loop, and does not depend on the order of the two points.
 #[test]
 fn distance_matches_nearest_images() {
     let scenarios = prop_oneof![triclinic::soup(), triclinic::directions(), triclinic::lattice()];
@@ -92,7 +90,6 @@ fn distance_matches_nearest_images() {
                 if apart != space.distance_squared(b.center, a.center) {
                     return Err(format!("{a:?} and {b:?}: not the same both ways"));
                 }
-                // Spheres with a slightly larger cutoff are a pair, with a slightly smaller one they are not.
                 for (factor, expected) in [(1.0 + 1e-5, 1), (1.0 - 1e-5, 0)] {
                     let radius = (apart.sqrt() * factor) as f32;
                     let spheres = vec![Sphere::new(a.center, radius), Sphere::new(b.center, 0.0)];
@@ -112,7 +109,6 @@ fn distance_matches_nearest_images() {
     });
 }
 
-/// The distance to a nearby image of a point is exact, for any shift.
 #[test]
 fn tiny_distances_to_images_are_exact() {
     let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
@@ -121,7 +117,6 @@ fn tiny_distances_to_images_are_exact() {
     for turns in 0..27 {
         let turn = |k: u32| (turns / 3_i32.pow(k) % 3 - 1) as f32;
         let image: Vec3 = (0..3).map(|k| edges[k as usize] * turn(k)).sum();
-        // Next to it, if the coordinate's precision allows.
         let next = image + Vec3::new(tiny, -tiny, tiny);
         let apart = (next - image).as_dvec3().length_squared();
         // If the sum of cell vectors is not representable in `f32`, `image` is not an exact image.
@@ -132,7 +127,6 @@ fn tiny_distances_to_images_are_exact() {
     }
 }
 
-/// A cell tilted by whole lengths has the same images as one without tilt.
 #[test]
 fn tilts_by_whole_lengths_have_no_effect() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
@@ -146,8 +140,6 @@ fn tilts_by_whole_lengths_have_no_effect() {
     verify_all(&of_leaning, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
 }
 
-/// Enough spheres for many cells, levels and chunks of work: all algorithms, thread counts and devices give identical
-/// pairs.
 #[test]
 fn large_boxes_give_identical_pairs() {
     let cases: [(&[f32], f32); 3] = [
@@ -173,7 +165,6 @@ fn large_boxes_give_identical_pairs() {
     }
 }
 
-/// Lists, neighbor lists, counts, streams and limits agree.
 #[test]
 fn all_kinds_of_results_agree() {
     let scenario = tilted_input(2000, &[0.4, 0.1], 8.0);
@@ -226,7 +217,6 @@ fn pairs_across_two_sets() {
     });
 }
 
-/// Candidate lists never affect a result.
 #[test]
 fn candidate_lists_never_change_a_result() {
     let scenarios =
@@ -252,7 +242,6 @@ fn candidate_lists_never_change_a_result() {
     });
 }
 
-/// If spheres move little, candidate lists are reused, also in a triclinic cell.
 #[test]
 fn candidate_lists_are_reused() {
     for variant in variants::each_algorithm() {

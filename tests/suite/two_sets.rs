@@ -13,12 +13,10 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// The first `split` spheres of a scenario, and the others.
 fn sets(scenario: &TestInput, split: usize) -> [TestInput; 2] {
     [scenario.only(|k| k < split), scenario.only(|k| k >= split)]
 }
 
-/// The pairs across the sets, with indices in each set.
 fn across(scenario: &TestInput, split: usize) -> Vec<Pair> {
     let split = split as u32;
     let pairs = scenario.oracle().into_iter().filter(|pair| pair.i < split && pair.j >= split);
@@ -99,7 +97,6 @@ fn scenes_with_giants_in_either_set() {
         spheres.splice(0..0, giants.clone());
         let scenario = TestInput::from(spheres);
         for split in [0, 1, 20, 700, 1520] {
-            // Only the search on the CPU depends on the numbers of the two sets.
             let looks = |of: &&DetectorVariant| of.backend() == Backend::Cpu || split == 20;
             for &variant in variants.iter().filter(looks) {
                 agrees(&scenario, split, variant).unwrap_or_else(|text| panic!("{scene}, {text}"));
@@ -108,8 +105,6 @@ fn scenes_with_giants_in_either_set() {
     }
 }
 
-/// The table applies across sets as within one, for the same and for different species. Without a table, ids have no
-/// effect.
 #[test]
 fn species_of_either_set() {
     use Interaction::{Never, Touch, Within};
@@ -157,7 +152,7 @@ fn says_what_is_wrong(variant: DetectorVariant) {
     );
     assert!(error.to_string().starts_with("of the second set, sphere 1 has center (NaN"), "{error}");
     let none: [Sphere; 0] = [];
-    assert_eq!(detector.count((&none, &good)).expect("no sphere is none too many"), 0);
+    assert_eq!(detector.count((&none, &good)).expect("an empty set is valid"), 0);
 
     let mut limited = Detector::new(variant.settings().max_pairs(8)).expect("a detector");
     let error = limited.pairs((&good, Spheres::from(&good))).expect_err("nine pairs");

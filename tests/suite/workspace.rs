@@ -20,7 +20,6 @@ fn names_can_be_parsed() {
     assert!(Algorithm::CPU.iter().all(|algorithm| Algorithm::ALL.contains(algorithm)));
 }
 
-/// For each crate, the workspace crates that it may depend on outside its own tests.
 const LAYERS: [(&str, &[&str]); 13] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
@@ -43,7 +42,6 @@ const LAYERS: [(&str, &[&str]); 13] = [
     ("lazygrid-tests", &["lazygrid", "lazygrid-io", "lazygrid-check"]),
 ];
 
-/// Cargo's metadata of the packages of this workspace.
 fn metadata() -> serde_json::Value {
     let metadata = Command::new(env!("CARGO"))
         .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
@@ -119,7 +117,6 @@ fn dependencies_respect_the_layers() {
     }
 }
 
-/// The dependencies that a manifest names, in all tables whose names end with `dependencies`.
 fn dependencies(manifest: &str) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     let mut is_dependencies = false;

@@ -35,7 +35,6 @@ impl Unavailable {
     }
 }
 
-/// An uninhabited search type.
 enum NoFinder {}
 
 impl PairFinder for NoFinder {

@@ -45,11 +45,9 @@ pub(super) enum SceneUpdate {
     Fresh,
     /// Each sphere moves by a fraction of its radius.
     Steps {
-        /// The fraction.
         part: f32,
     },
     Simulated {
-        /// The number of steps.
         steps: u32,
     },
     /// Each engine runs in a separate process.

@@ -66,7 +66,6 @@ pub struct Row {
 }
 
 impl Row {
-    /// A row without measurements.
     pub(super) fn new(point: &DataPoint, contender: Contender) -> Self {
         Self {
             figure: point.figure.name().to_owned(),

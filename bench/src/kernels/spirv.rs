@@ -12,7 +12,6 @@ pub(super) struct Target {
     pub(super) checks_buffers: bool,
 }
 
-/// A translated kernel.
 #[derive(Clone, Debug)]
 pub(super) struct Translated {
     pub(super) words: Vec<u32>,

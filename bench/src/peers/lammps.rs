@@ -18,7 +18,6 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 /// The environment variable with the path of `liblammps.so`.
 pub const VARIABLE: &str = "LAZYGRID_LAMMPS_LIB";
 
-/// An instance of LAMMPS.
 type Handle = *mut c_void;
 type Open = unsafe extern "C" fn(c_int, *mut *mut c_char, *mut Handle) -> Handle;
 type Text = unsafe extern "C" fn(Handle, *const c_char);

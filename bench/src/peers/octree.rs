@@ -30,7 +30,6 @@ pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("octree (BiNS2)", || Ok(Octree::default()))
 }
 
-/// An axis-aligned box.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bounds {
     low: Vec3,

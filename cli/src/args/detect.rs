@@ -27,7 +27,6 @@ impl Detect {
         })
     }
 
-    /// The space that was given.
     fn space(&self) -> Result<Option<Space>, CliError> {
         let (Some(space), Some([xy, xz, yz])) = (self.periodic, self.tilt) else { return Ok(self.periodic) };
         let [x, y, z] = space.lengths();
@@ -37,7 +36,6 @@ impl Detect {
         sheared.map(Some).map_err(|error| CliError::Setting(error.into()))
     }
 
-    /// The output of pairs.
     pub(crate) fn output(&self) -> Result<Option<Output>, CliError> {
         let Some(path) = &self.output else { return Ok(None) };
         let to_stdout = path.as_os_str() == STANDARD;
@@ -50,7 +48,6 @@ impl Detect {
         Ok(Some(Output { path: (!to_stdout).then(|| path.clone()), format }))
     }
 
-    /// The settings of a detector; the space comes with each frame.
     pub(crate) fn config(&self) -> Config {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);

@@ -11,7 +11,7 @@ use super::parsers::one_of;
 /// measures it there. The page is one file and loads nothing from a network.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "In the browser: #check and #measure behind the page's address run at once, and leave their JSON in the page.
+    after_help = "In the browser: #check and #measure after the page's address run at once, and leave their JSON in the page.
 
 Example:
   lazygrid page -o lazygrid.html"
@@ -58,7 +58,6 @@ pub(crate) struct PlanArgs {
 }
 
 impl PlanArgs {
-    /// The space of the spheres.
     pub(crate) fn space(&self) -> Space {
         self.periodic.unwrap_or(Space::UNBOUNDED)
     }

@@ -1,5 +1,3 @@
-//! Parsers of option values, with messages that name valid ones.
-
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

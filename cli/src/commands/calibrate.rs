@@ -5,7 +5,6 @@ use lazygrid::gpu::{self, AdapterId, GpuDevice, SoftwareAdapter};
 use crate::error::CliError;
 use crate::{calibration_file, print};
 
-/// Measures on the GPU that `detect` would take, says what was seen, and keeps it for later runs.
 pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
     let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
     let own = own.map_err(CliError::Calibration)?;

@@ -1,4 +1,4 @@
-//! `lazygrid check`: whether all is right on this machine, and how fast it is.
+//! `lazygrid check`: verification and timing on this machine.
 
 mod report;
 mod speeds;
@@ -19,12 +19,12 @@ use crate::args::{Check, Checked};
 use crate::error::CliError;
 use crate::progress;
 
-/// Parts of the progress that each stage is; about seconds on a slow machine.
+/// The weight of each stage in the progress: about seconds on a slow machine.
 const KERNELS: u64 = 20;
 const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;
 
-/// Scenes that take a way longer are left out; with `--full` twenty times as long.
+/// Scenes that take a detector longer are skipped; with `--full` twenty times as long.
 const SCENE_SECONDS: f64 = 0.2;
 
 /// The number of attempts to shrink a failing case.
@@ -33,7 +33,6 @@ const TRIES: usize = 1500;
 /// The number of failing rounds after which the fuzzer ends.
 const ENOUGH: usize = 10;
 
-/// Does all that is asked for, and says at the end whether anything is wrong.
 pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     let gpu = open(args)?;
     let (gpu, skipped) = match gpu {
@@ -68,7 +67,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     report.finish()
 }
 
-/// The GPU to check; or the reason for checking none, if that is no failure.
+/// The GPU to check, or the reason for checking none if that is no failure.
 fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     if args.backend == Checked::Cpu {
         return match &args.adapter {
@@ -91,15 +90,13 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     }
 }
 
-/// One of the ways to search scenes.
 struct Runner<'a> {
     variant: &'a DetectorVariant,
     pace: Pace,
-    /// The number of scenes skipped because of their time.
     left_out: usize,
-    /// In how many scenes its pairs were wrong.
+    /// The number of scenes with wrong pairs.
     wrong: usize,
-    /// The one of these with the fewest spheres, and what was wrong.
+    /// The scene of these with the fewest spheres, and its fault.
     smallest: Option<(&'a SceneCase, String)>,
 }
 
@@ -118,7 +115,6 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// The checks and their progress.
 struct Work<'a> {
     args: &'a Check,
     gpu: Option<Gpu>,
@@ -136,7 +132,7 @@ impl Work<'_> {
         self.fuzz(report)
     }
 
-    /// Shows the progress of a stage: `done` of `all` parts, of a stage that began at `from`.
+    /// Shows `done` of `all` parts of a stage that began at `from`.
     fn step(&self, from: u64, parts: u64, [done, all]: [usize; 2], what: &str) {
         self.bar.set_position(from + parts * done as u64 / all.max(1) as u64);
         self.bar.set_message(what.to_owned());
@@ -221,7 +217,6 @@ impl Work<'_> {
         let Some(time) = self.args.fuzz else { return Ok(()) };
         let (from, start) = (self.bar.position(), Instant::now());
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        // Short enough to be typed.
         let first = u64::from(since.subsec_nanos()) * 1000;
         let (mut rounds, mut wrong, mut tally) = (0, 0, Tally::default());
         while start.elapsed() < time && wrong < ENOUGH {
@@ -233,7 +228,7 @@ impl Work<'_> {
         self.tell(|| report.fuzz((first, rounds), &tally, start.elapsed()))
     }
 
-    /// Runs the round and the sequence of calls of a seed. Returns how many of them were wrong.
+    /// Runs the round and the sequence of calls of a seed. Returns the number of wrong ones.
     fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> Result<usize, CliError> {
         let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
         let round = Round::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES);
@@ -244,14 +239,13 @@ impl Work<'_> {
         Ok(wrong)
     }
 
-    /// Only one round.
     fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), CliError> {
         let (start, mut tally) = (Instant::now(), Tally::default());
         self.round(seed, &mut tally, report)?;
         self.tell(|| report.fuzz((seed, 1), &tally, start.elapsed()))
     }
 
-    /// Says something beside the progress.
+    /// Prints something above the progress.
     fn tell(&self, say: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
         self.bar.suspend(say)
     }

@@ -26,7 +26,6 @@ use crate::{check_output, print};
 /// The placeholder for the number of the frame in the name of an output.
 const FRAME: &str = "{frame}";
 
-/// Reads frame after frame, finds the pairs of each with one detector, and prints summaries.
 pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let output = args.output()?;
     let mut frames = FrameDetector::new(args.config())?;
@@ -37,7 +36,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     }
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
     let own_output = output.as_ref().is_some_and(has_number);
-    // The output of a file with one frame keeps its temporary name until it is clear that there is no other.
+    // The output of a file with one frame keeps its temporary name until no second frame appears.
     let mut files = Vec::new();
     while let Some(IndexedFrame { number, mut frame, time }) = input.next()? {
         // Bytes on standard output cannot be taken back.
@@ -79,7 +78,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             output: output.map(|output| output.name().to_owned()),
         };
         let text = if args.json { summary.json() } else { summary.to_string() };
-        input.progress.beside(|| if to_stdout { print_aside(&text) } else { print(text) })?;
+        input.progress.hidden_during(|| if to_stdout { print_aside(&text) } else { print(text) })?;
     }
     commit(&mut files)
 }
@@ -88,14 +87,13 @@ fn commit(files: &mut Vec<AtomicFile>) -> Result<(), CliError> {
     files.drain(..).try_for_each(|file| Ok(file.commit()?))
 }
 
-/// Prints a summary to standard error, as standard output has the pairs.
 fn print_aside(text: &str) -> Result<(), CliError> {
     // No other stream is left if standard error is closed.
     let _ = io::stderr().write_all(text.as_bytes());
     Ok(())
 }
 
-/// Refuses a frame whose search on the CPU would need more memory than there is. Devices have their own.
+/// Refuses a frame whose search on the CPU exceeds available memory. Devices have their own.
 fn refuse_too_little_memory(
     args: &Detect,
     (frame, read): (usize, &Frame),
@@ -136,7 +134,6 @@ fn has_number(output: &Output) -> bool {
     output.path.as_ref().is_some_and(|path| path.to_string_lossy().contains(FRAME))
 }
 
-/// Returns the output of a frame.
 fn numbered(output: &Output, frame: usize) -> Output {
     let with_number = |path: &Path| match path.to_str() {
         Some(text) => PathBuf::from(text.replace(FRAME, &frame.to_string())),

@@ -7,7 +7,6 @@ use lazygrid::{Backend, Config, Detector, Simd};
 use crate::error::CliError;
 use crate::print;
 
-/// Says what can run here.
 pub(crate) fn run() -> Result<(), CliError> {
     let mut text = format!("cpu  {}\n", cpu());
     let found = adapters();
@@ -15,19 +14,16 @@ pub(crate) fn run() -> Result<(), CliError> {
     if found.is_empty()
         && let Err(error) = Detector::new(Config::default().backend(Backend::Gpu))
     {
-        // Writing to a string cannot fail.
         let _ = writeln!(text, "gpu  none: {error}");
     }
     print(text)
 }
 
-/// The description of the CPU.
 pub(crate) fn cpu() -> String {
     let threads = available_parallelism().map_or(1, usize::from);
     format!("{threads} threads, {}", Simd::detect())
 }
 
-/// The subgroups of an adapter.
 pub(crate) fn subgroups(adapter: &AdapterSummary) -> String {
     match (adapter.has_subgroups, adapter.subgroup_sizes) {
         (false, _) => "no subgroups".to_owned(),

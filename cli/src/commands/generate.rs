@@ -9,7 +9,6 @@ use crate::progress::Progress;
 /// Bytes that the command needs besides the spheres.
 const OVERHEAD: u64 = 64 << 20;
 
-/// Writes a scene after some moves.
 pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
     let scene = scene(args)?;
     let n = args.spheres as usize;
@@ -20,7 +19,7 @@ pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
         let limit = limit.name();
         return Err(CliError::TooLittleMemoryToGenerate { spheres: args.spheres, needed, available, limit });
     }
-    // The scene would end the program if memory were refused.
+    // Otherwise a refusal of memory would end the program.
     Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| CliError::NoMemory { spheres: args.spheres })?;
     let progress = Progress::new(None);
     progress.say(format!("generating {n} spheres"));
@@ -33,7 +32,6 @@ pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
     Ok(write::spheres(path, *format, &spheres)?)
 }
 
-/// The scene with the parameters that were given.
 fn scene(args: &Generate) -> Result<Scene, CliError> {
     match (args.scene, args.transceivers, args.size_ratio) {
         (Scene::Transceivers(_), Some(transceivers), _) if u64::from(transceivers) > args.spheres => {

@@ -1,4 +1,4 @@
-//! `lazygrid page` and `lazygrid plan`: what a browser or another program needs to run the kernels.
+//! `lazygrid page` and `lazygrid plan`: plans, kernels and scenes for browsers and other programs.
 
 mod bundle;
 mod checks;
@@ -15,7 +15,7 @@ use crate::error::CliError;
 use crate::progress::Progress;
 
 const PAGE: &str = include_str!("page/page.html");
-/// The scripts, which share one scope. Later scripts use names of earlier ones.
+/// The scripts, in the order in which they use each other's names.
 const SCRIPTS: [&str; 6] = [
     include_str!("page/player.js"),
     include_str!("page/bundle.js"),
@@ -25,7 +25,6 @@ const SCRIPTS: [&str; 6] = [
     include_str!("page/main.js"),
 ];
 
-/// Writes the page: one file that loads nothing.
 pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
     let progress = Progress::new(None);
     progress.say("counting the pairs of all scenes");
@@ -40,14 +39,13 @@ pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
         out.write_all(before.as_bytes())?;
         base64(out, &packed)?;
         out.write_all(between.as_bytes())?;
-        // The first line of each file makes it strict; one is enough.
+        // One `"use strict"` is enough.
         out.write_all(SCRIPTS.concat().as_bytes())?;
         out.write_all(after.as_bytes())
     })?;
     Ok(draft.commit()?)
 }
 
-/// Writes the plan of a call as JSON.
 pub(crate) fn plan(args: &PlanArgs) -> Result<(), CliError> {
     let config = GpuConfig::default().algorithm(args.algorithm).pair_capacity(args.pairs).space(args.space());
     let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 10, ..wgpu::Limits::default() };

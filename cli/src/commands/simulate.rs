@@ -14,7 +14,6 @@ use crate::error::CliError;
 use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
-/// Runs a scenario and prints its summary.
 pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     let Simulate { backend, algorithm, .. } = *args;
     let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..args.options.read()? };
@@ -25,7 +24,6 @@ pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     }
 }
 
-/// Does one run.
 fn once(run: Run, reports: bool) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let bar = progress::running(run.scenario.steps.into());

@@ -1,4 +1,4 @@
-//! What the command does on a GPU, and with several.
+//! The command on one GPU, and on several.
 
 use super::*;
 
@@ -21,7 +21,6 @@ fn the_gpu_finds_the_pairs_of_both_files() {
     assert_eq!(pairs("smoldyn-burst.lst", &SMOLDYN), Some(35_236));
 }
 
-/// The rows of `time` in what was printed, in seconds.
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn times(out: &str) -> Vec<(&str, f64)> {
     let (_, rows) = out.split_once("\ntime ").unwrap();
@@ -40,7 +39,6 @@ fn times(out: &str) -> Vec<(&str, f64)> {
         .collect()
 }
 
-/// What the GPU does is a part of what the host waits for, and not a further part of the whole.
 #[test]
 fn the_total_time_counts_nothing_twice() {
     if !has_gpu() {
@@ -59,7 +57,6 @@ fn the_total_time_counts_nothing_twice() {
     }
 }
 
-/// Each adapter by its index; those of which no other has the name, by a part of it.
 #[test]
 fn an_adapter_is_chosen_by_index_or_by_name() {
     let (pour, adapters) = (data("lammps-pour.dump"), lazygrid::gpu::adapters());
@@ -75,11 +72,11 @@ fn an_adapter_is_chosen_by_index_or_by_name() {
             assert_eq!(found["adapter"], adapter.name);
         }
     }
-    let unknown = detect(&["--adapter", "nobody's card"]).fails().err;
+    let unknown = detect(&["--adapter", "missing card"]).fails().err;
     match adapters.first() {
         None => assert!(unknown.contains("no GPU adapter"), "{unknown}"),
         Some(first) => {
-            assert!(unknown.contains("nobody's card") && unknown.contains(&first.name), "{unknown}")
+            assert!(unknown.contains("missing card") && unknown.contains(&first.name), "{unknown}")
         }
     }
     let contradiction = detect(&["--adapter", "0", "--backend", "cpu"]);
@@ -126,7 +123,6 @@ fn what_was_calibrated_is_kept_and_used() {
     let at = below + 2 * kept["calibrations"][0]["per_class"].as_u64().unwrap();
     assert!(measured.contains(&format!(" {at} ")), "{measured}, {kept}");
 
-    // Of another version or driver it says nothing.
     let other = fs::read_to_string(&file).unwrap().replace(env!("CARGO_PKG_VERSION"), "0.0.0");
     fs::write(&file, other).unwrap();
     assert!(reason().0.contains("not measured on this"));

@@ -14,14 +14,13 @@ use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// Runs `lazygrid` with these arguments.
 fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
     LAZYGRID.run(args)
 }
 
 const SMOLDYN: [&str; 6] = ["--radius", "acid=0.1", "--radius", "base=0.15", "--radius", "salt=0.2"];
 
-/// The judge: every pair tested in `f64`.
+/// All pairs in `f64`.
 fn brute_force(spheres: &[Sphere]) -> Vec<[u32; 2]> {
     let touch = |a: &Sphere, b: &Sphere| {
         let d = a
@@ -157,7 +156,6 @@ fn pairs_are_the_same_in_every_file_and_for_every_thread_count() {
     let spheres = read(Path::new(&file));
     let expected: Vec<_> = lazygrid::detect(&spheres).unwrap().iter().map(|&Pair { i, j }| [i, j]).collect();
     assert!(expected.len() > 10_000);
-    // A limit below the number of pairs makes the command stream them.
     for extra in [&[][..], &["--threads", "1"], &["--threads", "7"], &["--max-pairs", "1000"]] {
         for path in [&npy_path, &csv_path] {
             let object =
@@ -301,7 +299,7 @@ fn a_radius_by_type_wins_over_the_column() {
 #[test]
 fn a_periodic_box_has_pairs_across_its_seams() {
     let scratch = Scratch::new();
-    let file = scratch.write("seam.csv", "x,y,z,r\n0.2,5,0,0.5\n9.6,5,0,0.5\n-9.8,15,5,0.5\n");
+    let file = scratch.write("periodic.csv", "x,y,z,r\n0.2,5,0,0.5\n9.6,5,0,0.5\n-9.8,15,5,0.5\n");
     let pairs = |lengths: &str| {
         let run = lazygrid(["detect", &file, "--backend", "cpu", "--json", "--periodic", lengths]);
         run.succeeds().json()["pairs"].as_u64()

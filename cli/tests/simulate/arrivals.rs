@@ -1,4 +1,4 @@
-//! Who arrives, and whose they are.
+//! Arrivals and their origins.
 
 use super::{files, lazygrid, rows};
 use lazygrid_tests::command::{Scratch, has_gpu};
@@ -64,7 +64,6 @@ fn assert_arrivals_are_logged(backend: &str) {
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
     lazygrid(["simulate", &scenario, "--output", &out, "--backend", backend]).succeeds();
     let arrivals = rows(&(out.clone() + "/arrivals.csv"));
-    // As many as were counted.
     for row in rows(&(out.clone() + "/series.csv")) {
         let until: u32 = row["step"].parse().unwrap();
         for (receiver, species) in [("near", "A"), ("near", "B"), ("near", "C"), ("far", "A"), ("far", "C")] {
@@ -93,20 +92,16 @@ fn assert_arrivals_are_logged(backend: &str) {
         let [time, released] = ["time", "released"].map(|name| arrival[name].parse::<f64>().unwrap());
         assert!(released < time, "{arrival:?}");
         match &arrival["transmitter"][..] {
-            // A comes from there alone, in two bursts.
             "left" => assert!(released == 0.0 || (released == 0.02 && time > 0.02), "{arrival:?}"),
             "right" => assert!(arrival["species"] != "A" && released > 0.0, "{arrival:?}"),
             _ => panic!("{arrival:?}"),
         }
         let id: u64 = arrival["id"].parse().unwrap();
-        // The first burst has the first ids.
         assert!(id >= 500 || (arrival["transmitter"] == "left" && arrival["released"] == "0"), "{arrival:?}");
     }
-    // Each transmitter stands at one of the receivers, which see more of it than of the other.
     let count = |receiver: &str, from: &str| *seen.get(&(receiver.into(), from.into())).unwrap_or(&0);
     assert!(count("near", "left") > 20 * count("near", "right").max(1), "{seen:?}");
     assert!(count("far", "right") > 3 * count("far", "left").max(1), "{seen:?}");
-    // Those that came of another have ids of their own, and are from where that was.
     assert!(arrivals.iter().any(|a| a["species"] == "C" && a["transmitter"] == "right"), "no C of right");
 }
 
@@ -123,7 +118,6 @@ fn a_resumed_log_is_the_same_to_the_last_byte() {
     }
     lazygrid(["simulate", &scenario, "--output", &parts, "--resume"]).succeeds();
     assert_eq!(files(&whole), files(&parts));
-    // A run writes no report unless requested.
     let silent = scratch.write("silent.toml", &SCENARIO.replace("arrivals = true\n", ""));
     lazygrid(["simulate", &silent, "--output", &scratch.path("silent")]).succeeds();
     assert!(
@@ -133,7 +127,6 @@ fn a_resumed_log_is_the_same_to_the_last_byte() {
     );
 }
 
-/// A build without the feature refuses the format before the run begins.
 #[test]
 fn arrow_files_take_a_build_with_the_feature() {
     let scratch = Scratch::new();

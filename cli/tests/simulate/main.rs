@@ -10,12 +10,10 @@ use std::fs;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// Runs `lazygrid` with these arguments.
 fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
     LAZYGRID.run(args)
 }
 
-/// A little of everything.
 const SCENARIO: &str = r#"
 time-step = 0.001
 steps = 40
@@ -61,7 +59,6 @@ frames-every = 10
 frames = ["xyz", "npy"]
 "#;
 
-/// The content of every file in a directory and those below it, by name.
 fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
     let of = |entry: std::io::Result<fs::DirEntry>| {
         let entry = entry.expect("an entry");
@@ -78,7 +75,6 @@ fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// The rows of a table, by the names of its columns.
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn rows(path: &str) -> Vec<std::collections::HashMap<String, String>> {
     let text = fs::read_to_string(path).unwrap();
@@ -137,7 +133,6 @@ fn a_run_writes_what_the_scenario_asks_for() {
     assert!(header.starts_with(&format!("{{'descr': [{fields}], ")), "{header}");
     let rows = npy[end..].chunks_exact(24);
     assert!(header.contains(&format!("'shape': ({},)", rows.len())), "{header}");
-    // Both are read back, and have the same pairs.
     let lists = ["frames.xyz", "frame-000000020.npy"].map(|name| {
         let (file, list) = (out_dir.clone() + "/" + name, scratch.path("pairs.csv"));
         let frame = if name == "frames.xyz" { "2" } else { "0" };
@@ -162,7 +157,7 @@ fn a_resumed_run_is_the_same_to_the_last_bit() {
     let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
     lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
     lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "17"]).succeeds();
-    // What a crash wrote behind the checkpoint goes away.
+    // Bytes that a crash wrote after the checkpoint are removed.
     let series = parts.clone() + "/series.csv";
     fs::write(&series, fs::read_to_string(&series).unwrap() + "18,half a li").unwrap();
     lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "31", "--resume"]).succeeds();
@@ -360,14 +355,12 @@ impl Drop for Endless {
     }
 }
 
-/// A run after its first checkpoint.
 #[cfg(unix)]
 fn endless(scenario: &str, out: &str) -> Endless {
     let rare = ["--steps", "100000000", "--series-every", "1000000", "--frames-every", "100000000"];
     begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))
 }
 
-/// A run that goes on and has written a file.
 #[cfg(unix)]
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn begun(args: &[&str], file: &str) -> Endless {
@@ -399,7 +392,6 @@ fn an_interrupted_run_goes_on() {
         assert_eq!(ended.status.code(), Some(code), "{signal}: {message}");
         let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
         assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
-        // A few steps further it is where a run without interruption is.
         let steps = (steps + 5).to_string();
         for (out, resume) in [(&out, Some("--resume")), (&whole, None)] {
             let args =

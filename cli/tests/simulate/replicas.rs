@@ -1,5 +1,3 @@
-//! Several runs of one scenario.
-
 use std::fs;
 
 use super::{SCENARIO, files, lazygrid, rows};
@@ -90,7 +88,7 @@ fn replicas_are_resumed_replaced_and_refused() {
     );
     simulate(&whole, &["--replicas", "4"]).succeeds();
     simulate(&out, &["--replicas", "2", "--steps", "17"]).succeeds();
-    // One that was not even begun, and one that was ended while it wrote.
+    // One replica was not begun, and one was interrupted.
     fs::remove_dir_all(out.clone() + "/replica-0001").unwrap();
     let series = out.clone() + "/replica-0000/series.csv";
     fs::write(&series, fs::read_to_string(&series).unwrap() + "18,half a li").unwrap();
@@ -118,7 +116,6 @@ fn replicas_are_resumed_replaced_and_refused() {
     assert!(run.err.contains("replica 0: ") && run.err.contains("17 steps are done"), "{}", run.err);
     simulate(&out, &["--replicas", "4", "--resume"]).succeeds();
     assert_eq!(files(&out), files(&whole));
-    // Another seed, and then a run by itself.
     simulate(&out, &["--replicas", "4", "--overwrite", "--seed", "6"]).succeeds();
     assert_ne!(files(&out), files(&whole));
     simulate(&out, &["--overwrite"]).succeeds();

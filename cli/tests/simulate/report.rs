@@ -1,4 +1,4 @@
-//! `--report`: what is said about series and channels.
+//! `--report`: series and channels.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::collections::HashMap;
@@ -57,7 +57,6 @@ fn channels_are_as_formulas_and_logs_say() {
         .sum();
     assert!((released / (30.0 * 10.0 * REPLICAS as f64) - 1.0).abs() < 0.3, "{released}");
 
-    // The response, by the particles of all bursts that were followed for so long.
     let responses = table("impulse-response.csv");
     assert!(responses.len() > 50, "{} rows", responses.len());
     for row in responses.iter().filter(|row| number(row, "until") < 0.45) {
@@ -76,14 +75,13 @@ fn channels_are_as_formulas_and_logs_say() {
             );
         }
     }
-    // Interference: the parts within slots of 0.2 s.
     for row in table("interference.csv").iter().take(4) {
         let slot = number(row, "slot");
         let part = arrived(0.2 * (slot + 1.0)) - arrived(0.2 * slot);
         let error = (part / released).sqrt() * 2.0_f64.sqrt();
         assert!((number(row, "part mean") - part).abs() < 4.0 * error, "{row:?}, not {part}");
     }
-    // Bit errors, counted once more from what each replica wrote, of slots that begin at once or later.
+    // Bit errors, counted again from the files of each replica.
     let errors = table("bit-errors.csv");
     let mut best = usize::MAX;
     for delay in [0.0, 0.1, 0.4] {
@@ -113,7 +111,6 @@ fn channels_are_as_formulas_and_logs_say() {
             best = if delay == 0.0 { best.min(wrong) } else { best };
         }
     }
-    // There is something to be told apart.
     assert!(best < 60, "{best}");
     let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
     assert!(report.contains(&format!(", {best} of 160 bits")) && report.contains("--replicas 16"));
@@ -134,7 +131,6 @@ fn a_report_of_one_run_has_its_series() {
         "{report}"
     );
     assert!(!std::path::Path::new(&(out.clone() + "/impulse-response.csv")).exists());
-    // It can be had of a run that is done.
     fs::remove_file(out.clone() + "/report.html").unwrap();
     lazygrid(["simulate", &scenario, "--output", &out, "--report", "--resume"]).succeeds();
     assert_eq!(fs::read_to_string(out + "/report.html").unwrap(), report);

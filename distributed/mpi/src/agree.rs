@@ -3,8 +3,8 @@ use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
 use crate::Error;
 
-/// The result of this rank where no rank failed, else the error of the first that did. Collective: all ranks of the
-/// communicator call it, whether they failed or not, and go on or give up together.
+/// Returns the result of this rank if no rank failed, else the error of the first rank that did. Collective, also for
+/// ranks that failed.
 ///
 /// # Errors
 /// The error of the first rank that has one, the same on all ranks.

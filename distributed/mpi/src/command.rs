@@ -1,5 +1,4 @@
-//! The subcommands: `detect` reads, rebalances, searches, writes and prints a summary; `simulate` runs a scenario;
-//! `bench-scaling` measures times.
+//! The subcommands of `lazygrid-mpi`.
 
 pub(crate) mod args;
 mod bench_scaling;
@@ -26,7 +25,7 @@ use crate::command::summary::Summary;
 pub(crate) use bench_scaling::bench_scaling;
 pub(crate) use simulate::simulate;
 
-/// Collective, as all of the command: every rank returns the same.
+/// Collective: every rank returns the same.
 pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {
     let target = agree(world, Target::of(args).map_err(|message| refused(world, message)))?;
     let mut times = Times::default();
@@ -65,7 +64,6 @@ fn config(args: &Detect, space: Space) -> Config {
     }
 }
 
-/// The time of each part of the work.
 #[derive(Default)]
 struct Times(Vec<(&'static str, Duration)>);
 
@@ -78,7 +76,6 @@ impl Times {
     }
 }
 
-/// Writes to standard output at once.
 fn print(world: &SimpleCommunicator, text: &str) -> Result<(), Error> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -90,7 +87,6 @@ fn print(world: &SimpleCommunicator, text: &str) -> Result<(), Error> {
     }
 }
 
-/// Returns the error of this rank with a message.
 pub(crate) fn refused(world: &SimpleCommunicator, message: String) -> Error {
     Error::Input { rank: world.rank() as u32, index: None, message }
 }

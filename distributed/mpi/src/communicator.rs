@@ -15,7 +15,6 @@ pub(crate) struct MpiCommunicator {
     comm: SimpleCommunicator,
     /// The most bytes of a message.
     limit: u64,
-    /// Bytes that this rank has sent to others.
     sent: u64,
 }
 
@@ -33,8 +32,8 @@ impl MpiCommunicator {
         std::mem::take(&mut self.sent)
     }
 
-    /// Exchanges the segments `leaving` and `coming` in rounds. `most` is the largest number of elements from one rank to
-    /// another, on all ranks.
+    /// Exchanges the segments `leaving` and `coming` in rounds. `most` is the largest number of elements from one rank
+    /// to another, on all ranks.
     fn exchange_in_rounds<T: Pod>(
         &mut self,
         what: &str,
@@ -176,7 +175,6 @@ impl RankCommunicator for MpiCommunicator {
     }
 }
 
-/// Returns a buffer for this number of elements, or the error if memory is refused.
 pub(crate) fn try_zeroed<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
     let mut buffer = Vec::new();
     match usize::try_from(elements).ok().and_then(|elements| buffer.try_reserve_exact(elements).ok()) {
@@ -191,12 +189,10 @@ pub(crate) fn try_zeroed<T: Pod>(what: &str, elements: u64, rank: u32) -> Result
     }
 }
 
-/// Returns lengths in bytes. The caller keeps them below 2³¹.
 fn byte_counts<T>(lengths: &[usize]) -> Vec<Count> {
     lengths.iter().map(|&length| (length * size_of::<T>()) as Count).collect()
 }
 
-/// Returns the offset of each length in a packed message.
 fn begins(lengths: &[Count]) -> Vec<Count> {
     lengths.iter().scan(0, |next, length| Some(std::mem::replace(next, *next + length))).collect()
 }

@@ -10,8 +10,8 @@ pub enum Ownership {
     /// The caller: spheres stay on their ranks.
     #[default]
     Keep,
-    /// [`rebalance`](crate::Distributed::rebalance): spheres move to the rank whose part of space they are in. The parts are
-    /// kept from step to step, and made again only when some rank has more than `bound` times its share.
+    /// [`rebalance`](crate::Distributed::rebalance): spheres move to the rank in whose domain they are. Domains are
+    /// kept from step to step, and rebuilt only if a rank has more than `bound` times the mean load.
     Balance {
         /// Largest over mean number of spheres, 1 or more.
         bound: f64,
@@ -30,15 +30,15 @@ pub enum Delivery {
     /// Each pair on one rank, an owner of one of its spheres.
     #[default]
     Once,
-    /// Each pair with every rank that owns one of its spheres: on one rank, or on two.
+    /// Each pair at every rank that owns one of its spheres: one or two.
     Owners,
 }
 
 /// The settings of a [`Distributed`](crate::Distributed).
 ///
 /// All ranks need the same space, interactions, ownership, delivery, order and message limit, which
-/// [`Distributed::new`](crate::Distributed::new) compares. Backend, threads, the most pairs of a list and the settings of the
-/// [detector](Self::detector) are those of each rank, since no answer of another rank depends on them.
+/// [`Distributed::new`](crate::Distributed::new) compares. Backend, threads, the most pairs of a list and the settings
+/// of the [detector](Self::detector) may differ.
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) detector: lazygrid::Config,
@@ -89,7 +89,7 @@ impl Config {
         self
     }
 
-    /// Which species pair, and at which distance. The spheres of all ranks then carry species ids.
+    /// The species that pair, and their distances. The spheres of all ranks then carry species ids.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.interactions = Some(interactions);
         self
@@ -108,8 +108,7 @@ impl Config {
         self
     }
 
-    /// Threads of each rank. Default: the cores that the rank may run on, shared among the ranks of its node that may run on
-    /// the same ones.
+    /// Threads of each rank. Default: its share of the cores that it and other ranks of its node may run on.
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = Some(threads);
         self
@@ -122,21 +121,20 @@ impl Config {
         self
     }
 
-    /// The most bytes of a message; what is more goes in rounds. At most 2³¹ − 1, as MPI counts in 32 bits; at least 64 per
-    /// rank. Default: 2²⁸.
+    /// The most bytes of a message; larger data are sent in rounds. At most 2³¹ − 1, as MPI counts in 32 bits; at least
+    /// 64 per rank. Default: 2²⁸.
     pub fn message_limit(mut self, bytes: u64) -> Self {
         self.message_limit = bytes;
         self
     }
 
-    /// Everything else that a detector can be told, such as its algorithm. Space, interactions, order, backend and limits are
-    /// settings of this configuration, which override these.
+    /// All other settings of a detector, such as its algorithm. Space, interactions, order, backend and limits of this
+    /// configuration override these.
     pub fn detector(mut self, detector: lazygrid::Config) -> Self {
         self.detector = detector;
         self
     }
 
-    /// The settings that all ranks must share.
     pub(crate) fn shared(&self) -> Settings {
         let ownership = match self.ownership {
             Ownership::Keep => "keep".to_owned(),
@@ -160,21 +158,21 @@ impl Config {
         let refuse = |name: &str, value: String, range: String| {
             Err(Error::Setting { name: name.to_owned(), value, range })
         };
-        // The largest thing that is sent as one element has 32 bytes.
+        // The largest element that is sent has 32 bytes.
         let least = 64 * u64::from(ranks);
         if !(least..=i32::MAX as u64).contains(&self.message_limit) {
             let range =
                 format!("choose between {least} (64 for each of {ranks} ranks) and {} bytes", i32::MAX);
             return refuse("message_limit", self.message_limit.to_string(), range);
         }
-        // Ghosts and hulls are computed in f32.
+        // Ghosts and bounding boxes are computed in f32.
         if !self.space.is_narrow() {
             let value = format!("{:?}", self.space.lengths());
             return refuse("space", value, "round its lengths to f32, or use one process".to_owned());
         }
         match self.ownership {
             Ownership::Balance { bound } if !(bound.is_finite() && bound >= 1.0) => {
-                refuse("bound", bound.to_string(), "choose a finite number from 1 on".to_owned())
+                refuse("bound", bound.to_string(), "choose a finite number of at least 1".to_owned())
             }
             _ if self.threads == Some(0) => {
                 refuse("threads", "0".to_owned(), "choose at least one, or leave it unset".to_owned())

@@ -20,8 +20,8 @@ use crate::{
 
 /// Finds overlapping pairs among the spheres of all ranks of a communicator, call after call.
 ///
-/// Every method but [`report`](Self::report) is collective: all ranks call it, in the same order. The answer is that of
-/// one process with all the spheres, for any distribution of the spheres.
+/// Every method except [`report`](Self::report) is collective: all ranks call it, in the same order. The answer is that
+/// of one process with all the spheres, for any distribution.
 pub struct Distributed {
     comm: MpiCommunicator,
     config: Config,
@@ -34,18 +34,18 @@ pub struct Distributed {
     report: Report,
 }
 
-/// The input of a search besides the spheres of this rank.
 struct Prepared {
     owned: Vec<u64>,
     ghosts: Ghosts,
 }
 
 impl Distributed {
-    /// For the ranks of this communicator, of which it makes itself a copy, so that messages do not mix. Collective.
+    /// Creates a detector for the ranks of this communicator, which it duplicates so that messages do not mix.
+    /// Collective.
     ///
     /// # Errors
-    /// On all ranks alike: [`Error::Setting`] for a setting outside its range; [`Error::Settings`] if a setting is not the
-    /// same on all ranks, of those that [`Config`] names; [`Error::Detection`] if the detector of a rank cannot be made.
+    /// On all ranks alike: [`Error::Setting`] for a setting outside its range; [`Error::Settings`] if a setting that
+    /// [`Config`] names is not the same on all ranks; [`Error::Detection`] if the detector of a rank cannot be created.
     pub fn new(communicator: &impl Communicator, config: Config) -> Result<Self, Error> {
         let mut comm = MpiCommunicator::new(communicator.duplicate(), config.message_limit);
         comm.agree(config.check(comm.ranks()))?;
@@ -73,12 +73,12 @@ impl Distributed {
         })
     }
 
-    /// Moves the spheres of all ranks to the ranks whose parts of space they are in, where the
-    /// [ownership](Config::ownership) is [`Balance`](Ownership::Balance); checks them only, where it is
-    /// [`Keep`](Ownership::Keep). Searches give the same pairs with or without it.
+    /// Moves the spheres of all ranks to the ranks in whose domains they are, if the [ownership](Config::ownership) is
+    /// [`Balance`](Ownership::Balance); only checks them if it is [`Keep`](Ownership::Keep). Searches give the same
+    /// pairs with or without it.
     ///
-    /// Afterwards a rank has what came from rank 0, then what came from rank 1 and so on, its own in its place among them,
-    /// each in the order it had there.
+    /// Afterwards a rank has the spheres from rank 0, then those from rank 1 and so on, its own among them, each in
+    /// their previous order.
     ///
     /// # Errors
     /// [`Error::Input`] and [`Error::OutOfMemory`]; the spheres are then where they were.
@@ -103,11 +103,11 @@ impl Distributed {
         Ok(RebalanceReport { owned: LoadBalance::of(&counts), moved: 0, rebuilt: false, migration })
     }
 
-    /// Brings something else that belongs to the spheres, one element per sphere as it was before, to where a
-    /// [`rebalance`](Self::rebalance) moved them. The result is in the order of the spheres as they are now.
+    /// Moves further data, one element per sphere in the previous order, to where a [`rebalance`](Self::rebalance)
+    /// moved the spheres. The result is in their present order.
     ///
     /// # Errors
-    /// [`Error::Input`] where a rank has not one element per sphere; [`Error::OutOfMemory`].
+    /// [`Error::Input`] if a rank has not one element per sphere; [`Error::OutOfMemory`].
     pub fn migrate_data<T: Pod>(&mut self, migration: &Migration, column: &[T]) -> Result<Vec<T>, Error> {
         let (rank, length, expected) = (self.comm.rank(), column.len(), migration.spheres());
         let lengths = lazygrid::InputError::Lengths { what: "column", length, expected };
@@ -120,17 +120,17 @@ impl Distributed {
         migration.apply(&mut self.comm, "what follows the spheres", |k| column[k as usize])
     }
 
-    /// Brings elements of all ranks to rank 0, those of rank 0 first, then those of rank 1 and so on. The others get none.
+    /// Gathers elements of all ranks on rank 0, in the order of ranks. The others get none.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] where rank 0 has no room for all.
+    /// [`Error::OutOfMemory`] if rank 0 has no room for all.
     pub fn gather<T: Pod>(&mut self, elements: &[T]) -> Result<Vec<T>, Error> {
         gather(&mut self.comm, "what is gathered", elements)
     }
 
-    /// The overlapping pairs that this rank reports, in the order that was asked for. Each pair of all ranks is in the list of
-    /// exactly one, or with [`Delivery::Owners`] in that of each rank that owns one of its spheres. The slice lives until the
-    /// next call.
+    /// Returns the overlapping pairs that this rank reports, in the configured order. Each pair of all ranks is in the
+    /// list of exactly one, or with [`Delivery::Owners`] in that of each rank that owns one of its spheres. The slice
+    /// lives until the next call.
     ///
     /// # Errors
     /// [`Error::Input`] for spheres that are not finite, negative radii, unknown species or lengths that differ;
@@ -163,7 +163,7 @@ impl Distributed {
     /// Counts the pairs on all ranks together.
     ///
     /// # Errors
-    /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
+    /// Those of [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
     pub fn count(&mut self, local: LocalSpheres<'_>) -> Result<u64, Error> {
         let prepared = self.prepare(local)?;
         let search = &mut self.search;
@@ -174,12 +174,12 @@ impl Distributed {
         Ok(self.report.pairs.total)
     }
 
-    /// Hands the pairs that this rank reports to `consume`, in chunks of at most `chunk` pairs and in any order, each pair of
-    /// all ranks on one of them. Returns how many pairs all ranks have. `consume` may stop the search of its rank, whose
-    /// further pairs are then not counted.
+    /// Hands the pairs that this rank reports to `consume`, in chunks of at most `chunk` pairs and in any order.
+    /// Returns the number of pairs of all ranks. `consume` may stop the search of its rank, whose further pairs are
+    /// then not counted.
     ///
     /// # Errors
-    /// The same as [`count`](Self::count).
+    /// Those of [`count`](Self::count).
     pub fn stream<F>(&mut self, local: LocalSpheres<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
     where
         F: FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
@@ -197,7 +197,6 @@ impl Distributed {
         &self.report
     }
 
-    /// Sends ghosts to where they are needed.
     fn prepare(&mut self, local: LocalSpheres<'_>) -> Result<Prepared, Error> {
         self.comm.take_sent();
         let (rank, ranks) = (self.comm.rank(), self.comm.ranks());
@@ -216,7 +215,6 @@ impl Distributed {
         Ok(Prepared { owned, ghosts })
     }
 
-    /// Searches on this rank; not collective.
     fn search(
         &mut self,
         local: LocalSpheres<'_>,
@@ -244,7 +242,6 @@ impl Distributed {
         found.map_err(|error| Error::of_detector(rank, error))
     }
 
-    /// Makes the report of a call.
     fn tell(&mut self, prepared: Prepared, counts: PairCounts) -> Result<(), Error> {
         let ghosts = prepared.ghosts.particles().len() as u64;
         let (told, _) = self.comm.all_gather("counts", &[[ghosts, counts.reported(), counts.elsewhere]])?;
@@ -261,7 +258,7 @@ impl Distributed {
     }
 }
 
-/// A list that keeps to its limit, and counts on.
+/// A list up to its limit; further pairs are counted.
 struct List {
     pairs: Vec<GlobalPair>,
     limit: u64,
@@ -290,7 +287,7 @@ impl List {
     }
 }
 
-/// Pairs that other ranks report and whose other sphere is of this rank.
+/// Sends pairs to the other owner.
 fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Error> {
     let rank = comm.rank();
     let other = |pair: &GlobalPair| if pair.a.rank == rank { pair.b.rank } else { pair.a.rank };
@@ -298,7 +295,7 @@ fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec
     lazygrid_ranks::send_to_ranks(comm, "pairs for their other owner", send).map(|(came, _)| came)
 }
 
-/// The detector of this rank, and one for pairs of owned spheres and ghosts where it has none of these.
+/// The detector of this rank, and one for pairs with ghosts if the first cannot find these.
 fn detectors(config: &Config, node: NodeRank) -> Result<(Detector, Option<Detector>), String> {
     let ours = |detector: lazygrid::Config| {
         detector.space(config.space).interactions(config.interactions.clone()).order(Order::Unordered)

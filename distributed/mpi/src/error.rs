@@ -10,7 +10,7 @@ pub enum Error {
     Input {
         /// The rank; the first, if there are several.
         rank: u32,
-        /// The place of the first such sphere among those of the rank, where it is one sphere.
+        /// The index of the first such sphere on the rank, if it is one sphere.
         index: Option<u32>,
         /// The fault and the remedy.
         message: String,
@@ -23,19 +23,16 @@ pub enum Error {
     DuplicateId {
         /// The id; the smallest, if there are several.
         id: u64,
-        /// Rank and place of one.
+        /// Rank and index of one.
         first: [u32; 2],
-        /// Rank and place of the other.
+        /// Rank and index of the other.
         second: [u32; 2],
     },
     /// A setting outside its range.
     #[error("{name} = {value} is out of range; {range}")]
     Setting {
-        /// Which setting.
         name: String,
-        /// Its value.
         value: String,
-        /// The valid values.
         range: String,
     },
     /// A setting is not the same on all ranks.
@@ -54,7 +51,6 @@ pub enum Error {
          count or stream the pairs"
     )]
     OutOfMemory {
-        /// The rank.
         rank: u32,
         /// The purpose of the memory.
         what: String,
@@ -67,17 +63,13 @@ pub enum Error {
          use more ranks, or raise `max_pairs`"
     )]
     TooManyPairs {
-        /// The rank.
         rank: u32,
-        /// The number of pairs.
         found: u64,
-        /// The limit.
         limit: u64,
     },
     /// The detector of one rank failed.
     #[error("rank {rank}: {message}")]
     Detection {
-        /// The rank.
         rank: u32,
         /// The message of the detector.
         message: String,
@@ -95,7 +87,6 @@ pub enum Error {
 }
 
 impl Error {
-    /// Returns the failure of the detector of a rank.
     pub(crate) fn of_detector(rank: u32, error: lazygrid::Error) -> Self {
         match error {
             lazygrid::Error::OutOfMemory { what, bytes } => {

@@ -11,7 +11,6 @@ pub(crate) struct IdCheck {
     unique: Option<Digest>,
 }
 
-/// The summary of a rank's ids and spheres in every call.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct IdSummary {
@@ -19,7 +18,7 @@ struct IdSummary {
     spheres: u64,
 }
 
-/// An id and the index of its sphere, sent to the rank that looks for duplicates.
+/// An id with the index of its sphere, sent to the rank that looks for duplicates.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct IdRecord {
@@ -28,8 +27,8 @@ struct IdRecord {
 }
 
 impl IdCheck {
-    /// Refuses duplicate ids, and returns the number of spheres of each rank. Ids that equal those of the last call, on any
-    /// ranks, are not compared again.
+    /// Refuses duplicate ids, and returns the number of spheres of each rank. A set of ids equal to that of the last
+    /// call, on any ranks, is not compared again.
     pub(crate) fn check(
         &mut self,
         comm: &mut MpiCommunicator,

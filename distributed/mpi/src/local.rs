@@ -11,13 +11,13 @@ pub struct LocalSpheres<'a> {
 }
 
 impl<'a> LocalSpheres<'a> {
-    /// Spheres, as rows or columns, with species if there are interactions; and one id for each, unique among all
-    /// ranks. Centers and radii are in one length unit on all ranks.
+    /// Creates a set of spheres, as rows or columns, with species if there are interactions; and one id for each,
+    /// unique among all ranks. Centers and radii are in one length unit on all ranks.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }
 
-    /// Refuses what no rank can compute with. `species` is how many the interaction table has, if there is one.
+    /// Refuses what no rank can compute with. `species` is the number of species of the interaction table.
     pub(crate) fn check(&self, rank: u32, species: Option<u32>) -> Result<(), Error> {
         let refuse = |index: Option<u32>, error: InputError| {
             Err(Error::Input { rank, index, message: error.to_string() })
@@ -58,7 +58,7 @@ impl<'a> LocalSpheres<'a> {
         }
     }
 
-    /// Sphere `k` as it becomes_ghost.
+    /// Returns sphere `k` as a ghost.
     #[inline]
     pub(crate) fn particle(&self, k: u32) -> Particle {
         let species = self.spheres.species().map_or(0, |species| species[k as usize]);

@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The arguments of this rank, or the exit code of all ranks if those of some rank are no command. Collective.
+/// The arguments of this rank, or the common exit code if those of some rank are invalid. Collective.
 fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> Result<Args, ExitCode> {
     let mut refused = vec![false; world.size() as usize];
     world.all_gather_into(&parsed.is_err(), &mut refused[..]);
@@ -70,7 +70,7 @@ fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> 
     Err(ExitCode::from(2))
 }
 
-/// Writes a message to standard error. A failure is ignored, as no other stream is left to report it.
+/// A failure is ignored, as no other stream is left to report it.
 fn say(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }

@@ -9,7 +9,7 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 /// A rank among those of its node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NodeRank {
-    /// Its number among them, from 0 on.
+    /// Its number among them, from 0.
     pub(crate) rank: usize,
     /// The number of ranks that may run on the same cores.
     sharing: usize,
@@ -25,13 +25,12 @@ impl NodeRank {
         Self { rank: node.rank() as usize, sharing: all.iter().filter(|&&other| other == own).count() }
     }
 
-    /// Threads for this rank, unless it was told.
+    /// Threads for this rank, unless configured.
     pub(crate) fn threads(self) -> usize {
         let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
         (cores / self.sharing.max(1)).max(1)
     }
 
-    /// The backend of this rank.
     pub(crate) fn device(self, asked: Backend) -> RankDevice {
         match asked {
             Backend::Auto | Backend::Gpu => rank_device(asked, self.rank, gpus()),
@@ -46,18 +45,15 @@ pub fn threads(communicator: &impl Communicator) -> usize {
     NodeRank::of(&communicator.duplicate()).threads()
 }
 
-/// The backend of a rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RankDevice {
-    /// The requested backend.
     Asked,
-    /// On the CPU.
     Cpu,
     /// On the GPU with this index.
     Gpu(usize),
 }
 
-/// Each of the first ranks of a node has a GPU of its own. The others compute on the CPU, or share GPUs where only GPUs
+/// Each of the first ranks of a node has a GPU of its own. The others compute on the CPU, or share GPUs if only GPUs
 /// will do.
 fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
     match (asked, gpus) {
@@ -81,7 +77,7 @@ fn gpus() -> usize {
     0
 }
 
-/// Equal for processes of a node that may run on the same cores, and for all where the system does not say.
+/// Equal for processes of a node that may run on the same cores, and for all if the system does not report cores.
 fn cores_hash() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let cores = status.lines().find(|line| line.starts_with("Cpus_allowed_list"));

@@ -8,7 +8,7 @@ pub struct SphereRef {
     pub id: u64,
     /// The rank that owns it.
     pub rank: u32,
-    /// Its place among the spheres of that rank, from 0 on.
+    /// Its index among the spheres of that rank, from 0.
     pub index: u32,
 }
 

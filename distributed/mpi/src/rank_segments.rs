@@ -2,7 +2,6 @@ use std::ops::Range;
 
 use lazygrid_ranks::MessageRounds;
 
-/// Which stretch of a list belongs to each rank.
 #[derive(Clone, Debug)]
 pub(crate) struct RankSegments {
     starts: Vec<usize>,
@@ -10,7 +9,7 @@ pub(crate) struct RankSegments {
 }
 
 impl RankSegments {
-    /// Stretches of these lengths, one behind the other.
+    /// Creates consecutive segments of these lengths.
     pub(crate) fn new(lengths: Vec<usize>) -> Self {
         let starts = lengths.iter().scan(0, |next, length| Some(std::mem::replace(next, *next + length)));
         Self { starts: starts.collect(), lengths }
@@ -24,7 +23,6 @@ impl RankSegments {
         self.lengths.iter().sum()
     }
 
-    /// The longest.
     pub(crate) fn most(&self) -> usize {
         self.lengths.iter().copied().max().unwrap_or(0)
     }
@@ -33,13 +31,12 @@ impl RankSegments {
         self.starts[rank]..self.starts[rank] + self.lengths[rank]
     }
 
-    /// The same, but nothing for this rank.
+    /// Omits the segment of this rank.
     pub(crate) fn without(mut self, rank: usize) -> Self {
         self.lengths[rank] = 0;
         self
     }
 
-    /// The data of a round.
     pub(crate) fn in_round(&self, rounds: MessageRounds, round: u64) -> Self {
         let ranges = self.lengths.iter().map(|&length| rounds.range(length as u64, round));
         let (mut starts, mut lengths) = (self.starts.clone(), Vec::with_capacity(self.lengths.len()));

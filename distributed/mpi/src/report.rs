@@ -12,7 +12,7 @@ pub struct Report {
     pub pairs: LoadBalance,
     /// Pairs that were met and are reported by another rank.
     pub elsewhere: u64,
-    /// Bytes that this rank sent during the call, those of messages that all ranks send to all ranks included.
+    /// Bytes that this rank sent during the call, including messages to all ranks.
     pub sent: u64,
     /// The report of this rank's detector.
     pub detector: String,

@@ -19,14 +19,14 @@ pub struct Simulated {
     pub summary: String,
 }
 
-/// Does a run of the simulator on all ranks of a communicator: what `lazygrid simulate` does in one process, with the same
-/// files. All ranks need to see its directory, and have the same run. `watch` is called on every rank with the steps that
-/// are done, and stops all when it breaks on one.
+/// Does a run of the simulator on all ranks of a communicator, with the files of `lazygrid simulate`. All ranks need to
+/// see its directory, and have the same run. `watch` is called on every rank with the steps that are done, and stops
+/// all if it breaks on one.
 ///
 /// Ranks compute on the CPU, in the caller's rayon pool, and send from the calling thread.
 ///
 /// # Errors
-/// [`Error::Input`] with what the simulator says, such as that the model needs an order across ranks.
+/// [`Error::Input`] with the simulator's message, such as that the model needs an order across ranks.
 pub fn simulate(
     communicator: &impl Communicator,
     run: &Run,

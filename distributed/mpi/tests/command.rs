@@ -18,7 +18,6 @@ fn run(ranks: usize, directory: &Path, arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// Standard output, of a run that has to succeed.
 fn stdout(ranks: usize, directory: &Path, arguments: &[&str]) -> String {
     let output = run(ranks, directory, arguments);
     let errors = String::from_utf8_lossy(&output.stderr);
@@ -26,7 +25,6 @@ fn stdout(ranks: usize, directory: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// What a run that has to fail says.
 fn error(ranks: usize, directory: &Path, arguments: &[&str], code: i32) -> String {
     let output = run(ranks, directory, arguments);
     assert_eq!(output.status.code(), Some(code), "{arguments:?} on {ranks} ranks");
@@ -150,9 +148,9 @@ fn what_is_wrong_is_said_once_with_its_place_in_the_file() {
     assert!(said.contains("--output <FILE>"), "{said}");
 }
 
-/// Standard error of two ranks that were started with other arguments, both of which must end with this code.
+/// Standard error of two ranks with different arguments, both of which must end with this code.
 fn of_two(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
-    // Of programs that fail Open MPI ends the others, and its own exit code is not always theirs.
+    // If a program fails, Open MPI ends the others, and its own exit code is not always theirs.
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
     let [one, other] = arguments;
     let output = Command::new("mpirun")
@@ -202,7 +200,7 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     let said =
         of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 1);
     assert!(said.contains("error: the setting `--steps` is 5 on rank 0 and 3 on rank 1; "), "{said}");
-    // What each rank has for itself.
+    // Options that may differ between ranks.
     let own = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);
     of_two(directory.path(), [&base, &own], 0);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 3);

@@ -27,7 +27,6 @@ fn mpirun(ranks: u32, arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// A run over ranks that has to succeed; what it says.
 fn over(ranks: u32, scenario: &Path, directory: &Path, arguments: &[&str]) -> String {
     let paths = [scenario.to_str().unwrap(), "-o", directory.to_str().unwrap()];
     let output = mpirun(ranks, &[&paths[..], arguments].concat());
@@ -36,7 +35,6 @@ fn over(ranks: u32, scenario: &Path, directory: &Path, arguments: &[&str]) -> St
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// What a run that has to fail says, in one line.
 fn error(ranks: u32, arguments: &[&str]) -> String {
     let output = mpirun(ranks, arguments);
     assert_eq!(output.status.code(), Some(1), "{arguments:?} on {ranks} ranks");
@@ -46,7 +44,6 @@ fn error(ranks: u32, arguments: &[&str]) -> String {
     errors[0].to_owned()
 }
 
-/// The same run in one process; what it says.
 fn alone(path: &Path, directory: &Path, changes: &Overrides, resume: bool) -> String {
     let mut scenario = Scenario::read(path).unwrap();
     scenario.change(changes);
@@ -65,7 +62,6 @@ fn alone(path: &Path, directory: &Path, changes: &Overrides, resume: bool) -> St
     run.summary(&simulation)
 }
 
-/// All files but the checkpoint's.
 fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     let files = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
     files
@@ -74,7 +70,6 @@ fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// What the checkpoint goes on from, in the order of ids.
 fn state(directory: &Path) -> State {
     let path = directory.join("checkpoint");
     let mut state = Checkpoint::read(&path).unwrap().into_state(&path).unwrap();
@@ -83,7 +78,7 @@ fn state(directory: &Path) -> State {
     state
 }
 
-/// Compares `steps` steps of a shipped scenario with one process, on each of these numbers of ranks.
+/// Compares `steps` steps of a shipped scenario with one process, on these numbers of ranks.
 fn compare(name: &str, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
     let directory = tempfile::tempdir().unwrap();
     let (path, one) = (scenario(name), directory.path().join("run"));
@@ -149,9 +144,9 @@ fn what_is_wrong_is_said_once() {
     assert!(!Path::new(&at("out")).exists());
 }
 
-/// The error of two ranks that were started with other arguments, both of which must end with code 1.
+/// The error of two ranks with different arguments, both of which must end with code 1.
 fn error_of_two(arguments: [&[&str]; 2]) -> String {
-    // Of programs that fail Open MPI ends the others, and its own exit code is not always theirs.
+    // If a program fails, Open MPI ends the others, and its own exit code is not always theirs.
     let command = env!("CARGO_BIN_EXE_lazygrid-mpi");
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
     let [one, other] = arguments;

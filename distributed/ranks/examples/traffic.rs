@@ -8,7 +8,6 @@ use lazygrid::Sphere;
 use lazygrid_ranks::in_process::InProcessRanks;
 use lazygrid_ranks::{ClassBounds, Particle, SphereWrapper};
 
-/// Random numbers from 0 to below 1, the same on every machine.
 struct Random(u64);
 
 impl Random {
@@ -31,7 +30,7 @@ fn uniform(spheres: usize, sizes: i32) -> Vec<Sphere> {
     (0..spheres).map(|k| Sphere::new([(); 3].map(|()| edge * random.next()), radius(k))).collect()
 }
 
-/// The same with one sphere half as wide as the cube.
+/// Uniform spheres with one sphere half as wide as the cube.
 fn giant(spheres: usize) -> Vec<Sphere> {
     let mut all = uniform(spheres, 1);
     let edge = (spheres as f32 * 4.19 / 0.05).cbrt();
@@ -39,7 +38,6 @@ fn giant(spheres: usize) -> Vec<Sphere> {
     all
 }
 
-/// A cloud that is as dense as the cube at one standard deviation.
 fn gaussian(spheres: usize) -> Vec<Sphere> {
     let mut random = Random(2);
     let scale = (spheres as f32 * 4.19 / 0.05).cbrt() / 2.5 / 1.4;

@@ -10,7 +10,6 @@ use crate::memory::try_collect;
 /// The most pairs that are delivered at once.
 const CHUNK_PAIRS: usize = 1 << 14;
 
-/// Delivers the pairs of an owned sphere and a ghost, by their indices, in chunks and in any order.
 pub(crate) fn pairs_across<F>(
     detector: &mut Detector,
     owned: Spheres<'_>,
@@ -25,7 +24,6 @@ where
     Ok(())
 }
 
-/// Counts the pairs of an owned sphere and a ghost.
 pub(crate) fn count_across(
     detector: &mut Detector,
     owned: Spheres<'_>,
@@ -34,14 +32,12 @@ pub(crate) fn count_across(
     detector.count((owned, GhostRows::new(owned, ghosts)?.spheres()?))
 }
 
-/// Ghosts as the input of a detector.
 struct GhostRows {
     rows: Vec<Sphere>,
     species: Option<Vec<u32>>,
 }
 
 impl GhostRows {
-    /// Copies the ghosts, with species if the owned spheres have species.
     fn new(owned: Spheres<'_>, ghosts: &[Particle]) -> Result<Self, Error> {
         let species = owned.species().map(|_| {
             try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.species), "the species of ghosts")

@@ -6,10 +6,10 @@ use crate::memory::try_collect;
 /// The elements of all ranks, those of rank 0 first, and the count of each rank.
 pub type RankData<T> = (Vec<T>, Vec<usize>);
 
-/// A communicator: the collective operations that the algorithm needs.
+/// The collective operations that the algorithm needs.
 ///
-/// Every method is collective unless its documentation says otherwise: all ranks call it, in the same order. The parameter
-/// `what` names the data in messages. `lazygrid-mpi` implements the trait over MPI.
+/// Every method is collective unless its documentation says otherwise: all ranks call it, in the same order. The
+/// parameter `what` names the data in messages. `lazygrid-mpi` implements the trait over MPI.
 pub trait Communicator {
     /// The failure of a transport or of a [rank](Self::failure), the same on all ranks.
     type Error;
@@ -60,7 +60,7 @@ pub trait Communicator {
     }
 }
 
-/// Brings the elements of all ranks to rank 0, in the order of ranks. The other ranks get none. Collective.
+/// Gathers the elements of all ranks on rank 0, in the order of ranks. The other ranks get none. Collective.
 ///
 /// # Errors
 /// Fails if the communicator fails.

@@ -63,7 +63,6 @@ mod tests {
         assert_eq!(whole, Digest::of(0..300).join(Digest::of(300..1000)));
         assert_ne!(whole, Digest::of(1..1001));
         assert_ne!(whole, Digest::of((0..999).chain([0])));
-        // Two changes that a plain sum or an exclusive or would not see.
         assert_ne!(Digest::of([1, 4]), Digest::of([2, 3]));
         assert_ne!(Digest::of([5, 5]), Digest::of([7, 7]));
     }

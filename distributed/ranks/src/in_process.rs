@@ -1,5 +1,5 @@
-//! All ranks in one process, by the functions that a rank calls: for tests, and to count the traffic on any number of ranks.
-//! Nothing here measures time.
+//! All ranks in one process, by the functions that a rank calls: for tests, and to count the traffic on any number of
+//! ranks.
 
 use std::ops::ControlFlow;
 

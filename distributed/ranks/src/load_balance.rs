@@ -10,8 +10,7 @@ pub struct LoadBalance {
 }
 
 impl LoadBalance {
-    /// Spheres that a rank may have above its bound before that counts as imbalance. Where ranks have few spheres, one more
-    /// is a large fraction and costs nothing.
+    /// For few spheres per rank, this many more do not count as imbalance.
     const SLACK: f64 = 64.0;
 
     /// Creates the summary of the load of each rank.

@@ -4,11 +4,10 @@ use crate::Error;
 
 /// The rounds of an exchange that one message cannot carry, as MPI counts elements in 32-bit integers.
 ///
-/// In a round each rank sends at most `limit / ranks` elements to each other rank. So neither the elements that a rank
-/// sends nor those that it receives exceed the limit.
+/// In a round each rank sends at most `limit / ranks` elements to each other rank, so neither sent nor received
+/// elements exceed the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageRounds {
-    /// The most elements from one rank to another in a round.
     per_rank: u64,
 }
 

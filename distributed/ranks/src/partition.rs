@@ -21,11 +21,11 @@ impl BisectionPlane {
     }
 }
 
-/// Space cut into one part per rank, by recursive bisection. Only the balance of ranks depends on it, so it serves for many
-/// steps.
+/// Space cut into one part per rank, by recursive bisection. Only the balance of ranks depends on it, so it can be kept
+/// for many steps.
 ///
-/// Each plane compares `(coordinate, tie breaker)`. [Tie breakers](crate::tie_breaker) differ between spheres, so planes
-/// divide spheres of equal coordinates evenly, even if all are at one point.
+/// Each plane compares `(coordinate, tie breaker)`. [Tie breakers](crate::tie_breaker) differ between spheres, so
+/// planes divide spheres of equal coordinates evenly, even if all are at one point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
     parts: u32,
@@ -107,7 +107,6 @@ fn cut(sample: &mut [Sample], parts: u32, planes: &mut Vec<BisectionPlane>) {
     cut(high, parts - left, planes);
 }
 
-/// Returns the axis along which the sample extends farthest.
 fn widest(sample: &[Sample]) -> usize {
     let extent = |axis: usize| {
         let ends = sample.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], s| {

@@ -8,7 +8,7 @@ use crate::hash::{mix, tie_breaker};
 
 /// Spheres of the sample per part. The error of a part's size is about the reciprocal root of this number, 1.1 %.
 pub const SAMPLES_PER_PART: u64 = 8192;
-/// The most spheres of a sample, for any number of parts: 40 MB on the rank that gathers them.
+/// For any number of parts: 40 MB on the rank that gathers them.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
 /// A sphere of the sample, 20 bytes.
@@ -16,7 +16,7 @@ pub const MAX_SAMPLES: u64 = 1 << 21;
 #[repr(C)]
 pub struct Sample {
     center: [f32; 3],
-    /// The tie breaker in two halves, because a 64-bit number would make the sphere 24 bytes.
+    /// In two halves, because a 64-bit number would make the sphere 24 bytes.
     tie_breaker: [u32; 2],
 }
 
@@ -58,7 +58,7 @@ impl SampleFilter {
     /// Returns `true` if the sphere with this id is in the sample.
     #[inline]
     pub fn takes(self, id: u64) -> bool {
-        // Another hash than the tie breaker: with the same, all samples at one point would be on one side of its plane.
+        // With the hash of the tie breaker, all samples at one point would be on one side of its plane.
         mix(id ^ 0x2545_F491_4F6C_DD1D) <= self.largest
     }
 }

@@ -103,11 +103,10 @@ impl Search {
         Ok(counts)
     }
 
-    /// Counts the pairs that this rank reports. Looks at single pairs only if a ghost may meet a sphere whose pair with it
-    /// the other rank reports.
+    /// Counts the pairs that this rank reports. Looks at single pairs only if the other rank may report some.
     ///
     /// # Errors
-    /// The same as [`Detector::count`].
+    /// Those of [`Detector::count`].
     pub fn count(&mut self, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<PairCounts, Error> {
         if ghosts.particles().is_empty() || owned.is_empty() {
             return Ok(PairCounts { local: self.detector.count(owned)?, ..PairCounts::default() });
@@ -122,7 +121,6 @@ impl Search {
     }
 }
 
-/// The size classes of owned spheres and of ghosts, for the ghost rule.
 struct Classes {
     owned: Vec<SizeClass>,
     ghosts: Vec<RankAndClass>,

@@ -3,13 +3,12 @@
 //! # Correctness
 //!
 //! 1. Every setting has a digest of 64 bits: a hash of its name and of its value as a text, or as words. The hash is
-//!    written out in this crate, so that it depends on no build, no seed and no address.
-//! 2. Numbers enter by their exact value. The shortest decimal text of a float that reads back as the same float is
-//!    exact; words are its bits. −0 counts as 0, since no distance tells the two apart. NaN cannot occur: spaces,
-//!    tables and bounds refuse it.
+//!    written out in this crate, so it depends on no build, no seed and no address.
+//! 2. Numbers enter by their exact value: the shortest decimal text of a float that reads back as the same float, or
+//!    its bits. −0 counts as 0. NaN cannot occur: spaces, tables and bounds refuse it.
 //! 3. All ranks get all digests in one collective call, and compare them by the same rule. Hence all ranks see the same
 //!    difference, or none, and only then do two of them send the texts of their values.
-//! 4. Unequal values have equal digests with a chance of about 2⁻⁶⁴.
+//! 4. Unequal values have equal digests with a probability of about 2⁻⁶⁴.
 
 use std::fmt::{self, Write};
 
@@ -18,8 +17,7 @@ use lazygrid::{Interaction, Interactions, Space};
 use crate::hash::sequence;
 use crate::{Communicator, Difference};
 
-/// The settings that all ranks of a communicator must share, in the order in which they are compared. An empty text is no
-/// value.
+/// The settings that all ranks of a communicator must share, in the order of comparison. An empty text is no value.
 ///
 /// ```
 /// # use lazygrid_ranks::{Communicator, Settings, threads};
@@ -39,13 +37,12 @@ pub struct Settings {
 #[derive(Clone, Debug)]
 struct Setting {
     name: &'static str,
-    /// The value, for messages.
     text: String,
     digest: u64,
 }
 
 impl Settings {
-    /// No settings but the version of the program that compares them. Programs of different versions may carry data in
+    /// Creates settings with only the version of the program. Programs of different versions may carry data in
     /// different layouts.
     pub fn new(version: impl fmt::Display) -> Self {
         Self { each: Vec::new() }.with("version", version)
@@ -58,7 +55,7 @@ impl Settings {
         self.add(Setting { name, text, digest })
     }
 
-    /// Adds a setting whose value is a text too long for a message, which says `what` it is and the digest of the text.
+    /// Adds a setting whose value is a text too long for a message, by the digest of the text and `what` it is.
     pub fn with_long(self, name: &'static str, what: impl fmt::Display, value: impl fmt::Display) -> Self {
         self.with_words(name, what, words(&value.to_string()))
     }
@@ -94,7 +91,7 @@ impl Settings {
     }
 
     /// Compares these settings with those of all other ranks. Collective: one exchange of 8 bytes per setting from each
-    /// rank, and further ones only to say what differs.
+    /// rank, and further ones only to describe a difference.
     ///
     /// # Errors
     /// [`Communicator::difference`] on all ranks if a setting is not the same on all; those of the communicator.
@@ -124,7 +121,6 @@ impl Settings {
     }
 }
 
-/// The elements of each rank.
 fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [T]> {
     let mut rest = all;
     counts.iter().map(move |&count| {
@@ -134,7 +130,7 @@ fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [
     })
 }
 
-/// The first place at which a rank differs from rank 0, and the first rank that does.
+/// The first index at which a rank differs from rank 0, and that rank.
 fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
     let first = of_ranks.first()?;
     let places = of_ranks.iter().map(|own| own.len()).max()?;
@@ -143,7 +139,6 @@ fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
     })
 }
 
-/// A text as words: its length, then eight bytes in each.
 fn words(text: &str) -> impl Iterator<Item = u64> {
     let word = |bytes: &[u8]| bytes.iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte));
     std::iter::once(text.len() as u64).chain(text.as_bytes().chunks(8).map(word))
@@ -158,7 +153,7 @@ fn entry(interaction: Interaction) -> [u64; 2] {
     }
 }
 
-/// A space as a text that says all of it, with 0 in place of −0.
+/// A space as a complete text, with 0 in place of −0.
 fn describe(space: &Space) -> String {
     if !space.is_periodic() {
         return "unbounded".to_owned();
@@ -182,7 +177,6 @@ mod tests {
         settings.each.last().unwrap().digest
     }
 
-    /// A build that computes other digests could not agree with one that computes these.
     #[test]
     fn digests_are_those_of_every_build() {
         let none = || Settings::new("1");

@@ -3,8 +3,8 @@ use std::collections::hash_map::Entry;
 
 use lazygrid::{Interaction, Interactions};
 
-/// Groups of species that pair with the same species. Bounding boxes are told for each group, so a ghost goes only to ranks
-/// that have a partner for it.
+/// Groups of species that pair with the same species. Each group has bounding boxes of its own, so a ghost goes only to
+/// ranks that have a partner for it.
 #[derive(Clone, Debug)]
 pub(crate) struct SpeciesGroups {
     /// The group of each species.
@@ -14,8 +14,8 @@ pub(crate) struct SpeciesGroups {
 }
 
 impl SpeciesGroups {
-    /// The most groups that are told apart. Every group may add a bounding box per size class, which all ranks get. Further
-    /// groups share these, which sends more ghosts and loses none.
+    /// Every group may add a bounding box per size class, which all ranks get. Further groups share these, which sends
+    /// more ghosts and loses none.
     const MAX_GROUPS: u32 = 16;
 
     pub(crate) fn new(table: &Interactions) -> Self {
@@ -74,19 +74,16 @@ mod tests {
 
     #[test]
     fn species_with_equal_partners_share_a_group() {
-        // An enzyme, two substrates and a species that pairs with none.
         let groups = groups(4, |one, other| other == 0 && (one == 1 || one == 2));
         assert_eq!([0, 1, 2, 3].map(|species| groups.of(species)), [0, 1, 1, 2]);
         assert!(groups.can_pair(0, 1) && groups.can_pair(1, 0));
         assert!(!groups.can_pair(0, 0) && !groups.can_pair(1, 1));
         assert!((0..3).all(|other| !groups.can_pair(2, other)));
-        // A species outside the table may pair with all.
         assert!((0..4).all(|other| groups.can_pair(groups.of(9), other)));
     }
 
     #[test]
     fn merged_groups_pair_wherever_their_species_do() {
-        // A ring of 70 species, all with different partners.
         let pairs = |one: u32, other: u32| one.abs_diff(other) == 1 || one.abs_diff(other) == 69;
         let groups = groups(70, pairs);
         for one in 0..70 {

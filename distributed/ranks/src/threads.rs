@@ -40,7 +40,6 @@ pub fn on<T: Send>(ranks: u32, work: impl Fn(Thread) -> T + Sync) -> Vec<T> {
 }
 
 impl Thread {
-    /// Sends to each rank its bytes, and receives those of each.
     fn trade(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
         for (to, bytes) in self.to.iter().zip(send) {
             to.send(bytes).expect("the other rank goes on");
@@ -84,9 +83,9 @@ impl Communicator for Thread {
         let mut rest = send;
         let mut parts = Vec::new();
         for &count in counts {
-            let (part, behind) = rest.split_at(count);
+            let (part, others) = rest.split_at(count);
             parts.push(bytemuck::cast_slice(part).to_vec());
-            rest = behind;
+            rest = others;
         }
         Ok(received(&self.trade(parts)))
     }

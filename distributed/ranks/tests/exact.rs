@@ -1,4 +1,4 @@
-//! The pairs of all ranks together are those of the naive search, each once, for any placement of spheres on ranks.
+//! The pairs of all ranks together are those of the naive search, for any placement of spheres on ranks.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -17,7 +17,6 @@ enum Placement {
     Balanced,
     /// Given by these words, one per sphere in turn.
     Given(Vec<u32>),
-    /// All on one rank.
     Single(u32),
 }
 
@@ -25,7 +24,6 @@ enum Placement {
 struct Scene {
     spheres: Vec<Sphere>,
     lengths: [Option<f32>; 3],
-    /// Tilts of the cell: xy, xz and yz.
     tilts: [f32; 3],
     ranks: u32,
     placement: Placement,
@@ -78,7 +76,6 @@ impl Scene {
     }
 }
 
-/// Coordinates that are often equal, often exactly one contact apart, on either side of a periodic boundary, or far away.
 fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![
         4 => (-3_i8..4).prop_map(f32::from),
@@ -103,7 +100,6 @@ fn sphere() -> impl Strategy<Value = Sphere> {
 fn spheres() -> impl Strategy<Value = Vec<Sphere>> {
     prop_oneof![
         6 => prop::collection::vec(sphere(), 0..40),
-        // All at one point, of one size or of several.
         1 => (sphere(), prop::collection::vec(radius(), 0..40)).prop_map(|(at, radii)| {
             radii.into_iter().map(|radius| Sphere::new(at.center, radius)).collect()
         }),

@@ -1,5 +1,4 @@
-//! One search per rank, call after call: any input may change between two calls and any call may fail. The next answer is that
-//! of the definition.
+//! One search per rank, call after call: any input may change between two calls and any call may fail.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -16,25 +15,22 @@ use lazygrid_ranks::{
 use proptest::prelude::*;
 use proptest::sample::select;
 
-/// The edge of the cube that spheres are in.
 const EDGE: f32 = 12.0;
 
-/// A change between two calls.
 #[derive(Clone, Debug)]
 enum Change {
     /// This many calls with the same spheres.
     Repeat(u8),
-    /// This many calls, before each of which all spheres move by up to this length along each axis.
     Drift(u8, f32),
     /// All radii, or those of every fourth sphere, are multiplied.
-    Radii { factor: f32, all: bool },
-    /// The number of spheres. About 500 spheres on a rank are too many for a comparison of all with all.
+    Radii {
+        factor: f32,
+        all: bool,
+    },
+    /// About 500 spheres on a rank are too many for a comparison of all with all.
     Resize(u32),
-    /// This many of every eight spheres appear elsewhere.
     Teleport(u64),
-    /// All spheres get other species.
     Species,
-    /// Spheres go to other ranks.
     Place(Placement),
 }
 
@@ -53,7 +49,6 @@ enum Placement {
     Rebalanced,
 }
 
-/// The input of a call.
 #[derive(Clone, Debug)]
 struct Frame {
     particles: Vec<Particle>,
@@ -63,7 +58,6 @@ struct Frame {
 
 #[derive(Clone, Debug)]
 struct Scene {
-    /// Changes, and the call that fails between a change and the next answer.
     changes: Vec<(Change, Option<Fail>)>,
     ranks: u32,
     is_periodic: bool,
@@ -72,7 +66,6 @@ struct Scene {
     skin: Skin,
 }
 
-/// From 0 to below 1.
 fn random(id: u64, stream: u64) -> f32 {
     (tie_breaker(tie_breaker(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
 }
@@ -81,7 +74,6 @@ fn point(id: u64, stream: u64) -> [f32; 3] {
     [0, 1, 2].map(|axis| EDGE * random(id, 4 * stream + axis))
 }
 
-/// A sphere of the beginning.
 fn particle(id: u64) -> Particle {
     let radius = 0.4 * 0.5_f32.powi(id as i32 % 4);
     Particle { sphere: Sphere::new(point(id, 0), radius), id, species: (id % 3) as u32, index: 0 }
@@ -210,7 +202,6 @@ impl<C: Communicator<Error = String>> Rank<C> {
         Self { communicator, wrapper, partitioner: Partitioner::default(), search }
     }
 
-    /// The pairs that this rank reports, as ids, the smaller one first.
     fn call(&mut self, frame: &Frame) -> Result<Vec<[u64; 2]>, String> {
         let (rank, ranks) = (self.communicator.rank(), self.communicator.ranks());
         let mine = |one: &&Particle| owner(frame.placement, one.id, ranks) == rank;
@@ -285,7 +276,6 @@ fn scene() -> impl Strategy<Value = Scene> {
             is_periodic,
             interactions,
             algorithm,
-            // The paper's grids keep no candidates.
             skin: if algorithm == Algorithm::RecursiveGrid { Skin::Off } else { skin },
         },
     )
@@ -300,7 +290,7 @@ proptest! {
     }
 }
 
-/// Radii that are tiny for several calls, so that candidates are few and kept, and then large.
+/// Tiny radii leave few candidates, which are kept until the radii are large.
 #[test]
 fn candidate_list_of_tiny_spheres_is_rebuilt_when_radii_grow() {
     for (ranks, skin) in [(1, Skin::Auto), (3, Skin::Auto), (2, Skin::Fixed(0.2))] {

@@ -5,11 +5,10 @@
 use lazygrid::{Interaction, Interactions, Space};
 use lazygrid_ranks::{Communicator, Settings, threads};
 
-/// The error of every rank, or `None` if ranks agree.
 fn compare(ranks: u32, of: impl Fn(u32) -> Settings + Sync) -> Option<String> {
     let compared = threads::on(ranks, |mut rank| {
         let compared = of(rank.rank()).agree(&mut rank);
-        // All ranks are at the same place: none takes a message of the other call.
+        // No rank takes a message of the other call.
         assert_eq!(rank.all_reduce_sum(&[1]), [u64::from(ranks)]);
         compared
     });

@@ -53,7 +53,6 @@ fn pairs_of_up_to_512_ranks_match_naive() {
                 let in_process =
                     InProcessRanks::balanced(&particles, ranks, SphereWrapper::new(space, None)).unwrap();
                 assert_eq!(in_process.owned().total, 2000);
-                // All of them are in the sample.
                 assert!(
                     in_process.owned().most <= 2000_u64.div_ceil(ranks.into()) + 2,
                     "{name}, {ranks} ranks"
@@ -74,10 +73,10 @@ fn coincident_spheres_and_their_pairs_are_balanced() {
         let (pairs, reported) = found(&in_process, Space::UNBOUNDED);
         assert_eq!((pairs.len() as u64, reported.total), (n * (n - 1) / 2, n * (n - 1) / 2));
         assert!(pairs.windows(2).all(|two| two[0] != two[1]), "a pair twice on {ranks} ranks");
-        // Where two ranks are half of all ranks apart, one of them reports all pairs of both.
+        // If two ranks are half of all ranks apart, one of them reports all pairs of both.
         let most = 1.02 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
         assert!(reported.imbalance() <= most, "{} on {ranks} ranks", reported.imbalance());
-        // What is compared is what each rank owns with itself and with its ghosts: no ghosts with each other.
+        // Own spheres with each other and with ghosts are compared, but no ghosts with each other.
         let ranks = in_process.pairs(&Config::default().threads(1)).unwrap();
         assert!(ranks.iter().all(|rank| rank.counts.elsewhere == 0));
     }
@@ -116,11 +115,10 @@ fn giant_becomes_a_ghost_and_spheres_in_it_do_not() {
     let ghosts = |particles: &[Particle]| {
         InProcessRanks::balanced(particles, 8, SphereWrapper::default()).unwrap().ghosts().total
     };
-    // At most once to each of the other ranks.
     assert!(ghosts(&particles).abs_diff(ghosts(&alone)) <= 20, "{} {}", ghosts(&particles), ghosts(&alone));
 }
 
-/// Two ranks with a crowd of species 0 in the same place; species 1, a single sphere on rank 1, is its only partner.
+/// Two ranks with a crowd of species 0 in the same place; a sphere of species 1 on rank 1 is its only partner.
 #[test]
 fn ghosts_go_only_to_ranks_with_a_partner_species() {
     let mut crowd = uniform(2000, &[0.6]);

@@ -129,7 +129,6 @@ struct Sample {
 }
 
 impl Sample {
-    /// Samples the input.
     fn take(input: &SearchInput<'_>) -> Result<Self, Error> {
         let InputStats { spheres: n, min, max, .. } = input.stats;
         let (spheres, size) = (input.test.spheres(), sample_size(n));

@@ -22,7 +22,6 @@ pub(crate) struct CellGrid {
     axes: Axes,
     cell_sizes: [f64; 3],
     periodic: [bool; 3],
-    /// Cells per axis.
     pub(crate) size: [u32; 3],
     pub(crate) folded: bool,
     /// `true` if a row of cells may wrap.
@@ -42,7 +41,6 @@ pub(crate) struct CellRange {
 }
 
 impl CellRange {
-    /// Cells per axis.
     #[inline(always)]
     pub(crate) fn count(&self) -> [u32; 3] {
         let (a, b) = (self.first, self.last);

@@ -11,7 +11,6 @@ use crate::input::{InputStats, SizeClass};
 use crate::memory::try_collect;
 use crate::size_class::SIZE_CLASSES;
 
-/// Spheres per work item.
 const CHUNK_SPHERES: usize = 1 << 14;
 
 #[derive(Clone, Debug)]
@@ -20,7 +19,6 @@ pub(super) struct GroupMembers {
     classes: [SizeClass; SIZE_CLASSES],
     min: Vec3,
     max: Vec3,
-    /// The largest given radius.
     radius: f32,
     /// The largest skin that is added to an effective radius.
     margin: f32,

@@ -36,7 +36,6 @@ pub(crate) struct LevelPlan {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Level {
     pub(crate) spheres: u32,
-    /// The largest effective radius.
     pub(crate) largest: f32,
     pub(crate) cell_size: f64,
 }
@@ -98,11 +97,9 @@ impl LevelPlan {
     }
 }
 
-/// The cost estimate.
 struct LevelCostModel<'c> {
     counts: Vec<f32>,
     radii: Vec<f32>,
-    /// Spheres in all.
     total: f32,
     density: &'c DensityProfile,
 }

@@ -43,7 +43,6 @@ const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 #[derive(Debug, Default)]
 pub(crate) struct CellList {
-    /// Coarsest first.
     levels: Vec<LevelGrid>,
     columns: Columns,
     /// The start of each cell's spheres, and the end of the last one.

@@ -43,7 +43,6 @@ pub(crate) struct PairTest<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SphereRadii {
     pub(crate) center: Vec3,
-    /// The given radius.
     pub(crate) own: f32,
     /// The radius by the interactions of the species.
     pub(crate) effective: f32,
@@ -201,7 +200,6 @@ impl<'a> PairTest<'a> {
         }))
     }
 
-    /// The exact test.
     pub(crate) fn is_pair(&self, i: u32, j: u32) -> bool {
         if self.split.is_some_and(|split| (i < split) == (j < split)) {
             return false;

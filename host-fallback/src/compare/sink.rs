@@ -40,7 +40,6 @@ pub(crate) trait Sink: Send + Sized {
     /// Takes the pairs of sphere `id` with the selected `lanes` of `ids`.
     fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
-    /// Takes one pair.
     fn pair(&mut self, pair: Pair);
 
     /// Takes pairs of positions, each as the spheres that `order` has there.
@@ -82,7 +81,6 @@ pub(crate) trait Output: Sync {
     fn open(&self) -> Self::Sink<'_>;
 }
 
-/// Counts pairs.
 pub(crate) struct Count;
 
 #[derive(Default)]

@@ -156,7 +156,6 @@ enum SplitDecision {
 /// A cell of some level: the map from cells of the top grid to its own size, relative to its corner.
 #[derive(Clone, Copy, Debug)]
 struct NestedCell {
-    /// The top cell.
     top: DVec3,
     /// The number of cells of this size per axis in a top cell, a power of two.
     fineness: f64,

@@ -19,7 +19,6 @@ pub struct QueryBuffers {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     frame: Option<SearchFrame>,
-    /// Indexed by species.
     halves: Vec<LargestHalf>,
 }
 

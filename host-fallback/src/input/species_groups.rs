@@ -246,7 +246,6 @@ impl<'a> Grouping<'a> {
         self.species.map_or(1, |(partition, _)| partition.count)
     }
 
-    /// The number of groups.
     pub(crate) fn count(&self) -> usize {
         self.per_set() * if self.split.is_some() { 2 } else { 1 }
     }

@@ -67,7 +67,6 @@ impl CandidateList {
         self.input_stats.as_deref()
     }
 
-    /// Drops the list.
     pub(crate) fn clear(&mut self) {
         self.input_stats = None;
     }

@@ -4,7 +4,7 @@ use lazygrid::Space;
 
 use crate::error::{Error, Location};
 
-/// A simulation box: three edges, and along which of them it repeats.
+/// A simulation box: three edges, and the edges along which it is periodic.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Cell {
     pub(super) edges: [[f64; 3]; 3],
@@ -14,8 +14,7 @@ pub(super) struct Cell {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Cell {
-    /// The periodic space of this box. Only the edges along which it repeats matter; where each lies along an axis of its
-    /// own, the space is orthogonal, else sheared.
+    /// The periodic space of this box; orthogonal if each periodic edge lies along an axis of its own, else triclinic.
     ///
     /// # Errors
     /// [`Error::BoxLength`] for a length that no period can have; [`Error::BoxEdges`] for edges that span no box.
@@ -44,14 +43,13 @@ impl Cell {
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }
 
-    /// The axis along which an edge lies. What a program that turned the box left beside it, far less than what
-    /// coordinates lose when they are rounded to 32 bits, does not count.
+    /// The axis along which an edge lies, up to rotation residues far below the rounding of coordinates to 32 bits.
     fn axis_of(edge: &[f64; 3]) -> Option<usize> {
         const NEGLIGIBLE: f64 = 1.0 / (1 << 30) as f64;
         let longest = (0..3).max_by(|&a, &b| edge[a].abs().total_cmp(&edge[b].abs()))?;
-        let beside = (0..3).filter(|&axis| axis != longest).map(|axis| edge[axis].abs());
+        let others = (0..3).filter(|&axis| axis != longest).map(|axis| edge[axis].abs());
         let limit = NEGLIGIBLE * edge[longest].abs();
-        (beside.fold(0.0, f64::max) <= limit).then_some(longest)
+        (others.fold(0.0, f64::max) <= limit).then_some(longest)
     }
 }
 
@@ -75,12 +73,10 @@ mod tests {
         assert_eq!(space(cube, [yes; 3]), Ok([Some(4.0), Some(5.0), Some(6.0)]));
         assert_eq!(space(cube, [yes, no, yes]), Ok([Some(4.0), None, Some(6.0)]));
         assert_eq!(space(cube, [no; 3]), Ok([None; 3]));
-        // Turned by right angles, one of them backwards, with what is left of a cosine.
         let turned = [[0.0, 4.0, 2.4e-16], [-5.0, 0.0, 0.0], [0.0, 0.0, 6.0]];
         assert_eq!(space(turned, [yes; 3]), Ok([Some(5.0), Some(4.0), Some(6.0)]));
-        // Only edges along which it repeats matter.
-        let leaning = [[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [1.0, 2.0, 6.0]];
-        assert_eq!(space(leaning, [yes, yes, no]), Ok([Some(4.0), Some(5.0), None]));
+        let skewed = [[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [1.0, 2.0, 6.0]];
+        assert_eq!(space(skewed, [yes, yes, no]), Ok([Some(4.0), Some(5.0), None]));
     }
 
     #[test]
@@ -91,13 +87,11 @@ mod tests {
         let taken = edges.map(Some);
         assert_eq!(space([true; 3]).cell_vectors(), taken);
         assert_eq!(space([false, true, true]).cell_vectors(), [None, taken[1], taken[2]]);
-        // The tilted vector is not periodic.
         assert!(space([true, false, false]).triclinic_cell().is_none());
     }
 
     #[test]
     fn what_is_no_box_is_refused() {
-        // Two edges along one axis span no box.
         let flat = space([[4.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]).unwrap_err();
         assert!(
             flat.starts_with(

@@ -14,14 +14,12 @@ pub(super) enum Column {
     Species,
     /// A number that stays with a sphere from frame to frame.
     Id,
-    /// The molecule that a sphere is of.
     Group,
-    /// Anything that is not needed.
     Other,
 }
 
 impl Column {
-    /// The meaning of a column of this name in formats with free names: in CSV, extended XYZ and structured arrays.
+    /// The meaning of a column of this name in CSV, extended XYZ and structured arrays.
     pub(super) fn named(name: &str) -> Self {
         match name.to_ascii_lowercase().as_str() {
             "x" => Self::Axis(0),
@@ -54,7 +52,7 @@ pub(super) struct Row<'a> {
     pub(super) species: Option<&'a [u8]>,
     pub(super) id: Option<&'a [u8]>,
     pub(super) group: Option<&'a [u8]>,
-    /// The first column, and its field, of which digits were lost.
+    /// The first column, and its field, that lost digits.
     pub(super) rounded: Option<(usize, &'a [u8])>,
 }
 
@@ -80,7 +78,7 @@ impl Columns {
         &self.names
     }
 
-    /// Checks that the table has what spheres need and nothing twice; `header` is the line that says so.
+    /// Checks that the table has the required columns and no duplicates.
     pub(super) fn check(&self, header: Line<'_>, context: &ReadContext) -> Result<(), Error> {
         let found = || format!("columns {}", excerpt(self.names.join(", ").as_bytes()));
         match self.lacks(context) {
@@ -89,7 +87,6 @@ impl Columns {
         }
     }
 
-    /// Returns the missing column of a table of spheres.
     pub(super) fn lacks(&self, context: &ReadContext) -> Option<String> {
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             if !self.has(Column::Axis(axis)) && !self.has(Column::Scaled(axis)) {
@@ -116,7 +113,6 @@ impl Columns {
         (context.ids && !self.has(Column::Id)).then(|| "a column `id`, which --ids asks for".to_owned())
     }
 
-    /// The values of a line whose fields are given.
     pub(super) fn row<'a>(
         &self,
         line: Line<'a>,
@@ -174,10 +170,10 @@ impl Columns {
     }
 }
 
-/// The most digits that a 32-bit number is ever written with. More of them say that somebody computed with 64 bits.
+/// 32-bit numbers are never written with more digits, so more of them come from 64-bit computation.
 const EXACT_DIGITS: usize = 9;
 
-/// Returns `true` if a field has more digits than 32-bit numbers have, and is not the number that they make of it.
+/// Returns `true` if a field has more digits than 32-bit numbers have, and another value.
 fn loses_digits(field: &[u8], value: f32) -> bool {
     let (mut digits, mut significant) = (0, 0);
     for &b in field.iter().take_while(|b| !b"eE".contains(b)).filter(|b| b.is_ascii_digit()) {

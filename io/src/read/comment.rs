@@ -1,6 +1,6 @@
 //! The comment line of extended XYZ: `key=value` pairs between white space.
 
-/// The value of a key; upper and lower case are one. Without the quotes or brackets around it.
+/// The value of a key, case-insensitive, without quotes or brackets.
 pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
     let mut rest = comment;
     loop {
@@ -8,27 +8,25 @@ pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
         if rest.is_empty() {
             return None;
         }
-        let (found, behind) = token(rest, |b| b == b'=' || b.is_ascii_whitespace());
-        let Some(value) = behind.trim_ascii_start().strip_prefix(b"=") else {
-            // A word without a value, or a stray sign, which must not hold up the search.
-            rest = if behind.len() < rest.len() { behind } else { &rest[1..] };
+        let (found, tail) = token(rest, |b| b == b'=' || b.is_ascii_whitespace());
+        let Some(value) = tail.trim_ascii_start().strip_prefix(b"=") else {
+            // Skips a word without a value, or a stray sign.
+            rest = if tail.len() < rest.len() { tail } else { &rest[1..] };
             continue;
         };
-        let (value, behind) = token(value.trim_ascii_start(), |b| b.is_ascii_whitespace());
+        let (value, tail) = token(value.trim_ascii_start(), |b| b.is_ascii_whitespace());
         if found.eq_ignore_ascii_case(key.as_bytes()) {
             return Some(value);
         }
-        rest = behind;
+        rest = tail;
     }
 }
 
-/// The elements of an array, with any brackets and separators.
 pub(super) fn elements(value: &[u8]) -> impl Iterator<Item = &[u8]> {
     let between = |b: &u8| b.is_ascii_whitespace() || b",[]{}".contains(b);
     value.split(between).filter(|element| !element.is_empty())
 }
 
-/// A token in quotes or brackets, without them, or a bare one up to `end`; and what is behind it.
 fn token(text: &[u8], end: impl Fn(u8) -> bool) -> (&[u8], &[u8]) {
     let (inside, closed) = match text.first() {
         Some(&quote @ (b'"' | b'\'')) => (&text[1..], closing_quote(&text[1..], quote)),

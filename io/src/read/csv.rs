@@ -1,7 +1,6 @@
 //! Comma-separated values, or separated by semicolons or tabs: a header that names `x`, `y`, `z`, and `r`, `radius` or
 //! `diameter`, and optionally `species` and `id`, in any order and case; other columns are ignored. Lines that begin
-//! with `#` are comments; if there is no other header, the last of them is it, as NumPy's `savetxt` writes it.
-//! One frame.
+//! with `#` are comments; without another header, the last of them is the header, as in NumPy's `savetxt`. One frame.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};
@@ -27,7 +26,6 @@ pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, E
     Ok(frame)
 }
 
-/// The table that the header describes; the next line is the one behind it.
 fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
     let mut in_comment = None;
     while let Some(line) = lines.next()? {
@@ -83,19 +81,17 @@ impl Table for Csv {
     }
 }
 
-/// The text after the `#` of a comment line.
 fn commented(line: &[u8]) -> Option<&[u8]> {
     line.trim_ascii_start().strip_prefix(b"#")
 }
 
-/// The separator that a header has most of.
 fn separator(header: &[u8]) -> u8 {
     let most = SEPARATORS.into_iter().rev().max_by_key(|&s| memchr::memchr_iter(s, header).count());
     most.unwrap_or(b',')
 }
 
-/// The fields between separators, without the white space or the quotes around them. A separator or a quote inside
-/// quotes is refused rather than split: none of the columns that are read needs one.
+/// The fields between separators, without white space and quotes. A separator or a quote inside quotes is refused,
+/// because no read column needs one.
 fn fields<'a>(
     line: Line<'a>,
     bytes: &'a [u8],
@@ -116,7 +112,7 @@ fn unquoted(field: &[u8]) -> Option<&[u8]> {
     field.strip_prefix(b"\"")?.strip_suffix(b"\"")
 }
 
-/// Returns `true` if the first line of a file, perhaps a comment, reads like the header of a table of spheres.
+/// Returns `true` if the first line of a file, perhaps a comment, resembles the header of a table of spheres.
 pub(super) fn is_header(line: &[u8]) -> bool {
     let line = commented(line).unwrap_or(line);
     let separator = separator(line);
@@ -127,7 +123,7 @@ pub(super) fn is_header(line: &[u8]) -> bool {
         .all(|axis| names.iter().any(|name| unquoted(name).unwrap_or(name) == axis.as_slice()))
 }
 
-/// Returns `true` if a line is a comment, which tells nothing of the format.
+/// Returns `true` if a line is a comment.
 pub(super) fn is_comment(line: &[u8]) -> bool {
     commented(line).is_some()
 }

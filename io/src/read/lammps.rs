@@ -1,8 +1,8 @@
 //! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
 //!
-//! Positions are `x y z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are
-//! `radius` or `diameter`; species are `type`, or `element` if there is no `type`; groups are `mol`. The order is the file's. An axis
-//! is periodic where `BOX BOUNDS` says `pp`; old dumps do not say, and are unbounded.
+//! Positions are `x z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are `radius`
+//! or `diameter`; species are `type`, or `element` if there is no `type`; groups are `mol`. An axis is periodic if `BOX
+//! BOUNDS` says `pp`; old dumps do not say, and are unbounded.
 
 use lazygrid::Space;
 
@@ -20,7 +20,6 @@ pub(super) struct Lammps {
     pub(super) lines: Lines,
 }
 
-/// The head of a frame, before its atoms.
 #[derive(Default)]
 struct Head {
     begun: bool,
@@ -129,10 +128,8 @@ impl Lammps {
     }
 }
 
-/// The atoms of a frame, a row on every line.
 struct Atoms {
     columns: Columns,
-    /// The box of which coordinates are fractions.
     scale: Option<Bounds>,
 }
 
@@ -150,7 +147,7 @@ impl Table for Atoms {
     }
 }
 
-/// The axes that are periodic, from the end of `BOX BOUNDS pp pp ff`, where both sides of an axis say `p`.
+/// The periodic axes, from the end of `BOX BOUNDS pp pp ff`: both sides must say `p`.
 fn periodic(item: &[u8]) -> [bool; 3] {
     let mut words = item.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).rev();
     let mut last = || words.next() == Some(b"pp");
@@ -221,8 +218,8 @@ impl Bounds {
     }
 }
 
-/// The columns of `ITEM: ATOMS id type x y z radius`. Where a dump has a value in several forms, the first of
-/// those named at the top of this file is taken.
+/// The columns of `ITEM: ATOMS id type z radius`. Of several forms of a value, the first in the list of the module
+/// documentation is read.
 fn columns(header: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     let names: Vec<_> =
         header.words().skip(2).map(|name| String::from_utf8_lossy(name).into_owned()).collect();

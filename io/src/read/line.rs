@@ -5,7 +5,7 @@ use lazygrid::Spheres;
 
 use crate::error::{Error, Location, Position, excerpt};
 
-/// The longest line that is read. Bounds memory where a file turns out not to be text.
+/// Bounds memory if a file turns out not to be text.
 pub(super) const LONGEST_LINE: usize = 1 << 20;
 
 /// One line, and where it stands.
@@ -17,7 +17,6 @@ pub(super) struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// A line of these bytes, which have no line feed.
     pub(super) fn of(bytes: &'a [u8], number: u64, path: &'a Arc<Path>) -> Result<Self, Error> {
         if bytes.len() > LONGEST_LINE {
             return Err(too_long(Location { path: path.clone(), at: Position::Line(number) }));
@@ -27,7 +26,6 @@ impl<'a> Line<'a> {
         Ok(Self { bytes: bytes.strip_suffix(b"\r").unwrap_or(bytes), number, path })
     }
 
-    /// The fields between white space.
     pub(super) fn words(self) -> impl Iterator<Item = &'a [u8]> {
         self.bytes.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
     }
@@ -40,7 +38,6 @@ impl<'a> Line<'a> {
         Location { path: self.path.clone(), at: Position::Line(self.number) }
     }
 
-    /// The line is not what the format wants.
     pub(super) fn unexpected(self, expected: impl Into<String>) -> Error {
         let found = match self.is_blank() {
             true => "a defaults line".to_owned(),
@@ -79,7 +76,6 @@ impl<'a> Line<'a> {
         Ok(radius)
     }
 
-    /// A field as the number of a thing.
     pub(super) fn id(self, field: &[u8]) -> Result<i64, Error> {
         let found = || format!("'{}'", excerpt(field));
         lexical_core::parse(field).map_err(|_| Error::Syntax {
@@ -108,7 +104,6 @@ impl<'a> Line<'a> {
 /// The meaning of groups in a file.
 pub(super) const GROUPS: &str = "groups as whole numbers below 2^32 - 1, 0 for none";
 
-/// The group of this number in a file.
 pub(super) fn group_of(number: i128) -> Option<u32> {
     match u32::try_from(number).ok()? {
         0 => Some(Spheres::NO_GROUP),

@@ -8,23 +8,20 @@ use super::line::{LONGEST_LINE, Line, too_long};
 use super::source::Source;
 use crate::error::{Error, Location, Position};
 
-/// Bytes read at first. A block is up to four times the one before.
+/// A block is up to four times the one before.
 const FIRST_BLOCK: usize = 1 << 16;
 /// The most bytes in a block, for each thread that shares in it, and in all.
 const SHARE: usize = 1 << 20;
 const LARGEST_BLOCK: usize = 32 << 20;
-/// Bytes parsed by one thread at a time, or a little more, up to the end of a line.
+/// Bytes parsed by one thread at a time, up to the end of a line.
 const PIECE: usize = 1 << 17;
 
-/// The lines of a text, without their ends, one at a time or in pieces of many, from a buffer that is reused.
 pub(super) struct Lines {
     source: Source,
     buffer: Vec<u8>,
-    /// Takes what comes next while the other one is parsed.
+    /// Receives the next bytes while the other buffer is parsed.
     spare: Vec<u8>,
-    /// The part of the buffer that is read and not yet handed out.
     unread: Range<usize>,
-    /// The last line, within the buffer.
     line: Range<usize>,
     number: u64,
     ended: bool,
@@ -36,7 +33,6 @@ pub(super) struct Lines {
 #[derive(Clone, Copy)]
 pub(super) struct LineBlock<'a> {
     bytes: &'a [u8],
-    /// The number of its first line.
     first: u64,
     path: &'a Arc<Path>,
 }
@@ -55,8 +51,7 @@ impl Lines {
         }
     }
 
-    /// The next line that is not blank, or `None` at the end. Ends are `\n` or `\r\n`; a byte-order mark is
-    /// skipped.
+    /// The next line that is not blank, or `None` at the end. Ends are `\n` or `\r\n`; a byte-order mark is skipped.
     pub(super) fn next(&mut self) -> Result<Option<Line<'_>>, Error> {
         while self.advance()? {
             if !self.line().is_blank() {
@@ -77,7 +72,7 @@ impl Lines {
         Ok(true)
     }
 
-    /// The next line of a frame that is not complete without it: `found` of `expected` of `what` were there.
+    /// The next line of an incomplete frame, in which `found` of `expected` of `what` were there.
     pub(super) fn required(
         &mut self,
         what: &'static str,
@@ -93,7 +88,7 @@ impl Lines {
 
     /// Hands out the last line once more, as the next.
     pub(super) fn put_back(&mut self) {
-        // Its end and a mark before it are passed over again.
+        // Its end and a mark before it are skipped again.
         self.unread.start = match memrchr(b'\n', &self.buffer[..self.line.start]) {
             Some(end) if self.number > 1 => end + 1,
             _ => self.line.start,
@@ -101,15 +96,13 @@ impl Lines {
         self.number -= 1;
     }
 
-    /// The location of the last line; before the first, the file.
     pub(super) fn place(&self) -> Location {
         let at = if self.number == 0 { Position::File } else { Position::Line(self.number) };
         Location { path: self.source.path.clone(), at }
     }
 
-    /// Hands whole lines to `parse`, which may share them out among threads, while `meanwhile` is done and the lines
-    /// behind them are read; all of them, or no more than `most`. Returns what `parse` made of them, and how many there
-    /// were: none at the end.
+    /// Hands whole lines, at most `most` if given, to `parse`, which may divide them among threads, while `meanwhile`
+    /// runs and the following lines are read. Returns the result of `parse` and the number of lines, 0 at the end.
     pub(super) fn parse<T: Send>(
         &mut self,
         most: u64,
@@ -178,7 +171,7 @@ impl Lines {
         Ok(true)
     }
 
-    /// Moves what is unread to the front and reads more behind it.
+    /// Moves unread bytes to the front and reads more after them.
     fn fill(&mut self) -> Result<(), Error> {
         self.buffer.copy_within(self.unread.clone(), 0);
         self.unread = 0..self.unread.len();
@@ -199,18 +192,15 @@ impl Lines {
     }
 }
 
-/// The bytes that are read and not yet handed out.
 struct Text<'a> {
     bytes: &'a [u8],
-    /// The number of its first line.
     first: u64,
     path: &'a Arc<Path>,
-    /// `true` if nothing comes behind it.
     ended: bool,
 }
 
 impl<'a> Text<'a> {
-    /// Cuts it into pieces of whole lines, `most` at most; how many they are, and how many bytes.
+    /// Cuts it into pieces of whole lines, at most `most`. Returns the pieces, and the numbers of lines and bytes.
     fn cut(&self, most: u64) -> (Vec<LineBlock<'a>>, u64, usize) {
         let (mut pieces, mut lines, mut at) = (Vec::new(), 0, 0);
         while lines < most && at < self.bytes.len() {
@@ -232,7 +222,6 @@ impl<'a> Text<'a> {
     }
 }
 
-/// The result of a read.
 struct Read {
     filled: usize,
     ended: bool,
@@ -267,14 +256,12 @@ fn try_resize(buffer: &mut Vec<u8>, length: usize, path: &Path) -> Result<(), Er
     Ok(())
 }
 
-/// The size of the block after one of this number of bytes.
 fn larger(bytes: usize) -> usize {
     let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);
     (4 * bytes).clamp(FIRST_BLOCK, most)
 }
 
 impl<'a> LineBlock<'a> {
-    /// Iterates over its lines, blank ones included, or their errors.
     pub(super) fn lines(self) -> impl Iterator<Item = Result<Line<'a>, Error>> {
         let Self { mut bytes, first, path } = self;
         (first..).map_while(move |number| {
@@ -288,7 +275,6 @@ impl<'a> LineBlock<'a> {
         })
     }
 
-    /// About how many rows it has, for room that grows if need be.
     pub(super) fn rows(self) -> usize {
         const SHORT_ROW: usize = 24;
         self.bytes.len() / SHORT_ROW

@@ -9,8 +9,8 @@
 //! # Ok::<(), lazygrid_io::Error>(())
 //! ```
 //!
-//! Memory is bounded to one frame. What a file says about its own size is never believed before the data is
-//! there. Radii and coordinates are `f32`, rounded once from what is written.
+//! Memory is bounded to one frame; a size that a file declares is never trusted. Radii and coordinates are `f32`,
+//! rounded once from the file's text.
 
 mod cell;
 mod columns;
@@ -48,7 +48,7 @@ use crate::error::Error;
 pub use pairs::pairs;
 pub use species::{Radii, Species};
 
-/// The most spheres for which room is made before they are read. More grow the room as they come.
+/// The most spheres for which memory is reserved before they are read.
 const RESERVE: u64 = 1 << 20;
 
 /// A file format.
@@ -82,7 +82,7 @@ impl Format {
         }
     }
 
-    /// The format that a file name's extension stands for; the one before `.gz` or `.zst`, where that is the last.
+    /// The format of a file name's extension, before `.gz` or `.zst`.
     pub fn from_extension(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         match extension.as_str() {
@@ -139,8 +139,8 @@ pub struct Options {
     pub format: Option<Format>,
     /// Radii by species, for files that have none; they win over a radius column.
     pub radii: Radii,
-    /// The space of all frames; else what each frame declares: a periodic box, sheared or not (`Lattice` and `pbc`
-    /// of extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
+    /// The space of all frames; else the space that each frame declares: a periodic box, triclinic or not (`Lattice`
+    /// and `pbc` of extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space.
     pub space: Option<Space>,
     /// `true` if the ids of spheres are read too, from a column `id` (Smoldyn: serial numbers).
     pub ids: bool,
@@ -169,13 +169,12 @@ pub struct Frame {
 impl Frame {
     fn with_capacity(spheres: u64) -> Self {
         let mut frame = Self::default();
-        // A refusal now means nothing yet: room is made again as spheres come.
+        // A refusal is no error yet: memory is reserved again as spheres come.
         let _ = frame.spheres.try_reserve_exact(spheres as usize);
         frame
     }
 
-    /// Puts the spheres in the order of their ids, where they have any, so that frames whose rows come in different
-    /// orders can be compared.
+    /// Sorts the spheres by id, if they have ids, so that frames whose rows come in different orders can be compared.
     ///
     /// # Errors
     /// The least id that two spheres have.
@@ -217,8 +216,7 @@ impl Frames {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`Error::Read`] where it cannot be opened; [`Error::UnknownFormat`] where the format is not given and not
-    /// clear.
+    /// [`Error::Read`] if it cannot be opened; [`Error::UnknownFormat`] if the format is neither given nor clear.
     pub fn open(path: impl AsRef<Path>, options: Options) -> Result<Self, Error> {
         let path = path.as_ref();
         let open = || {
@@ -230,11 +228,10 @@ impl Frames {
         Self::new(path, file, length, options)
     }
 
-    /// Reads from `input`; `path` serves messages and the extension, `length` is the number of bytes to come
-    /// where that is known.
+    /// Reads from `input`; `path` serves messages and the extension, `length` is the number of bytes to come, if known.
     ///
     /// # Errors
-    /// The same as [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn new(
         path: impl AsRef<Path>,
         input: impl Read + Send + 'static,
@@ -266,8 +263,7 @@ impl Frames {
         &self.context.species
     }
 
-    /// Returns `true` if no frame follows: the rest of the file is blank. Waits for what comes where that is
-    /// not clear yet.
+    /// Returns `true` if no frame follows: the rest of the file is blank. May wait for input.
     ///
     /// # Errors
     /// [`Error::Read`], and [`Error::LineTooLong`].

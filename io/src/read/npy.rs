@@ -1,10 +1,10 @@
-//! NumPy arrays, versions 1 to 3 of the file format. One frame. Either numbers of shape `(n, 4)`: x, y, z and radius,
-//! `f32` or `f64`, of either byte order and either memory order; or a structured array of shape `(n,)` with fields `x`,
-//! `y`, `z` (or `pos` with three numbers), `r`, `radius` or `diameter`, and perhaps `species` and `id`, in any order
-//! and among others.
+//! NumPy arrays, versions 1 to 3 of the file format. One frame. Either numbers of shape `(n, 4)`:,, z and radius, `f32`
+//! or `f64`, of either byte order and either memory order; or a structured array of shape `(n,)` with fields `x`, `y`,
+//! `z` (or `pos` with three numbers), `r`, `radius` or `diameter`, and perhaps `species` and `id`, in any order and
+//! among others.
 //!
-//! Rows of `f32` as this machine stores them are read straight into the spheres, with no copy in between. The
-//! file is read rather than mapped: a mapped file that another program shortens ends this one.
+//! Rows of `f32` in this machine's layout are read directly into the spheres. The file is read rather than mapped: a
+//! mapped file that another program shortens ends the process.
 
 mod dictionary;
 mod dtype;
@@ -22,7 +22,7 @@ use crate::error::{Error, Position};
 
 /// The first bytes of every such file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
-/// Values decoded or rows checked at a time: few enough to stay in the cache between the two.
+/// Few enough values to stay in the cache between decoding and checking.
 const BLOCK: usize = 1 << 15;
 const COLUMNS: [&str; 4] = ["x", "y", "z", "radius"];
 
@@ -31,7 +31,7 @@ pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Fram
     header.check_length(&source)?;
     let mut frame = Frame::default();
     if source.length.is_some() {
-        // The length shows that the rows are there. Where it is not known, room is made as they come.
+        // Without a known length, memory is reserved as rows come.
         let room = frame.spheres.try_reserve_exact(header.rows as usize);
         room.map_err(|_| header.too_many(&source, "memory"))?;
     }
@@ -54,7 +54,6 @@ pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Fram
     Ok(frame)
 }
 
-/// Rows that are stored as spheres are.
 fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) -> Result<(), Error> {
     let rows = header.rows;
     while (spheres.len() as u64) < rows {
@@ -79,7 +78,6 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
     Ok(())
 }
 
-/// Values in any other arrangement, one after the other.
 fn decode(
     source: &mut Source,
     (header, kind, fortran): (&Header, Dtype, bool),
@@ -116,7 +114,7 @@ fn decode(
     Ok(())
 }
 
-/// A value as a sphere has it: finite in 32 bits, and as a radius not negative.
+/// Checks that a value is finite in 32 bits, and as a radius not negative.
 fn check(source: &Source, (row, column): (u64, &str), is_radius: bool, written: f64) -> Result<f32, Error> {
     let value = written as f32;
     let rule = if !value.is_finite() {

@@ -9,8 +9,8 @@ use super::lines::Lines;
 use super::source::Source;
 use crate::error::Error;
 
-/// The pairs of a text file, compressed or not: what [`PairFile`](crate::write::PairFile) writes as CSV, or a list of bonds.
-/// Lines that are blank or begin with `#` are passed over, and so is a header.
+/// The pairs of a text file, compressed or not: a [`PairFile`](crate::write::PairFile) as CSV, or a list of bonds.
+/// Blank lines, lines that begin with `#`, and a header are skipped.
 ///
 /// # Errors
 /// [`Error::Read`], and [`Error::Syntax`] for the first line that has not two whole numbers.
@@ -33,7 +33,6 @@ pub fn pairs(path: impl AsRef<Path>) -> Result<Vec<(i64, i64)>, Error> {
     Ok(pairs)
 }
 
-/// The two numbers of a line.
 fn pair(line: Line<'_>) -> Option<(i64, i64)> {
     let between = |b: &u8| b.is_ascii_whitespace() || b",;".contains(b);
     let mut fields = line.bytes.split(between).filter(|field| !field.is_empty());

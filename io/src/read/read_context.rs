@@ -8,7 +8,6 @@ use super::serial::Serial;
 use super::species::Species;
 use crate::error::{Error, Location, Position};
 
-/// State that the frames of a file share: the options, and the species and names met so far.
 pub(super) struct ReadContext {
     pub(super) species: Species,
     /// The space that was given.
@@ -19,7 +18,7 @@ pub(super) struct ReadContext {
     pub(super) groups: bool,
     /// The lines of serial numbers, which must be unique.
     serials: HashMap<Serial, u64>,
-    /// `true` if it has been said that digits are lost.
+    /// `true` if the loss of digits was logged.
     warned: bool,
 }
 
@@ -29,17 +28,17 @@ impl ReadContext {
         Self { species: Species::new(radii), space, ids, groups, serials: HashMap::new(), warned: false }
     }
 
-    /// Says, once per file, that numbers have more digits than 32 bits hold.
+    /// Logs once per file that numbers have more digits than 32 bits hold.
     pub(super) fn warn_of_rounding(&mut self, place: Location, column: &str, text: impl Display) {
         if !std::mem::replace(&mut self.warned, true) {
             log::warn!(
                 "{place}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
-                 rounded, as others may be from here on; where that matters, move the origin near the spheres"
+                 rounded, as later ones may be; if that matters, move the origin near the spheres"
             );
         }
     }
 
-    /// Notes serial numbers with their lines, and refuses one that came before.
+    /// Records serial numbers with their lines, and refuses a repeated one.
     pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
         for &(serial, line) in serials {
             if let Some(first) = self.serials.insert(serial, line) {

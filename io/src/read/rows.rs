@@ -1,5 +1,5 @@
-//! The rows of a table as spheres, parsed by all threads of the caller's pool. For any number of threads, spheres come in
-//! the order of the file, and the first thing that is wrong is the one that is told.
+//! The rows of a table as spheres, parsed by all threads of the caller's pool. For any number of threads, spheres keep
+//! the order of the file, and the first fault is reported.
 
 use lazygrid::{MAX_SPHERES, Sphere};
 use rayon::prelude::*;
@@ -21,17 +21,15 @@ pub(super) trait Table: Sync {
     /// The values of a line, or `None` for one that is no row.
     fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error>;
 
-    /// Returns `true` if ids tell that one thing is listed twice.
+    /// Returns `true` if ids must be unique.
     fn has_serials(&self) -> bool {
         false
     }
 }
 
-/// The rows that one thread parses of a block.
 #[derive(Default)]
 struct ParsedBlock {
     spheres: Vec<Sphere>,
-    /// The species of each sphere, by its id in this block.
     kinds: Vec<u32>,
     species: Species,
     ids: Vec<i64>,
@@ -68,8 +66,8 @@ impl Lines {
         self.up_to(u64::MAX, table, context, frame).map(drop)
     }
 
-    /// Adds `count` lines of a table, or all; returns how many there were. What threads have made of a block is put
-    /// together while they parse the next.
+    /// Adds `count` lines of a table, or all, and returns their number. Parsed blocks are appended while threads parse
+    /// the next.
     fn up_to(
         &mut self,
         most: u64,
@@ -121,7 +119,7 @@ impl ParsedBlock {
         part
     }
 
-    /// Adds the sphere of a row, with the radius of its species where one is given, else its own.
+    /// Adds the sphere of a row, with the radius given for its species, else its own.
     fn push(&mut self, line: Line<'_>, table: &impl Table, defaults: &RowDefaults) -> Result<(), Error> {
         let Some(row) = table.row(line)? else { return Ok(()) };
         let mut radius = row.radius;
@@ -167,7 +165,7 @@ fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> 
 }
 
 impl Frame {
-    /// Adds the rows that a thread parsed of a block, after the rows of the frame.
+    /// Appends the rows of a block to the frame.
     fn add(
         &mut self,
         part: ParsedBlock,

@@ -6,7 +6,6 @@ use crate::error::Error;
 /// A serial number. Smoldyn writes it in one part or, with a point between them, in two.
 pub(super) type Serial = (u64, Option<u64>);
 
-/// Parses the serial number in a field.
 pub(super) fn serial(line: Line<'_>, field: &[u8]) -> Result<Serial, Error> {
     let part = |digits: &[u8]| lexical_core::parse(digits).ok();
     let serial = match memchr::memchr(b'.', field) {

@@ -1,8 +1,7 @@
-//! Smoldyn's `listmols` output: `name(state) x y z serial` per molecule, radii by species. One frame.
+//! Smoldyn's `listmols` output: `name(state) z serial` per molecule, radii by species. One frame.
 //!
-//! Smoldyn can append several listings to one file, but writes nothing between them. Since a molecule is in a
-//! listing once, a serial number that comes again shows that there are several; that is refused, for where one
-//! ends cannot be known (molecules appear and vanish from one to the next).
+//! Smoldyn can append several listings to one file without a separator. A repeated serial number shows that, and is
+//! refused, because molecules appear and vanish between listings.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};
@@ -45,7 +44,6 @@ impl Table for Listing {
     }
 }
 
-/// Returns `true` if a word is a species with its state in brackets.
 fn is_name(word: &[u8]) -> bool {
     word.ends_with(b")") && word.iter().position(|&b| b == b'(').is_some_and(|at| at > 0)
 }

@@ -17,7 +17,6 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Bytes as they are, or as they were before gzip or Zstandard compressed them.
     pub(super) fn new(
         path: &Path,
         input: impl Read + Send + 'static,
@@ -41,14 +40,12 @@ impl Source {
         Ok(source)
     }
 
-    /// The format by content.
     pub(super) fn guess(&mut self) -> Result<Format, Error> {
         const HEAD: usize = 4096;
         let head = self.look(HEAD)?;
         Format::from_content(&head).ok_or_else(|| Error::UnknownFormat { path: self.path.to_path_buf() })
     }
 
-    /// The first bytes, as many as these if there are. They will be read again.
     fn look(&mut self, bytes: usize) -> Result<Vec<u8>, Error> {
         let mut head = vec![0; bytes];
         let length = self.fill(&mut head)?;
@@ -58,7 +55,6 @@ impl Source {
         Ok(head)
     }
 
-    /// Some bytes; 0 at the end.
     pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
         loop {
             match self.input.read(buffer) {
@@ -70,7 +66,7 @@ impl Source {
         }
     }
 
-    /// Reads as many bytes as the buffer takes, fewer only at the end.
+    /// Fills the buffer, except at the end.
     pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
         let mut filled = 0;
         while filled < buffer.len() {

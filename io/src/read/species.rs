@@ -6,10 +6,10 @@ use crate::error::bare;
 /// Radii by species name, for files that have no radii. They win over a radius column.
 pub type Radii = BTreeMap<String, f32>;
 
-/// The species of a file: names in the order they are first met, their ids, and the radii given for them.
+/// The species of a file: names in the order of appearance, their ids, and the radii given for them.
 ///
-/// A name with a state in brackets, `acid(solution)`, takes the radius of its bare name `acid` unless it has
-/// one itself.
+/// A name with a state in brackets, `acid(solution)`, takes the radius of its bare name `acid` unless it has one
+/// itself.
 #[derive(Clone, Debug, Default)]
 pub struct Species {
     names: Vec<String>,
@@ -26,7 +26,6 @@ impl Species {
         Self { given: Arc::new(given), ..Self::default() }
     }
 
-    /// None met yet, with the same radii given: what a part of a file begins with.
     pub(super) fn with_names(&self) -> Self {
         Self { given: self.given.clone(), ..Self::default() }
     }
@@ -36,7 +35,7 @@ impl Species {
         &self.names
     }
 
-    /// The radii that were given for names which no sphere has: probably a misspelling.
+    /// The radii given for names that no sphere has: probably a misspelling.
     pub fn unused_radii(&self) -> impl Iterator<Item = &str> {
         let met = |given: &str| self.names.iter().any(|name| name == given || bare(name) == given);
         self.given.keys().map(String::as_str).filter(move |given| !met(given))
@@ -47,9 +46,8 @@ impl Species {
         !self.given.is_empty()
     }
 
-    /// The id of a name, and the radius given for it.
     pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f32>) {
-        // Neighboring rows mostly have the same species, so that most rows need no hashing.
+        // Neighboring rows mostly have the same species and need no hashing.
         let same = self.keys.get(self.last).is_some_and(|last| **last == *name);
         let id = match same {
             true => self.last as u32,
@@ -59,7 +57,6 @@ impl Species {
         (id, self.radii[self.last])
     }
 
-    /// The ids here of the species that were met in a part of the file.
     pub(super) fn adopt(&mut self, part: &Self) -> Vec<u32> {
         part.keys.iter().map(|name| self.intern(name).0).collect()
     }

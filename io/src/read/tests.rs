@@ -1,5 +1,3 @@
-//! Every reader on what it accepts and on what it refuses.
-
 mod arrays;
 mod blocks;
 mod compressed;
@@ -24,7 +22,6 @@ fn frames(name: &str, bytes: impl Into<Vec<u8>>, options: Options) -> Result<Vec
     Frames::new(name, Cursor::new(bytes), Some(length), options)?.collect()
 }
 
-/// The only frame of a file, as rows.
 fn rows(name: &str, bytes: impl Into<Vec<u8>>, radii: &[(&str, f32)]) -> Vec<[f32; 4]> {
     let mut frames = frames(name, bytes, options(None, radii)).unwrap();
     assert_eq!(frames.len(), 1);
@@ -59,7 +56,6 @@ fn csv_species_are_interned_and_may_give_the_radius() {
     assert_eq!(reader.species().names(), ["b", "a"]);
     assert_eq!(frame.spheres.iter().map(|s| s.radius).collect::<Vec<_>>(), [2.0, 1.0, 2.0]);
     assert_eq!(reader.species().unused_radii().collect::<Vec<_>>(), ["c"]);
-    // A radius that is given wins over the column, species by species.
     let both = rows("a.csv", "species,x,y,z,r\nb,0,0,0,7\na,0,0,0,7\n", &[("b", 2.0)]);
     assert_eq!(both.map_column(3), [2.0, 7.0]);
 }
@@ -187,7 +183,6 @@ fn lammps_columns_by_name() {
         ("diameter zu yu xu", "1 3 2 1\n0 6.25 0.005 -4"),
         ("xs ys zs radius", "0.5625 0.625 0.6875 0.5\n0.25 0.5003125 0.890625 0"),
         ("xsu ysu zsu radius", "0.5625 0.625 0.6875 0.5\n0.25 0.5003125 0.890625 0"),
-        // If there are several forms, x y z and radius are taken.
         ("xs ys zs x y z diameter radius", "9 9 9 1 2 3 9 0.5\n9 9 9 -4 0.005 6.25 9 0"),
     ] {
         assert_eq!(rows("a.dump", dump(cube, columns, atoms), &[]), TWO, "{columns}");
@@ -204,8 +199,8 @@ fn lammps_tilted_boxes() {
     let tilted = dump("xy xz yz ff ff ff\n-2 5 1\n0 3 -2\n0 8 1", columns, corner);
     assert_eq!(rows("a.dump", tilted, &[]), [[-0.5, 2.0, 8.0, 0.0]]);
     // With both tilts to one side their sum widens the bounding box: edges (4, 0, 0), (1, 2, 0), (2, 1, 8).
-    let leaning = dump("xy xz yz ff ff ff\n0 7 1\n0 3 2\n0 8 1", columns, corner);
-    assert_eq!(rows("a.dump", leaning, &[]), [[3.5, 2.0, 8.0, 0.0]]);
+    let skewed = dump("xy xz yz ff ff ff\n0 7 1\n0 3 2\n0 8 1", columns, corner);
+    assert_eq!(rows("a.dump", skewed, &[]), [[3.5, 2.0, 8.0, 0.0]]);
     let general = dump("abc origin\n4 0 0 10\n1 2 0 20\n-2 1 8 30", columns, corner);
     assert_eq!(rows("a.dump", general, &[]), [[9.5, 22.0, 38.0, 0.0]]);
 }

@@ -1,6 +1,6 @@
-//! XYZ: a count, a comment, then `species x y z` per sphere; as many frames as there are. Where the comment has
-//! `Properties=` (extended XYZ), that says what the columns are; where it has `Lattice=`, that is a box, periodic along
-//! the edges that `pbc=` names, or along all if there is no `pbc=`.
+//! XYZ: a count, a comment, then `species z` per sphere; any number of frames. In extended XYZ the comment declares
+//! columns with `Properties=`, and a box with `Lattice=`, periodic along the vectors that `pbc=` names, or along all
+//! without `pbc=`.
 
 use lazygrid::Space;
 
@@ -40,7 +40,6 @@ impl Xyz {
     }
 }
 
-/// A table whose fields stand between white space, a row on every line.
 struct Words(Columns);
 
 impl Table for Words {
@@ -95,7 +94,6 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
     Ok(columns)
 }
 
-/// The space of a frame: periodic along the edges of `Lattice` that `pbc` names, along all of them without `pbc`.
 fn space(comment: Line<'_>) -> Result<Space, Error> {
     let periodic = value_of(comment.bytes, "pbc").map(|value| flags(comment, value)).transpose()?;
     match (value_of(comment.bytes, "Lattice"), periodic) {
@@ -106,12 +104,11 @@ fn space(comment: Line<'_>) -> Result<Space, Error> {
         (None, Some([false, false, false]) | None) => Ok(Space::UNBOUNDED),
         (None, Some(_)) => {
             Err(comment
-                .unexpected("Lattice= beside a periodic pbc=, or lengths with --periodic X,Y,Z (or none)"))
+                .unexpected("Lattice= with a periodic pbc=, or lengths with --periodic X,Y,Z (or none)"))
         }
     }
 }
 
-/// The edges of a box: nine numbers, edge after edge, or three lengths.
 fn edges(comment: Line<'_>, lattice: &[u8]) -> Result<[[f64; 3]; 3], Error> {
     let numbers = elements(lattice).map(|element| comment.number("Lattice", element));
     match *numbers.collect::<Result<Vec<f64>, Error>>()? {

@@ -3,11 +3,10 @@ use std::io::{self, BufRead, Read};
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
-/// Reads what Zstandard compressed: all frames, one after the other, each held against its checksum.
+/// A reader of Zstandard frames, each verified by its checksum.
 pub(super) struct ZstdReader<R> {
     input: R,
     decoder: FrameDecoder,
-    /// `true` if the decoder is within a frame.
     inside: bool,
 }
 
@@ -16,7 +15,6 @@ impl<R: BufRead> ZstdReader<R> {
         Self { input, decoder: FrameDecoder::new(), inside: false }
     }
 
-    /// Begins the next frame; `false` at the end.
     fn begin(&mut self) -> io::Result<bool> {
         while !self.input.fill_buf()?.is_empty() {
             match self.decoder.reset(&mut self.input) {
@@ -39,7 +37,6 @@ impl<R: BufRead> ZstdReader<R> {
         Ok(false)
     }
 
-    /// Ends a frame that is decoded and read.
     fn end(&mut self) -> io::Result<()> {
         self.inside = false;
         match (self.decoder.get_checksum_from_data(), self.decoder.get_calculated_checksum()) {

@@ -29,7 +29,6 @@ pub fn periodic_box_pairs(sizes: &[(u64, f64)], volume: f64) -> PairCount {
     independent(&classes, |reach| 4.0 / 3.0 * PI * reach.powi(3) / volume)
 }
 
-/// Pairs of spheres of these classes with centers from `cloud`.
 pub(super) fn pairs(classes: &[SizeGroup], cloud: CenterDistribution) -> PairCount {
     let pairs = independent(classes, |reach| cloud.hit(reach));
     PairCount { variance: pairs.variance + shared(classes, cloud), ..pairs }
@@ -57,7 +56,6 @@ pub(super) fn sigma_for(classes: &[SizeGroup], per_sphere: f64) -> f64 {
     }
 }
 
-/// Mean of the number of pairs, and its variance as if pairs were independent of each other.
 fn independent(classes: &[SizeGroup], hit: impl Fn(f64) -> f64) -> PairCount {
     let mut total = PairCount { mean: 0.0, variance: 0.0 };
     for (k, a) in classes.iter().enumerate() {
@@ -71,8 +69,8 @@ fn independent(classes: &[SizeGroup], hit: impl Fn(f64) -> f64) -> PairCount {
     total
 }
 
-/// The covariance of pairs that share a sphere, over all such pairs of pairs: a sphere in the thick of the
-/// cloud has many partners, one at the rim few. It outweighs the independent part by far in the bursts.
+/// The covariance of pairs that share a sphere, over all such pairs of pairs: a central sphere has many partners, one
+/// at the rim few. It far outweighs the independent part in the bursts.
 fn shared(classes: &[SizeGroup], cloud: CenterDistribution) -> f64 {
     classes
         .iter()
@@ -127,7 +125,6 @@ impl CenterDistribution {
         }
     }
 
-    /// The mean of `f(distance)` over the cloud, by the midpoint rule.
     fn average(self, f: impl Fn(f64) -> f64) -> f64 {
         const POINTS: u32 = 1000;
         let outer = match self {

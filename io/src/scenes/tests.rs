@@ -30,7 +30,6 @@ fn uniform_scenes_fill_five_percent() {
         let density = spheres.iter().map(|s| volume(s.radius)).sum::<f64>() / volume(outermost);
         assert!((density / 0.05 - 1.0).abs() < 2e-3, "{scene}: {density}");
         let inner = spheres.iter().filter(|s| s.center.length() < 0.5 * outermost).count();
-        // A half of the radius holds an eighth of the volume; one standard deviation is 47.
         assert!((2300..2700).contains(&inner), "{scene}: {inner}");
     }
 }
@@ -51,7 +50,7 @@ fn sizes_are_as_frequent_as_they_should_be_and_shuffled() {
         }
         let in_order = scene.sizes().radii(n);
         let moved = spheres.iter().zip(&in_order).filter(|(s, radius)| s.radius != **radius).count();
-        // Of two sizes, the rarer one 30 times, hardly any stands where it stood.
+        // With two sizes, the rarer one 30 times, hardly any keeps its position.
         let enough = match scene.sizes() {
             RadiusMix::EquallyOften([_]) => 0,
             RadiusMix::EquallyOften(_) => n / 2,
@@ -74,13 +73,12 @@ fn transceivers_are_as_many_and_as_large_as_asked_for() {
     assert_eq!(of(1, 1000, 1000), (1, 999));
     assert_eq!(of(0, 10, 1000), (0, 1000));
     assert_eq!(of(5000, 10, 1000), (1000, 0));
-    // Of one size all are both.
     assert_eq!(of(7, 1, 1000), (1000, 1000));
     assert_eq!(of(7, 0, 1000), (1000, 1000));
     assert_eq!(Scene::ALL[5], Scene::Transceivers(Transceivers::default()));
 }
 
-/// What the scene promises of any mixture: a carrier lies in a transceiver with a chance of 5 %, where those fill the ball.
+/// A carrier lies in a transceiver with a probability of 5 % if those fill the ball.
 #[test]
 fn pairs_of_transceivers_are_bounded_however_large_they_are() {
     for count in [1, 100, 10_000] {
@@ -109,14 +107,12 @@ fn small_inputs_work() {
     assert_eq!(brute_force(&Scene::Burst.spheres(41, 3)), 41 * 20);
 }
 
-/// The recorded values hold on every platform; a change of them changes every recorded benchmark.
 #[test]
 fn a_seed_gives_the_same_spheres_everywhere() {
     let digest = |scene: Scene, seed| {
         let mut spheres = scene.spheres(10_000, seed);
         Scene::advance(&mut spheres, seed, 0);
         Scene::advance(&mut spheres, seed, 1);
-        // FNV-1a over the values' bits.
         spheres
             .iter()
             .flat_map(|s| [s.center.x, s.center.y, s.center.z, s.radius])

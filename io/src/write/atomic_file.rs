@@ -7,22 +7,22 @@ use super::encoder::{Encoder, encoder};
 use super::temporary::Temporary;
 use crate::Error;
 
-/// A file that is being written under a temporary name beside its own, compressed where its name ends in `.gz` or
-/// `.zst`. Unless it is published it disappears.
+/// A file that is written under a temporary name in its directory, compressed if its name ends in `.gz` or `.zst`. It
+/// is removed unless it is committed.
 #[must_use = "a file that is not published disappears"]
 pub struct AtomicFile {
     path: PathBuf,
-    /// None for standard output, and for FIFOs and devices, which cannot be replaced by a file.
+    /// `None` for standard output, and for FIFOs and devices, which cannot be replaced.
     temporary: Option<Temporary>,
     out: Box<dyn Encoder>,
 }
 
 impl AtomicFile {
-    /// An empty file of the file at `path`. Takes away what killed processes left in the directory. If there is a FIFO or a device
-    /// at `path`, everything goes there at once.
+    /// Creates an empty file for `path`, and removes temporary files of killed processes from the directory. Output to
+    /// a FIFO or a device goes there at once.
     ///
     /// # Errors
-    /// [`Error::Write`] where the directory takes no new file.
+    /// [`Error::Write`] if the directory takes no new file.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, Error> {
         let path = path.into();
         if fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
@@ -41,7 +41,7 @@ impl AtomicFile {
         }
     }
 
-    /// Standard output, to which everything goes at once.
+    /// Writes to standard output at once.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -49,7 +49,7 @@ impl AtomicFile {
         Self::at_once(PathBuf::from(STDOUT), Ok(io::stdout()))
     }
 
-    /// A file that has nothing to publish, as everything goes to `to` at once.
+    /// A file without a commit: everything goes to `to` at once.
     fn at_once(path: PathBuf, to: io::Result<impl Write + Send + 'static>) -> Result<Self, Error> {
         match to.and_then(|to| encoder(&path, to)) {
             Ok(out) => Ok(Self { path, temporary: None, out }),
@@ -65,10 +65,10 @@ impl AtomicFile {
         write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
     }
 
-    /// Gives the file its name, in place of any that has it.
+    /// Gives the file its name, in place of an existing file.
     ///
     /// # Errors
-    /// [`Error::Write`] where the last bytes cannot be written or the name cannot be given.
+    /// [`Error::Write`] if the last bytes cannot be written or the name cannot be given.
     pub fn commit(self) -> Result<(), Error> {
         let Self { path, temporary, out } = self;
         let published = out.finish().and_then(|()| temporary.map_or(Ok(()), |file| file.rename(&path)));

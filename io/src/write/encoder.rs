@@ -25,7 +25,6 @@ impl Compression {
     }
 }
 
-/// A file name without the extension that tells how it is compressed.
 pub(super) fn uncompressed(path: &Path) -> &Path {
     match (Compression::from_extension(path), path.file_stem()) {
         // Only the end is cut off, so that directories stay.
@@ -34,12 +33,10 @@ pub(super) fn uncompressed(path: &Path) -> &Path {
     }
 }
 
-/// A writer that has something to write at the end.
 pub(super) trait Encoder: Write + Send {
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
-/// A writer to `out`, which compresses where the name says so.
 pub(super) fn encoder(path: &Path, out: impl Write + Send + 'static) -> io::Result<Box<dyn Encoder>> {
     let out = BufWriter::with_capacity(BUFFER, out);
     Ok(match Compression::from_extension(path) {
@@ -61,10 +58,9 @@ impl<W: Write + Send> Encoder for GzEncoder<W> {
     }
 }
 
-/// Compresses into a single frame, which all readers know to read to its end. The compressor fetches what it
-/// compresses, so it has a thread of its own at the other end of a pipe.
+/// Compresses into a single frame, which all readers read to its end. The compressor pulls its input, so it has a
+/// thread of its own at the other end of a pipe.
 struct Zstandard {
-    /// Unless it has ended.
     running: Option<(BufWriter<PipeWriter>, JoinHandle<io::Result<()>>)>,
 }
 
@@ -99,8 +95,7 @@ impl Encoder for Zstandard {
     }
 }
 
-/// Compresses all of `source`. The compressor expects that writing succeeds, so it is told that it does, and what went
-/// wrong is told afterwards.
+/// Compresses all of `source`. The compressor expects writing to succeed, so errors are reported afterwards.
 fn compress(source: impl Read, out: impl Write) -> io::Result<()> {
     struct Patient<W> {
         out: W,

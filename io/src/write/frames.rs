@@ -1,4 +1,4 @@
-//! Frames of a simulation, as [`read`](crate::read) takes them, and OVITO and Python.
+//! Frames of a simulation, for [`read`](crate::read), OVITO and Python.
 
 use std::io::{self, Write};
 
@@ -87,7 +87,7 @@ pub fn npy<'a>(
     Ok(())
 }
 
-/// Returns the header of a NumPy file of `particles` particles. Its length serves a forecast.
+/// Returns the header of a NumPy file of `particles` particles, whose length serves estimates.
 pub fn npy_frame_header(particles: usize) -> Vec<u8> {
     let fields = [("id", "u4"), ("species", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("r", "f4")];
     let fields = fields.map(|(name, kind)| format!("('{name}', {})", number(kind))).join(", ");

@@ -28,7 +28,7 @@ pub enum TableFormat {
 }
 
 impl TableFormat {
-    /// The format that a file name's extension stands for; the one before `.gz` or `.zst`, where that is the last.
+    /// The format of a file name's extension, before `.gz` or `.zst`.
     pub fn from_extension(path: &Path) -> Option<Self> {
         match encoder::uncompressed(path).extension().and_then(OsStr::to_str)? {
             "csv" => Some(Self::Csv),
@@ -44,7 +44,6 @@ pub fn npy_header(kind: &str, shape: &str) -> Vec<u8> {
     header_of(&number(kind), shape)
 }
 
-/// Returns the header of a NumPy file. The format asks for a multiple of 64 bytes with a line break at the end.
 fn header_of(descr: &str, shape: &str) -> Vec<u8> {
     const START: &[u8] = b"\x93NUMPY\x01\x00";
     let before = START.len() + size_of::<u16>();
@@ -54,7 +53,6 @@ fn header_of(descr: &str, shape: &str) -> Vec<u8> {
     [START, &(length as u16).to_le_bytes(), text.as_bytes()].concat()
 }
 
-/// The type of a number in a header, as `u4` in this machine's order of bytes.
 fn number(kind: &str) -> String {
     let order = if cfg!(target_endian = "big") { '>' } else { '<' };
     format!("'{order}{kind}'")

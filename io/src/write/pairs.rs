@@ -13,14 +13,14 @@ use crate::Error;
 /// The output of pairs or neighbors, and its format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Output {
-    /// The file; compressed where it ends in `.gz` or `.zst`. None for standard output.
+    /// The file, compressed if it ends in `.gz` or `.zst`; `None` for standard output.
     pub path: Option<PathBuf>,
     /// The format.
     pub format: TableFormat,
 }
 
 impl Output {
-    /// The files that [`PairFile`], or [`neighbors`], write, the latter with ids or without.
+    /// The files that [`PairFile`] or [`neighbors`] writes.
     pub fn files(&self, neighbors: bool, ids: bool) -> Vec<PathBuf> {
         match &self.path {
             None => Vec::new(),
@@ -42,7 +42,6 @@ impl Output {
     }
 }
 
-/// `near.offsets.npy.gz` for a part of `near.npy.gz`.
 fn sibling(path: &Path, part: &str) -> PathBuf {
     let plain = path.with_file_name(uncompressed(path).file_name().unwrap_or_default());
     let mut name = plain.with_extension(part).into_os_string();
@@ -54,7 +53,7 @@ fn sibling(path: &Path, part: &str) -> PathBuf {
     name.into()
 }
 
-/// A table `i,j` of pairs, zero-based, written as they come; or `id_i,id_j` of their ids.
+/// A table `i,j` of zero-based pairs, or `id_i,id_j` of their ids.
 #[derive(Debug)]
 pub struct PairFile<'a> {
     file: AtomicFile,
@@ -122,12 +121,12 @@ fn header_line(ids: bool) -> &'static [u8] {
     if ids { b"id_i,id_j\n" } else { b"i,j\n" }
 }
 
-/// Writes neighbor lists, not published yet.
+/// Writes neighbor lists, without committing them.
 ///
-/// CSV: one table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. As NumPy two files,
-/// for `near.npy` `near.offsets.npy`, `n + 1` numbers of type `u8` (64 bits), and `near.indices.npy` of type `u4`; the
+/// CSV: one table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. As NumPy two files, for
+/// `near.npy` `near.offsets.npy`, `n + 1` numbers of type `u8` (64 bits), and `near.indices.npy` of type `u4`; the
 /// neighbors of sphere `k` are `indices[offsets[k]:offsets[k + 1]]`. With ids there is `near.ids.npy` too, of type
-/// `i8`: `ids[k]` is that of sphere `k`. That is several files, for which standard output has no room.
+/// `i8`: `ids[k]` is that of sphere `k`. Several files cannot go to standard output.
 ///
 /// # Errors
 /// [`Error::Write`].

@@ -21,7 +21,7 @@ pub enum SphereFormat {
 }
 
 impl SphereFormat {
-    /// The format that a file name's extension stands for; the one before `.gz` or `.zst`, where that is the last.
+    /// The format of a file name's extension, before `.gz` or `.zst`.
     pub fn from_extension(path: &Path) -> Option<Self> {
         match uncompressed(path).extension().and_then(OsStr::to_str)? {
             "csv" => Some(Self::Csv),

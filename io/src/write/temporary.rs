@@ -1,9 +1,8 @@
-//! Files that are not complete yet: hidden files beside the ones that they become.
+//! Incomplete files: hidden files in the directories of the files that they become.
 //!
-//! Each is locked by the process that writes it, for as long as it lives, and named after its host:
-//! `.lazygrid-HOST-RANDOM.part`. A process that is killed leaves such a file behind, and its lock is gone. The process that
-//! writes to the directory next, on the same host, takes away those that it can lock. On a file system without locks
-//! none can be, and none is taken away.
+//! The writing process locks each of them, `.lazygrid-HOST-RANDOM.part`, for as long as it lives. If it is killed, the
+//! next process on the same host that writes to the directory removes the files that it can lock; on a file system
+//! without locks, none.
 
 use std::fs::{self, File};
 use std::io;
@@ -17,7 +16,7 @@ const PREFIX: &str = ".lazygrid-";
 const SUFFIX: &str = ".part";
 const RANDOM: usize = 12;
 
-/// The unfinished files of this process, and the folders searched for those that other processes left.
+/// The unfinished files of this process, and the folders searched for orphans.
 static BEGUN: Mutex<Begun> = Mutex::new(Begun { files: Vec::new(), swept: Vec::new() });
 
 struct Begun {
@@ -71,12 +70,12 @@ impl Drop for Temporary {
     }
 }
 
-/// Removes everything that this process has begun to write and not published. From then on nothing can be begun or
-/// published any more: later calls wait for the end of the process, which must be near. For handlers of signals.
+/// Removes everything that this process has begun to write and not committed. Later calls wait for the end of the
+/// process, which must be near. For signal handlers.
 pub fn remove_temporaries() {
     let begun = begun();
     for file in &begun.files {
-        // A file that cannot be removed now is removed when the directory is next used.
+        // Otherwise removed when the directory is next used.
         let _ = fs::remove_file(file);
     }
     std::mem::forget(begun);
@@ -87,15 +86,14 @@ fn create_locked(path: &Path) -> io::Result<File> {
     let file = File::options().write(true).create_new(true).open(path)?;
     let taken = io::Error::from(io::ErrorKind::AlreadyExists);
     match file.try_lock() {
-        // Between the two calls somebody may have taken it for one that was left behind.
+        // Between the two calls another process may have taken it for an orphan.
         Err(fs::TryLockError::WouldBlock) => Err(taken),
         Ok(()) if !is_at(&file, path) => Err(taken),
-        // Without locks no process removes it.
         Ok(()) | Err(fs::TryLockError::Error(_)) => Ok(file),
     }
 }
 
-/// Removes what killed processes of this host left in a directory.
+/// Removes the orphans of this host in a directory.
 fn sweep(directory: &Path) {
     let Ok(entries) = fs::read_dir(directory) else { return };
     let prefix = prefix();
@@ -111,7 +109,7 @@ fn sweep(directory: &Path) {
 fn remove_orphan(path: &Path) {
     let Ok(file) = File::options().write(true).open(path) else { return };
     if file.try_lock().is_ok() && is_at(&file, path) && fs::remove_file(path).is_ok() {
-        log::info!("{}: removed; a run that was killed had left it behind", path.display());
+        log::info!("{}: removed; it was left by a run that was killed", path.display());
     }
 }
 
@@ -120,7 +118,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     matches!((open, Handle::from_path(path)), (Ok(open), Ok(named)) if open == named)
 }
 
-/// The beginning of the names of this host's files. Elsewhere, over a network, locks may be no locks.
+/// The prefix of this host's files; over a network, locks may have no effect.
 fn prefix() -> String {
     let host = gethostname::gethostname();
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
@@ -156,7 +154,7 @@ mod tests {
             fs::write(at(name), "mine").unwrap();
         }
         fs::create_dir(at(&format!("{own}abcdefghijk2.part"))).unwrap();
-        fs::write(at(&format!("{own}abcdefghijk1.part")), "left behind").unwrap();
+        fs::write(at(&format!("{own}abcdefghijk1.part")), "orphaned").unwrap();
         sweep(directory.path());
         assert!(!at(&format!("{own}abcdefghijk1.part")).exists());
         assert!(at(&format!("{own}abcdefghijk0.part")).exists());

@@ -2,7 +2,6 @@ use std::io::{self, Write};
 
 use lexical_core::ToLexical;
 
-/// Rows of numbers as text, gathered before they are written.
 pub(super) struct Rows<W> {
     out: W,
     gathered: Vec<u8>,
@@ -16,7 +15,6 @@ impl<W: Write> Rows<W> {
         Self { out, gathered: Vec::with_capacity(2 * Self::BLOCK) }
     }
 
-    /// Adds a row of values between separators. Numbers are as short as reads back to the same value.
     pub(super) fn row<T: ToLexical, const N: usize>(
         &mut self,
         values: [T; N],
@@ -35,7 +33,6 @@ impl<W: Write> Rows<W> {
         if self.gathered.len() >= Self::BLOCK { self.flush() } else { Ok(()) }
     }
 
-    /// Hands on what is gathered.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         self.out.write_all(&self.gathered)?;
         self.gathered.clear();

@@ -33,7 +33,6 @@ impl ImageVector {
 
 /// Lengths whose squares, and the rounding errors of these, are normal numbers.
 const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
-/// Squares of such lengths.
 const PLAIN_SQUARES: std::ops::RangeInclusive<f64> = 1.1e-289..=9.6e288;
 /// Powers of two that scale other lengths into that range.
 const DOWN: f64 = f64::from_bits((1023 - 600) << 52);

@@ -63,7 +63,6 @@ pub struct Strided<'a, T> {
     count: usize,
 }
 
-/// The radii.
 #[derive(Clone, Copy, Debug)]
 enum Source<'a, T> {
     All(T),

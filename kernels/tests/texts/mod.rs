@@ -32,7 +32,6 @@ fn name_of(kernel: &Kernel, variant: Variant) -> String {
     name
 }
 
-/// The simulator's kernels.
 fn simulator() -> Vec<Text> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../simulator/src/gpu/shader");
     let (sources, pieces) = (sources(&folder), sources(&folder.join("shared")));

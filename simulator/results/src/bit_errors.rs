@@ -35,7 +35,6 @@ pub struct BitErrors {
 enum DetectionRule {
     /// Decides by the number of arrivals; symbols from the lowest level to the highest.
     Level(Vec<u32>),
-    /// Decides by the species.
     Species,
 }
 

@@ -55,7 +55,6 @@ impl FromIterator<u64> for IntegerStats {
 pub struct RunningStats {
     count: u64,
     mean: f64,
-    /// Σ(x − x̄)².
     spread: f64,
 }
 

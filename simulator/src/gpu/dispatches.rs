@@ -30,7 +30,6 @@ pub(super) struct RunBuffers {
     pipelines: HashMap<&'static str, (wgpu::ComputePipeline, wgpu::BindGroupLayout)>,
 }
 
-/// One dispatch.
 #[derive(Debug)]
 pub(super) struct Stage {
     pipeline: wgpu::ComputePipeline,
@@ -40,10 +39,8 @@ pub(super) struct Stage {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Groups {
-    /// A fixed number.
     Fixed(u32),
     Items(u32),
-    /// One thread per particle.
     Particles,
     /// One thread per pair, from the detector's dispatch arguments.
     Pairs,
@@ -51,7 +48,6 @@ pub(super) enum Groups {
 
 #[cfg(test)]
 impl Stage {
-    /// Records this dispatch alone.
     pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, groups: u32) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.pipeline);
@@ -275,7 +271,6 @@ impl StepDispatches {
         self.encode(encoder, stages, particles);
     }
 
-    /// Records the matching alone.
     #[cfg(test)]
     pub(super) fn encode_matching(&self, encoder: &mut wgpu::CommandEncoder) {
         self.encode(encoder, &self.matching, self.sizes.particles);

@@ -6,7 +6,6 @@ use lazygrid::gpu::wgsl;
 
 /// Storage buffers per stage of a model with surfaces. Other models need eight, which every device has.
 pub(super) const SURFACE_BUFFERS: u32 = 10;
-/// Threads per workgroup.
 pub(super) const WORKGROUP_SIZE: u32 = 256;
 
 #[derive(Debug)]
@@ -24,21 +23,18 @@ macro_rules! kernels {
             bindings: &[$(($binding, $access)),*],
             source: include_str!(concat!("shader/", $name, ".wgsl")),
         };)*
-        /// All kernels.
         #[cfg(test)]
         pub(super) static KERNELS: &[&Kernel] = &[$(&$id),*];
     };
 }
 
 kernels! {
-    /// Appends a burst.
     BURST_APPEND = "burst_append" [
         Uniform "burst", Write "control", Read "burst_spheres", Read "burst_tags", Write "spheres", Write "tags",
         Uniform "params",
     ];
     /// Begins a step.
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
-    /// Moves particles independently.
     PARTICLES_MOVE = "particles_move" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows",
@@ -49,10 +45,8 @@ kernels! {
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
     ];
     RECEPTORS_RESET = "receptors_reset" [Write "receptors"];
-    /// Counts occupied receptors.
     RECEPTORS_COUNT_BOUND = "receptors_count_bound" [Write "control", Read "spheres", Read "event_rows", Write "receptors"];
     RECEPTORS_SCAN_REQUESTS = "receptors_scan_requests" [Write "control", Write "receptors"];
-    /// Groups requests by receiver.
     RECEPTORS_GROUP_REQUESTS = "receptors_group_requests" [
         Write "control", Read "event_rows", Write "claims", Write "receptors", Write "requesters",
     ];
@@ -73,7 +67,6 @@ kernels! {
     MATCHING_PROPOSE = "matching_propose" [
         Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left_next",
     ];
-    /// Breaks ties by ids.
     MATCHING_BREAK_TIES = "matching_break_ties" [
         Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left_next",
     ];
@@ -85,19 +78,16 @@ kernels! {
         Uniform "params", Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims",
         Read "left", Write "moved",
     ];
-    /// Counts surviving particles.
     SURVIVORS_COUNT = "survivors_count" [
         Uniform "output_order", Write "control", Read "order", Read "moved", Read "tags", Write "claims", Write "ids",
         Write "sums", Uniform "params", Write "events",
     ];
     /// Scans these counts and commits the step.
     SURVIVORS_SCAN = "survivors_scan" [Uniform "params", Write "control", Write "sums", Write "log"];
-    /// Compacts surviving particles.
     SURVIVORS_PLACE = "survivors_place" [
         Uniform "output_order", Read "order", Read "moved", Read "species", Read "ids", Write "claims", Read "sums",
         Write "spheres", Write "tags", Uniform "params",
     ];
-    /// Dissociates particles.
     PARTICLES_DISSOCIATE = "particles_dissociate" [
         Uniform "params", Write "control", Write "moved", Read "species", Read "tags", Write "claims",
         Read "dissociation_rows", Write "born", Write "born_keys0",

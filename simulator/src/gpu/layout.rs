@@ -153,7 +153,6 @@ pub(super) struct ReactionRow {
     pub(super) unbinding: f32,
     pub(super) share: f32,
     pub(super) first_share: f32,
-    /// Speeds of both reactants.
     pub(super) speeds: Vec2,
     pub(super) product_speeds: Vec2,
     pub(super) thermal_speeds: Vec2,
@@ -185,7 +184,6 @@ impl ReactionRow {
     pub(super) const APART: u32 = 8;
 }
 
-/// No species.
 pub(super) const NOTHING: u32 = u32::MAX;
 
 /// The head of the control buffer, before the tallies.
@@ -237,7 +235,6 @@ impl ControlHeader {
         self.halted & self.halted.wrapping_neg()
     }
 
-    /// The needed capacity.
     pub(super) fn missing(&self) -> u64 {
         match self.reason() {
             Self::TOO_MANY_SURFACES => self.near_surfaces.into(),
@@ -247,9 +244,7 @@ impl ControlHeader {
     }
 }
 
-/// Bytes of a candidate.
 pub(super) const CANDIDATE_BYTES: u64 = 24;
-/// Bytes of a claim.
 pub(super) const CLAIM_BYTES: u64 = 32;
 pub(super) const BORN_BYTES: u64 = 32;
 pub(super) const EVENT_BYTES: u64 = 16;

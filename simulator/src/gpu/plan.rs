@@ -46,10 +46,8 @@ const CANDIDATES_PER_THREAD: u32 = 2048;
 /// The most second products of dissociations in a step: one workgroup sorts them.
 pub(super) const MAX_BIRTHS: u32 = 1 << 19;
 
-/// Sizes of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sizes {
-    /// Capacity for particles.
     pub(super) particles: u32,
     pub(super) pairs: u32,
     pub(super) births: u32,

@@ -17,7 +17,6 @@ pub(super) struct ReceiverTrajectory {
 
 /// Bytes of the table of positions, unless one step needs more.
 const TABLE_BYTES: u64 = 4 << 20;
-/// Bytes of a row.
 const ROW_BYTES: u64 = 32;
 
 pub(super) fn max_steps(model: &Model) -> u32 {

@@ -65,7 +65,6 @@ struct Scratch {
     neighbors: Adjacency,
 }
 
-/// A particle in motion.
 #[derive(Clone, Copy, Debug)]
 struct Mover {
     /// Its position at `time`, in µm, not wrapped at periodic boundaries.

@@ -26,12 +26,10 @@ pub use crate::motion::surface_events::Event;
 /// The constants of the independent part of a step.
 #[derive(Clone, Debug)]
 pub struct Propagator {
-    /// Indexed by species.
     pub(crate) steps: Vec<SpeciesStep>,
     pub(crate) time_step: f32,
     with_velocity: bool,
     bounded: bool,
-    /// The boundary of points.
     whole: Boundary,
     stream: Option<FlowStep>,
     pub(crate) bodies: ActiveReceivers,

@@ -63,7 +63,6 @@ struct SearchCost {
     steps: u32,
     /// The cost of these searches, in tests of a receiver.
     cost: u64,
-    /// Coming steps without searches.
     rest: u32,
 }
 
@@ -120,7 +119,6 @@ impl ReceiverSearch {
         self.worth.begin()
     }
 
-    /// Ends a step.
     pub(crate) fn end(&mut self, bodies: &ActiveReceivers) {
         self.travelled += bodies.max_displacement;
     }

@@ -56,7 +56,6 @@ impl Event {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ParticleMove {
-    /// Its place.
     pub(crate) at: u32,
     pub(crate) species: u32,
     pub(crate) who: DrawContext,

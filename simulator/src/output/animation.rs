@@ -18,9 +18,7 @@ pub struct Animation {
 }
 
 const HEAD: usize = 6;
-/// Words of a particle.
 const ROW: usize = 5;
-/// Words of a receiver.
 const CENTER: usize = 3;
 
 /// A frame of an animation.

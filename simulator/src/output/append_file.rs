@@ -50,7 +50,6 @@ impl AppendFile {
         out.inner().set_len(out.digest().length()).map_err(|source| self.refused(source))
     }
 
-    /// Appends to the file.
     pub(super) fn put(&mut self, write: impl FnOnce(&mut Out) -> io::Result<()>) -> Result<(), Error> {
         write(&mut self.out).map_err(|source| self.refused(source))
     }

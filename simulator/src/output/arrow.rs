@@ -19,7 +19,6 @@ use crate::output::table::{TableReader, TableRow};
 use crate::{Error, Model};
 
 pub(super) const NAMES: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
-/// Rows of a batch.
 const BATCH: usize = 1 << 16;
 
 #[derive(Clone)]

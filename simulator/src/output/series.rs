@@ -8,7 +8,6 @@ pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
     writeln!(out, "step,time,{}", names(model).join(","))
 }
 
-/// Writes a row.
 pub(super) fn row(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     write!(out, "{}", moment(simulation.step_count(), simulation.model()))?;
     counts(simulation).iter().try_for_each(|count| write!(out, ",{count}"))?;

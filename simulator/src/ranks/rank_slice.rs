@@ -8,7 +8,6 @@ pub(crate) struct RankSlice {
 }
 
 impl RankSlice {
-    /// The whole list.
     pub(crate) const WHOLE: Self = Self { rank: 0, ranks: 1 };
 
     /// Returns the part of rank `rank` of `ranks`.

@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use crate::model::particles::{Particle, Particles};
 
-/// Particles per task.
 const TASK: usize = 4096;
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

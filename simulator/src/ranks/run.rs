@@ -154,7 +154,6 @@ impl Run {
         Ok((simulation, files))
     }
 
-    /// Refuses a GPU.
     fn check_backend<C: Communicator>(&self, communicator: &C) -> Result<(), C::Error> {
         let checked = match self.backend {
             Backend::Gpu => {

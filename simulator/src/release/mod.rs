@@ -56,7 +56,6 @@ struct Batch<'a> {
 #[derive(Clone, Copy)]
 enum Ages {
     None,
-    /// Uniform between these.
     Between(f64, f64),
     Spaced(f64, f64),
 }

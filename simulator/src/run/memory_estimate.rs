@@ -11,7 +11,6 @@ use crate::{Error, Model};
 const BYTES_PER_PARTICLE: u64 = 260;
 /// Bytes of a particle that every run needs: its columns, those of its release, and the detector's.
 const MIN_BYTES_PER_PARTICLE: u64 = 100;
-/// Threads, files and tables.
 const OVERHEAD: u64 = 64 << 20;
 /// Growth of the number of particles after which memory is checked again.
 const MIN_GROWTH: u64 = 50_000;

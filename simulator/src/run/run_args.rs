@@ -1,3 +1,5 @@
+//! Command-line arguments of commands that run scenarios.
+
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 

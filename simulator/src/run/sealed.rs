@@ -22,7 +22,6 @@ const NAME: &str = "lazygrid checkpoint ";
 /// The version of the layout that this build writes and reads.
 const VERSION: u32 = 5;
 
-/// The kinds of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// The file `checkpoint`.

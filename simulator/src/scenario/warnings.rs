@@ -32,7 +32,6 @@ pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     })
 }
 
-/// Walls, by their corners.
 pub(super) fn walls(boundary: &Boundary) -> String {
     let corner = |upper: bool| {
         boundary.axes.map(|axis| match axis {

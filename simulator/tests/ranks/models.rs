@@ -26,7 +26,6 @@ pub(crate) fn parts() -> impl Strategy<Value = Parts> {
     })
 }
 
-/// Everything at once.
 pub(crate) fn everything() -> Parts {
     Parts {
         periodic: true,

@@ -10,7 +10,6 @@ use rayon::prelude::*;
 use crate::Row;
 use crate::setup::{begin, burst, mean, share_error, species, steps};
 
-/// The largest volume fraction.
 const PACKING: f64 = 0.40;
 const EDGE: u32 = 12;
 

@@ -9,7 +9,6 @@ use lazygrid_sim::{
 use crate::Row;
 use crate::setup::{burst, species};
 
-/// A little of everything.
 fn model() -> Model {
     let reaction = |name: &str, products, unbinding_radius| Reaction {
         name: name.to_owned(),

@@ -64,7 +64,6 @@ impl fmt::Display for Times {
     }
 }
 
-/// The engines of peers.
 pub(super) fn peers<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
     engines(rows).into_iter().filter(|engine| !OURS.contains(engine)).collect()
 }

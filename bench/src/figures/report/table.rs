@@ -8,7 +8,6 @@ use lazygrid_report::{Cell, Kind, Table};
 /// A column of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Column {
-    /// A number of spheres.
     Size(usize),
     /// A value of the varied parameter, and its unit.
     Setting(f64, &'static str),

@@ -91,7 +91,6 @@ impl Round {
         self.verify(|call, scenario| answer(&mut detector, call, scenario))
     }
 
-    /// Checks all answers.
     fn verify(
         &self,
         mut answer: impl FnMut(Call, &TestInput) -> Result<Answer, String>,

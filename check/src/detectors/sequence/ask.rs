@@ -35,11 +35,9 @@ pub(super) enum Output {
 /// The behavior of the consumer of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
-    /// Takes all chunks.
     All,
     /// Breaks at this chunk, counted from 1.
     Break(usize),
-    /// Panics at this chunk.
     Panic(usize),
     /// Sets the cancel flag at this chunk and continues.
     Stop(usize),

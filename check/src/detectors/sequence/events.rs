@@ -17,9 +17,7 @@ const MAX_LISTED: usize = 600;
 /// The scene between two calls, and the scales of its changes.
 pub(super) struct World {
     pub(super) scenario: TestInput,
-    /// Earlier scenes.
     pub(super) history: Vec<TestInput>,
-    /// A typical radius.
     pub(super) radius: f32,
     pub(super) extent: [f32; 3],
     pub(super) motion: f32,

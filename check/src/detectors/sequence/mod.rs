@@ -46,7 +46,6 @@ struct Settings {
     rows: Option<Vec<Vec<Interaction>>>,
 }
 
-/// One call.
 #[derive(Clone, Debug)]
 struct Step {
     /// The input, which may be invalid.

@@ -14,7 +14,6 @@ pub(super) struct Verifier<'a> {
     right: Right,
 }
 
-/// The right answer.
 enum Right {
     /// One of these errors, as text because NaN does not equal itself.
     Refused(Vec<String>),

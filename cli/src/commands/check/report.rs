@@ -17,7 +17,7 @@ use crate::commands::detect::summary::{cost_object, cost_text};
 use crate::error::CliError;
 use crate::{devices, print};
 
-/// Counts of a GPU may differ by pairs in tangency: by two, and one in this number.
+/// Counts of a GPU may differ by tangent pairs: by two, and one in this number.
 const TANGENT: u64 = 1_000_000;
 
 /// Prints results: at once, or as one JSON object at the end.
@@ -165,7 +165,7 @@ impl Report {
         );
         self.say(&format!(
             "\nfuzz       {rounds} rounds and {sequences} sequences of {calls} calls, {served} of them answered from \
-             candidates, from seed {seed} on, {time:.1?}\n"
+             candidates, starting with seed {seed}, {time:.1?}\n"
         ))
     }
 
@@ -229,7 +229,7 @@ impl Report {
         self.compare_count(called, speed.pairs)
     }
 
-    /// Holds a count against the first one of the same spheres.
+    /// Compares a count with the first count of the same spheres.
     fn compare_count(&mut self, called: Called, pairs: u64) -> Result<(), CliError> {
         let Called { backend, algorithm, scene, spheres } = called;
         let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);
@@ -258,7 +258,7 @@ impl Report {
         self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"))
     }
 
-    /// Says what is wrong, and writes to a file what shows it.
+    /// Prints a failure, and writes a file that shows it.
     pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), CliError> {
         let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
         let FailedCase { name, what, scenario, options } = fault;
@@ -284,7 +284,6 @@ impl Report {
         self.say(&text)
     }
 
-    /// The command that repeats a failure.
     fn command(&self, path: &Path, name: &str, scenario: Option<&TestInput>, options: &str) -> String {
         let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
         let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));

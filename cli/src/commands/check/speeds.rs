@@ -12,15 +12,14 @@ use super::report::{Called, Primitive, Report};
 use super::{SPEEDS, Work};
 use crate::error::CliError;
 
-/// Seconds that one call may take, and all calls of a backend together; the factor of `--full`.
+/// Seconds that one call and all calls of a backend may take; the factor of `--full`.
 const CALL: f64 = 2.5;
 const ALL: f64 = 25.0;
 const FULL_TIMES: f64 = 12.0;
 
-/// Rounds of copy, scan and sort.
 const ROUNDS: usize = 7;
 
-/// Takes all times, those of the CPU first, which the GPU's counts are held against.
+/// Takes all times, those of the CPU first, whose counts the GPU's are compared with.
 pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), CliError> {
     let scenes: &[Scene] = match work.args.effort() {
         Effort::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
@@ -37,7 +36,7 @@ pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), CliError> 
     Ok(())
 }
 
-/// Radix sort and scan beside a copy.
+/// Radix sort and scan compared with a copy.
 fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), CliError> {
     work.bar.set_message("speeds: copy, scan and sort");
     let watch = GpuTimer::new(gpu.own.clone(), ROUNDS);
@@ -77,7 +76,6 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Cli
     }
 }
 
-/// Times an algorithm.
 type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, SkipReason>;
 
 /// The times of one backend.
@@ -90,12 +88,11 @@ struct Race<'a> {
     spent: f64,
 }
 
-/// One of those who are timed.
 struct Runner {
     algorithm: Algorithm,
     /// The calls so far: spheres and seconds.
     times: Vec<(usize, f64)>,
-    /// `true` if it is no longer asked: more spheres would take longer still.
+    /// `true` after a skipped call: more spheres would take longer still.
     is_out: bool,
 }
 
@@ -137,7 +134,7 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    /// One algorithm with a number of spheres, which are made when they are first needed.
+    /// Times one algorithm with a number of spheres, which are made when first needed.
     fn call(
         &mut self,
         runner: &mut Runner,

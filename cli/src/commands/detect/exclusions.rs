@@ -1,4 +1,4 @@
-//! The pairs that are left out of every frame.
+//! The excluded pairs of every frame.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,6 @@ use lazygrid_io::read::{self, Frame};
 use crate::args::Detect;
 use crate::error::CliError;
 
-/// The pairs that a file names, by rows or by ids.
 pub(crate) struct Excluded {
     path: PathBuf,
     pairs: Vec<(i64, i64)>,
@@ -16,13 +15,12 @@ pub(crate) struct Excluded {
 }
 
 impl Excluded {
-    /// The exclusions of `--exclude`, if given.
     pub(crate) fn read(args: &Detect) -> Result<Option<Self>, CliError> {
         let Some(path) = &args.exclude else { return Ok(None) };
         Ok(Some(Self { path: path.clone(), pairs: read::pairs(path)?, by_id: args.ids }))
     }
 
-    /// The same by the rows of a frame, whose ids ascend where it has any. Spheres that the frame has not are in no pair.
+    /// Converts to rows of a frame, whose ids ascend. Absent spheres are in no pair.
     pub(crate) fn of(&self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
         let refused = |reason: Error| CliError::Excluded {
             path: self.path.clone(),
@@ -45,7 +43,6 @@ impl Excluded {
     }
 }
 
-/// The query of a frame: its spheres with their groups, without the excluded pairs.
 pub(crate) fn query<'a>(
     frame: &'a Frame,
     exclusions: Option<&'a Exclusions>,

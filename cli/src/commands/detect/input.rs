@@ -12,19 +12,16 @@ use crate::args::{Detect, STANDARD};
 use crate::error::CliError;
 use crate::progress::Progress;
 
-/// The frames of the file that are asked for.
 pub(crate) struct Input {
     path: PathBuf,
     frames: Frames,
     /// The pool that parses text; `None` uses the threads of the process.
     pool: Option<ThreadPool>,
-    /// The number of frames read.
     read: usize,
     wanted: Option<usize>,
     pub(crate) progress: Progress,
 }
 
-/// A frame, its number in the file, and how long it took to read.
 pub(crate) struct IndexedFrame {
     pub(crate) number: usize,
     pub(crate) frame: Frame,
@@ -47,7 +44,7 @@ impl Input {
         Ok(Self { path, frames, pool, read: 0, wanted: args.frame, progress })
     }
 
-    /// Returns the next requested frame. Fails if the file has none.
+    /// Fails if the file does not have the requested frame.
     pub(crate) fn next(&mut self) -> Result<Option<IndexedFrame>, CliError> {
         let start = Instant::now();
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {
@@ -95,7 +92,6 @@ impl Input {
     }
 }
 
-/// The name of a file in messages.
 pub(crate) fn name(file: &Path) -> &Path {
     if file == Path::new(STANDARD) { Path::new("standard input") } else { file }
 }

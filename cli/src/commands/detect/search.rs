@@ -13,7 +13,6 @@ use crate::progress::Progress;
 /// Pairs per chunk where a result is streamed, 8 MiB.
 const CHUNK: usize = 1 << 20;
 
-/// The detector for the frames of a file, whose box may change from one to the next.
 pub(crate) struct FrameDetector {
     config: Config,
     space: Space,
@@ -26,14 +25,14 @@ impl FrameDetector {
         Ok(Self { config, space: Space::UNBOUNDED, detector })
     }
 
-    /// Returns the bytes that a search of `spheres` spheres on the CPU needs at most without a candidate list, which is dropped
-    /// if there is too little memory.
+    /// Returns the most bytes of a search of `spheres` spheres on the CPU without a candidate list, which is dropped if
+    /// memory is short.
     pub(crate) fn least_memory(&self, space: Space, spheres: u64) -> Result<u64, CliError> {
         let config = self.config.clone().space(space).skin(Skin::Off).threads(1);
         Ok(Detector::new(config).map_err(CliError::Setting)?.memory_for(spheres))
     }
 
-    /// The detector for this space; a new one where the last frame's was another.
+    /// The detector for this space; a new one if the space changed.
     pub(crate) fn detector(&mut self, space: Space) -> Result<&mut Detector, CliError> {
         if space != self.space {
             self.detector = Detector::new(self.config.clone().space(space)).map_err(CliError::Setting)?;
@@ -43,21 +42,18 @@ impl FrameDetector {
     }
 }
 
-/// The search of one frame.
 pub(crate) struct Search<'a> {
     pub(crate) args: &'a Detect,
     pub(crate) frame: usize,
     pub(crate) query: Query<'a>,
-    /// The names of the spheres in the result.
     pub(crate) ids: Option<&'a [i64]>,
     pub(crate) detector: &'a mut Detector,
     pub(crate) progress: &'a Progress,
-    /// Time spent writing.
     pub(crate) writing: Duration,
 }
 
 impl Search<'_> {
-    /// Finds what is asked for and writes it to `output`; the files are yet to be published.
+    /// Writes the requested result to `output`, without committing the files.
     pub(crate) fn run(&mut self, output: Option<&Output>) -> Result<Vec<AtomicFile>, CliError> {
         let failure = failure_in(&self.args.file, self.frame);
         self.progress.say(format!("searching {} spheres", self.query.len()));
@@ -112,7 +108,6 @@ impl Search<'_> {
     }
 }
 
-/// Runs `work` and adds the time it takes.
 fn timed<T>(time: &mut Duration, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();

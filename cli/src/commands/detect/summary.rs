@@ -6,13 +6,12 @@ use lazygrid::{Report, Space, gpu};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-/// The summary of one frame.
 pub(crate) struct Summary {
     pub(crate) frame: usize,
     /// The simulator's number of the time step.
     pub(crate) step: Option<i64>,
     pub(crate) space: Space,
-    /// `true` if the space was given, and is not what the file declares.
+    /// `true` if the space was given, in place of the file's.
     pub(crate) space_given: bool,
     pub(crate) report: Report,
     /// The number of species met so far; 0 if the file has none.
@@ -30,7 +29,7 @@ struct Object<'a> {
     step: Option<i64>,
     /// The length of each axis that is periodic.
     periodic: Option<[Option<f32>; 3]>,
-    /// The edges along which space repeats, where they are not along the axes; then `periodic` has their lengths.
+    /// The cell vectors if they are not along the axes; then `periodic` has their lengths.
     cell_vectors: Option<[Option<[f32; 3]>; 3]>,
     periodic_from: Option<&'a str>,
     spheres: u64,
@@ -39,16 +38,13 @@ struct Object<'a> {
     adapter: Option<&'a str>,
     algorithm: &'a str,
     reason: &'a str,
-    /// The cost of the call on a GPU, by its plan.
     gpu: Option<Value>,
-    /// The candidates that the call was answered from.
     candidates: Option<Value>,
     /// Seconds by name, in the order of the work.
     phases: Map<String, Value>,
 }
 
 impl Summary {
-    /// One line of JSON.
     pub(crate) fn json(&self) -> String {
         let report = &self.report;
         let object = Object {
@@ -69,13 +65,11 @@ impl Summary {
             candidates: report.candidates.as_ref().map(candidates_object),
             phases: self.phases().map(|(name, time)| (name.to_owned(), time.as_secs_f64().into())).collect(),
         };
-        // Strings, numbers and string keys only: nothing that JSON cannot hold.
         let mut line = serde_json::to_string(&object).unwrap_or_default();
         line.push('\n');
         line
     }
 
-    /// Returns `true` if anybody said what the space is like.
     fn space_said(&self) -> bool {
         self.space_given || self.space.is_periodic()
     }
@@ -115,7 +109,6 @@ impl fmt::Display for Summary {
         if let Some(output) = &self.output {
             row("output", &output.display())?;
         }
-        // The host waits for the phases of the GPU.
         let waits = self.phases().any(|(name, _)| name == "wait");
         let is_waited_for = |name: &str| waits && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);
         let total: Duration =
@@ -131,7 +124,6 @@ impl fmt::Display for Summary {
     }
 }
 
-/// The candidates of a call, as an object of `--json`.
 fn candidates_object(kept: &lazygrid::CandidateListStats) -> Value {
     json!({
         "count": kept.count, "age": kept.age, "displacement_fraction": kept.displacement_fraction,
@@ -139,7 +131,6 @@ fn candidates_object(kept: &lazygrid::CandidateListStats) -> Value {
     })
 }
 
-/// The cost of a call on a GPU, as an object of `--json`.
 pub(crate) fn cost_object(cost: &gpu::CallCost) -> Value {
     json!({
         "dispatches": cost.dispatches, "working_bytes": cost.working_bytes, "pair_bytes": cost.pair_bytes,
@@ -147,14 +138,12 @@ pub(crate) fn cost_object(cost: &gpu::CallCost) -> Value {
     })
 }
 
-/// The same for a table.
 pub(crate) fn cost_text(cost: &gpu::CallCost) -> String {
     let per_sphere = |bytes: u64| bytes as f64 / f64::from(cost.spheres.max(1));
     let moved = cost.traffic_bytes.map_or(String::new(), |bytes| format!(", moves {:.0}", per_sphere(bytes)));
     format!("{} dispatches, {:.0} bytes a sphere{moved}", cost.dispatches, per_sphere(cost.working_bytes))
 }
 
-/// The lengths of a space as `--periodic` takes them, or its edges.
 fn lengths(space: Space) -> String {
     if space.triclinic_cell().is_some() {
         let edges = space.cell_vectors().map(|edge| match edge {

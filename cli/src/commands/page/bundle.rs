@@ -1,4 +1,4 @@
-//! The contents of the page as one JSON object: plans, kernels, scenes and checks. What several plans share stands once.
+//! The contents of the page as one JSON object: plans, kernels, scenes and checks, with shared parts stored once.
 
 use std::collections::BTreeMap;
 
@@ -54,7 +54,6 @@ impl Limits {
     }
 }
 
-/// Collects plans, and gives each distinct text and plan a number.
 #[derive(Debug, Default)]
 pub(super) struct Bundle {
     texts: Texts,
@@ -65,7 +64,6 @@ pub(super) struct Bundle {
 }
 
 impl Bundle {
-    /// Adds a plan and returns the number of its call.
     pub(super) fn add(&mut self, plan: &CallPlan) -> Result<usize, CliError> {
         let mut form = serde_json::to_value(plan).map_err(CliError::Json)?;
         let mut constants = Vec::new();
@@ -84,12 +82,10 @@ impl Bundle {
     }
 }
 
-/// Kernels as runs of lines that they share: their texts consist of the same pieces, far apart.
+/// Kernels as runs of shared lines: their texts consist of the same pieces.
 #[derive(Debug, Default)]
 struct Texts {
-    /// The distinct runs of lines, one after another.
     lines: Vec<String>,
-    /// The positions of each line.
     positions: BTreeMap<String, Vec<usize>>,
     /// For each text, the begins and lengths of its runs.
     runs: Vec<Vec<[usize; 2]>>,
@@ -97,7 +93,6 @@ struct Texts {
 }
 
 impl Texts {
-    /// Adds a text and returns its number.
     fn add(&mut self, text: String) -> usize {
         if let Some(&known) = self.numbers.get(&text) {
             return known;
@@ -129,7 +124,6 @@ impl Texts {
     }
 }
 
-/// The number of a value among those that differ.
 fn numbered(list: &mut Vec<Value>, numbers: &mut BTreeMap<String, usize>, value: Value) -> usize {
     *numbers.entry(value.to_string()).or_insert_with(|| {
         list.push(value);
@@ -190,7 +184,6 @@ fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
     Ok(json!({ "spheres": spheres, "auto": auto.name(), "calls": calls }))
 }
 
-/// A family of scenes, with the scale for each size and the pairs that the CPU counts.
 fn scene(kind: &super::scenes::Kind) -> Result<Value, CliError> {
     let config = Config::default().backend(Backend::Cpu).skin(Skin::Off);
     let mut detector = Detector::new(config).map_err(CliError::Setting)?;

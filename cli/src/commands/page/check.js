@@ -1,6 +1,5 @@
 "use strict";
-// Runs every algorithm on every scene in every variant, and compares the pairs with those that the CPU found when the
-// page was written.
+// Runs every algorithm on every scene in every variant, and compares the pairs with those of the CPU.
 
 // Compares the pairs of a call with the expected ones. Pairs near tangency may be found or missed, as `f32` cannot tell.
 // Returns a description of the difference, or `null`.

@@ -1,5 +1,3 @@
-//! The scenes that the page checks, with the pairs that the CPU finds in them.
-
 use lazygrid::gpu::GpuConfig;
 use lazygrid::gpu::plan::Planner;
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Skin, Sphere};
@@ -11,9 +9,9 @@ use super::bundle::{Bundle, Limits};
 use super::scenes::KINDS;
 use crate::error::CliError;
 
-/// Spheres of an embedded scene at most: larger ones are cut, as their spheres would fill the page.
+/// Larger embedded scenes are cut, as their spheres would fill the page.
 const MOST_EMBEDDED: usize = 160;
-/// Spheres that plans of embedded scenes are made for: one plan serves all of them.
+/// One plan of this capacity serves all embedded scenes.
 const CAPACITY: u32 = 256;
 /// Sizes of the scenes that the device makes itself, and the largest of which all pairs are tested.
 const MADE: [u32; 2] = [3000, 50_000];
@@ -51,7 +49,6 @@ pub(super) fn scenes(bundle: &mut Bundle) -> Result<Vec<Value>, CliError> {
     Ok(scenes)
 }
 
-/// A scene whose spheres stand in the page, as the bits of their numbers.
 fn embedded(bundle: &mut Bundle, name: &str, scenario: &TestInput) -> Result<Value, CliError> {
     let bits = |sphere: &Sphere| {
         [sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius].map(f32::to_bits)
@@ -77,8 +74,8 @@ fn merged(mut scene: Value, more: Value) -> Value {
     scene
 }
 
-/// The pairs of a scene: the number and the checksum of those that every device must find, and the pairs near tangency,
-/// which a device may find or miss.
+/// The number and the checksum of the pairs that every device must find, and the pairs near tangency, which a device
+/// may find or miss.
 fn expected(scenario: &TestInput) -> Result<Value, CliError> {
     let wrong = |what: String| CliError::Page { what };
     let found = compare::expected(scenario).map_err(wrong)?;
@@ -94,7 +91,6 @@ fn expected(scenario: &TestInput) -> Result<Value, CliError> {
     }))
 }
 
-/// Pairs that touch or nearly do.
 fn near_pairs(scenario: &TestInput) -> Result<Vec<Pair>, CliError> {
     let count = scenario.spheres.len() as u32;
     if count as usize <= MOST_EMBEDDED {

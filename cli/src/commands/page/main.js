@@ -13,7 +13,6 @@ function short(number) {
 const COLORS = { naive: "#adb5bd", "array-grid": "#4dabf7", "eager-grid": "#b197fc", "lazy-grid": "#63e6be", "cell-list": "#ff922b" };
 const TITLES = { auto: "Automatic", naive: "Naive (all pairs)", "array-grid": "ArrayGrid", "eager-grid": "EagerGrid", "lazy-grid": "LazyGrid", "cell-list": "Cell list" };
 
-// The moving scene and what stands beside it.
 class SceneTab {
   constructor(player, bundle) {
     Object.assign(this, { player, bundle, stage: new Stage(player, bundle, element("stage")), paused: false, seconds: [], frames: [] });
@@ -168,7 +167,6 @@ class SceneTab {
   }
 }
 
-// A table of results that comes row by row, and JSON at its end.
 class ReportTab {
   constructor(page, { title, text, columns, run }) {
     Object.assign(this, { page, title, text, columns, work: run });
@@ -217,7 +215,6 @@ class ReportTab {
   }
 }
 
-// A link to a file with this text.
 function download(name, text) {
   const link = document.createElement("a");
   return Object.assign(link, { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: name, textContent: name });

@@ -33,7 +33,6 @@ class Measurer {
     return (seconds || wall) / repeats;
   }
 
-  // Rounds of a pass, sorted.
   async rounds(record) {
     const once = await this.timePass(record, 1);
     const repeats = Math.max(1, Math.min(MOST_REPEATS, Math.ceil(ROUND_SECONDS / Math.max(once, 1e-6))));
@@ -151,7 +150,7 @@ class Measurer {
     return { spheres, count: this.player.buffer("count", GPUBufferUsage.STORAGE, new Uint32Array([count])) };
   }
 
-  // Compares a count with that of the CPU, or else of the first algorithm: pairs in tangency may differ.
+  // Compares a count with that of the CPU or of the first algorithm, up to tangent pairs.
   miscount(kind, { pairs, spheres }, speeds) {
     const known = this.bundle.scenes[kind].pairs[spheres];
     const expected = known ?? speeds.find((row) => row.scene === this.bundle.scenes[kind].name && row.spheres === spheres).pairs;

@@ -102,7 +102,6 @@ class Player {
     return compiled;
   }
 
-  // A buffer with these contents.
   buffer(label, usage, data) {
     const size = Math.max(16, Math.ceil(data.byteLength / 16) * 16);
     const buffer = this.device.createBuffer({ label, size, usage, mappedAtCreation: true });
@@ -112,7 +111,6 @@ class Player {
     return buffer;
   }
 
-  // Submits what an encoder recorded and returns a new one.
   next(encoder) {
     this.device.queue.submit([encoder.finish()]);
     return this.device.createCommandEncoder();
@@ -144,7 +142,6 @@ function outcomeOf({ outcome: { fields, overflow_bits } }, bytes) {
   return outcome;
 }
 
-// A plan with its buffers, ready to be recorded into any encoder.
 class PlannedCall {
   // `inputs` holds the caller's buffers by the names of the plan's inputs.
   static async create(player, plan, inputs) {
@@ -216,8 +213,8 @@ class PlannedCall {
     }
   }
 
-  // Records the call: in one pass per part, or with a timer in one per phase. Each further part, which may take as long as
-  // drivers allow a submission, goes to the encoder that `next` returns for the one before. Returns the last encoder.
+  // Records the call: in one pass per part, or with a timer in one per phase. Each further part, which may take as long
+  // as drivers allow a submission, goes to the encoder that `next` returns. Returns the last encoder.
   encode(encoder, timer, next) {
     for (const { kind, starts, steps, begins, ends } of timer ? this.passes : this.parts) {
       if (starts) encoder = next(encoder);
@@ -249,7 +246,6 @@ class PlannedCall {
     }
   }
 
-  // The pairs that were written, two indices each.
   async readPairs({ found }) {
     const written = Math.min(found, this.plan.pairs);
     return written === 0 ? new Uint32Array() : new Uint32Array(await this.player.read(this.pairs, written * 8));
@@ -292,8 +288,8 @@ class Timer {
   }
 }
 
-// A digest of pairs that does not depend on their order: the sum of SplitMix64's finalizer over (i << 32 | j), as two
-// words. Products of 64 bits are made of four of 16 bits, since BigInt takes fifty times as long.
+// An order-independent digest of pairs: the sum of SplitMix64's finalizer over (i << 32 | j), as two words. Products of
+// 64 bits are made of four of 16 bits, since BigInt takes fifty times as long.
 class Checksum {
   constructor() {
     this.low = this.high = 0;

@@ -13,17 +13,13 @@ const HALF: f64 = (1 << 23) as f64;
 /// Standard deviation of the sum of eight uniform integers below 2²¹: `2²¹ · √(8 / 12)`.
 const BELL: f64 = 2_097_152.0 * 0.816_496_580_927_726;
 
-/// A family of scenes over all numbers of spheres.
 #[derive(Debug, Serialize)]
 pub(super) struct Kind {
-    /// The name in files.
     pub(super) name: &'static str,
-    /// The name on the page.
     title: &'static str,
     /// `true` if centers are normal about the origin, `false` if they are uniform in a cube.
     is_burst: bool,
     seed: u32,
-    /// The radii, equally frequent.
     radii: &'static [f32],
     /// The number of spheres that have `giant_radius` instead.
     giants: u32,
@@ -67,7 +63,6 @@ impl Kind {
         (edge / 2.0 / HALF) as f32
     }
 
-    /// The spheres at time 0.
     pub(super) fn spheres(&self, count: u32, scale: f32) -> Vec<Sphere> {
         let word = |index: u32, stream: u32| {
             let mut x = index

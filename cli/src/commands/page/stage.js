@@ -21,7 +21,6 @@ function workgroupsFor(count) {
   return [Math.ceil(groups / rows), rows];
 }
 
-// Fills a buffer with the spheres of a scene.
 class Placer {
   constructor(player, wgsl) {
     const module = player.device.createShaderModule({ label: "scene", code: wgsl });
@@ -30,7 +29,6 @@ class Placer {
     this.uniform = player.device.createBuffer({ size: 80, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
   }
 
-  // A new buffer for `count` spheres, and its binding.
   allocate(count) {
     const { device } = this.player;
     const usage = GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC | GPUBufferUsage.COPY_DST;
@@ -49,7 +47,6 @@ class Placer {
   }
 }
 
-// An eye that looks at the origin.
 class Camera {
   constructor() {
     Object.assign(this, { turn: 0.6, tilt: 0.35, distance: 3.6 });
@@ -141,7 +138,6 @@ class Stage {
     this.set = null;
   }
 
-  // The scale of the current scene: at other fillings distances shrink by the cube root.
   scale() {
     const { kind, asked, filling } = this.set;
     const grown = kind.is_burst ? 0.7 + 1.2 * Math.sqrt((this.time * 0.05) % 1) : 1;
@@ -153,8 +149,8 @@ class Stage {
     return this.set.kind.scales[this.set.asked.size] * Math.cbrt(0.05 / this.set.filling) * 8388608 * (this.set.kind.is_burst ? 0.6 : 1);
   }
 
-  // Advances by `seconds`, finds all pairs, and draws. Calls `told` with what the frame found, some
-  // frames later. Returns `false` if the GPU is too busy for another frame.
+  // Advances by `seconds`, finds all pairs, and draws. Calls `told` with the outcome some frames later. Returns `false`
+  // if the GPU is too busy for another frame.
   draw(seconds, told) {
     const { set, player: { device } } = this;
     // The GPU is behind by as many frames as it may be.
@@ -163,7 +159,6 @@ class Stage {
     this.time += seconds;
     let encoder = device.createCommandEncoder();
     const scale = this.scale(), extent = this.extent();
-    // A sphere of the uniform scenes crosses the box in about 20 s at speed 1.
     const path = set.kind.is_burst ? this.time : this.time * extent * 0.1;
     this.placer.encode(encoder, set.bindings, set.kind, set.count, scale, path);
     encoder = set.call.encode(encoder, set.timer, (full) => this.player.next(full));
@@ -230,7 +225,6 @@ class Stage {
     };
   }
 
-  // Submits, and has outcome and ticks come back.
   readBack(encoder, told, present) {
     const { set, player: { device } } = this, staging = set.staging.pop(), { bytes } = set.plan.outcome;
     encoder.copyBufferToBuffer(set.call.outcome, 0, staging, 0, bytes);

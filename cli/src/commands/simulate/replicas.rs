@@ -14,7 +14,6 @@ use crate::error::CliError;
 use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
-/// Runs all replicas and prints their mean.
 pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let count = replicas.count.get();
@@ -26,7 +25,7 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     })?;
     advance.bar.finish_and_clear();
     let mean = MeanSeries::of_replicas(&replicas, &mut replicated)?;
-    // One replica shows what all are like.
+    // One replica is representative.
     if replicas.directory_of(0).exists() {
         animation::write(&replicas.replica(0))?;
     }
@@ -54,10 +53,8 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     }
 }
 
-/// The progress of all replicas together.
 struct Advance {
     bar: ProgressBar,
-    /// The number of steps done, by replica.
     steps: Mutex<BTreeMap<u32, u32>>,
 }
 
@@ -71,7 +68,6 @@ impl Advance {
         let Ok(mut steps) = self.steps.lock() else { return };
         match steps.insert(replica, step) {
             Some(before) => self.bar.inc(u64::from(step - before)),
-            // Steps of an earlier run do not count for the speed of this run.
             None if step > 0 => {
                 self.bar.inc(step.into());
                 self.bar.reset_eta();
@@ -81,7 +77,7 @@ impl Advance {
     }
 }
 
-/// Returns the summary of replicas: the mean last row of each series, with its standard error.
+/// Returns the mean last row of each series, with its standard error.
 fn summary(replicas: &Replicas, replicated: &ReplicaResults, mean: &MeanSeries) -> String {
     let run = &replicas.run;
     let mut lines = vec![

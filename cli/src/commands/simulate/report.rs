@@ -1,5 +1,3 @@
-//! `--report`: tables and plots of the results of a run or of replicas.
-
 mod sections;
 
 use std::fs;
@@ -19,11 +17,9 @@ use crate::error::CliError;
 pub(crate) struct Done<'a> {
     /// The scenario, and where the report goes.
     pub(crate) run: &'a Run,
-    /// The mean of their series.
     pub(crate) mean: &'a MeanSeries,
     /// The seed and the directory of each.
     pub(crate) runs: Vec<(u64, PathBuf)>,
-    /// The options that asked for them.
     pub(crate) command: String,
 }
 
@@ -39,7 +35,6 @@ pub(crate) fn command(run: &Run) -> String {
     )
 }
 
-/// The series of one run, as those of replicas.
 pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     let path = run.directory.join("series.csv");
     let mut mean = MeanSeries::default();
@@ -47,7 +42,7 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     Ok(mean)
 }
 
-/// Writes `report.html` and its plots, and the tables of channels where arrivals were logged.
+/// Writes `report.html` and its plots, and the tables of channels if arrivals were logged.
 pub(crate) fn write(done: &Done<'_>) -> Result<(), CliError> {
     let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
     let mut channels = None;

@@ -41,7 +41,7 @@ Formats are those of `lazygrid detect`. Spheres are numbered from 0 in the order
 Output:
   -o pairs.npy        pairs.0.npy, pairs.1.npy and so on, one file per rank, and pairs.manifest.json
   -o pairs.csv --gather   pairs.csv alone: what `lazygrid detect` writes, brought together on one rank
-Rows are i,j with i < j, in order within each file; arrays are of type u32, or u64 from 2^32 spheres on.
+Rows are i,j with i < j, in order within each file; arrays are of type u32, or u64 for 2^32 spheres or more.
 
 Examples:
   mpirun -n 8 lazygrid-mpi detect run.npy
@@ -176,7 +176,7 @@ impl BenchScaling {
 }
 
 impl Detect {
-    /// All options but those of which each rank may have its own: `--backend`, `--threads`, `--max-pairs` and `--json`.
+    /// All options except `--backend`, `--threads`, `--max-pairs` and `--json`, which may differ between ranks.
     fn shared(&self, settings: Settings) -> Settings {
         let radii: Vec<_> =
             self.radii.iter().map(|(species, radius)| format!("{species}={radius}")).collect();
@@ -202,14 +202,12 @@ impl Detect {
         if self.no_rebalance { Ownership::Keep } else { Ownership::BALANCE }
     }
 
-    /// Returns the options of the readers.
     pub(crate) fn options(&self) -> Options {
         let radii: Radii = self.radii.iter().cloned().collect();
         Options { format: self.format, radii, space: self.periodic, ids: false, groups: false }
     }
 }
 
-/// The value of an option, for a comparison of ranks.
 fn option(value: Option<impl Display>) -> String {
     value.map_or_else(|| "not given".to_owned(), |value| value.to_string())
 }

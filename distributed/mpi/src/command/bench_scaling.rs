@@ -15,7 +15,6 @@ use serde_json::json;
 use super::args::{BenchScaling, Scene};
 use super::{print, refused};
 
-/// The time and the traffic of a step, on the rank with the most of each.
 #[derive(Default)]
 struct Step {
     rebalance: Duration,
@@ -66,7 +65,6 @@ fn step(
     Ok(Step { rebalance, search, moved: rebalanced.moved, sent })
 }
 
-/// Returns the longest time of all ranks.
 fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
     let mut most = 0.0;
     world.all_reduce_into(&own.as_secs_f64(), &mut most, SystemOperation::max());
@@ -139,7 +137,6 @@ fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     }
 }
 
-/// Moves every sphere by up to a tenth of its radius along each axis.
 fn wander(particles: &mut OwnedSpheres, step: u32) {
     for (sphere, &id) in particles.spheres.iter_mut().zip(&particles.ids) {
         let by = [0, 1, 2].map(|axis| 2.0 * random(id, u64::from(step) * 4 + axis + 64) - 1.0);

@@ -13,17 +13,15 @@ use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 use super::args::Detect;
 use super::{npy, refused, text};
 
-/// Stands for the number of a rank in the name of a file.
+/// The placeholder for the number of a rank in a file name.
 const RANK: &str = "{rank}";
 
-/// The input that all ranks read together.
 pub(crate) struct Input {
     /// The spheres of this rank, numbered through all ranks in the order of the file.
     pub(crate) particles: OwnedSpheres,
     pub(crate) space: Space,
 }
 
-/// The division of a file among ranks.
 #[derive(Debug)]
 enum FileSplit {
     /// Each rank has a file of its own.
@@ -36,7 +34,6 @@ enum FileSplit {
     Lines(text::TextRows),
 }
 
-/// Collective.
 pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, Error> {
     let split = agree(world, FileSplit::of(args).map_err(|message| refused(world, message)))?;
     let part = (world.rank() as u64, world.size() as u64);
@@ -76,7 +73,7 @@ impl FileSplit {
         }
         let known =
             args.format.or_else(|| Format::from_extension(path)).or_else(|| Format::from_content(&head));
-        // Compressed files begin with other bytes than the formats do, and have to be read from the start.
+        // Compressed files have to be read from the start.
         let compressed = head.starts_with(b"\x1F\x8B") || head.starts_with(b"\x28\xB5\x2F\xFD");
         let split = match known {
             _ if compressed => None,
@@ -93,7 +90,6 @@ impl FileSplit {
     }
 }
 
-/// The frame that is asked for.
 fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
     let mut frames = Frames::open(path, args.options()).map_err(|error| error.to_string())?;
     let wanted = args.frame.unwrap_or(0);
@@ -108,7 +104,6 @@ fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
     }
 }
 
-/// The space that the frames declare, on all ranks.
 fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Result<Space, Error> {
     let mut edges = own.cell_vectors().map(|edge| edge.unwrap_or([0.0; 3]));
     world.process_at_rank(0).broadcast_into(edges.as_flattened_mut());

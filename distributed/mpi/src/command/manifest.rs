@@ -1,5 +1,3 @@
-//! The contents of the files of all ranks.
-
 use std::path::PathBuf;
 
 use lazygrid_io::write::{AtomicFile, TableFormat};
@@ -18,7 +16,7 @@ pub(crate) fn write(
         .zip(pairs)
         .enumerate()
         .map(|(rank, (file, pairs))| {
-            // Beside the manifest, wherever that is moved.
+            // Relative to the manifest, so that both can be moved.
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             json!({ "rank": rank, "file": name, "pairs": pairs })
         })

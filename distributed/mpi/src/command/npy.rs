@@ -1,4 +1,4 @@
-//! Rows of a NumPy array: each rank reads its own, behind a header that speaks of no others.
+//! Rows of a NumPy array: each rank reads its own, under a header for these rows alone.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
@@ -7,10 +7,10 @@ use std::path::Path;
 use lazygrid_io::Position;
 use lazygrid_io::read::{Format, Frame, Frames, Options};
 
-/// The longest header that is looked at.
+/// The longest header that is read.
 const LONGEST: usize = 1 << 16;
 
-/// An array whose rows lie one behind the other.
+/// An array of consecutive rows.
 #[derive(Debug)]
 pub(crate) struct Rows {
     /// All bytes before the rows.
@@ -18,7 +18,6 @@ pub(crate) struct Rows {
     /// The position of the number of rows in the header.
     digits: std::ops::Range<usize>,
     rows: u64,
-    /// Bytes of a row.
     width: u64,
 }
 
@@ -31,7 +30,7 @@ impl Rows {
         Ok(Self::parse(head, length))
     }
 
-    /// From the first bytes of a file of this length.
+    /// Parses the first bytes of a file of this length.
     fn parse(mut header: Vec<u8>, length: u64) -> Option<Self> {
         let bytes = |range: std::ops::Range<usize>| header.get(range);
         let (begin, size) = match bytes(6..7)?[0] {
@@ -55,7 +54,7 @@ impl Rows {
         whole.then(|| Self { header, digits, rows, width: body / rows })
     }
 
-    /// The header of an array of fewer rows, as long as before.
+    /// The header of an array of fewer rows, of the same length.
     fn header_for(&self, rows: u64) -> Vec<u8> {
         let digits = rows.to_string();
         let missing = self.digits.len().saturating_sub(digits.len());
@@ -67,7 +66,6 @@ impl Rows {
         header
     }
 
-    /// The rows of one rank.
     pub(crate) fn read(
         &self,
         path: &Path,

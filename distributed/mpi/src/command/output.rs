@@ -1,5 +1,3 @@
-//! Pairs to files: one per rank with a manifest, or one.
-
 use std::path::{Path, PathBuf};
 
 use lazygrid_io::write::{AtomicFile, TableFormat, npy_header};
@@ -11,7 +9,6 @@ use super::args::Detect;
 use super::manifest;
 use super::refused;
 
-/// The output of pairs.
 #[derive(Debug)]
 pub(crate) struct Target {
     path: PathBuf,
@@ -95,7 +92,6 @@ pub(crate) fn write(
     Ok(std::iter::once(target.manifest()).chain(files).collect())
 }
 
-/// A table of pairs, not bounds yet.
 fn table(
     path: &Path,
     target: &Target,

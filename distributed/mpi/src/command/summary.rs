@@ -6,7 +6,6 @@ use lazygrid::Space;
 use lazygrid_mpi::Report;
 use serde_json::{Map, Value, json};
 
-/// The summary at the end.
 pub(crate) struct Summary<'a> {
     pub(crate) report: &'a Report,
     pub(crate) space: Space,

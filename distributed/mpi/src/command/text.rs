@@ -1,4 +1,4 @@
-//! Lines of a text file: each rank reads whole ones, behind the lines that say what the columns are.
+//! Lines of a text file: each rank reads whole lines, after the common header.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -9,7 +9,7 @@ use lazygrid_io::read::{Format, Frame, Frames, Options};
 
 use super::npy::share;
 
-/// The most bytes of comments and header in which the first row is looked for.
+/// The most bytes of comments and header before the first row.
 const LONGEST: u64 = 1 << 16;
 
 /// The rows of a text file, of which every line is one.
@@ -22,13 +22,12 @@ pub(crate) struct TextRows {
     end: u64,
 }
 
-/// The lines of one rank.
 #[derive(Debug)]
 pub(crate) struct RankLines {
     format: Format,
     head: Vec<u8>,
     bytes: Vec<u8>,
-    /// `true` if it is that of rank 0, which also says what is wrong with an empty file.
+    /// `true` for rank 0, which also reports an empty file.
     is_first: bool,
 }
 
@@ -68,12 +67,11 @@ impl TextRows {
 }
 
 impl RankLines {
-    /// The number of its lines.
     pub(crate) fn lines(&self) -> u64 {
         newlines(&self.bytes)
     }
 
-    /// Its spheres. `before` is how many lines the ranks before have, for messages.
+    /// Reads its spheres. `before` is the number of lines of earlier ranks, for messages.
     pub(crate) fn read(self, path: &Path, options: Options, before: u64) -> Result<Frame, String> {
         if self.bytes.is_empty() && !self.is_first {
             return Ok(Frame::default());
@@ -102,7 +100,7 @@ fn newlines(bytes: &[u8]) -> u64 {
     bytes.iter().filter(|&&byte| byte == b'\n').count() as u64
 }
 
-/// The length of the comments and the header that a table begins with; none where they do not end.
+/// The length of the comments and the header; `None` if they do not end.
 fn head(start: &[u8]) -> Option<usize> {
     let mut length = 0;
     for line in start.split_inclusive(|&byte| byte == b'\n') {

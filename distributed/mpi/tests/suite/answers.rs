@@ -7,7 +7,7 @@ use mpi::traits::Communicator;
 
 use crate::scenes::{Scene, config, expected, gathered, id, local, sum};
 
-/// Who owns what.
+/// Placements of spheres on ranks.
 #[derive(Clone, Copy, Debug)]
 enum Placement {
     InTurn,

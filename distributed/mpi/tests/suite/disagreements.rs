@@ -1,4 +1,4 @@
-//! Settings and failures of single ranks: each is the same error on all, or none where ranks may differ.
+//! Settings and failures of single ranks: each is the same error on all, or none for settings that may differ.
 
 use lazygrid::{Algorithm, Backend, Interaction, Interactions, Order, Skin, Space};
 use lazygrid_mpi::{Config, Delivery, Distributed, Error, OwnedSpheres, Ownership, Settings, agree_on};
@@ -61,7 +61,6 @@ pub(crate) fn settings(world: &SimpleCommunicator) {
     program(world);
 }
 
-/// Settings of a program that calls this library.
 fn program(world: &SimpleCommunicator) {
     let steps = |steps: i32| agree_on(world, &Settings::new("mine 2").with("steps", steps));
     assert_eq!(steps(5), Ok(()));
@@ -69,7 +68,6 @@ fn program(world: &SimpleCommunicator) {
     assert!(error.starts_with("the setting `steps` is 5 on rank 0 and 6 on rank 1; "), "{error}");
 }
 
-/// Where and how a rank computes is its own affair.
 pub(crate) fn own_settings(world: &SimpleCommunicator) {
     let detector = lazygrid::Config::default;
     let own = match world.rank() % 4 {
@@ -85,7 +83,6 @@ pub(crate) fn own_settings(world: &SimpleCommunicator) {
     }
 }
 
-/// Interactions and space of a detector are those of the configuration that has it.
 pub(crate) fn detectors_own_table(world: &SimpleCommunicator) {
     let never = Interactions::new(1, Interaction::Never).unwrap();
     let detector =
@@ -95,7 +92,6 @@ pub(crate) fn detectors_own_table(world: &SimpleCommunicator) {
     assert_eq!(gathered(world, distributed.pairs(local(&part(world))).unwrap()), expected);
 }
 
-/// What one rank cannot do, the others do not wait for.
 pub(crate) fn failures_of_one(world: &SimpleCommunicator) {
     let last = world.size() - 1;
     let eager = lazygrid::Config::default().algorithm(Algorithm::EagerGrid);

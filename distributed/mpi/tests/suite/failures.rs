@@ -41,7 +41,7 @@ pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
         let before = particles.ids.clone();
         refused(distributed.rebalance(&mut particles).unwrap_err());
         assert_eq!(particles.ids, before);
-        // It goes on from there.
+        // The next call works.
         assert!(distributed.count(local(&part(world, 800))).is_ok());
     }
 }

@@ -7,10 +7,9 @@ use crate::scenes::{Scene, config, digest, id, local, random, sum};
 
 const MILLION: u64 = 1_000_000;
 
-/// The set of one process, and shares, ghosts and bytes within their bounds.
 pub(crate) fn million(world: &SimpleCommunicator) {
     let ranks = world.size() as u64;
-    // One process after the other would be all that fewer ranks add.
+    // Fewer ranks add nothing to one process after the other.
     let scenes: &[Scene] = match ranks {
         8 => &[Scene::Uniform, Scene::FiveSizes, Scene::Giant, Scene::Gaussian, Scene::WideSizes],
         _ => &[Scene::FiveSizes],
@@ -49,7 +48,7 @@ pub(crate) fn million(world: &SimpleCommunicator) {
     }
 }
 
-/// A step in which everything moves a little sends_ghosts at most two bytes per sphere besides what changes rank.
+/// A step with small displacements sends at most two bytes per sphere besides migrated spheres.
 fn steady(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,
@@ -83,7 +82,6 @@ fn whole(world: &SimpleCommunicator, scene: Scene) -> (u64, u64) {
     (sum(world, count), sum_wrapping(world, own))
 }
 
-/// The sum over ranks of words that wrap, in halves that do not.
 fn sum_wrapping(world: &SimpleCommunicator, word: u64) -> u64 {
     let (high, low) = (sum(world, word >> 32), sum(world, word & 0xFFFF_FFFF));
     (high << 32).wrapping_add(low)

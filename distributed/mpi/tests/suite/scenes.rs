@@ -1,4 +1,4 @@
-//! Scenes of which every rank makes the part it wants, by counter; and how answers are brought together.
+//! Scenes of which every rank makes its part, and the gathering of answers.
 
 use lazygrid::{Backend, Detector, Space, Sphere, Spheres};
 use lazygrid_mpi::{Config, GlobalPair, LocalSpheres, OwnedSpheres};
@@ -8,7 +8,6 @@ use mpi::datatype::PartitionMut;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 
-/// A distribution of spheres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Scene {
     Uniform,
@@ -44,7 +43,7 @@ impl Scene {
         (0..n).map(|k| self.sphere(k, n)).collect()
     }
 
-    /// Those of the rank that `owner` names, with ids that are neither small nor in order.
+    /// The spheres of the rank that `owner` names, with ids that are neither small nor in order.
     pub(crate) fn part(self, n: u64, rank: u32, owner: impl Fn(u64) -> u32) -> OwnedSpheres {
         let mine = || (0..n).filter(|&k| owner(k) == rank);
         OwnedSpheres {
@@ -55,12 +54,10 @@ impl Scene {
     }
 }
 
-/// The id of sphere `k`: a bijection, so that no two are equal.
 pub(crate) fn id(k: u64) -> u64 {
     k.wrapping_mul(0x9E37_79B9_7F4A_7C15)
 }
 
-/// From 0 to below 1.
 pub(crate) fn random(k: u64, stream: u64) -> f32 {
     let mut word = (k << 8 | stream).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     word = (word ^ (word >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -95,7 +92,6 @@ pub(crate) fn expected(spheres: &[Sphere], space: Space) -> Vec<[u64; 2]> {
     pairs
 }
 
-/// The pairs of all ranks as sorted pairs of ids, on every rank.
 pub(crate) fn gathered(world: &SimpleCommunicator, pairs: &[GlobalPair]) -> Vec<[u64; 2]> {
     let own: Vec<u64> = pairs.iter().flat_map(GlobalPair::ids).collect();
     let mut counts = vec![0 as Count; world.size() as usize];
@@ -109,14 +105,12 @@ pub(crate) fn gathered(world: &SimpleCommunicator, pairs: &[GlobalPair]) -> Vec<
     all
 }
 
-/// The sum over ranks.
 pub(crate) fn sum(world: &SimpleCommunicator, value: u64) -> u64 {
     let mut total = 0;
     world.all_reduce_into(&value, &mut total, SystemOperation::sum());
     total
 }
 
-/// Of a set of pairs, in any order.
 pub(crate) fn digest(pairs: impl IntoIterator<Item = [u64; 2]>) -> u64 {
     let one = |[a, b]: [u64; 2]| {
         let word = (a ^ b.rotate_left(17)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -1,5 +1,4 @@
-//! One detector over all ranks, call after call: any input may change between two calls and any call may fail. The next answer
-//! is that of one process.
+//! One detector over all ranks, call after call: any input may change between two calls and any call may fail.
 
 use std::ops::ControlFlow;
 
@@ -26,7 +25,6 @@ struct World {
 }
 
 impl World {
-    /// One of `count` choices, the same on every rank.
     fn choose(&mut self, count: u64) -> u64 {
         self.drawn += 1;
         (random(self.drawn, 100) * count as f32) as u64
@@ -98,7 +96,6 @@ impl World {
         }
     }
 
-    /// The pairs of all spheres by the comparison of all with all.
     fn expected(&self, space: Space, table: Option<&Interactions>) -> Vec<[u64; 2]> {
         let naive = lazygrid::Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive).threads(1);
         let mut naive = Detector::new(naive.space(space).interactions(table.cloned())).unwrap();
@@ -114,10 +111,10 @@ impl World {
     }
 }
 
-/// A call that fails, with the changed input: it must leave nothing behind.
+/// A call that fails with the changed input, and must have no later effect.
 fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, kind): (&OwnedSpheres, u64)) {
     let mut bad = particles.clone();
-    // The first rank that has a sphere; it is another one from case to case.
+    // The first rank that has a sphere differs from case to case.
     let has = sum(world, u64::from(!bad.ids.is_empty()) << world.rank());
     if has == 0 {
         return;
@@ -151,7 +148,6 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, k
     refused(distributed.stream(local, 9, |_| ControlFlow::Continue(())).unwrap_err());
 }
 
-/// The pairs of all ranks by one of the calls.
 fn call(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,

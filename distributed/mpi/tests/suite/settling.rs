@@ -35,19 +35,16 @@ pub(crate) fn keeps_parts(world: &SimpleCommunicator) {
     assert!(distributed.rebalance(&mut particles).unwrap().rebuilt);
     let again = distributed.rebalance(&mut particles).unwrap();
     assert_eq!((again.rebuilt, again.moved), (false, 0));
-    // A small step: few move.
     particles.spheres.iter_mut().for_each(|sphere| sphere.center.x += 0.1);
     let step = distributed.rebalance(&mut particles).unwrap();
     assert!(!step.rebuilt && step.moved < n / 50);
     let pairs = gathered(world, distributed.pairs(local(&particles)).unwrap());
-    // All go to one end: what was even is not.
     particles.spheres.iter_mut().for_each(|sphere| sphere.center *= 0.2);
     particles.spheres.iter_mut().for_each(|sphere| sphere.radius *= 0.2);
     particles.spheres.iter_mut().for_each(|sphere| sphere.center += 100.0);
     let moved = distributed.rebalance(&mut particles).unwrap();
     assert_eq!(moved.rebuilt, ranks > 1);
     assert!(moved.owned.imbalance() <= 1.05, "{}", moved.owned.imbalance());
-    // Rounding makes and breaks some contacts.
     let shrunk = gathered(world, distributed.pairs(local(&particles)).unwrap());
     assert!(shrunk.len().abs_diff(pairs.len()) < pairs.len() / 20);
 }

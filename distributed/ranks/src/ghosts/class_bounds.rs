@@ -19,7 +19,7 @@ impl ClassBounds {
     /// Creates one bounding box for each class and group that occurs among the spheres, by rising class, then group.
     pub fn all_of(spheres: &[WrappedSphere]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
-        // The place of a box among `all`, by class and group. Boxes are few, and equal spheres often follow each other.
+        // Boxes are few, and equal spheres often follow each other.
         let mut last = 0;
         for sphere in spheres {
             if !all.get(last).is_some_and(|bounds| bounds.has_kind_of(sphere)) {
@@ -95,8 +95,7 @@ impl ClassBounds {
 fn gap(a: [f64; 2], b: [f64; 2], length: Option<f32>) -> f64 {
     let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);
     match length {
-        // Points of the intervals are at most this span apart. The other way round the ring they are at least the rest of
-        // its length apart.
+        // Points of the intervals are at most this span apart, or at least the rest of the ring.
         Some(length) => direct.min((f64::from(length) - (a[1].max(b[1]) - a[0].min(b[0]))).max(0.0)),
         None => direct,
     }

@@ -5,7 +5,6 @@
 use lazygrid::{Interaction, Interactions, Space, Sphere};
 use lazygrid_ranks::Particle;
 
-/// All pairs by the definition, as ids, the smaller one first, sorted.
 pub(crate) fn naive(particles: &[Particle], space: &Space, table: Option<&Interactions>) -> Vec<[u64; 2]> {
     let mut pairs = Vec::new();
     for (k, a) in particles.iter().enumerate() {
@@ -24,13 +23,11 @@ pub(crate) fn naive(particles: &[Particle], space: &Space, table: Option<&Intera
     pairs
 }
 
-/// Spheres with ids 0, 1 and so on.
 pub(crate) fn numbered(spheres: impl IntoIterator<Item = Sphere>) -> Vec<Particle> {
     let particle = |(id, sphere)| Particle { sphere, id, species: (id % 3) as u32, index: 0 };
     (0..).zip(spheres).map(particle).collect()
 }
 
-/// Random numbers from 0 to below 1, the same on every machine.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -39,12 +36,10 @@ impl Random {
         (self.0 >> 40) as f32 / (1_u32 << 24) as f32
     }
 
-    /// A point of a cube.
     pub(crate) fn point(&mut self, edge: f32) -> [f32; 3] {
         [(); 3].map(|()| edge * self.next())
     }
 
-    /// Near a normal distribution of standard deviation 1.
     pub(crate) fn normal(&mut self) -> f32 {
         (0..12).map(|_| self.next()).sum::<f32>() - 6.0
     }

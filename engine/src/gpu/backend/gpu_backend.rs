@@ -25,7 +25,6 @@ pub(crate) struct GpuBackend {
     pub(super) known: AdapterProfile,
     device: Device,
     framed: Option<Box<Device>>,
-    /// The host's threads.
     team: Arc<Team>,
     buffers: QueryBuffers,
     /// `None` if the skin is fixed.

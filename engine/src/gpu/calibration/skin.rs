@@ -31,7 +31,6 @@ struct Calls {
     spheres: f64,
     /// Searches of few spheres: without and with a candidate list.
     few: [TimedCall; 2],
-    /// Searches at either density.
     searched: [TimedCall; 2],
     /// Calls answered from candidates, with either skin.
     served: [TimedCall; 2],
@@ -39,7 +38,6 @@ struct Calls {
     found: TimedCall,
 }
 
-/// Measures the costs.
 pub(super) fn measure(gpu: &GpuDevice) -> Result<SkinCosts, Error> {
     measure_with(gpu, &SIZES)
 }

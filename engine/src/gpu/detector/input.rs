@@ -96,7 +96,6 @@ pub(in crate::gpu) enum SphereBuffers<'a> {
 pub struct GpuSpheres<'a> {
     /// The numbers of the spheres; `STORAGE` usage.
     pub(in crate::gpu) spheres: SphereBuffers<'a>,
-    /// The number of spheres.
     pub(in crate::gpu) count: SphereCount<'a>,
     /// A `u32` species id per sphere, with interactions.
     pub(in crate::gpu) species: Option<BufferRange<'a>>,

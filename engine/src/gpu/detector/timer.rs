@@ -7,7 +7,6 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    /// Two per phase.
     const TICKS: u32 = 2 * GpuPhase::ALL.len() as u32;
 
     pub(super) fn new(device: &wgpu::Device) -> Self {

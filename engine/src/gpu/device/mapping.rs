@@ -7,7 +7,6 @@ use std::time::Duration;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
-    /// In this thread.
     Blocking,
     /// A thread of its own wakes the task; on native devices wgpu makes progress only when polled.
     Async,
@@ -34,7 +33,6 @@ impl Mapping {
         mapping
     }
 
-    /// Waits for the answer.
     pub(crate) async fn finished(
         self,
         device: &wgpu::Device,

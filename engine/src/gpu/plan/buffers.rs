@@ -6,27 +6,21 @@ use super::Plan;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum BufferId {
-    /// Bounds of the spheres.
     Bounds,
-    /// The grid.
     Grid,
     Outcome,
-    /// The pairs.
     Pairs,
     /// The rows of spheres that were given as columns.
     Rows,
-    /// The wrapped spheres.
     Wrapped,
     Cells,
     Density,
-    /// The number of entries.
     SortCounts,
     Keys(bool),
     Objects(bool),
     Counts,
     Totals,
     Sums,
-    /// Total of a scan.
     Total,
     Crowded,
     DispatchArgs,
@@ -123,9 +117,7 @@ pub(crate) enum Resource {
     Species,
     SearchParams(u32),
     RadixPass(u32),
-    /// Effective radii by species.
     Reach,
-    /// The interaction table.
     Table,
 }
 

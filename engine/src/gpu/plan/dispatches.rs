@@ -33,10 +33,8 @@ impl GpuPhase {
     }
 }
 
-/// One dispatch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Dispatch {
-    /// The kernel.
     pub(crate) kernel: &'static Kernel,
     pub(crate) groups: u32,
     /// `true` if the device computes the number, in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
@@ -57,7 +55,6 @@ impl Dispatch {
         Self { pass, ..Self::new(kernel, groups, GpuPhase::Sort) }
     }
 
-    /// Creates an indirect dispatch.
     pub(crate) const fn indirect(kernel: &'static Kernel, phase: GpuPhase) -> Self {
         Self { indirect: true, ..Self::new(kernel, 1, phase) }
     }

@@ -73,9 +73,7 @@ pub(crate) struct Request {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub(crate) enum SplitPolicy {
-    /// One level.
     None = 0,
-    /// All.
     Every = 1,
     /// Cells with more than τ smaller spheres.
     Dense = 2,
@@ -83,7 +81,6 @@ pub(crate) enum SplitPolicy {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Plan {
-    /// The requested algorithm.
     pub(crate) algorithm: Algorithm,
     pub(crate) spheres: u32,
     pub(crate) pairs: u32,
@@ -98,7 +95,6 @@ pub(crate) struct Plan {
     /// Counters in either half of the occupancy table, or of a cell list; 0 without one.
     pub(crate) occupancy_slots: u32,
     pub(crate) cells: u32,
-    /// Counters in that table.
     pub(crate) counters: u32,
     /// Keys that one workgroup sorts in a radix pass; 0 if a cell list is sorted by counting.
     pub(crate) tile: u32,
@@ -110,7 +106,6 @@ pub(crate) struct Plan {
     pub(crate) budget: WorkBudget,
     pub(crate) deferred_parts: u32,
     pub(crate) buffers: Vec<(BufferId, u64)>,
-    /// The dispatches, in order.
     pub(crate) dispatches: Vec<Dispatch>,
 }
 

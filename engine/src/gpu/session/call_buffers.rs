@@ -22,7 +22,6 @@ pub(crate) struct CallBuffers {
 }
 
 impl CallBuffers {
-    /// Uploads the input.
     pub(crate) fn upload(&mut self, gpu: &GpuDevice, spheres: Spheres<'_>) -> Result<(), Error> {
         self.count = spheres.len() as u32;
         match spheres.as_rows() {

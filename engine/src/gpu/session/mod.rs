@@ -49,7 +49,6 @@ pub struct GpuSession {
     tickets: [Weak<()>; MAX_IN_FLIGHT],
     expected: u64,
     pairs: Vec<Pair>,
-    /// Collects pairs of windows.
     gathered: Vec<Pair>,
     timings: Vec<PhaseTime>,
     last: Outcome,

@@ -168,7 +168,6 @@ pub(crate) trait SimdWidth: Copy {
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
     /// Lanes that may be pairs: all that are, and the lanes inside the band.
     fn possible(self, distances: Self::SquaredDistances) -> u32;
-    /// Lanes that certainly touch.
     fn certain(self, distances: Self::SquaredDistances) -> u32;
     /// A bit mask of the pairs of positions in `rows` that may touch, and one of those that certainly touch.
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];

@@ -139,7 +139,6 @@ pub(super) fn keep(pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_
     count
 }
 
-/// Packs lane by lane.
 #[inline(always)]
 pub(super) fn pack(id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
     let (mut open, mut packed) = (lanes, 0);

@@ -1,9 +1,7 @@
-/// The Python dictionary of a header, as far as it has been read.
 pub(super) struct Dictionary<'a> {
     rest: &'a [u8],
 }
 
-/// The contents of the dictionary.
 pub(super) struct Description<'a> {
     pub(super) descr: Descr<'a>,
     pub(super) fortran: bool,
@@ -16,7 +14,6 @@ pub(super) enum Descr<'a> {
     Structured(Vec<Field<'a>>),
 }
 
-/// One field of a structured type.
 pub(super) struct Field<'a> {
     pub(super) name: &'a [u8],
     pub(super) kind: &'a [u8],
@@ -25,7 +22,6 @@ pub(super) struct Field<'a> {
 }
 
 impl<'a> Dictionary<'a> {
-    /// The three entries; where that fails, the text from there on.
     pub(super) fn parse(text: &'a [u8]) -> Result<Description<'a>, &'a [u8]> {
         let mut this = Self { rest: text };
         this.entries().ok_or(this.rest)

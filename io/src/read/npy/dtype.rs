@@ -3,7 +3,6 @@
 pub(super) struct Dtype {
     pub(super) class: DtypeKind,
     pub(super) big_endian: bool,
-    /// Bytes.
     pub(super) width: usize,
 }
 
@@ -36,7 +35,7 @@ impl Dtype {
             b'=' => cfg!(target_endian = "big"),
             _ => return None,
         };
-        // Dates have their unit behind the width.
+        // Dates have their unit after the width.
         let (count, _): (usize, _) = lexical_core::parse_partial(digits).ok()?;
         let width = if letter == b'U' { count.checked_mul(4)? } else { count };
         let class = match (letter, width) {
@@ -71,7 +70,7 @@ impl Dtype {
         }
     }
 
-    /// The text in these bytes, without the zeros behind it.
+    /// The text in these bytes, without trailing zeros.
     pub(super) fn text(self, bytes: &[u8]) -> String {
         match self.class {
             DtypeKind::Text => {
@@ -83,7 +82,6 @@ impl Dtype {
         }
     }
 
-    /// At most eight bytes in the order of this machine.
     #[inline]
     fn bits(self, bytes: &[u8]) -> u64 {
         match *bytes {

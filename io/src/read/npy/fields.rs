@@ -1,5 +1,3 @@
-//! Structured arrays: rows of fields with names.
-
 use std::collections::TryReserveError;
 
 use lazygrid::Sphere;
@@ -12,10 +10,8 @@ use crate::read::Frame;
 use crate::read::columns::{Column, Columns};
 use crate::read::line::{GROUPS, group_of};
 
-/// The fields of a row that are read.
 pub(super) struct Fields {
     wanted: Vec<Location>,
-    /// All of them, for messages and checks.
     columns: Columns,
     width: usize,
 }
@@ -29,7 +25,6 @@ struct Location {
 }
 
 impl Fields {
-    /// The fields of this type.
     pub(super) fn new(source: &Source, fields: &[Field<'_>]) -> Result<Self, Error> {
         const WIDEST: usize = 1 << 20;
         let mut wanted = Vec::new();
@@ -73,12 +68,10 @@ impl Fields {
         Ok(Self { wanted, columns: Columns::new(columns), width: start })
     }
 
-    /// Bytes of a row.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 
-    /// Reads this number of rows.
     pub(super) fn read(
         &self,
         source: &mut Source,
@@ -111,7 +104,6 @@ impl Fields {
         Ok(())
     }
 
-    /// Reserves memory for this number of further spheres.
     fn make_room(
         &self,
         rows: usize,
@@ -131,7 +123,6 @@ impl Fields {
         Ok(())
     }
 
-    /// Adds the sphere of a row, for which there is room.
     fn push(
         &self,
         source: &Source,
@@ -187,7 +178,6 @@ impl Fields {
     }
 }
 
-/// The meanings of a field's numbers, each with its name.
 fn meanings(field: &Field<'_>) -> Vec<(String, Column)> {
     let name = String::from_utf8_lossy(field.name).into_owned();
     match (name.to_ascii_lowercase().as_str(), field.shape.as_slice()) {

@@ -9,19 +9,18 @@ use crate::error::{Error, Position, excerpt};
 /// The longest header that is read; a longer one does not describe a plain table.
 const LONGEST_HEADER: usize = 1 << 16;
 
-/// The file's description of its array.
 pub(super) struct Header {
     pub(super) layout: Layout,
     pub(super) rows: u64,
-    /// Bytes before the array.
     end: u64,
 }
 
-/// The layout of the spheres.
 pub(super) enum Layout {
     /// Four numbers in a row, or in columns.
-    Plain { kind: Dtype, fortran: bool },
-    /// Fields with names.
+    Plain {
+        kind: Dtype,
+        fortran: bool,
+    },
     Structured(Fields),
 }
 
@@ -59,7 +58,7 @@ impl Header {
         Ok(header)
     }
 
-    /// Refuses a file that is not as long as its header says, before room is made for what is not there.
+    /// Refuses a file shorter or longer than its header says, before memory is reserved.
     pub(super) fn check_length(&self, source: &Source) -> Result<(), Error> {
         let row = match &self.layout {
             Layout::Plain { kind, .. } => 4 * kind.width as u64,
@@ -76,7 +75,6 @@ impl Header {
     }
 }
 
-/// The layout of the spheres, and their number.
 fn layout(source: &Source, text: &[u8]) -> Result<(Layout, u64), Error> {
     let said = Dictionary::parse(text).map_err(|rest| {
         let expected = "a header {'descr': …, 'fortran_order': …, 'shape': …} of a plain or structured array";

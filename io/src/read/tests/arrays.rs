@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// A file in the NumPy format with this header and these bytes.
 pub(super) fn npy(version: u8, header: &str, data: &[u8]) -> Vec<u8> {
     let length = header.len() as u32;
     let width = if version == 1 { 2 } else { 4 };
@@ -34,7 +33,7 @@ fn npy_in_every_arrangement() {
         for (descr, data) in stored {
             let file = npy(version, &header(descr, fortran, 2), &data);
             assert_eq!(rows("a.npy", file.clone(), &[]), TWO, "{descr} {fortran} {version}");
-            // The same without an extension, and from a pipe whose length is not known.
+            // Read again without an extension, and from a pipe whose length is not known.
             let frame = Frames::new("a", Cursor::new(file), None, Options::default()).unwrap().next();
             assert_eq!(bytemuck::cast_slice::<_, [f32; 4]>(&frame.unwrap().unwrap().spheres), TWO);
         }

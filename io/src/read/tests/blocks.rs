@@ -1,10 +1,8 @@
-//! Files of many blocks, parsed by several threads.
-
 use std::fmt::Write;
 
 use super::*;
 
-/// Hands out a text in pieces of odd sizes, as a pipe does.
+/// Delivers a text in pieces of odd sizes, as a pipe does.
 struct Trickle {
     text: Vec<u8>,
     at: usize,
@@ -23,7 +21,6 @@ impl Read for Trickle {
     }
 }
 
-/// Reads a file and a pipe, on one thread and on several, and checks that the results are equal.
 fn read(name: &str, text: &str) -> (Vec<Frame>, Vec<String>, Option<String>) {
     let mut all = Vec::new();
     for (threads, seed) in [(1, None), (3, None), (1, Some(7)), (3, Some(8))] {
@@ -51,7 +48,6 @@ fn read(name: &str, text: &str) -> (Vec<Frame>, Vec<String>, Option<String>) {
 }
 
 fn name_of(k: usize) -> String {
-    // Every now and then one that was not met before.
     if k.is_multiple_of(50_000) { format!("rare-{k}") } else { format!("kind-{}", k % 3) }
 }
 
@@ -95,7 +91,6 @@ fn rows_come_in_order_and_errors_with_their_lines() {
     assert_eq!(names[..4], ["rare-0", "kind-1", "kind-2", "kind-0"]);
     is_of(&frames[0], &names, 0..ROWS);
     for wrong in [0, 4_000, 123_456, ROWS - 1] {
-        // The first of two is told.
         let mut text: Vec<_> = text.lines().map(str::to_owned).collect();
         for at in [lines[wrong] - 1, lines[ROWS - 1] - 1] {
             text[at] = text[at].replacen(",", ",rare-", 1) + "x";
@@ -129,7 +124,6 @@ fn frames_of_all_sizes_follow_one_another() {
             is_of(frame, &names, first..first + size);
             first += size;
         }
-        // Lines are counted through all frames.
         let (lines, cut) = (text.lines().count(), text.trim_end().rsplit_once('\n').unwrap().0);
         let (frames, _, error) = read(name, cut);
         let end = format!("{name}, line {}: the file ends after 11 of 12 ", lines - 1);

@@ -1,5 +1,3 @@
-//! Files that gzip or Zstandard compressed.
-
 use std::io::Write;
 
 use flate2::write::GzEncoder;
@@ -21,14 +19,12 @@ fn zstd(bytes: &[u8]) -> Vec<u8> {
 fn compressed_files_read_as_what_they_were() {
     let text = "x,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n".as_bytes();
     let (head, rest) = text.split_at(11);
-    // Several members, and a frame of Zstandard that is to be skipped.
     let skipped = [&[0x50, 0x2A, 0x4D, 0x18, 3, 0, 0, 0][..], b"abc"].concat();
     for (name, bytes) in [
         ("a.csv.gz", gzip(text)),
         ("a.csv.zst", zstd(text)),
         ("a.csv.gz", [gzip(head), gzip(rest)].concat()),
         ("a.csv.zst", [zstd(head), skipped, zstd(rest)].concat()),
-        // Neither the name nor the format have to be told.
         ("a", gzip(text)),
         ("a.csv", zstd(text)),
     ] {

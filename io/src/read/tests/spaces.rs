@@ -1,5 +1,3 @@
-//! The boxes that files declare.
-
 use super::*;
 
 fn spaces(name: &str, text: impl Into<Vec<u8>>) -> Vec<[Option<f32>; 3]> {
@@ -16,7 +14,6 @@ fn xyz_lattices() {
     const BOX: &str = "Lattice=\"10 0 0 0 20.5 0 0 0 30\"";
     let all = [Some(10.0), Some(20.5), Some(30.0)];
     for (comment, lengths) in [
-        // Without pbc, a lattice is periodic on all sides, and without a lattice nothing is.
         (BOX.to_owned(), all),
         (String::new(), [None; 3]),
         (format!("{BOX} pbc=\"T T T\""), all),
@@ -27,12 +24,10 @@ fn xyz_lattices() {
         ("lattice = '10 20.5 30'".into(), all),
         ("Lattice=[[10, 0, 0], [0, 20.5, 0], [0, 0, 30]] Origin=\"-5 -5 -5\"".into(), all),
         ("note=\"Lattice=1 pbc=2\"".into(), [None; 3]),
-        // A tilted vector along which space is not periodic does not matter.
         ("Lattice=\"10 0 0 0 20.5 0 3 3 30\" pbc=\"T T F\"".into(), [Some(10.0), Some(20.5), None]),
     ] {
         assert_eq!(spaces("a.xyz", xyz(&comment)), [lengths], "{comment}");
     }
-    // Plain XYZ may have a lattice too.
     let plain = format!("1\n{BOX}\nA 1 2 3\n");
     let frames = frames("a.xyz", plain, options(None, &[("A", 1.0)])).unwrap();
     assert_eq!(frames[0].space.lengths_f32(), all);
@@ -46,7 +41,6 @@ fn lammps_bounds() {
         ("pp ff pp\n0 10\n-5 15.5\n0 30", [Some(10.0), None, Some(30.0)]),
         ("ff ss mm\n0 10\n-5 15.5\n0 30", [None; 3]),
         ("fs pp sf\n0 10\n-5 15.5\n0 30", [None, Some(20.5), None]),
-        // Old dumps do not say.
         ("\n0 10\n-5 15.5\n0 30", [None; 3]),
         ("xy xz yz pp pp ff\n0 10 0\n-5 15.5 0\n0 30 0", [Some(10.0), Some(20.5), None]),
         ("abc origin pp pp pp\n10 0 0 1\n0 20.5 0 2\n0 0 30 3", [Some(10.0), Some(20.5), Some(30.0)]),
@@ -62,19 +56,19 @@ fn lammps_bounds() {
 
 #[test]
 fn boxes_that_lean() {
-    let leaning =
+    let skewed =
         |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.cell_vectors();
     let edges = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(Some);
     // LAMMPS writes the bounds of all corners.
     let bounds = "xy xz yz pp pp pp\n-1 12 2\n-5 18 -1\n0 30 3";
     let dump_of = |bounds: &str| dump(bounds, "x y z radius", "1 2 3 0.5");
-    assert_eq!(leaning("a.dump", dump_of(bounds)), edges);
+    assert_eq!(skewed("a.dump", dump_of(bounds)), edges);
     let slab = dump_of(&bounds.replace("pp pp pp", "pp pp ff"));
-    assert_eq!(leaning("a.dump", slab), [edges[0], edges[1], None]);
-    assert_eq!(leaning("a.dump", dump_of("abc origin pp pp pp\n10 0 0 1\n2 20 0 2\n-1 3 30 3")), edges);
-    assert_eq!(leaning("a.xyz", xyz("Lattice=\"10 0 0 2 20 0 -1 3 30\"")), edges);
+    assert_eq!(skewed("a.dump", slab), [edges[0], edges[1], None]);
+    assert_eq!(skewed("a.dump", dump_of("abc origin pp pp pp\n10 0 0 1\n2 20 0 2\n-1 3 30 3")), edges);
+    assert_eq!(skewed("a.xyz", xyz("Lattice=\"10 0 0 2 20 0 -1 3 30\"")), edges);
     let turned = [None, Some([1.0, 2.0, 3.0]), Some([0.0, 0.0, 5.0])];
-    assert_eq!(leaning("a.xyz", xyz("Lattice=\"9 9 9 1 2 3 0 0 5\" pbc=\"F T T\"")), turned);
+    assert_eq!(skewed("a.xyz", xyz("Lattice=\"9 9 9 1 2 3 0 0 5\" pbc=\"F T T\"")), turned);
 }
 
 #[test]
@@ -118,7 +112,7 @@ fn refusals_name_line_and_remedy() {
             xyz("Lattice=\"1 2 3\" pbc=\"T T\""),
             "a.xyz, line 2: expected pbc=\"T T F\", one of T and F",
         ),
-        ("a.xyz", xyz("pbc=\"T T F\""), "a.xyz, line 2: expected Lattice= beside a periodic pbc="),
+        ("a.xyz", xyz("pbc=\"T T F\""), "a.xyz, line 2: expected Lattice= with a periodic pbc="),
     ] {
         let refused = refusal(name, text, &[]);
         assert!(refused.starts_with(message), "{refused}");

@@ -1,5 +1,3 @@
-//! Separators, comments, diameters, ids, and structured arrays.
-
 use super::arrays::npy;
 use super::*;
 
@@ -9,9 +7,8 @@ fn csv_with_other_separators_and_comments() {
         "x;y;z;r\n1;2;3;0.5\n-4;5e-3;6.25;0\n",
         "x\ty\tz\tr\n1\t2\t3\t0.5\n -4 \t5e-3\t6.25\t0\n",
         "# units: µm; made by hand\n\nx,y,z,diameter\n1,2,3,1\n  # between\n-4,5e-3,6.25,0\n#end",
-        // As numpy.savetxt(…, header="x,y,z,r", delimiter=",") writes it.
+        // The output of numpy.savetxt(…, header="x,y,z,r", delimiter=",").
         "# some title\n# x,y,z,r\n1.0e+00,2.0e+00,3.0e+00,5.0e-01\n-4,5e-3,6.25,0\n",
-        // A header outside comments wins.
         "# z,y,x,r\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "\"x\";\"y\";\"note, or not\";\"z\";\"r\"\n1;2;\"a, b\";3;0.5\n-4;5e-3;;6.25;0\n",
     ] {
@@ -51,7 +48,6 @@ fn ids_come_from_the_file() {
         ("a.dump", &atoms),
     ] {
         assert_eq!(ids(name, text), Ok(vec![7, -3]), "{name}");
-        // Without a request, these columns are ignored.
         let frames = frames(name, text.replace("-3", "me"), Options::default()).unwrap();
         assert_eq!(frames[0].ids, None);
     }

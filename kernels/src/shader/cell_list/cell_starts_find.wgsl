@@ -141,7 +141,6 @@ fn cell_starts_find(
         atomicStore(&firsts[slot], start);
     }
     workgroupBarrier();
-    // Coalesced writes.
     for (var item = 0u; item < ITEMS; item++) {
         let number = item * WORKGROUP_SIZE + thread.local_index;
         if (first_cell + number < counters) {

@@ -1,4 +1,3 @@
-// Clears the occupancy table.
 #include layout
 #include thread
 

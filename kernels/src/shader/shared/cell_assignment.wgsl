@@ -1,6 +1,5 @@
 // The cell of a sphere: at level 0 if its cell there has few spheres, else at the level of its size class.
 struct CellAssignment {
-    // Index in the table.
     cell: u32,
     // The occupancy of the cell of level 0 that the sphere leaves; 0 if it does not leave one.
     occupancy: u32,

@@ -54,7 +54,6 @@ struct Bounds {
 struct LevelKeys {
     // Key bits of each axis; coordinates are reduced modulo 2^bits.
     bits: vec3<u32>,
-    // The first key.
     base: u32,
 }
 

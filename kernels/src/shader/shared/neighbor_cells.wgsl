@@ -4,7 +4,6 @@
 // - at each of the searched levels, the spheres of all cells that its box overlaps when widened by that level's radius;
 // - the listed spheres, which have a cell of their own without adjacent cells.
 
-// After the last level.
 const NO_LEVEL: u32 = 256u;
 
 struct NeighborCells {
@@ -30,7 +29,6 @@ struct NeighborCells {
 // The number of rows that are searched at once.
 const ROWS_PER_STEP: u32 = 5u;
 
-// A row of cells.
 struct CellRow {
     number: u32,
     y: u32,

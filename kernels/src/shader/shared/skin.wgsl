@@ -11,11 +11,9 @@ struct SkinState {
     displacement: atomic<u32>,
     input_changed: atomic<u32>,
     is_complete: u32,
-    // The number of spheres.
     spheres: u32,
     rebuild_reason: u32,
     age: u32,
-    // The number of candidates.
     candidates: u32,
     last_displacement: u32,
 }

@@ -151,7 +151,6 @@ impl Scene {
         View { center, radius: length(half) }
     }
 
-    /// Adds a frame.
     pub(crate) fn add_frame(&mut self, frame: &Frame) {
         let mut counts = vec![0; self.species.len()];
         frame.rows.iter().for_each(|row| counts[row.species as usize] += 1);

@@ -26,7 +26,6 @@ const ITERATIONS_PER_CANDIDATE: u32 = 32u;
 
 // The number of free candidates. Entries alternate: one is cleared while threads still read the other.
 var<workgroup> free: array<atomic<u32>, 2>;
-// The number of candidates.
 var<workgroup> candidate_count: u32;
 
 fn is_free_at(index: u32) -> bool {

@@ -148,9 +148,7 @@ const RECEPTORS: [[u32; 2]; 3] = [[5_000, 100], [900, 7], [40, 40]];
 struct Crowd {
     spheres: Vec<[f32; 4]>,
     claims: Vec<[u32; 8]>,
-    /// Requests.
     events: Vec<Event>,
-    /// Requests by receiver.
     coming: [u32; 3],
 }
 

@@ -18,7 +18,6 @@ pub(super) struct Resolved {
     pub(super) steps: u32,
     pub(super) seed: u64,
     pub(super) output: Output,
-    /// The warnings.
     pub(super) warnings: Vec<Problem>,
 }
 
@@ -104,7 +103,6 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
     }
 }
 
-/// Species by name.
 struct Names<'a>(&'a [Species]);
 
 impl Names<'_> {

@@ -67,7 +67,6 @@ fn steady_only(transmitter: &file::Transmitter, with: &str) -> Result<(), Proble
     }
 }
 
-/// Refuses keys of messages.
 fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     let given = [
         ("symbol-time", transmitter.symbol_time.as_ref().map(toml::Spanned::span)),

@@ -9,8 +9,7 @@ use lazygrid_check::TestInput;
 use lazygrid_io::Error;
 use lazygrid_io::write::AtomicFile;
 
-/// The options with which `lazygrid detect` searches a scene that was written to this path; `None` where it has none, for
-/// species and for edges of any direction.
+/// The options with which `lazygrid detect` searches a written scene; `None` for species and for triclinic cells.
 pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
     let mut options = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
     if scenario.excluded.is_some() {
@@ -22,7 +21,7 @@ pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
     Some(options)
 }
 
-/// The file with the pairs that are left out, beside the one with the spheres.
+/// The file of excluded pairs of a scene file.
 fn excluded(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().display();
     path.with_file_name(format!("{stem}-excluded.csv"))
@@ -34,7 +33,7 @@ fn of_space(space: &Space) -> Option<String> {
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
     }
-    // Each is above zero along its own axis, and has nothing of those behind it.
+    // A diagonal above zero, and nothing after it.
     let has_option =
         |k: usize| edges[k].is_none_or(|edge| edge[k] > 0.0 && (k + 1..3).all(|axis| edge[axis] == 0.0));
     if !(0..3).all(has_option) {
@@ -47,7 +46,7 @@ fn of_space(space: &Space) -> Option<String> {
     Some(if space.triclinic_cell().is_some() { format!("{periodic} --tilt {tilts}") } else { periodic })
 }
 
-/// Writes a scene, with comments before it, and beside it the pairs that are listed to be left out.
+/// Writes a scene after comments, and next to it its excluded pairs.
 pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result<(), Error> {
     let mut text = String::new();
     let mut comment = |line: &str| text += &format!("# {line}\n");
@@ -77,7 +76,6 @@ pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result
     text += if groups.is_some() { ",group\n" } else { "\n" };
     for (k, sphere) in scenario.spheres.iter().enumerate() {
         let [x, y, z] = sphere.center.to_array();
-        // Writing to a string cannot fail.
         let _ = write!(text, "{x:?},{y:?},{z:?},{:?}", sphere.radius);
         for column in [species, groups.as_ref()].into_iter().flatten() {
             let _ = write!(text, ",{}", column[k]);
@@ -96,7 +94,6 @@ fn commit(path: &Path, text: &str) -> Result<(), Error> {
     file.commit()
 }
 
-/// Returns groups as the molecules of a file, in which 0 means no molecule.
 fn molecules(groups: &[u32]) -> Vec<u32> {
     let mut numbers = BTreeMap::from([(Spheres::NO_GROUP, 0)]);
     let number = |&group: &u32| {

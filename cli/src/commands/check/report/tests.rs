@@ -51,7 +51,7 @@ fn commands_repeat_what_they_can() {
 #[test]
 fn what_leans_and_what_is_left_out_is_shown() {
     let report = Report::empty(true, "cpu");
-    let leaning = TestInput {
+    let skewed = TestInput {
         space: space(tilted([Some(4.0), None, Some(0.1)], [9.0, -1.5, 1e-7])),
         groups: Some(vec![u32::MAX - 1, Spheres::NO_GROUP, 0, u32::MAX - 1]),
         excluded: ExclusionCase::new(4, [(3, 1), (0, 2)]).ok(),
@@ -59,24 +59,23 @@ fn what_leans_and_what_is_left_out_is_shown() {
     };
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("f.csv");
-    let command = report.command(&path, "soup: naive on cpu", Some(&leaning), " --backend cpu");
+    let command = report.command(&path, "soup: naive on cpu", Some(&skewed), " --backend cpu");
     let place = directory.path().display();
     let expected = format!(
         "lazygrid detect {place}/f.csv --backend cpu --periodic 4.0,-,0.1 --tilt 0.0,-1.5,1e-7 \
          --exclude {place}/f-excluded.csv --exclude-groups"
     );
     assert_eq!(command, expected);
-    shown::write(&path, &leaning, &command).unwrap();
+    shown::write(&path, &skewed, &command).unwrap();
     let mut frames = Frames::open(&path, Options { groups: true, ..Options::default() }).unwrap();
     let frame = frames.next().unwrap().unwrap();
     assert_eq!(
         (frame.spheres, frame.groups),
-        (leaning.spheres.clone(), Some(vec![1, Spheres::NO_GROUP, 2, 1]))
+        (skewed.spheres.clone(), Some(vec![1, Spheres::NO_GROUP, 2, 1]))
     );
     assert_eq!(pairs(directory.path().join("f-excluded.csv")).unwrap(), [(0, 2), (1, 3)]);
-    // There is no option for edges of any direction.
     let [x, y, z] = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(|edge| Some(edge.into()));
-    let any = TestInput { space: space([x, y, z]), ..leaning };
+    let any = TestInput { space: space([x, y, z]), ..skewed };
     let command = report.command(&path, "soup: naive on cpu", Some(&any), " --backend cpu");
     assert_eq!(command, "lazygrid check --backend cpu");
     shown::write(&path, &any, &command).unwrap();

@@ -1,5 +1,3 @@
-//! The sections of a report.
-
 use std::error::Error;
 use std::ops::Range;
 
@@ -18,7 +16,6 @@ const POINTS: usize = 400;
 /// Rows of a table of thresholds, at most.
 const ROWS: usize = 40;
 
-/// All of them.
 pub(super) fn all(done: &Done<'_>, channels: Option<&Channels>) -> Result<Vec<Section>, Box<dyn Error>> {
     let model = &done.run.scenario.model;
     let mut sections = vec![head(done), series(done)?];
@@ -59,7 +56,7 @@ fn head(done: &Done<'_>) -> Section {
     Section { title: "The run".into(), text, tables: vec![table], ..Section::default() }
 }
 
-/// Each group of the series in a plot, and where they end in a table.
+/// Plots each group of the series, and tabulates the last values.
 fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
     let (model, mean) = (&done.run.scenario.model, done.mean);
     let species = model.species.len();
@@ -145,7 +142,7 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
     let mut section = Section { title: "Inter-symbol interference".into(), ..Section::default() };
     section.text.push(
         "Which part of a symbol's particles arrives in its own slot (0), in the next one (1) and so on. What comes \
-         behind its own slot interferes with later symbols. `interference.csv` has the numbers."
+         after its own slot interferes with later symbols. `interference.csv` has the numbers."
             .to_owned(),
     );
     let (mut all, mut rows) = (Vec::new(), Vec::new());
@@ -175,11 +172,11 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
 fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Bit errors".into(), ..Section::default() };
     section.text.push(
-        "A receiver counts what arrives in each slot, of the species that are sent and from whomever. On–off keying is \
-         taken for 1 from a threshold on, concentration shift keying for the next higher level from each of several on; \
-         molecule shift keying for the species of which most arrive. SymbolSlots begin with their symbols, or later by quarters \
-         of a symbol's time, up to two of these; of on–off keying those without delay are shown, and those with the delay \
-         that makes the fewest errors. `bit-errors.csv` has all delays and thresholds."
+        "A receiver counts the arrivals of the sent species in each slot, from any transmitter. On–off keying is read \
+         as 1 at or above a threshold, concentration shift keying as the next higher level at or above each of several; \
+         molecule shift keying as the species with the most arrivals. Slots begin with their symbols, or later by quarters \
+         of a symbol's time, up to two of these; for on–off keying the first delay and the one with the fewest errors are \
+         shown. `bit-errors.csv` has all delays and thresholds."
             .to_owned(),
     );
     let name = |errors: &BitErrors| {
@@ -205,7 +202,7 @@ fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Err
         let best = errors.best();
         let (rate, wrong) = errors.at(&best);
         let text = format!(
-            "{name}: fewest errors from a threshold of {} on, {wrong} of {} bits, a rate of {}.",
+            "{name}: fewest errors at a threshold of {}, {wrong} of {} bits, a rate of {}.",
             spaced(&best),
             errors.bits,
             written(rate.mean(), rate.standard_error())
@@ -219,13 +216,12 @@ fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Err
     Ok(section)
 }
 
-/// Returns the first delay of a link, and the one with the fewest errors.
 fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
     let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
     of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
 }
 
-/// A row for each delay, of symbols that several thresholds tell, or species do.
+/// A row for each delay, for several thresholds or molecule shift keying.
 fn by_delay(of: &[BitErrors], name: &str, model: &Model) -> Table {
     let least = of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
     let row = |errors: &BitErrors| {
@@ -271,14 +267,12 @@ fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
     cells
 }
 
-/// Returns at most `most` thresholds, evenly spaced.
 fn thresholds(errors: &BitErrors, most: usize) -> impl Iterator<Item = u64> {
     let last = errors.most() + 1;
     let step = (last / most as u64 + 1) as usize;
     (0..=last).step_by(step)
 }
 
-/// A plot of these lines, if they have points, under a file's name and a title.
 fn plot(
     (name, title): (&str, &str),
     (x, y): (&str, &str),
@@ -302,12 +296,10 @@ fn title(way: Link, model: &Model) -> String {
     )
 }
 
-/// A mean with its standard error, as far as it goes.
 fn written(mean: f64, error: Option<f64>) -> String {
     match error.filter(|error| *error > 0.0) {
         _ if mean.is_nan() => "–".to_owned(),
         Some(error) => {
-            // Two digits of the error.
             let digits = (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize;
             format!("{mean:.digits$} ± {error:.digits$}")
         }

@@ -2,7 +2,6 @@ struct SpeciesRow {
     drift: vec3<f32>,
     // Standard deviation along each axis.
     length: f32,
-    // D dt.
     diffusion: f32,
     radius: f32,
     // Its rows in the table of events: receivers, then decays.

@@ -31,7 +31,6 @@ fn normals(words: vec4<u32>) -> vec3<f32> {
     return vec3(rayleigh(words.x) * cos_sin(words.y), rayleigh(words.z) * cos_sin(words.w).x);
 }
 
-// A uniformly distributed direction.
 fn direction(first: u32, second: u32) -> vec3<f32> {
     let z = 2.0 * open_unit(first) - 1.0;
     return vec3(sqrt(max(1.0 - z * z, 0.0)) * cos_sin(second), z);

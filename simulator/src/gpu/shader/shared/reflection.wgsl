@@ -111,7 +111,6 @@ fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3
 }
 
 struct FollowedPath {
-    // Displacement from its beginning.
     displacement: vec3<f32>,
     length: f32,
     first: u32,
