@@ -123,10 +123,14 @@ impl CSpheres {
     /// The same as [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.
     unsafe fn numbers<'a>(&self) -> Result<Spheres<'a>, Failure> {
         match self.r#type {
-            F32 if self.is_rows() => {
+            F32 if self.is_rows::<f32>() => {
                 // SAFETY: 4 floats for each sphere by this function's condition; `Sphere` is laid out as 4 floats, is
                 // aligned as they are, and any bits are one.
                 Ok(Spheres::from(unsafe { array(self.x.cast::<Sphere>(), self.count, "x") }?))
+            }
+            F64 if self.is_rows::<f64>() => {
+                // SAFETY: 4 numbers for each sphere by this function's condition.
+                Ok(Spheres::from(unsafe { array(self.x.cast::<[f64; 4]>(), self.count, "x") }?))
             }
             // SAFETY: the numbers are `f32` by `type`, and live, by this function's condition.
             F32 => unsafe { self.strided::<f32>() },
@@ -139,10 +143,10 @@ impl CSpheres {
         }
     }
 
-    /// Returns `true` if the numbers, of `f32`, lie in rows `x, y, z, r` without gaps.
-    fn is_rows(&self) -> bool {
-        let is_at = |place: *const c_void, k: usize| place == self.x.wrapping_byte_add(k * size_of::<f32>());
-        let row = size_of::<Sphere>();
+    /// Returns `true` if the numbers, of type `T`, lie in rows `x, y, z, r` without gaps.
+    fn is_rows<T>(&self) -> bool {
+        let is_at = |place: *const c_void, k: usize| place == self.x.wrapping_byte_add(k * size_of::<T>());
+        let row = 4 * size_of::<T>();
         let are_steps = self.step == row && self.r_step == row;
         are_steps && !self.x.is_null() && is_at(self.y, 1) && is_at(self.z, 2) && is_at(self.r, 3)
     }

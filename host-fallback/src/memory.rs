@@ -21,6 +21,19 @@ pub(crate) fn with_growth(bytes: u64) -> u64 {
     bytes + bytes / GROWTH_DIVISOR as u64
 }
 
+/// Prefetches `values[at]` on x86-64. Ignores an index out of range.
+#[inline(always)]
+pub(crate) fn prefetch<T>(values: &[T], at: usize) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: every x86-64 processor has SSE; nothing is read or written, and an address that leads nowhere is ignored.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (values, at);
+}
+
 /// Sets the length of a buffer, whose values are then arbitrary. `what` names them in an error.
 ///
 /// New memory comes zeroed from the system and is not written here, so that threads share the cost of its page faults.

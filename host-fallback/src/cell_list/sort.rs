@@ -5,11 +5,10 @@
 //! order is the same for any number of threads.
 
 use bytemuck::Zeroable;
-use glam::Vec3;
 
 use super::CellLocator;
 use crate::Error;
-use crate::compare::{Columns, ColumnsMut, PairTest, SimdTask, SimdWidth};
+use crate::compare::{Columns, ColumnsMut, PairTest, SimdTask, SimdWidth, Xyzr};
 use crate::disjoint_writes::{DisjointSlice, split_at};
 use crate::input::SearchInput;
 use crate::memory::{try_collect, try_resize};
@@ -26,8 +25,7 @@ const MAX_BUCKETS: usize = 1 << 11;
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
 #[repr(C)]
 pub(crate) struct SortRecord {
-    pub(crate) center: Vec3,
-    pub(crate) radius: f32,
+    pub(crate) row: Xyzr,
     pub(crate) id: u32,
     pub(crate) key: u32,
 }
@@ -92,8 +90,8 @@ impl Sorter {
                 let next = &mut cells[entry.key as usize - first];
                 let at = *next as usize;
                 *next += 1;
-                (x[at], y[at], z[at]) = (entry.center.x, entry.center.y, entry.center.z);
-                (r[at], id[at]) = (entry.radius, entry.id);
+                [x[at], y[at], z[at], r[at]] = entry.row;
+                id[at] = entry.id;
             }
             // Each start has advanced to the end of its cell, where the next cell starts.
             let before = (ends[bucket] - entries.len()) as u32;
@@ -134,11 +132,11 @@ impl Sorter {
 
         let entries = DisjointSlice::new(entries);
         input.executor.for_each(&mut pieces, |piece, (keys, next)| {
-            let mut place = |key: u32, id: usize, (center, radius): (Vec3, f32)| {
+            let mut place = |key: u32, id: usize, row: Xyzr| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, chunk) give every sphere a slot of its own below
                 // their number, the length of `entries`.
-                unsafe { entries.write(*slot as usize, SortRecord { center, radius, id: id as u32, key }) };
+                unsafe { entries.write(*slot as usize, SortRecord { row, id: id as u32, key }) };
                 *slot += 1;
             };
             let ids = piece * size..;
@@ -146,12 +144,12 @@ impl Sorter {
                 Some(rows) => {
                     let rows = &rows[ids.start..];
                     for ((&key, id), sphere) in keys.iter().zip(ids).zip(rows) {
-                        place(key, id, (sphere.center, sphere.radius));
+                        place(key, id, bytemuck::cast(*sphere));
                     }
                 }
                 None => {
                     for (&key, id) in keys.iter().zip(ids) {
-                        place(key, id, input.test.effective(id as u32));
+                        place(key, id, input.test.row(id as u32));
                     }
                 }
             }

@@ -16,8 +16,6 @@ pub use filter::PairFilter;
 pub(crate) use pair_test::{PairTest, SkinMargin, SphereRadii};
 pub(crate) use scan::{COMPARE_NS, HitQueue, scan};
 pub use simd::Simd;
-pub(crate) use simd::{
-    Axes, NeighborRows, PeriodicBox, Portable, RunQueue, SimdTask, SimdWidth, Xyzr, prefetch,
-};
+pub(crate) use simd::{Axes, NeighborRows, PeriodicBox, Portable, RunQueue, SimdTask, SimdWidth, Xyzr};
 pub use sink::PairConsumer;
 pub(crate) use sink::{ChunkTarget, ChunkedOutput, Count, Output, Sink, at_places, memory_of_list};

@@ -123,14 +123,26 @@ impl SearchBackend for HostBackend {
         let mut task = || {
             state.report = Report { spheres: query.len() as u64, ..Report::default() };
             let executor = if is_large { team.executor()? } else { Executor::Caller };
-            let prepared = buffers.prepare(query, (settings, true), executor, &mut state.report.phases)?;
+            let mut lapsed = query.split().map(|_| RebuildReason::NoList);
+            let mut prepared = None;
+            if state.skin.candidates.input_stats().is_some() {
+                // If the candidates are valid, no copy is needed.
+                prepared = buffers.prepare_in_place(query, settings, executor)?;
+                if let Some(given) = &prepared {
+                    lapsed = state.advance(settings, (&given.test(settings), given.given), executor)?;
+                }
+            }
+            let is_advanced = prepared.is_some();
+            let prepared = match prepared.filter(|_| lapsed.is_none()) {
+                Some(prepared) => prepared,
+                None => buffers.prepare(query, (settings, true), executor, &mut state.report.phases)?,
+            };
             // The paper's grids also find pairs within a set.
             let finds_all = !matches!(structure, IndexKind::Naive | IndexKind::CellList);
             let test = prepared.test(settings).across(prepared.split.filter(|_| finds_all));
-            let lapsed = match prepared.split {
-                None => state.advance(settings, &test, executor)?,
-                Some(_) => Some(RebuildReason::NoList),
-            };
+            if !is_advanced && prepared.split.is_none() {
+                lapsed = state.advance(settings, (&test, None), executor)?;
+            }
             let stats = match (lapsed, state.skin.candidates.input_stats()) {
                 (None, Some(stats)) => stats.clone(),
                 _ => {

@@ -13,7 +13,7 @@ use crate::compare::{
 use crate::disjoint_writes::shared;
 use crate::executor::Executor;
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::input::SearchInput;
+use crate::input::{GivenSpheres, SearchInput};
 use crate::memory::{try_collect, try_extend};
 use crate::skin::SkinController;
 use crate::{CandidateListStats, Error, RebuildReason, Report, Settings, naive};
@@ -37,7 +37,7 @@ impl DetectorState {
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
-        test: &PairTest<'_>,
+        test: (&PairTest<'_>, Option<GivenSpheres<'_>>),
         executor: Executor,
     ) -> Result<Option<RebuildReason>, Error> {
         if !settings.keeps_candidates() {
@@ -45,7 +45,7 @@ impl DetectorState {
         }
         let Self { report, skin, cell_list, .. } = self;
         let is_kept = skin.candidates.input_stats().is_some();
-        let mut advance = || skin.advance(settings, (test, cell_list), executor);
+        let mut advance = || skin.advance(settings, test, cell_list, executor);
         match is_kept {
             true => report.time("measure", advance),
             // Only a sample is measured.

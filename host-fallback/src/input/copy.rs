@@ -1,19 +1,17 @@
 use bytemuck::cast;
 use lazygrid_kernels::{Space, Sphere, Spheres};
 
+use super::given::{GivenLoop, GivenRows, GivenSpheres};
 use crate::Simd;
 use crate::compare::{SimdTask, SimdWidth};
 use crate::executor::Executor;
-use crate::frame::{BLOCK_SPHERES, Bounds, SearchFrame};
+use crate::frame::{Bounds, FrameMap};
 use crate::memory::try_collect;
 use crate::{Error, math};
 
 const CHUNK_SPHERES: usize = 1 << 14;
 /// The number of lengths up to which [`Wrapping::wrap`] is exact.
 const NEAR: f64 = (1 << 20) as f64;
-
-/// The half of the largest distance of a species with any other, and `true` if it pairs with any by contact.
-pub(super) type LargestHalf = (f64, bool);
 
 pub(super) fn copy(
     (spheres, targets): (Spheres<'_>, &mut [Sphere]),
@@ -92,19 +90,16 @@ impl SimdTask for WrapChunk<'_> {
     }
 }
 
-/// Maps spheres to a frame, with effective radii by species, and returns the bounds of the given spheres.
+/// Maps spheres to their frame, and returns the bounds of the given spheres.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
 pub(super) fn map_to_frame(
-    (spheres, targets): (Spheres<'_>, &mut [Sphere]),
-    frame: &SearchFrame,
-    halves: Option<&[LargestHalf]>,
+    (given, targets): (GivenSpheres<'_>, &mut [Sphere]),
     (simd, executor): (Simd, Executor),
 ) -> Result<Bounds, Error> {
-    let species = spheres.species().zip(halves);
     let map = |(chunk, targets): (usize, &mut [Sphere])| {
-        simd.run(FrameChunk { spheres, species, frame, from: chunk * CHUNK_SPHERES, targets }, None)
+        simd.run(FrameChunk { given, from: chunk * CHUNK_SPHERES, targets }, None)
     };
     let chunks = targets.chunks_mut(CHUNK_SPHERES).enumerate();
     if executor == Executor::Caller {
@@ -116,9 +111,7 @@ pub(super) fn map_to_frame(
 }
 
 struct FrameChunk<'c> {
-    spheres: Spheres<'c>,
-    species: Option<(&'c [u32], &'c [LargestHalf])>,
-    frame: &'c SearchFrame,
+    given: GivenSpheres<'c>,
     from: usize,
     targets: &'c mut [Sphere],
 }
@@ -127,25 +120,26 @@ impl SimdTask for FrameChunk<'_> {
     type Result = Bounds;
 
     #[inline(always)]
-    fn run<V: SimdWidth>(self, _: V) -> Bounds {
-        let Self { spheres, species, frame, from, targets } = self;
-        let mut block = [[0.0; 4]; BLOCK_SPHERES];
+    fn run<V: SimdWidth>(self, vector: V) -> Bounds {
+        self.given.run(vector, self)
+    }
+}
+
+impl GivenLoop for FrameChunk<'_> {
+    type Result = Bounds;
+
+    #[inline(always)]
+    fn run<V: SimdWidth, const PERIODIC: bool>(
+        self,
+        vector: V,
+        rows: impl GivenRows,
+        map: &FrameMap<'_>,
+    ) -> Bounds {
         let mut bounds = Bounds::EMPTY;
-        for (targets, from) in targets.chunks_mut(BLOCK_SPHERES).zip((from..).step_by(BLOCK_SPHERES)) {
-            let block = &mut block[..targets.len()];
-            spheres.read(from, block);
-            bounds.add(block);
-            if let Some((species, halves)) = species {
-                for (numbers, &species) in block.iter_mut().zip(&species[from..]) {
-                    let (half, touches) = halves[species as usize];
-                    let radius = numbers[3];
-                    // The validity check finds other radii.
-                    if (0.0..f64::INFINITY).contains(&radius) {
-                        numbers[3] = if touches { half.max(radius) } else { half };
-                    }
-                }
-            }
-            frame.map(block, targets);
+        for (target, k) in self.targets.iter_mut().zip(self.from..) {
+            let row = rows.get(k);
+            vector.add_to_bounds(&mut bounds, row);
+            *target = cast(vector.map_to_frame::<PERIODIC>(map, rows.effective(k, row)));
         }
         bounds
     }

@@ -1,12 +1,14 @@
 //! The input of a search: a query is checked, copied if it cannot be searched in place, and measured.
 
 mod copy;
+mod given;
 mod query;
 mod search_input;
 mod species_groups;
 mod stats;
 mod validate;
 
+pub(crate) use given::{GivenLoop, GivenRows, GivenSpheres};
 pub use query::{PreparedQuery, QueryBuffers, check};
 pub(crate) use search_input::{SearchInput, search_pieces};
 pub use species_groups::SpeciesPartition;

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, Sphere, Spheres};
 
-use super::copy::{LargestHalf, copy, map_to_frame};
+use super::copy::{copy, map_to_frame};
+use super::given::{GivenSpheres, LargestHalf};
 use super::validate::{check_species, check_valid};
 use crate::compare::{PairFilter, PairTest};
 use crate::executor::Executor;
@@ -31,6 +32,8 @@ pub struct PreparedQuery<'a> {
     pub split: Option<usize>,
     /// The frame of the spheres, whose radii are then effective radii; `None` for spheres as given.
     pub frame: Option<&'a SearchFrame>,
+    /// The spheres and their map to the frame, if they are not mapped yet.
+    pub(crate) given: Option<GivenSpheres<'a>>,
     /// The exact filter after the search; `None` if contact decides.
     pub filter: Option<PairFilter<'a>>,
 }
@@ -60,23 +63,17 @@ impl QueryBuffers {
         executor: Executor,
         phases: &mut Vec<PhaseTime>,
     ) -> Result<PreparedQuery<'a>, Error> {
-        let Settings { space, interactions, .. } = settings;
-        let interactions = interactions.as_ref();
-        check_query(query, interactions, executor)?;
-        query.check_exclusions()?;
-        let split = query.split();
-        let is_f64 = query.first().is_f64() || query.second().is_some_and(|set| set.is_f64());
-        let is_framed = is_f64 || settings.is_framed();
-        let filter = PairFilter::new(*query, is_framed.then_some((space, interactions)));
+        let (split, space) = (query.split(), &settings.space);
+        let (is_framed, filter) = check_and_filter(query, settings, executor)?;
         let is_wrapped = wraps && space.is_periodic();
         let are_in_place = query.first().is_narrow() && split.is_none();
         if are_in_place && !is_wrapped && !is_framed {
-            return Ok(PreparedQuery { spheres: query.first(), split, frame: None, filter });
+            return Ok(PreparedQuery { spheres: query.first(), split, frame: None, given: None, filter });
         }
         let start = Instant::now();
         try_resize(&mut self.spheres, query.len(), "copies of spheres")?;
         if is_framed {
-            self.map_to_frame(query, (settings, is_f64), executor)?;
+            self.map_to_frame(query, settings, executor)?;
         } else {
             self.copy(query, is_wrapped.then_some(space), (settings.simd, executor));
         }
@@ -84,7 +81,30 @@ impl QueryBuffers {
         let spheres = with_species((spheres, species), query)?;
         PhaseTime::add(phases, "copy", start.elapsed());
         let frame = frame.as_ref().filter(|_| is_framed);
-        Ok(PreparedQuery { spheres, split, frame, filter })
+        Ok(PreparedQuery { spheres, split, frame, given: None, filter })
+    }
+
+    /// Checks a query and prepares its spheres as given, without a copy, for a test of candidates in the last frame. `None` if
+    /// they need no frame, or there is none of their kind.
+    ///
+    /// # Errors
+    /// The errors of [`prepare`](Self::prepare), without those of spheres that are not valid.
+    pub(crate) fn prepare_in_place<'a>(
+        &'a self,
+        query: &Query<'a>,
+        settings: &'a Settings,
+        executor: Executor,
+    ) -> Result<Option<PreparedQuery<'a>>, Error> {
+        let Some(frame) = &self.frame else { return Ok(None) };
+        let (is_framed, filter) = check_and_filter(query, settings, executor)?;
+        let is_of_kind = frame.is_narrow() == is_narrow(query, settings);
+        if !is_framed || !is_of_kind || query.split().is_some() {
+            return Ok(None);
+        }
+        let halves = settings.interactions.as_ref().map(|_| &*self.halves);
+        let spheres = query.first();
+        let given = Some(GivenSpheres::new(spheres, halves, (frame, &settings.space)));
+        Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), given, filter }))
     }
 
     /// Maps the spheres to the last frame, if they fit, or else to a new one.
@@ -94,7 +114,7 @@ impl QueryBuffers {
     fn map_to_frame(
         &mut self,
         query: &Query<'_>,
-        (settings, is_f64): (&Settings, bool),
+        settings: &Settings,
         executor: Executor,
     ) -> Result<(), Error> {
         let Settings { space, interactions, .. } = settings;
@@ -105,7 +125,7 @@ impl QueryBuffers {
                 try_collect((0..table.species()).map(|of| table.largest_half(of)), "radii of species")?;
         }
         let last = self.frame.take();
-        let frame = match space.triclinic_cell().filter(|_| !is_f64 && settings.is_narrow()) {
+        let frame = match space.triclinic_cell().filter(|_| is_narrow(query, settings)) {
             Some(cell) => {
                 let last = last.filter(SearchFrame::is_narrow);
                 let frame = last.unwrap_or_else(|| SearchFrame::narrow(cell));
@@ -114,7 +134,7 @@ impl QueryBuffers {
             }
             None => {
                 let check =
-                    |bounds: &Bounds| if bounds.are_valid { Ok(()) } else { check_valid(query, executor) };
+                    |bounds: &Bounds| if bounds.are_valid() { Ok(()) } else { check_valid(query, executor) };
                 // Radii of `f64` spheres may exceed a narrow frame.
                 let mut bounds = None;
                 let kept = match last.filter(|last| !last.is_narrow()) {
@@ -156,11 +176,11 @@ impl QueryBuffers {
         let halves = settings.interactions.as_ref().map(|_| &**halves);
         let (first, second) = spheres.split_at_mut(query.first().len());
         let on = |count: usize| (settings.simd, executor.for_light_work(count));
-        let bounds = map_to_frame((query.first(), first), frame, halves, on(query.first().len()))?;
-        match query.second() {
-            None => Ok(bounds),
-            Some(set) => Ok(bounds.merge(map_to_frame((set, second), frame, halves, on(set.len()))?)),
-        }
+        let map = |set: Spheres<'_>, targets| {
+            map_to_frame((GivenSpheres::new(set, halves, (frame, &settings.space)), targets), on(set.len()))
+        };
+        let bounds = map(query.first(), first)?;
+        query.second().map_or(Ok(bounds), |set| Ok(bounds.merge(map(set, second)?)))
     }
 
     fn copy(&mut self, query: &Query<'_>, space: Option<&Space>, on: (Simd, Executor)) {
@@ -186,6 +206,28 @@ fn with_species<'a>(
     of_first.copy_from_slice(ids);
     of_second.copy_from_slice(others);
     Ok(all.with_species(species)?)
+}
+
+/// Returns `true` if the frame of a query is that of `f32` spheres in a triclinic space.
+fn is_narrow(query: &Query<'_>, settings: &Settings) -> bool {
+    settings.space.triclinic_cell().is_some() && settings.is_narrow() && !is_f64(query)
+}
+
+fn is_f64(query: &Query<'_>) -> bool {
+    query.first().is_f64() || query.second().is_some_and(|set| set.is_f64())
+}
+
+/// Checks a query without the validity of its spheres. Returns `true` if they need a frame, and the exact filter.
+fn check_and_filter<'a>(
+    query: &Query<'a>,
+    settings: &'a Settings,
+    executor: Executor,
+) -> Result<(bool, Option<PairFilter<'a>>), InputError> {
+    let Settings { space, interactions, .. } = settings;
+    check_query(query, interactions.as_ref(), executor)?;
+    query.check_exclusions()?;
+    let is_framed = is_f64(query) || settings.is_framed();
+    Ok((is_framed, PairFilter::new(*query, is_framed.then_some((space, interactions.as_ref())))))
 }
 
 /// Refuses more spheres than indices, and species outside the table.

@@ -1,17 +1,18 @@
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::AtomicU64;
 
 use glam::Vec3;
 use lazygrid_kernels::Pair;
 
+use super::advance::{CHUNK_SPHERES, advance};
 use crate::cell_list::{CellList, DensityCache, SortRecord};
 use crate::compare::{
     ChunkTarget, ChunkedOutput, MAX_LANES, Output, PairTest, SimdTask, SimdWidth, Sink, SkinMargin, Xyzr,
-    at_places, memory_of_list, prefetch,
+    at_places, memory_of_list,
 };
 use crate::executor::Executor;
 use crate::input::InputStats;
-use crate::input::{SearchInput, search_pieces};
-use crate::memory::{try_resize, with_growth};
+use crate::input::{GivenSpheres, SearchInput, search_pieces};
+use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
 use crate::size_class::{SIZE_CLASSES, class_of};
@@ -20,11 +21,8 @@ use crate::{Error, Simd};
 /// The displacement limit of the spheres of each size class.
 pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
 
-/// The number of spheres by which a prefetch runs ahead; they lie anywhere in memory.
-const PREFETCH_SPHERES: usize = 128;
 /// The number of candidate vectors by which a prefetch of their spheres runs ahead.
 const PREFETCH_VECTORS: usize = 16;
-const CHUNK_SPHERES: usize = 1 << 13;
 /// The usable fraction of a displacement limit. The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 /// The largest rounding error of a minimum-image distance, as a fraction of the longest axis.
@@ -90,7 +88,7 @@ impl CandidateList {
     /// An invalid list is dropped here, before the call can fail: no later call may use it.
     pub(crate) fn update_displacements(
         &mut self,
-        test: &PairTest<'_>,
+        (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
         list: &CellList,
         (simd, executor): (Simd, Executor),
     ) -> Option<RebuildReason> {
@@ -99,18 +97,10 @@ impl CandidateList {
         if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
             return Some(RebuildReason::InputChanged);
         }
-        let then = list.notes();
-        let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
-        executor.for_each_chunk(&mut self.rows, CHUNK_SPHERES, |piece, rows| {
-            let then = &then[piece * CHUNK_SPHERES..];
-            let (part, differs) = simd.run(Advance { test, then, rows }, None);
-            // The bits of non-negative numbers are ordered like the numbers.
-            farthest.fetch_max(part.to_bits(), Relaxed);
-            changed.fetch_or(differs, Relaxed);
-        });
-        self.displacement_fraction = f32::from_bits(farthest.into_inner()).sqrt();
+        let (moved, changed) = advance((test, given), (list.notes(), &mut self.rows), (simd, executor));
+        self.displacement_fraction = moved;
         self.age += 1;
-        match (changed.into_inner(), self.displacement_fraction <= USABLE_FRACTION) {
+        match (changed, self.displacement_fraction <= USABLE_FRACTION) {
             (true, _) => Some(RebuildReason::InputChanged),
             (false, false) => Some(RebuildReason::Displacement),
             (false, true) => {
@@ -207,7 +197,7 @@ impl CandidateList {
                 notes.iter_mut().zip(&rows[places.clone()]).zip(&order[places])
             {
                 let inverse = inverse[class_of(radius)];
-                *note = SortRecord { center: [x, y, z].into(), radius: inverse, id, key: 0 };
+                *note = SortRecord { row: [x, y, z, inverse], id, key: 0 };
             }
         });
         Ok(())
@@ -261,85 +251,6 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
         }
     }
     apart
-}
-
-/// Copies the spheres of this call to their positions in `rows`. `then` holds each center at the build, and as its
-/// radius the inverse square of its displacement limit. Returns the square of the largest used fraction of a limit, or
-/// infinity if a sphere is invalid; and `true` if an effective radius has changed.
-struct Advance<'a> {
-    test: &'a PairTest<'a>,
-    then: &'a [SortRecord],
-    rows: &'a mut [Xyzr],
-}
-
-impl SimdTask for Advance<'_> {
-    type Result = (f32, bool);
-
-    #[inline(always)]
-    fn run<V: SimdWidth>(self, _: V) -> (f32, bool) {
-        match self.test.lengths().iter().any(Option::is_some) {
-            true => self.advance::<true>(),
-            false => self.advance::<false>(),
-        }
-    }
-}
-
-impl Advance<'_> {
-    #[inline(always)]
-    fn advance<const PERIODIC: bool>(self) -> (f32, bool) {
-        let Self { test, then, rows } = self;
-        let [x, y, z] = test.lengths().map(|length| length.unwrap_or(f32::INFINITY));
-        let mut largest = Largest { lengths: [x, y, z, f32::INFINITY], part: 0.0, poison: 0.0, differing: 0 };
-        let then = &then[..rows.len()];
-        let mut is_refused = false;
-        match test.plain_rows() {
-            Some(spheres) => {
-                for (k, row) in rows.iter_mut().enumerate() {
-                    prefetch(spheres, then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
-                    largest.add::<PERIODIC>(row, &then[k], bytemuck::cast(spheres[then[k].id as usize]));
-                }
-            }
-            None => {
-                for (row, then) in rows.iter_mut().zip(then) {
-                    largest.add::<PERIODIC>(row, then, test.row(then.id));
-                    // An effective radius by species alone hides an invalid radius.
-                    is_refused |= !test.spheres().get(then.id as usize).is_valid();
-                }
-            }
-        }
-        let is_lost = is_refused || largest.poison != 0.0;
-        (if is_lost { f32::INFINITY } else { largest.part }, largest.differing != 0)
-    }
-}
-
-struct Largest {
-    lengths: [f32; 4],
-    part: f32,
-    /// NaN after a displacement that is not finite.
-    poison: f32,
-    differing: u32,
-}
-
-impl Largest {
-    #[inline(always)]
-    fn add<const PERIODIC: bool>(&mut self, row: &mut Xyzr, then: &SortRecord, now: Xyzr) {
-        let before = [then.center.x, then.center.y, then.center.z, 0.0];
-        let mut squares = [0.0; 4];
-        for lane in 0..4 {
-            let mut apart = now[lane] - before[lane];
-            if PERIODIC {
-                apart = apart.abs();
-                let other = (self.lengths[lane] - apart).abs();
-                apart = if other < apart { other } else { apart };
-            }
-            squares[lane] = apart * apart;
-        }
-        let part = (squares[0] + squares[1] + squares[2]) * then.radius;
-        self.poison += part * 0.0;
-        self.part = if part > self.part { part } else { self.part };
-        self.differing |= now[3].to_bits() ^ row[3].to_bits();
-        *row = now;
-    }
 }
 
 /// Tests some candidates. No branch predictor can tell which of them touch, so testing appends hits without a branch,

@@ -4,7 +4,7 @@ use super::tuner::SkinTuner;
 use crate::cell_list::{CellList, DensityCache, DensityProfile};
 use crate::compare::PairTest;
 use crate::executor::Executor;
-use crate::input::SearchInput;
+use crate::input::{GivenSpheres, SearchInput};
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Settings, Skin};
 
@@ -17,20 +17,21 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Updates displacements. Returns the reason for a rebuild, or `None` if the candidate list is valid.
+    /// Updates displacements, of `given` spheres if they are not mapped to their frame yet. Returns the reason for a rebuild, or `None` if the candidate list is valid.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
-        (test, list): (&PairTest<'_>, &CellList),
+        (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
+        list: &CellList,
         executor: Executor,
     ) -> Result<Option<RebuildReason>, Error> {
         if settings.skin == Skin::Auto {
-            self.tuner.observe(test)?;
+            self.tuner.observe(test, given)?;
         }
-        let lapsed = self.candidates.update_displacements(test, list, (settings.simd, executor));
+        let lapsed = self.candidates.update_displacements((test, given), list, (settings.simd, executor));
         self.tuner.record_age(self.candidates.age(), lapsed);
         Ok(lapsed)
     }

@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::candidate_list::nearest;
 use crate::Error;
 use crate::compare::PairTest;
+use crate::input::GivenSpheres;
 use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
@@ -58,11 +59,15 @@ impl Default for DisplacementStats {
 }
 
 impl DisplacementStats {
-    /// Samples the positions of the spheres.
+    /// Samples the positions of the spheres, which are `given` if they are not mapped to their frame yet.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn observe(&mut self, test: &PairTest<'_>) -> Result<(), Error> {
+    pub(crate) fn observe(
+        &mut self,
+        test: &PairTest<'_>,
+        given: Option<GivenSpheres<'_>>,
+    ) -> Result<(), Error> {
         let n = test.spheres().len();
         let size = (n / MIN_SPHERES_PER_SAMPLE).clamp(n.min(MIN_SPHERES_PER_SAMPLE), MAX_SAMPLE);
         let known = self.spheres == n && self.positions.len() == size;
@@ -73,7 +78,9 @@ impl DisplacementStats {
         let lengths = test.lengths();
         let mut steps = [0.0_f32; SIZE_CLASSES];
         for (k, position) in self.positions.iter_mut().enumerate() {
-            let (center, radius) = test.effective((k * n / size) as u32);
+            let id = k * n / size;
+            let [x, y, z, radius] = given.map_or_else(|| test.row(id as u32), |given| given.searched(id));
+            let center = Vec3::new(x, y, z);
             let class = &mut steps[class_of(radius)];
             *class = class.max(nearest(center - *position, lengths).length());
             *position = center;
@@ -122,7 +129,7 @@ mod tests {
         let at = |x: f32| [Sphere::new([x, 0.0, 0.0], 1.0), Sphere::new([0.0, 2.0 * x, 0.0], 0.25)];
         let mut steps = |x: f32| {
             let spheres = at(x);
-            motion.observe(&PairTest::new((&spheres).into(), None)).expect("there is memory");
+            motion.observe(&PairTest::new((&spheres).into(), None), None).expect("there is memory");
             motion.steps().map(|(steps, _)| [steps[class_of(1.0)], steps[class_of(0.25)], steps[7]])
         };
         assert_eq!(steps(5.0), None);
@@ -137,7 +144,7 @@ mod tests {
         for x in [3.75, -3.75] {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None).in_space(space);
-            motion.observe(&test).expect("there is memory");
+            motion.observe(&test, None).expect("there is memory");
         }
         assert_eq!(motion.steps().expect("two calls").0[class_of(1.0)], 0.5);
     }

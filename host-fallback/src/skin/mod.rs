@@ -9,9 +9,10 @@
 //! 2. A call measures the displacements, and tests the candidates or builds a new list. Results never depend on the
 //!    limits.
 //!
-//! `displacement` observes, `cost_model` chooses limits, `tuner` compares expectations with results, `controller`
-//! decides in each call, `candidate_list` stores and tests. The GPU shares the first three.
+//! `displacement` observes, `cost_model` chooses limits, `tuner` compares expectations with results, `controller` decides in
+//! each call, `advance` measures displacements, `candidate_list` stores and tests. The GPU has candidate lists of its own and shares the first three.
 
+mod advance;
 mod candidate_list;
 mod controller;
 mod cost_model;

@@ -1,4 +1,4 @@
-use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Space, Sphere, Spheres};
+use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Radii, Space, Sphere, Spheres};
 
 use crate::test_support::Random;
 use crate::{Error, HostDetector, Order, RebuildReason, Settings, Skin};
@@ -262,4 +262,90 @@ fn candidates_too_many_to_keep_cost_no_memory_and_no_error() {
         assert_eq!(kept.count(&spheres), Ok(5000 * 4999 / 2));
         assert_eq!(kept.report().candidates, None);
     }
+}
+
+/// Rows of `f64`, none of which is an `f32` number.
+fn wide(spheres: &[Sphere]) -> Vec<[f64; 4]> {
+    let widened = |sphere: &Sphere| {
+        let row: [f32; 4] = bytemuck::cast(*sphere);
+        row.map(|number| f64::from(number) + 1e-11)
+    };
+    spheres.iter().map(widened).collect()
+}
+
+/// Rows, and centers with radii, of some spheres many boxes away.
+#[test]
+fn candidates_of_f64_spheres_are_tested_without_a_copy() {
+    let lengths = Space::periodic([Some(24.1), None, Some(25.3)]).expect("a box");
+    let cell = Space::triclinic([Some([24.0, 0.0, 0.0]), Some([9.0, 25.0, 0.0]), None]).expect("a cell");
+    for (space, shift) in [(Space::UNBOUNDED, 0.0), (lengths, 7.0 * 24.1), (cell, 24.0)] {
+        for interactions in [None, Some(table())] {
+            let settings = Settings { space, interactions, skin: Skin::Fixed(0.4), ..Settings::default() };
+            let mut off =
+                HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
+            let mut kept = HostDetector::new(settings).expect("good settings");
+            let (mut spheres, mut random, mut served) = (gas(3000, 3, 24.0), Random(5), 0);
+            let ids = species(spheres.len());
+            for call in 0..24 {
+                let mut rows = wide(&spheres);
+                rows.iter_mut().step_by(5).for_each(|row| row[0] += shift);
+                let centers: Vec<_> = rows.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
+                let radii: Vec<_> = rows.iter().map(|row| row[3]).collect();
+                let given = match call % 2 {
+                    0 => Spheres::from(&rows),
+                    _ => Spheres::points(&centers, Radii::Each(&radii)).expect("one radius each"),
+                };
+                let given = given.with_species(&ids).expect("one id for each");
+                let expected = off.pairs(given).expect("valid");
+                assert_eq!(kept.pairs(given).expect("valid"), expected, "{space:?}, call {call}");
+                if kept.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()) {
+                    served += 1;
+                    assert!(kept.report().phases.iter().all(|phase| phase.name != "copy"));
+                }
+                step(&mut spheres, 0.05, &mut random);
+            }
+            assert!((8..24).contains(&served), "{space:?}: {served} served");
+        }
+    }
+}
+
+#[test]
+fn bad_f64_spheres_are_refused_while_candidates_serve() {
+    let settings = Settings { skin: Skin::Fixed(1.0), ..Settings::default() };
+    let mut kept = HostDetector::new(settings).expect("good settings");
+    let mut rows = wide(&gas(3000, 2, 20.0));
+    rows[2000][3] = 0.0;
+    // A tiny radius is lost in the growth of the frame's radii, and a large one is cut.
+    rows[17][3] = 1e30;
+    let all = kept.count(&rows).expect("valid");
+    for (k, lane, bad) in
+        [(2000, 3, -1e-300), (17, 3, f64::INFINITY), (2999, 1, f64::NAN), (0, 2, f64::NEG_INFINITY)]
+    {
+        assert_eq!(kept.count(&rows), Ok(all));
+        assert_eq!(kept.count(&rows), Ok(all));
+        let good = std::mem::replace(&mut rows[k][lane], bad);
+        let refused = kept.count(&rows);
+        assert!(
+            matches!(refused, Err(Error::Input(InputError::Sphere { index, count: 1, .. })) if index == k as u32),
+            "{bad}: {refused:?}"
+        );
+        rows[k][lane] = good;
+    }
+}
+
+#[test]
+fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
+    let settings = Settings { skin: Skin::Fixed(1.0), ..Settings::default() };
+    let mut kept = HostDetector::new(settings).expect("good settings");
+    let mut rows = wide(&gas(3000, 2, 20.0));
+    kept.count(&rows).expect("valid");
+    rows[5][0] += 0.2;
+    let near = kept.count(&rows).expect("valid");
+    assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, None);
+    rows[5] = [1e6, 0.0, 0.0, rows[5][3]];
+    let far = kept.count(&rows).expect("valid");
+    let mut off =
+        HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
+    assert_eq!(off.count(&rows), Ok(far));
+    assert!(far <= near);
 }

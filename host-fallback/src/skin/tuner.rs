@@ -9,7 +9,7 @@ use crate::Error;
 use crate::cell_list::DensityProfile;
 use crate::compare::PairTest;
 use crate::executor::Executor;
-use crate::input::InputStats;
+use crate::input::{GivenSpheres, InputStats};
 use crate::report::RebuildReason;
 use crate::size_class::SIZE_CLASSES;
 
@@ -42,11 +42,15 @@ impl SkinTuner {
         interactions: Option<&Interactions>,
         space: Space,
     ) -> Result<(), Error> {
-        self.observe(&PairTest::new(spheres, interactions).in_space(space))
+        self.observe(&PairTest::new(spheres, interactions).in_space(space), None)
     }
 
-    pub(super) fn observe(&mut self, test: &PairTest<'_>) -> Result<(), Error> {
-        self.displacements.observe(test)
+    pub(super) fn observe(
+        &mut self,
+        test: &PairTest<'_>,
+        given: Option<GivenSpheres<'_>>,
+    ) -> Result<(), Error> {
+        self.displacements.observe(test, given)
     }
 
     /// Records the age of the list in calls, the largest used fraction of a displacement limit, and the reason for a rebuild.

@@ -83,20 +83,10 @@ fn maybe<T>(values: &[T]) -> &[MaybeUninit<T>] {
     unsafe { &*(std::ptr::from_ref(values) as *const [MaybeUninit<T>]) }
 }
 
-fn columns_of<T, const N: usize>(rows: &[[T; N]]) -> [&[MaybeUninit<T>]; N] {
-    let values = rows.as_flattened();
-    std::array::from_fn(|column| maybe(values.get(column..).unwrap_or(&[])))
-}
-
 impl<'a, T: Copy> Strided<'a, T> {
     /// Columns of one length.
     pub(crate) fn of_columns([x, y, z, r]: [&'a [T]; 4]) -> Self {
         Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
-    }
-
-    pub(crate) fn of_rows(rows: &'a [[T; 4]]) -> Self {
-        let [x, y, z, r] = columns_of(rows);
-        Self { axes: [x, y, z], step: 4, radii: Source::Each(r, 4), count: rows.len() }
     }
 
     /// Creates strided spheres from centers `x, y, z`.
@@ -112,7 +102,9 @@ impl<'a, T: Copy> Strided<'a, T> {
             }
             Radii::Each(radii) => Source::Each(maybe(radii), 1),
         };
-        Ok(Self { axes: columns_of(centers), step: 3, radii, count: centers.len() })
+        let values = centers.as_flattened();
+        let axes = [0, 1, 2].map(|axis| maybe(values.get(axis..).unwrap_or(&[])));
+        Ok(Self { axes, step: 3, radii, count: centers.len() })
     }
 
     /// Creates strided spheres from columns `x, y, z, r` of `count` spheres. `steps` are the numbers of values from one center
@@ -130,37 +122,6 @@ impl<'a, T: Copy> Strided<'a, T> {
         self.count
     }
 
-    /// Copies the spheres at or above `from` into `into`.
-    ///
-    /// # Panics
-    /// Panics if fewer spheres remain.
-    #[inline(always)]
-    fn read(&self, from: usize, into: &mut [[f64; 4]])
-    where
-        T: Into<f64>,
-    {
-        assert!(from <= self.count && into.len() <= self.count - from, "spheres of {}", self.count);
-        let [x, y, z] = self.axes.map(<[_]>::as_ptr);
-        // SAFETY: the indices are below the number of spheres, whose values are inside their columns and initialized: the columns
-        // are initialized slices of these lengths, or `from_parts` required it.
-        let value = |at: *const MaybeUninit<T>, k: usize| unsafe { (*at.add(k)).assume_init().into() };
-        match self.radii {
-            Source::All(radius) => {
-                for (numbers, k) in into.iter_mut().zip(from..) {
-                    let at = k * self.step;
-                    *numbers = [value(x, at), value(y, at), value(z, at), radius.into()];
-                }
-            }
-            Source::Each(radii, step) => {
-                let r = radii.as_ptr();
-                for (numbers, k) in into.iter_mut().zip(from..) {
-                    let at = k * self.step;
-                    *numbers = [value(x, at), value(y, at), value(z, at), value(r, k * step)];
-                }
-            }
-        }
-    }
-
     /// Returns sphere `i`.
     ///
     /// # Panics
@@ -168,9 +129,10 @@ impl<'a, T: Copy> Strided<'a, T> {
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [T; 4] {
         assert!(i < self.count, "sphere {i} of {}", self.count);
-        // SAFETY: `i` is below the number of spheres, whose values are initialized: the columns are initialized slices, or
-        // `from_parts` required it.
-        let value = |values: &[MaybeUninit<T>], step: usize| unsafe { values[i * step].assume_init() };
+        // SAFETY: `i` is below the number of spheres, whose values are inside their columns and initialized: the columns are
+        // initialized slices of these lengths, or `from_parts` required it.
+        let value =
+            |values: &[MaybeUninit<T>], step: usize| unsafe { values.get_unchecked(i * step).assume_init() };
         let [x, y, z] = self.axes.map(|axis| value(axis, self.step));
         let radius = match self.radii {
             Source::All(radius) => radius,
@@ -185,14 +147,6 @@ impl Wide<'_> {
         match self {
             Self::F32(spheres) => spheres.len(),
             Self::F64(spheres) => spheres.len(),
-        }
-    }
-
-    #[inline]
-    pub(crate) fn read(&self, from: usize, into: &mut [[f64; 4]]) {
-        match self {
-            Self::F32(spheres) => spheres.read(from, into),
-            Self::F64(spheres) => spheres.read(from, into),
         }
     }
 

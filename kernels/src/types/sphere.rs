@@ -59,6 +59,7 @@ pub struct Spheres<'a> {
 enum Layout<'a> {
     Rows(&'a [Sphere]),
     Columns([&'a [f32]; 4]),
+    RowsF64(&'a [[f64; 4]]),
     Wide(Wide<'a>),
 }
 
@@ -133,6 +134,7 @@ impl<'a> Spheres<'a> {
         match self.layout {
             Layout::Rows(rows) => rows.len(),
             Layout::Columns([x, ..]) => x.len(),
+            Layout::RowsF64(rows) => rows.len(),
             Layout::Wide(wide) => wide.len(),
         }
     }
@@ -151,8 +153,15 @@ impl<'a> Spheres<'a> {
         match self.layout {
             Layout::Rows(rows) => rows[i],
             Layout::Columns([x, y, z, r]) => Sphere::new([x[i], y[i], z[i]], r[i]),
-            Layout::Wide(wide) => rounded(&wide, i),
+            Layout::RowsF64(_) | Layout::Wide(_) => self.rounded(i),
         }
+    }
+
+    /// Returns sphere `i`, rounded. Never inlined: it would lengthen the loops of searches, which read rows and columns of `f32`.
+    #[cold]
+    #[inline(never)]
+    fn rounded(&self, i: usize) -> Sphere {
+        Sphere::from(self.get_f64(i).map(|number| number as f32))
     }
 
     /// Returns the numbers `x, y, z, r` of sphere `i` as given.
@@ -162,24 +171,11 @@ impl<'a> Spheres<'a> {
     #[inline]
     pub fn get_f64(&self, i: usize) -> [f64; 4] {
         match self.layout {
+            Layout::RowsF64(rows) => rows[i],
             Layout::Wide(wide) => wide.get(i),
             Layout::Rows(_) | Layout::Columns(_) => {
                 let Sphere { center, radius } = self.get(i);
                 [center.x, center.y, center.z, radius].map(f64::from)
-            }
-        }
-    }
-
-    /// Copies the spheres at or above `from` into `into`, until it is full.
-    ///
-    /// # Panics
-    /// Panics if fewer spheres remain.
-    #[inline]
-    pub fn read(&self, from: usize, into: &mut [[f64; 4]]) {
-        match self.layout {
-            Layout::Wide(wide) => wide.read(from, into),
-            Layout::Rows(_) | Layout::Columns(_) => {
-                into.iter_mut().zip(from..).for_each(|(numbers, k)| *numbers = self.get_f64(k));
             }
         }
     }
@@ -192,12 +188,12 @@ impl<'a> Spheres<'a> {
 
     /// Returns `true` if the numbers are `f64`.
     pub fn is_f64(&self) -> bool {
-        matches!(self.layout, Layout::Wide(Wide::F64(_)))
+        matches!(self.layout, Layout::RowsF64(_) | Layout::Wide(Wide::F64(_)))
     }
 
     /// Returns `true` if the spheres are stored as rows or columns of `f32`, as searches read them.
     pub fn is_narrow(&self) -> bool {
-        !matches!(self.layout, Layout::Wide(_))
+        matches!(self.layout, Layout::Rows(_) | Layout::Columns(_))
     }
 
     /// Returns the spheres as one slice if they are stored as rows.
@@ -205,7 +201,16 @@ impl<'a> Spheres<'a> {
     pub fn as_rows(&self) -> Option<&'a [Sphere]> {
         match self.layout {
             Layout::Rows(rows) => Some(rows),
-            Layout::Columns(_) | Layout::Wide(_) => None,
+            Layout::Columns(_) | Layout::RowsF64(_) | Layout::Wide(_) => None,
+        }
+    }
+
+    /// Returns the spheres as one slice if they are stored as rows of `f64`.
+    #[inline]
+    pub fn as_rows_f64(&self) -> Option<&'a [[f64; 4]]> {
+        match self.layout {
+            Layout::RowsF64(rows) => Some(rows),
+            Layout::Rows(_) | Layout::Columns(_) | Layout::Wide(_) => None,
         }
     }
 
@@ -230,13 +235,6 @@ impl<'a> Spheres<'a> {
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Sphere> + '_ {
         (0..self.len()).map(|i| self.get(i))
     }
-}
-
-/// Returns sphere `i`, rounded. Never inlined: it would lengthen the loops of searches, which read rows and columns.
-#[cold]
-#[inline(never)]
-fn rounded(wide: &Wide<'_>, i: usize) -> Sphere {
-    Sphere::from(wide.get(i).map(|number| number as f32))
 }
 
 impl<'a> From<&'a [Sphere]> for Spheres<'a> {
@@ -265,7 +263,7 @@ impl<'a> From<&'a [[f32; 4]]> for Spheres<'a> {
 
 impl<'a> From<&'a [[f64; 4]]> for Spheres<'a> {
     fn from(rows: &'a [[f64; 4]]) -> Self {
-        Self::strided(Strided::of_rows(rows))
+        Self::of(Layout::RowsF64(rows))
     }
 }
 

@@ -2,7 +2,7 @@ use lazygrid_kernels::{Pair, Space};
 
 use super::super::columns::Columns;
 use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdWidth, Xyzr};
-use crate::frame::SearchFrame;
+use crate::frame::{Bounds, FrameMap, SearchFrame};
 
 /// The lengths of a periodic space in the precision of the filter.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +75,21 @@ impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     #[inline(always)]
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
         self.vector.cell(axes, center, offset)
+    }
+
+    #[inline(always)]
+    fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]) {
+        self.vector.add_to_bounds(bounds, row);
+    }
+
+    #[inline(always)]
+    fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
+        self.vector.map_to_frame::<PERIODIC>(map, row)
+    }
+
+    #[inline(always)]
+    fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
+        self.vector.squared_displacement::<PERIODIC>(now, then, lengths)
     }
 
     #[inline(always)]

@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 use lazygrid_kernels::Pair;
 
 use super::columns::{Columns, MAX_LANES};
+use crate::frame::{Bounds, FrameMap};
 use minimum_image::MinimumImage;
 pub(crate) use minimum_image::PeriodicBox;
 pub(crate) use portable::Portable;
@@ -23,6 +24,8 @@ mod run_queue;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
+#[cfg(target_arch = "x86_64")]
+mod x86_rows;
 
 /// Relative half-width of the band. Rounding in `f32` moves `d²` against `(ri + rj)²` by at most 4 ulp, 2⁻²¹; twice
 /// that is safe and leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is
@@ -133,19 +136,6 @@ fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<Period
     }
 }
 
-/// Prefetches `values[at]` on x86-64. Ignores an index out of range.
-#[inline(always)]
-pub(crate) fn prefetch<T>(values: &[T], at: usize) {
-    #[cfg(target_arch = "x86_64")]
-    // SAFETY: every x86-64 processor has SSE; a prefetch reads and writes nothing, and invalid addresses are ignored.
-    unsafe {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast());
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (values, at);
-}
-
 /// Work that is compiled once per SIMD width.
 ///
 /// Only code that is inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and
@@ -174,6 +164,12 @@ pub(crate) trait SimdWidth: Copy {
     /// The cell of the point `center + offset`, clamped to the grid. Monotone along each axis, and the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
+    /// Adds a sphere to the bounds of given spheres.
+    fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]);
+    /// Maps a sphere to a frame, as [`FrameMap::map`] does.
+    fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
+    /// The squared distance of two centers, between minimum images in these lengths if `PERIODIC`. The last lane has no effect.
+    fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
     /// Appends the runs to compare with some spheres of one cell, at most five per sphere. `spheres` has their start
     /// and number, at most [`MAX_LANES`]. A run starts after its own sphere.
     fn find_neighbor_runs(
@@ -256,6 +252,24 @@ mod tests {
                 for offset in [0.0, 1.5, -1.5, 1e10] {
                     all.extend(vector.cell(&AXES, point, offset));
                 }
+            }
+            let rows = [[2.5, -3.0, 0.1, 0.5], [-7e5, 60.0, -1e-9, 3e8], [9.9, 0.0, 4.999, 0.0]];
+            for space in [[None; 3], [Some(10.1), None, Some(10.0)]] {
+                let space = lazygrid_kernels::Space::periodic(space).expect("a box");
+                let mut bounds = Bounds::EMPTY;
+                rows.iter().for_each(|&row| vector.add_to_bounds(&mut bounds, row));
+                all.extend([bounds.min, bounds.max].as_flattened().iter().map(|&bound| bound as f32 as u32));
+                let frame = crate::frame::SearchFrame::new(&bounds, &space);
+                let map = FrameMap::new(&frame);
+                let mapped = rows.map(|row| match map.is_unbounded() {
+                    true => vector.map_to_frame::<false>(&map, row),
+                    false => vector.map_to_frame::<true>(&map, row),
+                });
+                all.extend(mapped.as_flattened().iter().map(|number| number.to_bits()));
+                let [x, y, z] = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
+                let lengths = [x, y, z, f32::INFINITY];
+                all.push(vector.squared_displacement::<false>(mapped[0], mapped[2], &lengths).to_bits());
+                all.push(vector.squared_displacement::<true>(mapped[0], mapped[2], &lengths).to_bits());
             }
             let mut pairs = [Pair::default(); MAX_LANES];
             for lanes in LANES {

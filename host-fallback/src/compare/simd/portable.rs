@@ -5,6 +5,7 @@ use super::super::columns::Columns;
 use super::{
     Axes, BAND, FLOOR, MAX_LANES, NeighborRows, PeriodicBox, PeriodicSimd, RunQueue, SimdWidth, Xyzr, scalar,
 };
+use crate::frame::{Bounds, FrameMap};
 
 /// Eight lanes in vectors that every processor has, two of four on most.
 #[derive(Clone, Copy)]
@@ -50,6 +51,21 @@ impl SimdWidth for Portable {
             cell[axis] = at.max(0.0).min(axes.last[axis]) as u32;
         }
         cell
+    }
+
+    #[inline(always)]
+    fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]) {
+        bounds.add(row);
+    }
+
+    #[inline(always)]
+    fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
+        map.map::<PERIODIC>(row)
+    }
+
+    #[inline(always)]
+    fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
+        scalar::squared_displacement::<PERIODIC>(now, then, lengths)
     }
 
     #[inline(always)]

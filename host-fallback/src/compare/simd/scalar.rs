@@ -59,3 +59,19 @@ pub(super) fn minimum_image_touching(
     }
     [wide.possible(), narrow.certain()]
 }
+
+/// The squared distance of two centers.
+#[inline(always)]
+pub(super) fn squared_displacement<const PERIODIC: bool>(now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
+    let mut squares = [0.0; 4];
+    for lane in 0..4 {
+        let mut apart = now[lane] - then[lane];
+        if PERIODIC {
+            apart = apart.abs();
+            let other = (lengths[lane] - apart).abs();
+            apart = if other < apart { other } else { apart };
+        }
+        squares[lane] = apart * apart;
+    }
+    squares[0] + squares[1] + squares[2]
+}

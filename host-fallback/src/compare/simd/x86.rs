@@ -5,8 +5,9 @@ use lazygrid_kernels::Pair;
 use super::super::columns::Columns;
 use super::{
     Axes, BAND, FLOOR, Feature, MAX_LANES, NeighborRows, PeriodicBox, PeriodicSimd, RunQueue, SimdTask,
-    SimdWidth, Xyzr, over, portable,
+    SimdWidth, Xyzr, over, portable, x86_rows,
 };
+use crate::frame::{Bounds, FrameMap};
 
 /// A width from one list of instruction sets: those that its tasks are compiled with and those that the processor is
 /// checked for, including sets that `rustc` enables implicitly.
@@ -196,6 +197,24 @@ impl SimdWidth for Avx512 {
     }
 
     #[inline(always)]
+    fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]) {
+        // SAFETY: `self` proves FMA.
+        unsafe { x86_rows::add_to_bounds(bounds, row) }
+    }
+
+    #[inline(always)]
+    fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
+        // SAFETY: `self` proves AVX2.
+        unsafe { x86_rows::map_to_frame::<PERIODIC>(map, row) }
+    }
+
+    #[inline(always)]
+    fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
+        // SAFETY: `self` proves AVX2, hence SSE3.
+        unsafe { x86_rows::squared_displacement::<PERIODIC>(now, then, lengths) }
+    }
+
+    #[inline(always)]
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -328,6 +347,24 @@ impl SimdWidth for Avx2 {
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
         // SAFETY: `self` proves AVX2.
         unsafe { cell(axes, center, offset) }
+    }
+
+    #[inline(always)]
+    fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]) {
+        // SAFETY: `self` proves FMA.
+        unsafe { x86_rows::add_to_bounds(bounds, row) }
+    }
+
+    #[inline(always)]
+    fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
+        // SAFETY: `self` proves AVX2.
+        unsafe { x86_rows::map_to_frame::<PERIODIC>(map, row) }
+    }
+
+    #[inline(always)]
+    fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
+        // SAFETY: `self` proves AVX2, hence SSE3.
+        unsafe { x86_rows::squared_displacement::<PERIODIC>(now, then, lengths) }
     }
 
     #[inline(always)]

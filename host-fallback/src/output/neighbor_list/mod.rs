@@ -96,7 +96,9 @@ pub struct NeighborListBuilder {
 }
 
 fn read(set: Spheres<'_>, into: &mut [[f64; 4]], executor: Executor) {
-    executor.for_each_chunk(into, CHUNK_SPHERES, |stretch, into| set.read(stretch * CHUNK_SPHERES, into));
+    executor.for_each_chunk(into, CHUNK_SPHERES, |chunk, into| {
+        into.iter_mut().zip(chunk * CHUNK_SPHERES..).for_each(|(row, k)| *row = set.get_f64(k));
+    });
 }
 
 impl NeighborListBuilder {

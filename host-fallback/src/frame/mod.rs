@@ -25,13 +25,14 @@
 //! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the
 //!    largest reach, of which the decision's own rounding takes less than 2⁻⁴⁹.
 
-use bytemuck::cast;
-use lazygrid_kernels::{Orthogonalization, Query, Space, Sphere, TriclinicCell};
+mod bounds;
+mod map;
 
-use crate::executor::Executor;
+use lazygrid_kernels::{Orthogonalization, Space, Sphere, TriclinicCell};
 
-const CHUNK_SPHERES: usize = 1 << 13;
-pub(crate) const BLOCK_SPHERES: usize = 64;
+pub(crate) use bounds::Bounds;
+pub(crate) use map::FrameMap;
+
 /// The relative and the absolute part by which radii grow.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 /// The largest radius in a frame.
@@ -42,14 +43,6 @@ const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
 /// The smallest filled fraction with which a frame is kept, so that moving spheres keep their radii.
 const MIN_FILLED: f64 = 1.0 / 8.0;
-
-/// The smallest and the largest coordinates of spheres, and whether all spheres are valid.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Bounds {
-    min: [f64; 3],
-    max: [f64; 3],
-    pub(crate) are_valid: bool,
-}
 
 /// The map from given spheres to those that are searched.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,69 +59,6 @@ enum Axes {
     Triclinic(Orthogonalization),
     /// The axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
     Narrow(Orthogonalization),
-}
-
-impl Bounds {
-    pub(crate) const EMPTY: Self =
-        Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], are_valid: true };
-
-    pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
-        let sets = [Some(query.first()), query.second()];
-        sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
-            let count = set.len();
-            let piece = |bounds: Self, piece: usize| {
-                let mut bounds = bounds;
-                let mut block = [[0.0; 4]; BLOCK_SPHERES];
-                let end = count.min((piece + 1) * CHUNK_SPHERES);
-                for from in (piece * CHUNK_SPHERES..end).step_by(BLOCK_SPHERES) {
-                    let block = &mut block[..BLOCK_SPHERES.min(end - from)];
-                    set.read(from, block);
-                    bounds.add(block);
-                }
-                Ok(bounds)
-            };
-            let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
-            let pieces = (count.div_ceil(CHUNK_SPHERES), usize::MAX);
-            let Ok(of_set) = executor.for_light_work(count).fold(pieces, || Self::EMPTY, piece, merge);
-            bounds.merge(of_set)
-        })
-    }
-
-    #[inline(always)]
-    pub(crate) fn add(&mut self, rows: &[[f64; 4]]) {
-        let [mut min, mut max, mut zero] = [[f64::INFINITY; 4], [f64::NEG_INFINITY; 4], [0.0; 4]];
-        for row in rows {
-            // Each line compiles to one vector instruction.
-            for lane in 0..4 {
-                min[lane] = if row[lane] < min[lane] { row[lane] } else { min[lane] };
-                max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };
-                // NaN after any number that is not finite.
-                zero[lane] += row[lane] * 0.0;
-            }
-        }
-        for axis in 0..3 {
-            self.min[axis] = self.min[axis].min(min[axis]);
-            self.max[axis] = self.max[axis].max(max[axis]);
-        }
-        self.are_valid &= zero == [0.0; 4] && min[3] >= 0.0;
-    }
-
-    pub(crate) fn merge(mut self, other: Self) -> Self {
-        for axis in 0..3 {
-            self.min[axis] = self.min[axis].min(other.min[axis]);
-            self.max[axis] = self.max[axis].max(other.max[axis]);
-        }
-        self.are_valid &= other.are_valid;
-        self
-    }
-
-    fn middle(&self, axis: usize) -> f64 {
-        0.5 * self.min[axis] + 0.5 * self.max[axis]
-    }
-
-    fn reach(&self, axis: usize, origin: f64) -> f64 {
-        (self.max[axis] - origin).max(origin - self.min[axis])
-    }
 }
 
 impl SearchFrame {
@@ -207,28 +137,8 @@ impl SearchFrame {
         absolute + relative * largest
     }
 
-    /// Maps spheres, given with effective radii, to the frame. An invalid sphere stays invalid.
-    #[inline(always)]
-    pub(crate) fn map(&self, given: &[[f64; 4]], searched: &mut [Sphere]) {
-        let all = given.iter().zip(searched);
-        match &self.axes {
-            Axes::Orthogonal([None, None, None]) => {
-                let lanes = Lanes::new(self, &[None; 3]);
-                all.for_each(|(&row, sphere)| *sphere = cast(lanes.map::<false>(row).0));
-            }
-            Axes::Orthogonal(axes) => {
-                let lanes = Lanes::new(self, axes);
-                for (&row, sphere) in all {
-                    let (mapped, is_near) = lanes.map::<true>(row);
-                    *sphere = if is_near { cast(mapped) } else { self.sphere(row) };
-                }
-            }
-            _ => all.for_each(|(&given, sphere)| *sphere = self.sphere(given)),
-        }
-    }
-
     #[inline(never)]
-    fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
+    pub(crate) fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
         let [x0, y0, z0] = self.origin;
         let center = [x - x0, y - y0, z - z0];
         match &self.axes {
@@ -252,68 +162,6 @@ impl SearchFrame {
                 }
             }
         }
-    }
-}
-
-/// The map of an orthogonal frame for all lanes at once, with the radius as a fourth lane. It computes the same numbers
-/// as [`SearchFrame::sphere`].
-struct Lanes {
-    origin: [f64; 4],
-    scale: f64,
-    /// The length of each axis; infinite for an unbounded one and for the radius.
-    lengths: [f64; 4],
-    /// The largest number in the frame; infinite for coordinates.
-    limit: [f64; 4],
-    /// The factor and the summand by which radii grow.
-    growth: [[f64; 4]; 2],
-    /// Half the period of each axis; infinite for an unbounded one and for the radius.
-    half: [f32; 4],
-}
-
-impl Lanes {
-    #[inline(always)]
-    fn new(frame: &SearchFrame, axes: &[Option<(f64, f32)>; 3]) -> Self {
-        let ([x, y, z], [factor, summand]) = (frame.origin, GROWTH);
-        let mut lanes = Self {
-            origin: [x, y, z, 0.0],
-            scale: frame.scale,
-            lengths: [f64::INFINITY; 4],
-            limit: [f64::INFINITY, f64::INFINITY, f64::INFINITY, MAX_RADIUS],
-            growth: [[1.0, 1.0, 1.0, factor], [0.0, 0.0, 0.0, summand]],
-            half: [f32::INFINITY; 4],
-        };
-        for (axis, &of_axis) in axes.iter().enumerate() {
-            if let Some((length, period)) = of_axis {
-                (lanes.lengths[axis], lanes.half[axis]) = (length, 0.5 * period);
-            }
-        }
-        lanes
-    }
-
-    /// Returns `false` for a sphere more than one and a half lengths away from the origin, whose image is wrong.
-    #[inline(always)]
-    fn map<const PERIODIC: bool>(&self, row: [f64; 4]) -> ([f32; 4], bool) {
-        let (mut mapped, mut is_near) = ([0.0_f32; 4], true);
-        for lane in 0..4 {
-            let mut at = row[lane] - self.origin[lane];
-            if PERIODIC {
-                let (away, length) = (at.abs(), self.lengths[lane]);
-                let image = at - length.copysign(at);
-                is_near &= away <= 1.5 * length;
-                at = if away <= 0.5 * length { at } else { image };
-            }
-            at *= self.scale;
-            at = if at < self.limit[lane] { at } else { self.limit[lane] };
-            mapped[lane] = (at * self.growth[0][lane] + self.growth[1][lane]) as f32;
-            if PERIODIC {
-                let half = self.half[lane];
-                mapped[lane] = if mapped[lane] < -half { -half } else { mapped[lane] };
-                mapped[lane] = if mapped[lane] > half { half } else { mapped[lane] };
-            }
-        }
-        // The next larger radius, since this one is positive and finite.
-        mapped[3] = f32::from_bits(mapped[3].to_bits() + 1);
-        (mapped, is_near)
     }
 }
 

@@ -1,0 +1,72 @@
+//! The bounds of spheres as given.
+
+use lazygrid_kernels::Query;
+
+use crate::executor::Executor;
+
+/// Spheres per chunk of a pass.
+const CHUNK_SPHERES: usize = 1 << 13;
+
+/// The smallest and the largest numbers `x, y, z, r` of spheres.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds {
+    pub(crate) min: [f64; 4],
+    pub(crate) max: [f64; 4],
+    /// NaN after any number that is not finite.
+    pub(crate) zero: [f64; 4],
+}
+
+impl Bounds {
+    pub(crate) const EMPTY: Self =
+        Self { min: [f64::INFINITY; 4], max: [f64::NEG_INFINITY; 4], zero: [0.0; 4] };
+
+    /// Computes the bounds of all spheres of a query.
+    pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
+        let sets = [Some(query.first()), query.second()];
+        sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
+            let count = set.len();
+            let piece = |mut bounds: Self, piece: usize| {
+                let range = piece * CHUNK_SPHERES..count.min((piece + 1) * CHUNK_SPHERES);
+                range.for_each(|k| bounds.add(set.get_f64(k)));
+                Ok(bounds)
+            };
+            let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
+            let pieces = (count.div_ceil(CHUNK_SPHERES), usize::MAX);
+            let Ok(of_set) = executor.for_light_work(count).fold(pieces, || Self::EMPTY, piece, merge);
+            bounds.merge(of_set)
+        })
+    }
+
+    /// Adds a sphere.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, row: [f64; 4]) {
+        for (lane, number) in row.into_iter().enumerate() {
+            self.min[lane] = if number < self.min[lane] { number } else { self.min[lane] };
+            self.max[lane] = if number > self.max[lane] { number } else { self.max[lane] };
+            self.zero[lane] += number * 0.0;
+        }
+    }
+
+    pub(crate) fn merge(mut self, other: Self) -> Self {
+        for lane in 0..4 {
+            self.min[lane] = self.min[lane].min(other.min[lane]);
+            self.max[lane] = self.max[lane].max(other.max[lane]);
+            self.zero[lane] += other.zero[lane];
+        }
+        self
+    }
+
+    /// Returns `true` if all spheres are valid.
+    pub(crate) fn are_valid(&self) -> bool {
+        self.zero == [0.0; 4] && self.min[3] >= 0.0
+    }
+
+    pub(super) fn middle(&self, axis: usize) -> f64 {
+        0.5 * self.min[axis] + 0.5 * self.max[axis]
+    }
+
+    /// The largest distance from `origin` along an axis.
+    pub(super) fn reach(&self, axis: usize, origin: f64) -> f64 {
+        (self.max[axis] - origin).max(origin - self.min[axis])
+    }
+}

@@ -1,0 +1,81 @@
+//! The map of spheres to a frame, for vectors.
+
+use bytemuck::cast;
+
+use super::{Axes, GROWTH, MAX_RADIUS, SearchFrame};
+
+/// The map to a frame, for all lanes of a row `x, y, z, r` at once. It computes the same numbers as [`SearchFrame::sphere`].
+pub(crate) struct FrameMap<'f> {
+    pub(crate) frame: &'f SearchFrame,
+    pub(crate) origin: [f64; 4],
+    /// The length of each axis; infinite for an unbounded one and for the radius. NaN in a triclinic space.
+    pub(crate) lengths: [f64; 4],
+    /// The largest radius, beyond which it is cut; infinite for coordinates.
+    pub(crate) limit: [f64; 4],
+    /// The scale of the frame with the growth of radii, and the summand of the growth. The scale is a power of two, so that the
+    /// product rounds as if both factors were applied one after the other.
+    pub(crate) growth: [[f64; 4]; 2],
+    /// Half the period of each axis; infinite for an unbounded one and for the radius.
+    pub(crate) half: [f32; 4],
+}
+
+impl<'f> FrameMap<'f> {
+    #[inline(always)]
+    pub(crate) fn new(frame: &'f SearchFrame) -> Self {
+        let ([x, y, z], scale, [factor, summand]) = (frame.origin, frame.scale, GROWTH);
+        let mut map = Self {
+            frame,
+            origin: [x, y, z, 0.0],
+            lengths: [f64::INFINITY; 4],
+            limit: [f64::INFINITY, f64::INFINITY, f64::INFINITY, MAX_RADIUS / scale],
+            growth: [[scale, scale, scale, scale * factor], [0.0, 0.0, 0.0, summand]],
+            half: [f32::INFINITY; 4],
+        };
+        match &frame.axes {
+            Axes::Orthogonal(axes) => {
+                for (axis, &of_axis) in axes.iter().enumerate() {
+                    if let Some((length, period)) = of_axis {
+                        (map.lengths[axis], map.half[axis]) = (length, 0.5 * period);
+                    }
+                }
+            }
+            Axes::Triclinic(_) | Axes::Narrow(_) => map.lengths = [f64::NAN; 4],
+        }
+        map
+    }
+
+    /// Returns `true` if no axis is periodic.
+    pub(crate) fn is_unbounded(&self) -> bool {
+        self.lengths == [f64::INFINITY; 4]
+    }
+
+    /// Maps a sphere, given with its effective radius. `PERIODIC` may be `false` only if the map [is
+    /// unbounded](Self::is_unbounded).
+    #[inline(always)]
+    pub(crate) fn map<const PERIODIC: bool>(&self, row: [f64; 4]) -> [f32; 4] {
+        let (mut mapped, mut is_near) = ([0.0_f32; 4], true);
+        for lane in 0..4 {
+            let mut at = row[lane] - self.origin[lane];
+            if PERIODIC {
+                let (away, length) = (at.abs(), self.lengths[lane]);
+                let image = at - length.copysign(at);
+                is_near &= away <= 1.5 * length;
+                at = if away <= 0.5 * length { at } else { image };
+            }
+            at = if at < self.limit[lane] { at } else { self.limit[lane] };
+            mapped[lane] = (at * self.growth[0][lane] + self.growth[1][lane]) as f32;
+            if PERIODIC {
+                let half = self.half[lane];
+                mapped[lane] = if mapped[lane] < -half { -half } else { mapped[lane] };
+                mapped[lane] = if mapped[lane] > half { half } else { mapped[lane] };
+            }
+        }
+        if PERIODIC && !is_near {
+            // More than one and a half lengths away from the origin, where this image is wrong, or in a triclinic space.
+            return cast(self.frame.sphere(row));
+        }
+        // The next larger radius, since this one is positive and finite.
+        mapped[3] = f32::from_bits(mapped[3].to_bits() + 1);
+        mapped
+    }
+}

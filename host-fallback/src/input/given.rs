@@ -1,0 +1,116 @@
+//! Spheres as given, and their map to the frame in which they are searched.
+
+use lazygrid_kernels::{Space, Spheres};
+
+use crate::compare::{SimdWidth, Xyzr};
+use crate::frame::{Bounds, FrameMap, SearchFrame};
+use crate::memory::prefetch;
+
+/// The half of the largest distance of a species with any other, and `true` if it pairs with any by contact.
+pub(super) type LargestHalf = (f64, bool);
+
+/// Spheres as given, which a frame maps to those that are searched.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GivenSpheres<'a> {
+    spheres: Spheres<'a>,
+    /// The species of each sphere, and the distances of each species.
+    species: Option<(&'a [u32], &'a [LargestHalf])>,
+    frame: &'a SearchFrame,
+    space: &'a Space,
+}
+
+/// The numbers of spheres, in one of the layouts for which loops are compiled.
+pub(crate) trait GivenRows: Copy {
+    /// Prefetches sphere `k`.
+    fn prefetch(self, k: usize);
+    /// The numbers of sphere `k`.
+    fn get(self, k: usize) -> [f64; 4];
+    /// Replaces the radius of sphere `k` by its effective radius.
+    fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4];
+}
+
+/// A loop over given spheres. Its callees are `#[inline(always)]`, as in a [`SimdTask`](crate::compare::SimdTask).
+pub(crate) trait GivenLoop {
+    type Result;
+    /// Must be `#[inline(always)]`. `PERIODIC` is a parameter of the map.
+    fn run<V: SimdWidth, const PERIODIC: bool>(
+        self,
+        vector: V,
+        rows: impl GivenRows,
+        map: &FrameMap<'_>,
+    ) -> Self::Result;
+}
+
+impl<'a> GivenSpheres<'a> {
+    /// Creates them from checked species, and the distances of each species if a table decides.
+    pub(super) fn new(
+        spheres: Spheres<'a>,
+        halves: Option<&'a [LargestHalf]>,
+        (frame, space): (&'a SearchFrame, &'a Space),
+    ) -> Self {
+        Self { spheres, species: spheres.species().zip(halves), frame, space }
+    }
+
+    /// Returns `true` if the frame serves for these spheres, whose bounds are given.
+    pub(crate) fn fits(&self, bounds: &Bounds) -> bool {
+        self.frame.is_narrow() || self.frame.fits(bounds, self.space)
+    }
+
+    /// Runs a loop that is compiled for the layout of the spheres.
+    #[inline(always)]
+    pub(crate) fn run<V: SimdWidth, L: GivenLoop>(self, vector: V, task: L) -> L::Result {
+        let map = FrameMap::new(self.frame);
+        match (self.spheres.as_rows_f64().filter(|_| self.species.is_none()), map.is_unbounded()) {
+            (Some(rows), true) => task.run::<V, false>(vector, rows, &map),
+            (Some(rows), false) => task.run::<V, true>(vector, rows, &map),
+            (None, _) => task.run::<V, true>(vector, self, &map),
+        }
+    }
+
+    /// Sphere `k` as it is searched.
+    pub(crate) fn searched(self, k: usize) -> Xyzr {
+        FrameMap::new(self.frame).map::<true>(self.effective(k, self.get(k)))
+    }
+}
+
+impl GivenRows for &[[f64; 4]] {
+    #[inline(always)]
+    fn prefetch(self, k: usize) {
+        // A row may lie in two cache lines.
+        prefetch(self.as_flattened(), 4 * k);
+        prefetch(self.as_flattened(), 4 * k + 3);
+    }
+
+    #[inline(always)]
+    fn get(self, k: usize) -> [f64; 4] {
+        self[k]
+    }
+
+    #[inline(always)]
+    fn effective(self, _: usize, row: [f64; 4]) -> [f64; 4] {
+        row
+    }
+}
+
+impl GivenRows for GivenSpheres<'_> {
+    #[inline(always)]
+    fn prefetch(self, _: usize) {}
+
+    #[inline(always)]
+    fn get(self, k: usize) -> [f64; 4] {
+        self.spheres.get_f64(k)
+    }
+
+    #[inline(always)]
+    fn effective(self, k: usize, [x, y, z, radius]: [f64; 4]) -> [f64; 4] {
+        let effective = match self.species {
+            // The validity check finds other radii.
+            Some((species, halves)) if (0.0..f64::INFINITY).contains(&radius) => {
+                let (half, touches) = halves[species[k] as usize];
+                if touches { half.max(radius) } else { half }
+            }
+            _ => radius,
+        };
+        [x, y, z, effective]
+    }
+}

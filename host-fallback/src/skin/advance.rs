@@ -1,0 +1,165 @@
+//! One pass over the spheres of a call: it measures their displacements and copies them to the order of the candidates.
+
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+
+use crate::Simd;
+use crate::cell_list::SortRecord;
+use crate::compare::{PairTest, SimdTask, SimdWidth, Xyzr};
+use crate::executor::Executor;
+use crate::frame::{Bounds, FrameMap};
+use crate::input::{GivenLoop, GivenRows, GivenSpheres};
+use crate::memory::prefetch;
+
+/// Spheres per chunk of the pass.
+pub(super) const CHUNK_SPHERES: usize = 1 << 13;
+/// The number of spheres by which a prefetch runs ahead; they lie anywhere in memory.
+const PREFETCH_SPHERES: usize = 128;
+
+/// Copies the spheres of a call to their positions in `rows`. `then` holds the center of each at the build, and as its radius the
+/// inverse square of its displacement limit. Returns the largest used fraction of a limit, or infinity if a sphere is invalid; and
+/// `true` if an effective radius has changed, or the frame no longer fits.
+pub(super) fn advance(
+    (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
+    (then, rows): (&[SortRecord], &mut [Xyzr]),
+    (simd, executor): (Simd, Executor),
+) -> (f32, bool) {
+    let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
+    let all_bounds = Mutex::new(Bounds::EMPTY);
+    executor.for_each_chunk(rows, CHUNK_SPHERES, |piece, rows| {
+        let then = &then[piece * CHUNK_SPHERES..][..rows.len()];
+        let largest = simd.run(Advance { test, given, then, rows }, None);
+        // The bits of non-negative numbers are ordered like the numbers.
+        farthest.fetch_max(largest.fraction().to_bits(), Relaxed);
+        changed.fetch_or(largest.differing[3] != 0, Relaxed);
+        if given.is_some() {
+            let mut all = all_bounds.lock().unwrap_or_else(PoisonError::into_inner);
+            *all = all.merge(largest.bounds);
+        }
+    });
+    let bounds = all_bounds.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let is_in_frame = given.is_none_or(|given| given.fits(&bounds));
+    (f32::from_bits(farthest.into_inner()).sqrt(), changed.into_inner() || !is_in_frame)
+}
+
+struct Advance<'a> {
+    test: &'a PairTest<'a>,
+    /// The spheres and their map to the frame, if they are not mapped yet.
+    given: Option<GivenSpheres<'a>>,
+    then: &'a [SortRecord],
+    rows: &'a mut [Xyzr],
+}
+
+impl<'a> SimdTask for Advance<'a> {
+    type Result = Largest;
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, vector: V) -> Largest {
+        let largest = Largest::new(self.test);
+        match self.given {
+            Some(given) => given.run(vector, AdvanceGiven { rows: self.rows, then: self.then, largest }),
+            None if self.test.space().is_periodic() => self.advance::<V, true>(vector, largest),
+            None => self.advance::<V, false>(vector, largest),
+        }
+    }
+}
+
+impl Advance<'_> {
+    #[inline(always)]
+    fn advance<V: SimdWidth, const PERIODIC: bool>(self, vector: V, mut largest: Largest) -> Largest {
+        let Self { test, then, rows, .. } = self;
+        match test.plain_rows() {
+            Some(spheres) => {
+                for (k, row) in rows.iter_mut().enumerate() {
+                    prefetch(spheres, then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
+                    let now = bytemuck::cast(spheres[then[k].id as usize]);
+                    largest.add::<V, PERIODIC>(vector, row, (&then[k], now));
+                }
+            }
+            None => {
+                for (row, then) in rows.iter_mut().zip(then) {
+                    largest.add::<V, PERIODIC>(vector, row, (then, test.row(then.id)));
+                    // An effective radius that depends on the species alone hides an invalid radius.
+                    largest.is_refused |= !test.spheres().get(then.id as usize).is_valid();
+                }
+            }
+        }
+        largest
+    }
+}
+
+/// The pass over spheres that it maps to their frame.
+struct AdvanceGiven<'a> {
+    then: &'a [SortRecord],
+    rows: &'a mut [Xyzr],
+    largest: Largest,
+}
+
+impl GivenLoop for AdvanceGiven<'_> {
+    type Result = Largest;
+
+    #[inline(always)]
+    fn run<V: SimdWidth, const PERIODIC: bool>(
+        self,
+        vector: V,
+        given: impl GivenRows,
+        map: &FrameMap<'_>,
+    ) -> Largest {
+        let Self { then, rows, mut largest } = self;
+        for (k, row) in rows.iter_mut().enumerate() {
+            given.prefetch(then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
+            let id = then[k].id as usize;
+            let numbers = given.get(id);
+            vector.add_to_bounds(&mut largest.bounds, numbers);
+            let now = vector.map_to_frame::<PERIODIC>(map, given.effective(id, numbers));
+            largest.add::<V, PERIODIC>(vector, row, (&then[k], now));
+        }
+        largest.is_refused = !largest.bounds.are_valid();
+        largest
+    }
+}
+
+/// The largest displacement of some spheres.
+struct Largest {
+    /// The length of each axis; infinite for an unbounded one.
+    lengths: [f32; 4],
+    /// The bits of the square of the largest used fraction of a limit. Those of infinity and NaN are larger than all others.
+    part: u32,
+    /// Bits in which the rows differ from those of the last call.
+    differing: [u32; 4],
+    /// `true` if a sphere is invalid.
+    is_refused: bool,
+    /// The bounds of spheres that were mapped to their frame.
+    bounds: Bounds,
+}
+
+impl Largest {
+    #[inline(always)]
+    fn new(test: &PairTest<'_>) -> Self {
+        let [x, y, z] = test.lengths().map(|length| length.unwrap_or(f32::INFINITY));
+        let lengths = [x, y, z, f32::INFINITY];
+        Self { lengths, part: 0, differing: [0; 4], is_refused: false, bounds: Bounds::EMPTY }
+    }
+
+    /// The square of the largest used fraction of a limit, or infinity if a sphere is invalid.
+    fn fraction(&self) -> f32 {
+        let part = f32::from_bits(self.part);
+        if self.is_refused || !part.is_finite() { f32::INFINITY } else { part }
+    }
+
+    #[inline(always)]
+    fn add<V: SimdWidth, const PERIODIC: bool>(
+        &mut self,
+        vector: V,
+        row: &mut Xyzr,
+        (then, now): (&SortRecord, Xyzr),
+    ) {
+        let part = vector.squared_displacement::<PERIODIC>(now, then.row, &self.lengths) * then.row[3];
+        self.part = self.part.max(part.to_bits());
+        for lane in 0..4 {
+            self.differing[lane] |= now[lane].to_bits() ^ row[lane].to_bits();
+        }
+        *row = now;
+    }
+}
