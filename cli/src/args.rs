@@ -252,6 +252,9 @@ pub(crate) struct Simulate {
     /// Run the scenario N times with seeds drawn from --seed, each in its own directory, and average the series
     #[arg(long, value_name = "N")]
     pub(crate) replicas: Option<NonZeroU32>,
+    /// Run the scenario for each value of a key, as in receiver.rx.center.x=5,10,20; several --sweep give all combinations
+    #[arg(long, value_name = "KEY=VALUE,...")]
+    pub(crate) sweep: Vec<String>,
     /// Write report.html: plots and tables of the series, and of channels if the scenario logs arrivals
     #[arg(long)]
     pub(crate) report: bool,

@@ -91,6 +91,10 @@ pub(crate) enum CliError {
         scenario.display(), directory.display()
     )]
     StoppedReplicas { done: u32, count: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
+    #[error("stopped with {done} of {count} runs done; go on with: {command} --resume")]
+    StoppedSweep { done: usize, count: u64, command: String, signal: i32 },
+    #[error("--{key} would replace the values of {key} in the sweep; give one of the two")]
+    SweptOption { key: &'static str },
     #[error("{}: cannot be drawn: {reason}", path.display())]
     Report { path: PathBuf, reason: String },
     #[error("the page cannot be made: {what}")]
@@ -105,11 +109,12 @@ impl CliError {
     /// 2 for contradicting options; 128 plus the signal's number after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
-            Self::Stopped { signal, .. } | Self::StoppedReplicas { signal, .. } => {
-                128 + (*signal & 0x7F) as u8
-            }
+            Self::Stopped { signal, .. }
+            | Self::StoppedReplicas { signal, .. }
+            | Self::StoppedSweep { signal, .. } => 128 + (*signal & 0x7F) as u8,
             Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. })
             | Self::OutputIsInput { .. }
+            | Self::SweptOption { .. }
             | Self::OutputFormat { .. }
             | Self::NeighborsToStdout
             | Self::NoTransceivers { .. }

@@ -27,9 +27,10 @@ impl PlotPoint {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Returns `true` if the point has a position on the axes.
-    fn is_shown(&self, scale: Scale) -> bool {
-        [self.at.0, self.at.1, self.bar.0, self.bar.1].into_iter().all(|value| scale.holds(value))
+    /// Returns `true` if the value or its bar has a position on the axes. A logarithmic axis has none for 0, of which it shows
+    /// the bar.
+    fn is_shown(&self, [x, y]: [Scale; 2]) -> bool {
+        x.holds(self.at.0) && self.at.1.is_finite() && self.bar.0.is_finite() && y.holds(self.bar.1)
     }
 }
 
@@ -47,8 +48,8 @@ pub struct Series {
 }
 
 impl Series {
-    fn marks(&self, scale: Scale) -> impl Iterator<Item = PlotPoint> + Clone {
-        self.points.iter().copied().filter(move |mark| mark.is_shown(scale))
+    fn marks(&self, scales: [Scale; 2]) -> impl Iterator<Item = PlotPoint> + Clone {
+        self.points.iter().copied().filter(move |mark| mark.is_shown(scales))
     }
 
     fn colour(&self) -> RGBColor {
@@ -65,8 +66,8 @@ pub struct Axes<'a> {
     pub x: (&'a str, Quantity),
     /// The vertical axis: title and quantity.
     pub y: (&'a str, Quantity),
-    /// The scale of both axes.
-    pub scale: Scale,
+    /// The scales of the horizontal and of the vertical axis.
+    pub scales: [Scale; 2],
 }
 
 const SIZE: (u32, u32) = (1120, 600);
@@ -104,8 +105,8 @@ const POINTS: usize = 50;
 /// # Errors
 /// Fails if the drawing backend fails.
 pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
-    let scale = axes.scale;
-    let marks = || series.iter().flat_map(|line| line.marks(scale));
+    let scales = axes.scales;
+    let marks = || series.iter().flat_map(|line| line.marks(scales));
     if marks().next().is_none() {
         return Ok(None);
     }
@@ -116,29 +117,32 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
         let root = root.titled(axes.title, (FONT, TITLE))?;
         let (area, legend) = root.split_horizontally(SIZE.0 - LEGEND);
         let measured: Vec<f64> = marks().map(|mark| mark.at.0).collect();
-        let x = range(scale, measured.iter().copied());
-        let y = range(scale, marks().flat_map(|mark| [mark.at.1, mark.bar.0, mark.bar.1]));
+        let x = range(scales[0], measured.iter().copied());
+        let heights = marks().flat_map(|mark| [mark.at.1, mark.bar.0, mark.bar.1]);
+        let y = range(scales[1], heights.filter(|&value| scales[1].holds(value)));
+        let bottom = y.start;
         let (width, height) = area.dim_in_pixel();
-        let (across, up) = (across(width, scale), up(height, scale));
+        let (across, up) = (across(width, scales[0]), up(height, scales[1]));
         let (at_x, at_y) = (ticks_at(&measured, &x, axes.x.1, across), ticks(&y, axes.y.1, up));
         let mut chart = ChartBuilder::on(&area)
             .margin(MARGIN)
             .x_label_area_size(BELOW)
             .y_label_area_size(LEFT)
             .build_cartesian_2d(
-                AxisTicks { scale, range: x, ticks: at_x },
-                AxisTicks { scale, range: y, ticks: at_y },
+                AxisTicks { scale: scales[0], range: x, ticks: at_x },
+                AxisTicks { scale: scales[1], range: y, ticks: at_y },
             )?;
         let (x_label, y_label) = (|value: &f64| axes.x.1.label(*value), |value: &f64| axes.y.1.label(*value));
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(axes.x.0).y_desc(axes.y.0).x_label_formatter(&x_label).y_label_formatter(&y_label);
         mesh.label_style((FONT, TEXT)).axis_desc_style((FONT, TEXT)).bold_line_style(GRID).draw()?;
-        let drawn = series.iter().filter(|line| line.marks(scale).next().is_some());
+        let drawn = series.iter().filter(|line| line.marks(scales).next().is_some());
         for (row, line) in (0..).zip(drawn) {
             let colour = line.colour();
-            let marks = || line.marks(scale);
-            let points = || marks().map(|mark| mark.at);
+            let marks = || line.marks(scales);
+            let points = || marks().map(|mark| mark.at).filter(|at| scales[1].holds(at.1));
             let bar = |PlotPoint { at: (x, _), bar: (low, high) }| {
+                let low = if scales[1].holds(low) { low } else { bottom };
                 PathElement::new([(x, low), (x, high)], colour.mix(0.35).stroke_width(5))
             };
             chart.draw_series(marks().filter(|mark| mark.bar.0 < mark.bar.1).map(bar))?;
@@ -220,5 +224,28 @@ fn range(scale: Scale, values: impl Iterator<Item = f64>) -> Range<f64> {
             let space = if high > low { 0.03 * (high - low) } else { 1.0 };
             (if low < 0.0 { low - space } else { 0.0 })..high + space
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zero_on_a_logarithmic_axis_is_its_bar() {
+        let number = |title| (title, Quantity::Number);
+        let scales = [Scale::Linear, Scale::Logarithmic];
+        let axes = Axes { title: "", x: number("x"), y: number("y"), scales };
+        let drawn = |points: Vec<PlotPoint>| {
+            let series = Series { name: String::new(), points, dashed: false, colour: 0 };
+            lines(&axes, &[series]).unwrap().map(|svg| {
+                let bars = svg.matches("stroke-width=\"5\"").count();
+                (svg.matches("<circle").count(), bars)
+            })
+        };
+        let [some, none] = [PlotPoint::new(0.0, 0.1, (0.05, 0.2)), PlotPoint::new(1.0, 0.0, (0.0, 0.02))];
+        assert_eq!(drawn(vec![some, none]), Some((1, 2)));
+        assert_eq!(drawn(vec![none]), Some((0, 1)));
+        assert_eq!(drawn(vec![PlotPoint::new(1.0, 0.0, (0.0, 0.0))]), None);
     }
 }

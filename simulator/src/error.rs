@@ -134,6 +134,14 @@ pub enum Error {
         /// The reason.
         source: Box<Error>,
     },
+    /// A combination of a sweep that is no valid scenario, or a run of it that failed.
+    #[error("{values}: {source}")]
+    SweepPoint {
+        /// The keys and their values.
+        values: String,
+        /// The cause.
+        source: Box<Error>,
+    },
     /// A checkpoint of another version of the layout.
     #[error(
         "{}: the checkpoint has version {found} and this build reads version {expected}; resume it with the build that \

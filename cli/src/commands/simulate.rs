@@ -1,12 +1,16 @@
 mod replicas;
 mod report;
+mod sweep;
 
+use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 
 use lazygrid_results::animation;
 use lazygrid_sim::RunView;
 use lazygrid_sim::run::replicas::Replicas;
+use lazygrid_sim::run::sweep::SweepRuns;
 use lazygrid_sim::run::{Run, RunEnd};
+use lazygrid_sim::scenario::{Scenario, Sweep};
 
 use self::report::Done;
 use crate::args::{ArrivalsFormat, Simulate};
@@ -15,15 +19,33 @@ use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
 pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
-    let Simulate { backend, algorithm, .. } = *args;
-    let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..args.options.read()? };
-    run.scenario.output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
+    if let Some(swept) = Sweep::read(&args.options.scenario, &args.sweep)? {
+        let own = [("seed", args.options.seed.is_some()), ("steps", args.options.steps.is_some())];
+        if let Some((key, _)) =
+            own.into_iter().find(|(key, is)| *is && swept.keys.iter().any(|k| k.path == *key))
+        {
+            return Err(CliError::SweptOption { key });
+        }
+        let count = args.replicas.unwrap_or(NonZeroU32::MIN);
+        let run = |scenario: &Scenario| with_options(args, args.options.run(scenario.clone()));
+        return sweep::run(&SweepRuns::new(swept, run, count), args);
+    }
+    let run = with_options(args, args.options.read()?);
     match args.replicas {
         None => once(run, args.report),
         Some(count) => replicas::run(Replicas { run, count }, args.report),
     }
 }
 
+/// Returns a run with the options of the command.
+fn with_options(args: &Simulate, run: Run) -> Run {
+    let Simulate { backend, algorithm, .. } = *args;
+    let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..run };
+    run.scenario.output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
+    run
+}
+
+/// Does one run.
 fn once(run: Run, reports: bool) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let bar = progress::running(run.scenario.steps.into());

@@ -3,6 +3,7 @@
 mod arrivals;
 mod replicas;
 mod report;
+mod sweep;
 
 use lazygrid_tests::command::{Program, Run, Scratch, has_gpu};
 use std::ffi::OsStr;

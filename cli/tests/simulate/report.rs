@@ -114,7 +114,7 @@ fn channels_are_as_formulas_and_logs_say() {
     assert!(best < 60, "{best}");
     let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
     assert!(report.contains(&format!(", {best} of 160 bits")) && report.contains("--replicas 16"));
-    for name in ["particles", "receivers", "impulse-response", "arrived", "interference", "bit-errors"] {
+    for name in ["particles", "arrivals", "impulse-response", "arrived", "interference", "bit-errors"] {
         let svg = fs::read_to_string(format!("{out}/plots/{name}.svg")).unwrap();
         assert!(svg.starts_with("<svg") && report.contains(&svg), "{name}");
     }

@@ -1,5 +1,6 @@
 //! The bit errors of a receiver that counts arrivals.
 
+use crate::interval::wilson;
 use crate::log::Log;
 use crate::mean::RunningStats;
 use crate::symbols::SymbolSlots;
@@ -150,6 +151,17 @@ impl BitErrors {
         }
         thresholds.resize(symbols.len() - 1, numbers.last().map_or(0, |last| last[0].seen + 1));
         thresholds
+    }
+
+    /// Returns the 95 % interval of the error rate if `wrong` bits are wrong. Errors of successive bits are taken as independent.
+    pub fn interval(&self, wrong: u64) -> [f64; 2] {
+        wilson(wrong, self.bits)
+    }
+
+    /// Returns the names of the transmitter and the receiver: `tx to rx`.
+    pub fn name(&self, model: &Model) -> String {
+        let [from, to] = [&model.transmitters[self.transmitter].name, &model.receivers[self.receiver].name];
+        format!("{from} to {to}")
     }
 
     /// Returns the bit error rate with these thresholds, or NaN without bits.

@@ -89,6 +89,14 @@ impl Channels {
         Ok(channels)
     }
 
+    /// Returns of each message at each receiver the errors at the delay that makes the fewest, the first of several.
+    pub fn least_errors(&self) -> impl Iterator<Item = &BitErrors> {
+        let same = |a: &BitErrors, b: &BitErrors| (a.transmitter, a.receiver) == (b.transmitter, b.receiver);
+        self.bit_errors
+            .chunk_by(same)
+            .filter_map(|all| all.iter().min_by(|a, b| a.least().total_cmp(&b.least())))
+    }
+
     /// Writes the fraction of the particles that arrives in each bin after the release, the cumulative fraction, and
     /// their standard errors.
     ///
@@ -162,6 +170,16 @@ fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     let mut delays: Vec<u32> = (0..=8).map(|k| (f64::from(k) * quarter).round() as u32).collect();
     delays.dedup();
     delays.into_iter()
+}
+
+/// Returns the name of a link on pages: `tx to rx: A`.
+pub fn link_name(link: Link, model: &Model) -> String {
+    format!(
+        "{} to {}: {}",
+        model.transmitters[link.transmitter].name,
+        model.receivers[link.receiver].name,
+        model.species[link.species].name
+    )
 }
 
 fn names(link: Link, model: &Model) -> String {

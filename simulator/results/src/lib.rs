@@ -6,8 +6,11 @@
 pub mod animation;
 pub mod bit_errors;
 pub mod channel;
+pub mod columns;
+pub mod interval;
 pub mod log;
 pub mod mean;
 pub mod response;
 pub mod series;
+pub mod sweep;
 pub mod symbols;

@@ -20,6 +20,13 @@ const SAMPLES: u32 = 1000;
 const COORDINATE: f64 = 9.7;
 
 impl DiskEstimate {
+    /// Returns the output of this number of equal runs.
+    pub(crate) fn times(self, runs: u32) -> Self {
+        let [least, most, checkpoint] =
+            [self.least, self.most, self.checkpoint].map(|bytes| bytes.saturating_mul(runs.into()));
+        Self { least, most, checkpoint }
+    }
+
     pub(crate) fn of(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
         let (model, from) = (run.model(), run.step_count());
         let crowd = ParticleCounts::new(model, &run.totals().present, from, steps);

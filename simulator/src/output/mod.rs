@@ -191,7 +191,7 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     fs::create_dir_all(directory).map_err(refused)?;
     let lock = Lock::take(directory)?;
     let holds = |name: &str| directory.join(name).exists();
-    if !overwrite && (holds("checkpoint") || holds("replicas.csv")) {
+    if !overwrite && ["checkpoint", "replicas.csv", "points.csv"].into_iter().any(holds) {
         let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
                        another directory";
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));

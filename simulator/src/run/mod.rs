@@ -1,11 +1,13 @@
 pub mod any;
 pub mod checkpoint;
+mod queue;
 pub mod replicas;
 #[cfg(feature = "clap")]
 pub mod run_args;
 /// Runs on the CPU.
 pub mod simulation;
 pub mod state;
+pub mod sweep;
 /// The state of a run on any backend.
 pub mod view;
 
@@ -198,7 +200,7 @@ impl Run {
         self.check_disk_space(&simulation, slot)?;
         output::remove_stale(
             &self.directory,
-            &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"],
+            &["replicas.csv", "mean.csv", "points.csv", "sweep.csv", "arrivals.arrow", "releases.arrow"],
         )?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
@@ -212,10 +214,18 @@ impl Run {
         if !self.space_check {
             return Ok(());
         }
+        self.check_fits(self.disk_estimate(simulation).times(slot.count - slot.place))
+    }
+
+    /// Returns the output of the rest of a run.
+    fn disk_estimate(&self, simulation: &impl RunView) -> DiskEstimate {
         let Scenario { steps, output, text, .. } = &self.scenario;
-        let DiskEstimate { least, most, checkpoint } = DiskEstimate::of(simulation, *output, *steps, text);
-        let runs = u64::from(slot.count - slot.place);
-        let [least, most, checkpoint] = [least, most, checkpoint].map(|bytes| bytes.saturating_mul(runs));
+        DiskEstimate::of(simulation, *output, *steps, text)
+    }
+
+    /// Refuses output that surely does not fit the disk, and warns of output that may not fit.
+    fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
+        let DiskEstimate { least, most, checkpoint } = estimate;
         let free = self.free_disk_bytes()?;
         if least + checkpoint <= free && most + checkpoint > free {
             log::warn!(

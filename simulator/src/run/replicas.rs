@@ -1,20 +1,15 @@
 //! Replicas: runs of one scenario that differ in their seeds, and their mean.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Mutex, PoisonError};
-
-use lazygrid::Backend;
 
 use crate::output::{self, Lock};
 use crate::random::philox::{Key, Purpose};
 use crate::run::checkpoint::Checkpoint;
-use crate::run::{ReplicaSlot, Run, RunEnd, pool};
+use crate::run::{Run, RunEnd, queue};
 use crate::{AnySimulation, Error};
 
 const HEADER: &str = "replica,seed\n";
@@ -74,39 +69,9 @@ impl Replicas {
         let Some(_lock) = self.prepare(&is_cancelled)? else {
             return Ok(ReplicaResults { end: RunEnd::Stopped, done: Vec::new() });
         };
-        let threads = self.run.threads.unwrap_or_else(rayon::current_num_threads).max(1);
-        let at_once = match self.run.backend {
-            // They would wait for each other.
-            Backend::Gpu => 1,
-            _ => threads.min(self.count.get() as usize),
-        };
-        // A worker of a common pool that waits for a task of its own replica would begin another replica and finish the
-        // first only after that, so each replica has its own pool.
-        let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
-        let pools = pools.collect::<Result<Vec<_>, _>>()?;
-        let course = ReplicaQueue::new(self, at_once as u32);
-        std::thread::scope(|scope| {
-            for pool in &pools {
-                let work = || pool.install(|| course.work(&watch));
-                let spawned = std::thread::Builder::new().spawn_scoped(scope, work);
-                if let Err(error) = spawned {
-                    course.stop.store(true, Ordering::Relaxed);
-                    let refused = lazygrid::Error::ThreadPool { threads: at_once, reason: error.to_string() };
-                    return Err(Error::from(refused));
-                }
-            }
-            Ok(())
-        })?;
-        let ended = course.ended.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let mut done = Vec::new();
-        for (replica, end) in ended {
-            match end {
-                Ok(RunEnd::Finished) => done.push(replica),
-                Ok(RunEnd::Stopped) => {}
-                Err(error) => return Err(Error::Replica { replica, source: Box::new(error) }),
-            }
-        }
-        self.results(&done)
+        let watch = |_: usize, replica: u32, simulation: &AnySimulation| watch(replica, simulation);
+        let mut all = queue::run_all(std::slice::from_ref(self), &watch).map_err(|(_, error)| error)?;
+        Ok(all.remove(0))
     }
 
     /// Returns the directory of a replica.
@@ -139,8 +104,8 @@ impl Replicas {
         run
     }
 
-    /// Locks the directory and writes the seeds. Returns `None` if that is cancelled.
-    fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
+    /// Locks the directory, and writes the seeds of the replicas. Returns `None` if that is cancelled.
+    pub(crate) fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
         let directory = &self.run.directory;
         let path = directory.join("replicas.csv");
         let lock = match self.run.resume {
@@ -231,7 +196,8 @@ impl Replicas {
         Err(refused(io::Error::new(io::ErrorKind::StorageFull, message)))
     }
 
-    fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
+    /// Returns the replicas that are done, now or before.
+    pub(crate) fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let mut done = Vec::new();
         for replica in self.begun()? {
             if ended.contains(&replica) || is_done(&self.directory_of(replica), self.run.scenario.steps)? {
@@ -258,48 +224,6 @@ fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
     }
     output::check(directory, &checkpoint.files)?;
     Ok(true)
-}
-
-struct ReplicaQueue<'a> {
-    replicas: &'a Replicas,
-    at_once: u32,
-    next: AtomicU32,
-    stop: AtomicBool,
-    /// The ends of the replicas that a worker began, by number.
-    ended: Mutex<BTreeMap<u32, Result<RunEnd, Error>>>,
-}
-
-impl<'a> ReplicaQueue<'a> {
-    fn new(replicas: &'a Replicas, at_once: u32) -> Self {
-        let (next, stop) = (AtomicU32::new(0), AtomicBool::new(false));
-        Self { replicas, at_once, next, stop, ended: Mutex::default() }
-    }
-
-    /// Runs one replica after the other until none is left, `watch` breaks, or a replica fails.
-    fn work(&self, watch: &(impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync)) {
-        let count = self.replicas.count.get();
-        while !self.stop.load(Ordering::Relaxed) {
-            let place = self.next.fetch_add(1, Ordering::Relaxed);
-            if place >= count {
-                return;
-            }
-            let slot = ReplicaSlot { place, count, at_once: self.at_once };
-            let ended = self.replicas.replica(place).run_here(slot, |simulation| {
-                if watch(place, simulation).is_break() {
-                    self.stop.store(true, Ordering::Relaxed);
-                }
-                match self.stop.load(Ordering::Relaxed) {
-                    true => ControlFlow::Break(()),
-                    false => ControlFlow::Continue(()),
-                }
-            });
-            if ended.is_err() {
-                self.stop.store(true, Ordering::Relaxed);
-            }
-            let mut all = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
-            all.insert(place, ended.map(|(end, _)| end));
-        }
-    }
 }
 
 #[cfg(test)]

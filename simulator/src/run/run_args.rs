@@ -59,7 +59,11 @@ impl RunArgs {
     /// # Errors
     /// The errors of [`Scenario::read`].
     pub fn read(&self) -> Result<Run, Error> {
-        let mut scenario = Scenario::read(&self.scenario)?;
+        Ok(self.run(Scenario::read(&self.scenario)?))
+    }
+
+    /// Returns the run of a scenario with the overrides, on the CPU with the default algorithm and all threads.
+    pub fn run(&self, mut scenario: Scenario) -> Run {
         scenario.change(&Overrides {
             seed: self.seed,
             steps: self.steps,
@@ -69,7 +73,7 @@ impl RunArgs {
             animated: self.animate.then_some(self.animate_particles),
             animate_every: self.animate_every,
         });
-        Ok(Run {
+        Run {
             scenario,
             path: self.scenario.clone(),
             directory: self.output.clone().unwrap_or_else(|| Run::directory_of(&self.scenario)),
@@ -79,6 +83,6 @@ impl RunArgs {
             resume: self.resume,
             overwrite: self.overwrite,
             space_check: !self.no_space_check,
-        })
+        }
     }
 }

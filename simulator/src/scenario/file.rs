@@ -24,6 +24,7 @@ pub(super) struct File {
     pub(super) receivers: Vec<Receiver>,
     #[serde(default)]
     pub(super) output: Output,
+    pub(super) sweep: Option<Spanned<serde::de::IgnoredAny>>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize)]

@@ -2,14 +2,18 @@
 //! `docs/simulator.md` lists them.
 
 mod file;
+mod nearest;
 mod overrides;
 mod resolve;
+pub mod sweep;
 mod warnings;
 
 use std::ops::Range;
 use std::path::Path;
 
+use self::nearest::nearest;
 pub use self::overrides::Overrides;
+pub use self::sweep::Sweep;
 use lazygrid_io::{excerpt, printed};
 
 use crate::output::animation::Animation;
@@ -78,19 +82,19 @@ impl Scenario {
     /// # Errors
     /// [`Error::Scenario`].
     pub fn parse(path: &Path, text: String) -> Result<Self, Error> {
-        let placed = |Problem { span, key, message }: Problem| {
-            let start = span.map_or(0, |span| span.start);
-            let (line, found) = place(&text, start);
-            let key = excerpt(key.unwrap_or(found).as_bytes());
-            let message = printed(message.as_bytes(), MOST_SHOWN);
-            Error::Scenario { path: path.to_owned(), line, key, message }
-        };
+        let scenario = Self::parse_silently(path, text)?;
+        scenario.warnings.iter().for_each(|message| log::warn!("{message}"));
+        Ok(scenario)
+    }
+
+    /// Does the same as [`parse`](Self::parse), and logs no warnings.
+    fn parse_silently(path: &Path, text: String) -> Result<Self, Error> {
+        let placed = |problem| located(path, &text, problem);
         let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
         let resolve::Resolved { model, steps, seed, output, warnings } =
             resolve::resolve(file).map_err(placed)?;
         model.check()?;
-        let warnings: Vec<_> = warnings.into_iter().map(|problem| placed(problem).to_string()).collect();
-        warnings.iter().for_each(|message| log::warn!("{message}"));
+        let warnings = warnings.into_iter().map(|problem| placed(problem).to_string()).collect();
         Ok(Self { model, steps, seed, output, text, warnings })
     }
 
@@ -114,6 +118,15 @@ impl Scenario {
     }
 }
 
+/// Returns a fault as an error with its line and key.
+fn located(path: &Path, text: &str, Problem { span, key, message }: Problem) -> Error {
+    let start = span.map_or(0, |span| span.start);
+    let (line, found) = place(text, start);
+    let key = excerpt(key.unwrap_or(found).as_bytes());
+    let message = printed(message.as_bytes(), MOST_SHOWN);
+    Error::Scenario { path: path.to_owned(), line, key, message }
+}
+
 /// A fault of a scenario, and its location.
 struct Problem {
     span: Option<Range<usize>>,
@@ -134,6 +147,11 @@ impl From<toml::de::Error> for Problem {
         let named =
             ["missing field `", "unknown field `"].iter().find_map(|start| message.strip_prefix(start));
         let key = named.and_then(|rest| rest.split_once('`')).map(|(key, _)| key.to_owned());
+        let near = message.strip_prefix("unknown field `").and_then(|rest| {
+            let mut names = rest.split('`').step_by(2);
+            nearest(names.next()?, rest.split('`').skip(2).step_by(2))
+        });
+        let message = near.map(|near| format!("{message}; the nearest is `{near}`")).unwrap_or(message);
         Self { span: error.span(), key, message }
     }
 }

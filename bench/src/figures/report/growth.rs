@@ -61,7 +61,7 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
         let mut series = series(rows, false, of);
         series.extend(self::series(equal, true, of));
         let axes = Axes {
-            scale: Scale::Logarithmic,
+            scales: [Scale::Logarithmic; 2],
             title,
             x: ("spheres", Quantity::Count),
             y: (what, Quantity::Time),

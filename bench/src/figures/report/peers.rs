@@ -44,7 +44,7 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         let one = |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(row.n as f64);
         let spheres = ("spheres", Quantity::Count);
         let axes = Axes {
-            scale: Scale::Logarithmic,
+            scales: [Scale::Logarithmic; 2],
             title: &title,
             x: spheres,
             y: ("mean time of a step, one thread", Quantity::Time),
@@ -52,7 +52,7 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}"), by_size)?);
         let title = format!("Figure 4: {scene}, per sphere");
         let axes = Axes {
-            scale: Scale::Logarithmic,
+            scales: [Scale::Logarithmic; 2],
             title: &title,
             x: spheres,
             y: ("mean time of a step per sphere", Quantity::Time),
@@ -84,7 +84,7 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         };
         let x = ("step in radii", Quantity::Number);
         let y = ("mean time of a step per sphere", Quantity::Time);
-        let axes = Axes { scale: Scale::Logarithmic, title: &what, x, y };
+        let axes = Axes { scales: [Scale::Logarithmic; 2], title: &what, x, y };
         section.plots.extend(plot(&axes, &rows, format!("figure-step-length-{scene}-{n}"), shown)?);
         section.tables.push(per_sphere(&what, &rows, &columns));
         section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(&what, &rows, &columns, ours)));
@@ -117,8 +117,12 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
         let title = format!("{} carriers", count(n));
         if figure == Figure::F5a {
             let y = ("median time of a search", Quantity::Time);
-            let axes =
-                Axes { scale: Scale::Logarithmic, title: &title, x: ("simulated time", Quantity::Time), y };
+            let axes = Axes {
+                scales: [Scale::Logarithmic; 2],
+                title: &title,
+                x: ("simulated time", Quantity::Time),
+                y,
+            };
             let shown = |row: &Row| PlotPoint::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
             section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{n}"), shown)?);
         }
@@ -170,7 +174,7 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     }
     let title = format!("{ours}: how many times as fast, by carriers and simulated time");
     let y = ("peer's time / lazygrid's", Quantity::Number);
-    let axes = Axes { scale: Scale::Logarithmic, title: &title, x: ("carriers", Quantity::Count), y };
+    let axes = Axes { scales: [Scale::Logarithmic; 2], title: &title, x: ("carriers", Quantity::Count), y };
     let name: String = ours.chars().filter(|c| c.is_ascii_alphanumeric() || matches!(c, ' ' | '-')).collect();
     Ok(lines(&axes, &series)?.map(|svg| Plot {
         name: format!("figure-5b-{}", name.to_lowercase().replace(' ', "-")),

@@ -20,7 +20,7 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
     let mut section = Section { title: title.to_owned(), text: vec![text.to_owned()], ..Section::default() };
     for (scene, n, what, rows) in groups(rows) {
         let y = ("median time of a step", Quantity::Time);
-        let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
+        let axes = Axes { scales: [Scale::Logarithmic; 2], title: &what, x: (varied, Quantity::Number), y };
         section.plots.extend(plot(&axes, &rows, format!("{figure}-{scene}-{n}"))?);
         section.tables.push(table(figure, &what, &rows));
         if figure == Figure::Threads {

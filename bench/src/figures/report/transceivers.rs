@@ -25,7 +25,7 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
     for (scene, n, what, rows) in groups(rows) {
         let columns = by_setting(&rows, "");
         let y = ("median time of a step, one thread", Quantity::Time);
-        let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
+        let axes = Axes { scales: [Scale::Logarithmic; 2], title: &what, x: (varied, Quantity::Number), y };
         section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{scene}-{n}"))?);
         section.tables.push(medians(figure, &what, &rows, &columns));
         section.tables.push(compared(&what, &rows, &columns));

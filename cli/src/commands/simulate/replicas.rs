@@ -20,7 +20,7 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
     let is_cancelled = || asked.signal().is_some();
     let mut replicated = replicas.run_unless(is_cancelled, |replica, simulation| {
-        advance.see(replica, simulation);
+        advance.see((0, replica), simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
@@ -29,12 +29,8 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     if replicas.directory_of(0).exists() {
         animation::write(&replicas.replica(0))?;
     }
-    let run = &replicas.run;
     if reports && !replicated.done.is_empty() {
-        let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
-        let runs = replicated.done.iter().map(of).collect();
-        let command = format!("{} --replicas {count}", report::command(run));
-        report::write(&Done { run, mean: &mean, runs, command })?;
+        report::write(&done(&replicas, &replicated, &mean))?;
     }
     print(summary(&replicas, &replicated, &mean))?;
     match replicated.end {
@@ -53,20 +49,30 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     }
 }
 
-struct Advance {
-    bar: ProgressBar,
-    steps: Mutex<BTreeMap<u32, u32>>,
+/// Returns the replicas that are done, for their report.
+pub(crate) fn done<'a>(replicas: &'a Replicas, results: &ReplicaResults, mean: &'a MeanSeries) -> Done<'a> {
+    let run = &replicas.run;
+    let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
+    let command = format!("{} --replicas {}", report::command(run), replicas.count);
+    Done { run, mean, runs: results.done.iter().map(of).collect(), command }
+}
+
+/// The progress of all replicas together.
+pub(crate) struct Advance {
+    pub(crate) bar: ProgressBar,
+    /// The number of steps done, by point and replica.
+    steps: Mutex<BTreeMap<(usize, u32), u32>>,
 }
 
 impl Advance {
-    fn new(bar: ProgressBar) -> Self {
+    pub(crate) fn new(bar: ProgressBar) -> Self {
         Self { bar, steps: Mutex::default() }
     }
 
-    fn see(&self, replica: u32, simulation: &AnySimulation) {
+    pub(crate) fn see(&self, (point, replica): (usize, u32), simulation: &AnySimulation) {
         let step = simulation.step_count();
         let Ok(mut steps) = self.steps.lock() else { return };
-        match steps.insert(replica, step) {
+        match steps.insert((point, replica), step) {
             Some(before) => self.bar.inc(u64::from(step - before)),
             None if step > 0 => {
                 self.bar.inc(step.into());

@@ -1,10 +1,11 @@
 mod sections;
+pub(super) mod sweep;
 
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lazygrid_report::{Document, html};
+use lazygrid_report::{Document, Section, html};
 use lazygrid_results::channel::Channels;
 use lazygrid_results::mean::MeanSeries;
 use lazygrid_results::series::Series;
@@ -42,28 +43,42 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     Ok(mean)
 }
 
-/// Writes `report.html` and its plots, and the tables of channels if arrivals were logged.
-pub(crate) fn write(done: &Done<'_>) -> Result<(), CliError> {
-    let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
-    let mut channels = None;
-    if model.logs_arrivals {
-        let runs = done.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
-        let found = Channels::of(model, steps, runs)?;
-        tables(&found, model, &done.run.directory)?;
-        channels = Some(found);
+/// Writes `report.html` and its plots, and the tables of channels. Returns the channels, if arrivals were logged.
+pub(crate) fn write(done: &Done<'_>) -> Result<Option<Channels>, CliError> {
+    let channels = channels(done)?;
+    if let Some(found) = &channels {
+        tables(found, &done.run.scenario.model, &done.run.directory)?;
     }
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
-    let sections = sections::all(done, channels.as_ref()).map_err(|error| CliError::Report {
-        path: done.run.directory.join("report.html"),
-        reason: error.to_string(),
+    write_page(&done.run.directory, format!("lazygrid simulate: {name}"), || {
+        sections::all(done, channels.as_ref())
     })?;
-    let document = Document { title: format!("lazygrid simulate: {name}"), sections };
-    let plots = done.run.directory.join("plots");
+    Ok(channels)
+}
+
+/// Reads the channels of runs, if arrivals were logged.
+pub(crate) fn channels(done: &Done<'_>) -> Result<Option<Channels>, CliError> {
+    let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
+    let runs = done.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
+    Ok(model.logs_arrivals.then(|| Channels::of(model, steps, runs)).transpose()?)
+}
+
+/// Writes `report.html` and its plots to a directory.
+fn write_page(
+    directory: &Path,
+    title: String,
+    sections: impl FnOnce() -> Result<Vec<Section>, Box<dyn std::error::Error>>,
+) -> Result<(), CliError> {
+    let page = directory.join("report.html");
+    let sections =
+        sections().map_err(|error| CliError::Report { path: page.clone(), reason: error.to_string() })?;
+    let document = Document { title, sections };
+    let plots = directory.join("plots");
     fs::create_dir_all(&plots).map_err(|source| refused(&plots, source))?;
     for plot in document.sections.iter().flat_map(|section| &section.plots) {
         file(&plots.join(format!("{}.svg", plot.name)), |out| out.write_all(plot.svg.as_bytes()))?;
     }
-    file(&done.run.directory.join("report.html"), |out| out.write_all(html::page(&document).as_bytes()))
+    file(&page, |out| out.write_all(html::page(&document).as_bytes()))
 }
 
 fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), CliError> {

@@ -22,6 +22,13 @@ pub(super) struct Resolved {
 }
 
 pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
+    if let Some(sweep) = &file.sweep {
+        let message = "it is several scenarios; run them with `lazygrid simulate`, or take the scenario.toml of one of its points";
+        return Err(Problem {
+            key: Some("sweep".to_owned()),
+            ..Problem::at(sweep.span(), message.to_owned())
+        });
+    }
     let mut warnings = Vec::new();
     let mut model = Model {
         time_step: file.time_step.0,

@@ -1,12 +1,11 @@
 use std::error::Error;
-use std::ops::Range;
 
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 use lazygrid_results::bit_errors::BitErrors;
-use lazygrid_results::channel::{Channels, spaced};
+use lazygrid_results::channel::{Channels, link_name, spaced};
+use lazygrid_results::columns::{ColumnGroup, groups};
 use lazygrid_results::mean::RunningStats;
-use lazygrid_results::response::Link;
 use lazygrid_sim::Model;
 
 use super::Done;
@@ -59,17 +58,8 @@ fn head(done: &Done<'_>) -> Section {
 /// Plots each group of the series, and tabulates the last values.
 fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
     let (model, mean) = (&done.run.scenario.model, done.mean);
-    let species = model.species.len();
-    let reactions = species + model.reactions.len() + model.decays.len();
-    let received = mean.names.len().saturating_sub(2).max(reactions);
-    let groups: [(&str, &str, Range<usize>); 4] = [
-        ("particles", "particles", 0..species),
-        ("reactions", "reactions so far", species..reactions),
-        ("receivers", "arrived so far, or inside", reactions..received),
-        ("pairs", "in the last step", received..mean.names.len()),
-    ];
     let mut section = Section { title: "Series".into(), ..Section::default() };
-    for (name, y, columns) in groups {
+    for ColumnGroup { name, axis, columns } in groups(model) {
         let line = |(colour, column): (usize, usize)| {
             let rows = (0..mean.steps.len()).step_by(mean.steps.len().div_ceil(POINTS).max(1));
             let point = |row: usize| {
@@ -84,8 +74,8 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
             }
         };
         let happens = |column: &usize| (0..mean.steps.len()).any(|row| mean.row(row)[*column].mean() > 0.0);
-        let all: Vec<Series> = columns.filter(happens).enumerate().map(line).collect();
-        section.plots.extend(plot((name, name), ("time, s", y), &all)?);
+        let all: Vec<Series> = columns.into_iter().filter(happens).enumerate().map(line).collect();
+        section.plots.extend(plot((name, name), ("time, s", axis), &all)?);
     }
     if let Some(last) = mean.steps.len().checked_sub(1) {
         let row = |(name, sample): (&String, &lazygrid_results::mean::IntegerStats)| {
@@ -113,7 +103,7 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
         let point = |k: usize, moments: &RunningStats, by: f64, at: f64| {
             mark((k as f64 + at) * stretch, moments.mean() / by, moments.standard_error().map(|e| e / by))
         };
-        let name = title(response.link, model);
+        let name = link_name(response.link, model);
         let density = response.parts.iter().enumerate().map(|(k, part)| point(k, part, stretch, 0.5));
         densities.push(Series { name: name.clone(), points: density.collect(), dashed: false, colour });
         let cumulative = response.cumulative.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 1.0));
@@ -149,7 +139,7 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
     for (colour, own) in channels.interference.iter().enumerate() {
         let point =
             |(slot, part): (usize, &RunningStats)| mark(slot as f64, part.mean(), part.standard_error());
-        let name = title(own.link, model);
+        let name = link_name(own.link, model);
         let points = own.by_lag.iter().enumerate().map(point).collect();
         all.push(Series { name: name.clone(), points, dashed: false, colour });
         let mut cells = vec![Cell::plain(name)];
@@ -179,16 +169,11 @@ fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Err
          shown. `bit-errors.csv` has all delays and thresholds."
             .to_owned(),
     );
-    let name = |errors: &BitErrors| {
-        let [from, to] =
-            [&model.transmitters[errors.transmitter].name, &model.receivers[errors.receiver].name];
-        format!("{from} to {to}")
-    };
     let mut all = Vec::new();
     let ways =
         || channels.bit_errors.chunk_by(|a, b| (a.transmitter, a.receiver) == (b.transmitter, b.receiver));
     for (colour, errors) in ways().filter(|of| of[0].thresholds() == 1).flat_map(shown).enumerate() {
-        let mut name = name(errors);
+        let mut name = errors.name(model);
         if errors.delay > 0 {
             name += &format!(", {:.4} s later", f64::from(errors.delay) * model.time_step);
         }
@@ -210,7 +195,7 @@ fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Err
         section.notes.push(Note { text, is_error: false });
     }
     let others = ways().filter(|of| of[0].thresholds() != 1);
-    section.tables.extend(others.map(|of| by_delay(of, &name(&of[0]), model)));
+    section.tables.extend(others.map(|of| by_delay(of, &of[0].name(model), model)));
     let of = ("bit-errors", "Bit errors by threshold");
     section.plots.extend(plot(of, ("threshold, arrivals in a slot", "part of the bits"), &all)?);
     Ok(section)
@@ -273,29 +258,31 @@ fn thresholds(errors: &BitErrors, most: usize) -> impl Iterator<Item = u64> {
     (0..=last).step_by(step)
 }
 
-fn plot(
+/// A plot of these lines, if they have points, under a file's name and a title.
+pub(super) fn plot(
     (name, title): (&str, &str),
     (x, y): (&str, &str),
     series: &[Series],
 ) -> Result<Option<Plot>, Box<dyn Error>> {
-    let axes = Axes { title, x: (x, Quantity::Number), y: (y, Quantity::Number), scale: Scale::Linear };
+    plot_scaled((name, title), [(x, Scale::Linear), (y, Scale::Linear)], series)
+}
+
+/// A plot with these scales of its axes.
+pub(super) fn plot_scaled(
+    (name, title): (&str, &str),
+    [x, y]: [(&str, Scale); 2],
+    series: &[Series],
+) -> Result<Option<Plot>, Box<dyn Error>> {
+    let axes = Axes { title, x: (x.0, Quantity::Number), y: (y.0, Quantity::Number), scales: [x.1, y.1] };
     Ok(lines(&axes, series)?.map(|svg| Plot { name: name.to_owned(), caption: String::new(), svg }))
 }
 
-fn mark(x: f64, mean: f64, error: Option<f64>) -> PlotPoint {
+pub(super) fn mark(x: f64, mean: f64, error: Option<f64>) -> PlotPoint {
     let error = error.unwrap_or(0.0);
     PlotPoint::new(x, mean, (mean - error, mean + error))
 }
 
-fn title(way: Link, model: &Model) -> String {
-    format!(
-        "{} to {}: {}",
-        model.transmitters[way.transmitter].name,
-        model.receivers[way.receiver].name,
-        model.species[way.species].name
-    )
-}
-
+/// A mean with its standard error, as far as it goes.
 fn written(mean: f64, error: Option<f64>) -> String {
     match error.filter(|error| *error > 0.0) {
         _ if mean.is_nan() => "–".to_owned(),

@@ -1,0 +1,76 @@
+use std::ops::ControlFlow;
+
+use lazygrid_results::animation;
+use lazygrid_results::mean::MeanSeries;
+use lazygrid_results::sweep::{SweepRow, write};
+use lazygrid_sim::run::RunEnd;
+use lazygrid_sim::run::sweep::SweepRuns;
+
+use super::replicas::{Advance, done};
+use super::report;
+use crate::args::Simulate;
+use crate::error::CliError;
+use crate::signals::StopSignal;
+use crate::{print, progress, signals};
+
+/// Runs all points of a sweep, and writes their table and report.
+pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
+    let asked = signals::install_stop_handler()?;
+    let runs = || sweep.points.iter().map(|point| u64::from(point.count.get()));
+    let steps =
+        sweep.points.iter().zip(runs()).map(|(point, runs)| runs * u64::from(point.run.scenario.steps));
+    let advance = Advance::new(progress::running(steps.sum()));
+    let is_cancelled = || asked.signal().is_some();
+    let mut results = sweep.run(is_cancelled, |point, replica, simulation| {
+        advance.see((point, replica), simulation);
+        if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    advance.bar.finish_and_clear();
+    let (mut rows, mut responses) = (Vec::new(), Vec::new());
+    for ((point, values), results) in sweep.points.iter().zip(&sweep.values).zip(&mut results) {
+        let mean = MeanSeries::of_replicas(point, results)?;
+        // One replica shows what all are like.
+        if point.directory_of(0).exists() {
+            animation::write(&point.replica(0))?;
+        }
+        let all = done(point, results, &mean);
+        let channels = match args.report && !all.runs.is_empty() {
+            true => report::write(&all)?,
+            false => report::channels(&all)?,
+        };
+        rows.push(SweepRow::new(values.clone(), &point.run.scenario.model, &mean, channels.as_ref()));
+        responses.push(channels.map_or_else(Vec::new, |channels| channels.responses));
+    }
+    let keys: Vec<String> = sweep.keys.iter().map(|key| key.path.clone()).collect();
+    lazygrid_sim::write_atomically(&sweep.directory.join("sweep.csv"), |out| write(out, &keys, &rows))?;
+    if args.report {
+        report::sweep::write(sweep, &rows, &responses)?;
+    }
+    let finished: usize = results.iter().map(|results| results.done.len()).sum();
+    print(summary(sweep, &rows, finished))?;
+    if results.iter().all(|results| results.end == RunEnd::Finished) {
+        return Ok(());
+    }
+    let options = args.sweep.iter().map(|option| format!(" --sweep \"{}\"", option.replace('"', "\\\"")));
+    let command = format!(
+        "lazygrid simulate {} --output {}{} --replicas {}",
+        args.options.scenario.display(),
+        sweep.directory.display(),
+        options.collect::<String>(),
+        args.replicas.map_or(1, Into::into)
+    );
+    let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
+    Err(CliError::StoppedSweep { done: finished, count: runs().sum(), command, signal })
+}
+
+/// Returns the summary of a sweep: the values of each point and the number of its replicas that are done.
+fn summary(sweep: &SweepRuns, rows: &[SweepRow], finished: usize) -> String {
+    let mut lines = vec![format!("sweep      {} points, {finished} runs done", rows.len())];
+    for (k, row) in rows.iter().enumerate() {
+        let values = sweep.keys.iter().zip(&row.values).map(|(key, value)| format!("{} = {value}", key.path));
+        let values = values.collect::<Vec<_>>().join(", ");
+        lines.push(format!("point {k:<5}{values}: {} of {} replicas", row.replicas, sweep.points[k].count));
+    }
+    lines.push(format!("table      {}", sweep.directory.join("sweep.csv").display()));
+    lines.join("\n") + "\n"
+}

@@ -1,0 +1,171 @@
+//! Sweeps: all combinations of values.
+
+use std::fs;
+
+use super::{SCENARIO, files, lazygrid, rows};
+use lazygrid_tests::command::Scratch;
+
+/// A burst near an absorbing receiver of 2 µm.
+const BURST: &str = r#"
+time-step = 0.002
+steps = 200
+seed = 3
+[[species]]
+name = "A"
+diffusion = 100
+[[transmitter]]
+name = "tx"
+release = [{ species = "A", count = 2000 }]
+[[receiver]]
+name = "rx"
+center = [10, 0, 0]
+radius = 2
+kind = "absorbing"
+[output]
+every = 200
+[sweep]
+receiver.rx.center.x = [4, 8]
+species.A.diffusion = [50, 100]
+"#;
+
+#[test]
+fn sweep_gives_the_closed_form_at_each_point() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", BURST), scratch.path("out"));
+    let args = ["simulate", &scenario, "--output", &out, "--replicas", "3", "--report"];
+    let run = lazygrid(args).succeeds();
+    assert!(run.out.starts_with("sweep      4 points, 12 runs done\n"), "{}", run.out);
+    let table = rows(&(out.clone() + "/sweep.csv"));
+    assert_eq!(table.len(), 4);
+    for row in &table {
+        let number = |name: &str| row[name].parse::<f64>().unwrap();
+        let [distance, diffusion] = ["receiver.rx.center.x", "species.A.diffusion"].map(number);
+        // (r/d)·erfc((d − r)/√(4Dt)) of 6000 particles in three replicas.
+        let part = 2.0 / distance * libm::erfc((distance - 2.0) / (4.0 * diffusion * 0.4).sqrt());
+        let error = (2000.0 * part * (1.0 - part) / 3.0).sqrt();
+        let [mean, low, high] = ["rx:A", "rx:A low", "rx:A high"].map(number);
+        assert!((mean - 2000.0 * part).abs() < 4.0 * error, "{row:?}, not {}", 2000.0 * part);
+        assert!(low < mean && mean < high && number("replicas") == 3.0, "{row:?}");
+    }
+    // Each point is a scenario of its own, which gives the same bytes by itself.
+    let [point, alone] = [out.clone() + "/point-0002", scratch.path("alone")];
+    let args = ["simulate", &(point.clone() + "/scenario.toml"), "--output", &alone, "--replicas", "3"];
+    lazygrid(args).succeeds();
+    assert_eq!(rows(&(alone.clone() + "/mean.csv")), rows(&(point + "/mean.csv")));
+    let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
+    let svg = fs::read_to_string(out + "/plots/arrivals.svg").unwrap();
+    assert!(report.contains(&svg) && svg.contains("rx:A, species.A.diffusion = 50"));
+}
+
+#[test]
+fn options_sweep_and_threads_change_no_byte() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let sweep = |out: &str, more: &[&str]| {
+        let args = ["simulate", &scenario, "--output", out, "--sweep", "species.acid.diffusion=1,5"];
+        lazygrid(args.iter().chain(more)).succeeds();
+        files(out)
+    };
+    let [one, two] = ["one", "two"].map(|name| scratch.path(name));
+    assert_eq!(sweep(&one, &["--threads", "1"]), sweep(&two, &["--threads", "3"]));
+    let points = rows(&(one.clone() + "/points.csv"));
+    assert_eq!(points.iter().map(|row| &row["species.acid.diffusion"][..]).collect::<Vec<_>>(), ["1", "5"]);
+    // The point with the value of the file is the run without a sweep.
+    let alone = scratch.path("alone");
+    lazygrid(["simulate", &scenario, "--output", &alone, "--replicas", "1"]).succeeds();
+    let series = |out: &str| fs::read_to_string(format!("{out}/replica-0000/series.csv")).unwrap();
+    assert_eq!(series(&alone), series(&(one + "/point-0001")));
+}
+
+#[test]
+fn sweeps_are_resumed_replaced_and_refused() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+    let simulate =
+        |out: &str, more: &[&str]| lazygrid(["simulate", &scenario, "--output", out].iter().chain(more));
+    let [two, three] = ["species.acid.diffusion=1,5", "species.acid.diffusion=1,5,9"];
+    simulate(&whole, &["--sweep", three, "--replicas", "2"]).succeeds();
+    simulate(&out, &["--sweep", two]).succeeds();
+    fs::remove_dir_all(out.clone() + "/point-0001").unwrap();
+    for (more, message) in [
+        (&["--sweep", two][..], "holds a run already"),
+        (&[], "holds a run already"),
+        (&["--sweep", "species.acid.diffusion=1,6", "--resume"], "it has '1,5' and the sweep has '1,6'"),
+        (&["--sweep", "species.acid.diffusion=1", "--resume"], "it has 2 points and the sweep has 1"),
+        (&["--sweep", "species.acid.difusion=1"], "the nearest is 'species.acid.diffusion'"),
+    ] {
+        let run = simulate(&out, more).fails();
+        assert!(run.err.contains(message), "{more:?}: {}", run.err);
+    }
+    let run = simulate(&out, &["--sweep", "seed=1,2", "--seed", "3"]);
+    assert_eq!(run.code, Some(2), "{}", run.err);
+    assert!(run.err.contains("--seed would replace the values of seed"), "{}", run.err);
+    // More values and more replicas.
+    simulate(&out, &["--sweep", three, "--replicas", "2", "--resume"]).succeeds();
+    assert_eq!(files(&out), files(&whole));
+    simulate(&out, &["--sweep", two, "--replicas", "2", "--overwrite"]).succeeds();
+    assert_eq!(rows(&(out.clone() + "/sweep.csv")).len(), 2);
+    simulate(&out, &["--overwrite"]).succeeds();
+    assert!(!std::path::Path::new(&(out + "/points.csv")).exists());
+}
+
+#[test]
+fn sweep_that_cannot_fit_is_refused_before_it_begins() {
+    let scratch = Scratch::new();
+    let [scenario, out] = [scratch.write("s.toml", SCENARIO), scratch.path("out")];
+    let refused = |sweep: &[&str]| {
+        let args = ["simulate", &scenario, "--output", &out];
+        lazygrid(args.iter().chain(sweep)).fails().err
+    };
+    let memory = refused(&["--sweep", "transmitter.tx.release.0.count=10,4000000000"]);
+    assert!(
+        memory.contains("count = 4000000000: ") && memory.contains("bytes of memory or more"),
+        "{memory}"
+    );
+    assert!(!fs::exists(out.clone() + "/points.csv").unwrap());
+    let steps = ["--sweep", "steps=40,4000000000", "--series-every", "1", "--replicas", "100000"];
+    let disk = refused(&steps);
+    assert!(disk.contains("is going to write about"), "{disk}");
+    assert!(!fs::exists(out + "/points.csv").unwrap());
+}
+
+#[test]
+#[cfg(unix)]
+fn interrupted_sweep_goes_on() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+    let sweep = "species.acid.diffusion=1,2,3,4,5,6,7,8";
+    let args = |out| ["simulate", &scenario, "--output", out, "--sweep", sweep, "--replicas", "10"];
+    let ended = super::begun(&args(&out), &(out.clone() + "/point-0001/replica-0000/checkpoint")).end("-INT");
+    let message = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(130), "{message}");
+    let says = ["of 80 runs done; go on with: ", "--sweep \"species", "--replicas 10 --resume"];
+    assert!(says.iter().all(|part| message.contains(part)), "{message}");
+    lazygrid(args(&out).into_iter().chain(["--resume"])).succeeds();
+    lazygrid(args(&whole)).succeeds();
+    assert_eq!(files(&out), files(&whole));
+}
+
+#[test]
+fn shipped_sweep_has_bit_errors_by_distance() {
+    let scratch = Scratch::new();
+    let out = scratch.path("out");
+    let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/../simulator/scenarios/distances.toml");
+    lazygrid(["simulate", scenario, "--output", &out, "--replicas", "4", "--report"]).succeeds();
+    let table = rows(&(out.clone() + "/sweep.csv"));
+    assert_eq!(table.len(), 6);
+    for row in &table {
+        let number = |name: &str| row[&format!("tx to rx bit error rate{name}")].parse::<f64>().unwrap();
+        let [rate, low, high] = ["", " low", " high"].map(number);
+        assert!(low <= rate && rate <= high && high - low > 0.02, "{row:?}");
+    }
+    let peak = |point: usize| table[point]["tx to rx: A peak time"].parse::<f64>().unwrap();
+    assert!(peak(1) < peak(5), "the response of a farther receiver peaks later: {table:?}");
+    let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
+    for plot in ["bit-errors", "peak-time", "arrived-part", "late-part", "impulse-responses"] {
+        let svg = fs::read_to_string(format!("{out}/plots/{plot}.svg")).unwrap();
+        assert!(report.contains(&svg), "{plot}");
+    }
+}

@@ -1,0 +1,84 @@
+//! Counts of receivers within symbol slots, by the symbol that was sent.
+
+use std::collections::BTreeMap;
+
+use crate::columns::column_of;
+use crate::mean::IntegerStats;
+use crate::response::Link;
+use crate::series::Series;
+use crate::symbols::SymbolSlots;
+use lazygrid_sim::model::message::Message;
+use lazygrid_sim::random::philox::Key;
+use lazygrid_sim::Model;
+
+/// The count of a receiver by the time since the beginning of a slot and by the symbol of the slot, over slots and replicas. Arrivals
+/// are counted from the last row at or before the beginning.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CountsBySymbol {
+    /// The link.
+    pub link: Link,
+    /// By symbol, and by the number of steps since the beginning of the slot.
+    pub symbols: BTreeMap<u32, BTreeMap<u32, IntegerStats>>,
+}
+
+impl CountsBySymbol {
+    /// Creates an empty statistic.
+    pub fn new(link: Link) -> Self {
+        Self { link, symbols: BTreeMap::new() }
+    }
+
+    /// Adds a replica with this seed, with slots that begin with their symbols.
+    pub fn add(&mut self, series: &Series, (model, message): (&Model, &Message), seed: u64, slots: &SymbolSlots) {
+        let Link { transmitter, receiver, species } = self.link;
+        let Some(column) = column_of(model, receiver, species) else { return };
+        let grows = model.receivers[receiver].kind.absorbs();
+        for (k, bounds) in slots.bounds.windows(2).enumerate() {
+            let symbol = message.symbol(k as u32, transmitter as u32, Key::new(seed));
+            let first = series.steps.partition_point(|&step| step < bounds[0]);
+            let before = series.steps.partition_point(|&step| step <= bounds[0]).checked_sub(1);
+            let base = before.filter(|_| grows).map_or(0, |row| series.row(row)[column]);
+            let by_time = self.symbols.entry(symbol).or_default();
+            for row in (first..series.steps.len()).take_while(|&row| series.steps[row] <= bounds[1]) {
+                let lag = series.steps[row] - bounds[0];
+                by_time.entry(lag).or_default().add(series.row(row)[column].saturating_sub(base));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::symbols::messages;
+    use crate::symbols::tests::{model, slots};
+    use lazygrid_sim::ReceiverKind;
+
+    #[test]
+    fn slots_of_a_symbol_are_averaged_over_its_own() {
+        // The bits 1 0 1 1 in slots of 10 steps from step 5; a row every 5 steps.
+        let mut model = model();
+        let counts = [0, 1, 4, 6, 6, 6, 10, 12, 13, 15];
+        let series = Series {
+            names: lazygrid_sim::series::names(&model),
+            steps: (0..10).map(|k| 5 * k).collect(),
+            times: (0..10).map(|k| 0.5 * f64::from(k)).collect(),
+            counts: counts.iter().flat_map(|&count| [0, count, 0, 0]).collect(),
+        };
+        let by_symbol = |model: &Model| {
+            let mut own = CountsBySymbol::new(Link { transmitter: 0, receiver: 0, species: 0 });
+            own.add(&series, (model, messages(model).next().unwrap().1), 1, &slots(100));
+            let means = |times: &BTreeMap<u32, IntegerStats>| -> Vec<(u32, f64, u64)> {
+                times.iter().map(|(&lag, sample)| (lag, sample.mean(), sample.count())).collect()
+            };
+            own.symbols.iter().map(|(&symbol, times)| (symbol, means(times))).collect::<Vec<_>>()
+        };
+        // Arrivals since the beginning: 0 3 5, 0 4 6, 0 1 3 after a 1, and 0 0 0 after the 0.
+        let after_one = |a, b, c| vec![(0, a, 3), (5, b, 3), (10, c, 3)];
+        let expected = [(0, vec![(0, 0.0, 1), (5, 0.0, 1), (10, 0.0, 1)]), (1, after_one(0.0, 8.0 / 3.0, 14.0 / 3.0))];
+        assert_eq!(by_symbol(&model), expected);
+        // Momentary counts are taken as they are.
+        model.receivers[0].kind = ReceiverKind::Transparent;
+        let expected = [(0, vec![(0, 6.0, 1), (5, 6.0, 1), (10, 6.0, 1)]), (1, after_one(19.0 / 3.0, 9.0, 11.0))];
+        assert_eq!(by_symbol(&model), expected);
+    }
+}

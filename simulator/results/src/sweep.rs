@@ -1,0 +1,136 @@
+//! The table of a sweep: a row for each point, with the results of its replicas.
+
+use std::io::{self, Write};
+
+use crate::channel::{Channels, link_name};
+use crate::columns::groups;
+use crate::mean::MeanSeries;
+use lazygrid_sim::Model;
+
+/// A result of a point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweepResult {
+    /// The group, such as `particles` or `bit errors`.
+    pub group: &'static str,
+    /// The name.
+    pub name: String,
+    /// The mean over replicas, or the rate of all bits.
+    pub value: f64,
+    /// One standard error below and above the mean, or the 95 % interval of a bit error rate; `None` for one replica.
+    pub bounds: Option<[f64; 2]>,
+}
+
+/// The group of the error rates, which belong on a logarithmic axis.
+pub const BIT_ERRORS: &str = "bit errors";
+
+/// A point of a sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweepRow {
+    /// The values of the swept keys.
+    pub values: Vec<String>,
+    /// The number of replicas that are done.
+    pub replicas: u64,
+    /// The results.
+    pub results: Vec<SweepResult>,
+}
+
+impl SweepRow {
+    /// Returns the results of a point: the last row of the series, and of each link the part that has arrived, the time of the peak
+    /// of the response, the late part of a symbol's arrivals, and the lowest bit error rate of all delays and thresholds.
+    pub fn new(values: Vec<String>, model: &Model, mean: &MeanSeries, channels: Option<&Channels>) -> Self {
+        let mut row = Self { values, replicas: mean.replicas, results: Vec::new() };
+        if let Some(last) = mean.steps.len().checked_sub(1) {
+            for group in groups(model) {
+                for column in group.columns {
+                    let sample = mean.row(last)[column];
+                    row.add(group.name, mean.names[column].clone(), (sample.mean(), sample.standard_error()));
+                }
+            }
+        }
+        channels.into_iter().for_each(|channels| row.add_channels(channels, model));
+        row
+    }
+
+    fn add(&mut self, group: &'static str, name: String, (value, error): (f64, Option<f64>)) {
+        let bounds = error.map(|error| [value - error, value + error]);
+        self.results.push(SweepResult { group, name, value, bounds });
+    }
+
+    fn add_channels(&mut self, channels: &Channels, model: &Model) {
+        for response in &channels.responses {
+            let name = link_name(response.link, model);
+            let bin = f64::from(response.width) * model.time_step;
+            let means = || response.parts.iter().enumerate().filter(|(_, part)| part.count() > 0);
+            if let Some((k, _)) = means().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean())) {
+                self.add("peak time", format!("{name} peak time"), ((k as f64 + 0.5) * bin, None));
+            }
+            if let Some(part) = response.cumulative.iter().rfind(|part| part.count() > 0) {
+                self.add(
+                    "arrived part",
+                    format!("{name} arrived part"),
+                    (part.mean(), part.standard_error()),
+                );
+            }
+        }
+        for own in channels.interference.iter().filter(|own| own.late.count() > 0) {
+            let name = format!("{} late part", link_name(own.link, model));
+            self.add("late part", name, (own.late.mean(), own.late.standard_error()));
+        }
+        for errors in channels.least_errors() {
+            let wrong = errors.at(&errors.best()).1;
+            let (value, bounds) = (wrong as f64 / errors.bits as f64, Some(errors.interval(wrong)));
+            let name = format!("{} bit error rate", errors.name(model));
+            self.results.push(SweepResult { group: BIT_ERRORS, name, value, bounds });
+        }
+    }
+}
+
+/// Writes a table: the values of each point, the number of replicas, and each result with its bounds. A result that a point does not
+/// have is empty.
+///
+/// # Errors
+/// Fails if the writer fails.
+pub fn write(out: &mut impl Write, keys: &[String], rows: &[SweepRow]) -> io::Result<()> {
+    let mut names: Vec<&str> = Vec::new();
+    for result in rows.iter().flat_map(|row| &row.results) {
+        if !names.contains(&&result.name[..]) {
+            names.push(&result.name);
+        }
+    }
+    write!(out, "point,{},replicas", keys.join(","))?;
+    names.iter().try_for_each(|name| write!(out, ",{name},{name} low,{name} high"))?;
+    writeln!(out)?;
+    for (point, row) in rows.iter().enumerate() {
+        write!(out, "{point},{},{}", row.values.join(","), row.replicas)?;
+        for name in &names {
+            let result = row.results.iter().find(|result| result.name == *name);
+            let value = result.map_or(String::new(), |result| result.value.to_string());
+            let bounds = result.and_then(|result| result.bounds);
+            let [low, high] =
+                bounds.map_or_else(Default::default, |bounds| bounds.map(|end| end.to_string()));
+            write!(out, ",{value},{low},{high}")?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_result_that_a_point_lacks_is_empty() {
+        let result =
+            |name: &str, bounds| SweepResult { group: "particles", name: name.into(), value: 2.0, bounds };
+        let row = |value: &str, results| SweepRow { values: vec![value.into()], replicas: 3, results };
+        let rows = [
+            row("5", vec![result("A", Some([1.5, 2.5]))]),
+            row("10", vec![result("A", None), result("B", None)]),
+        ];
+        let mut out = Vec::new();
+        write(&mut out, &["d".to_owned()], &rows).unwrap();
+        let expected = "point,d,replicas,A,A low,A high,B,B low,B high\n0,5,3,2,1.5,2.5,,,\n1,10,3,2,,,2,,\n";
+        assert_eq!(String::from_utf8(out).unwrap(), expected);
+    }
+}

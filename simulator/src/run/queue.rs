@@ -1,0 +1,116 @@
+//! The parallel execution of many runs: replicas, of one scenario or of each point of a sweep.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use lazygrid::Backend;
+
+use crate::run::replicas::{ReplicaResults, Replicas};
+use crate::run::{ReplicaSlot, RunEnd, pool};
+use crate::{AnySimulation, Error};
+
+/// Returns the number of runs that are performed at once.
+pub(crate) fn at_once(groups: &[Replicas]) -> u32 {
+    let Some(first) = groups.first() else { return 1 };
+    let runs: u64 = groups.iter().map(|group| u64::from(group.count.get())).sum();
+    match first.run.backend {
+        // They would wait for each other.
+        Backend::Gpu => 1,
+        _ => u64::min(threads(first) as u64, runs) as u32,
+    }
+}
+
+fn threads(of: &Replicas) -> usize {
+    of.run.threads.unwrap_or_else(rayon::current_num_threads).max(1)
+}
+
+/// Performs all replicas of all groups, as many at once as there are threads, until `watch` breaks. Its arguments are the index of
+/// the group, the number of the replica, and the simulation. The directories of the groups must be prepared.
+///
+/// # Errors
+/// The first error, with the index of its group. The other runs then have checkpoints.
+pub(crate) fn run_all(
+    groups: &[Replicas],
+    watch: &(impl Fn(usize, u32, &AnySimulation) -> ControlFlow<()> + Sync),
+) -> Result<Vec<ReplicaResults>, (usize, Error)> {
+    let Some(first) = groups.first() else { return Ok(Vec::new()) };
+    let (threads, at_once) = (threads(first), at_once(groups) as usize);
+    // A worker of a common pool that waits for a task of its own run would begin another run and finish the first only after that.
+    // So each run has a pool of its own.
+    let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
+    let pools = pools.collect::<Result<Vec<_>, _>>().map_err(|error| (0, error))?;
+    let queue = RunQueue::new(groups, at_once as u32);
+    std::thread::scope(|scope| {
+        for pool in &pools {
+            let work = || pool.install(|| queue.work(watch));
+            let spawned = std::thread::Builder::new().spawn_scoped(scope, work);
+            if let Err(error) = spawned {
+                queue.stop.store(true, Ordering::Relaxed);
+                let refused = lazygrid::Error::ThreadPool { threads: at_once, reason: error.to_string() };
+                return Err((0, Error::from(refused)));
+            }
+        }
+        Ok(())
+    })?;
+    let mut done = vec![Vec::new(); groups.len()];
+    for ((group, replica), end) in queue.ended.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        match end {
+            Ok(RunEnd::Finished) => done[group].push(replica),
+            Ok(RunEnd::Stopped) => {}
+            Err(error) => return Err((group, Error::Replica { replica, source: Box::new(error) })),
+        }
+    }
+    let results = groups.iter().zip(done).enumerate();
+    results.map(|(k, (group, done))| group.results(&done).map_err(|error| (k, error))).collect()
+}
+
+/// The state that workers share.
+struct RunQueue<'a> {
+    groups: &'a [Replicas],
+    at_once: u32,
+    /// The index of the first run of each group among all runs, and the number of all runs.
+    starts: Vec<usize>,
+    next: AtomicUsize,
+    stop: AtomicBool,
+    /// The ends of the runs that a worker began, by group and replica.
+    ended: Mutex<BTreeMap<(usize, u32), Result<RunEnd, Error>>>,
+}
+
+impl<'a> RunQueue<'a> {
+    fn new(groups: &'a [Replicas], at_once: u32) -> Self {
+        let mut starts = vec![0];
+        starts.extend(groups.iter().scan(0, |runs, group| {
+            *runs += group.count.get() as usize;
+            Some(*runs)
+        }));
+        let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+        Self { groups, at_once, starts, next, stop, ended: Mutex::default() }
+    }
+
+    /// Performs one run after the other until none is left, `watch` breaks, or a run fails.
+    fn work(&self, watch: &(impl Fn(usize, u32, &AnySimulation) -> ControlFlow<()> + Sync)) {
+        while !self.stop.load(Ordering::Relaxed) {
+            let run = self.next.fetch_add(1, Ordering::Relaxed);
+            let group = self.starts.partition_point(|&start| start <= run) - 1;
+            let Some(replicas) = self.groups.get(group) else { return };
+            let place = (run - self.starts[group]) as u32;
+            let slot = ReplicaSlot { place, count: replicas.count.get(), at_once: self.at_once };
+            let ended = replicas.replica(place).run_here(slot, |simulation| {
+                if watch(group, place, simulation).is_break() {
+                    self.stop.store(true, Ordering::Relaxed);
+                }
+                match self.stop.load(Ordering::Relaxed) {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            });
+            if ended.is_err() {
+                self.stop.store(true, Ordering::Relaxed);
+            }
+            let mut all = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
+            all.insert((group, place), ended.map(|(end, _)| end));
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Runs of all points of a sweep, each with its replicas.
+
+use std::fs;
+use std::io::Write;
+use std::num::NonZeroU32;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use crate::output::{self, DiskEstimate, Lock};
+use crate::run::memory_estimate::{Sharing, check_largest_release};
+use crate::run::replicas::{ReplicaResults, Replicas};
+use crate::run::{Run, RunEnd, queue};
+use crate::scenario::sweep::{Sweep, SweptKey, sweep_point_error};
+use crate::{AnySimulation, Error};
+
+/// The table of the points.
+const POINTS: &str = "points.csv";
+
+/// All points of a sweep. Each has a directory of its own, with its scenario and the directories of its replicas.
+#[derive(Clone, Debug)]
+pub struct SweepRuns {
+    /// The swept keys.
+    pub keys: Vec<SweptKey>,
+    /// The values of each point.
+    pub values: Vec<Vec<String>>,
+    /// The replicas of each point.
+    pub points: Vec<Replicas>,
+    /// The directory that contains those of the points.
+    pub directory: PathBuf,
+    resume: bool,
+}
+
+impl SweepRuns {
+    /// Returns the runs of a sweep, with the options of `run`, `count` for each point. Its scenario is not used.
+    pub fn new(sweep: Sweep, run: impl Fn(&crate::scenario::Scenario) -> Run, count: NonZeroU32) -> Self {
+        let (mut directory, mut resume) = (PathBuf::new(), false);
+        let (mut values, mut points) = (Vec::new(), Vec::new());
+        for (k, point) in sweep.points.into_iter().enumerate() {
+            let mut run = run(&point.scenario);
+            directory.clone_from(&run.directory);
+            resume = run.resume;
+            run.directory = directory_of(&directory, k);
+            // A point that was not begun has nothing to resume.
+            run.resume &= run.directory.join("replicas.csv").exists();
+            values.push(point.values);
+            points.push(Replicas { run, count });
+        }
+        Self { keys: sweep.keys, values, points, directory, resume }
+    }
+
+    /// Performs all replicas of all points, as many at once as there are threads. The files do not depend on the number of threads.
+    ///
+    /// Calls `watch` as [`Run::run`] does, with the indices of point and replica, from several threads. If it breaks, all runs stop.
+    /// A run with [`Run::resume`] continues stopped replicas and begins the others; more replicas and more values of the first key may be added.
+    ///
+    /// # Errors
+    /// [`Error::Write`] and [`Error::SweepPoint`], before the first step also if memory or disk are too small for the whole sweep.
+    pub fn run(
+        &self,
+        is_cancelled: impl Fn() -> bool + Sync,
+        watch: impl Fn(usize, u32, &AnySimulation) -> ControlFlow<()> + Sync,
+    ) -> Result<Vec<ReplicaResults>, Error> {
+        let named = |(k, error): (usize, Error)| sweep_point_error(&self.keys, &self.values[k], error);
+        self.check_memory().map_err(named)?;
+        let _lock = self.lock()?;
+        self.check_disk().map_err(named)?;
+        self.write_points()?;
+        for (k, point) in self.points.iter().enumerate() {
+            if point.prepare(&is_cancelled).map_err(|error| named((k, error)))?.is_none() {
+                let stopped = ReplicaResults { end: RunEnd::Stopped, done: Vec::new() };
+                return Ok(vec![stopped; self.points.len()]);
+            }
+            let (path, text) = (point.run.directory.join("scenario.toml"), &point.run.scenario.text);
+            output::write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+        }
+        queue::run_all(&self.points, &watch).map_err(named)
+    }
+
+    /// Locks the directory, and checks that it has this sweep or none.
+    fn lock(&self) -> Result<Lock, Error> {
+        if self.resume {
+            self.check_points(&self.directory.join(POINTS))?;
+            return Lock::take(&self.directory);
+        }
+        output::prepare(&self.directory, self.points.first().is_some_and(|point| point.run.overwrite))
+    }
+
+    /// Writes the table of the points, and removes tables of a former sweep, whose points could count as done.
+    fn write_points(&self) -> Result<(), Error> {
+        if !self.resume {
+            for point in (0..).map(|k| directory_of(&self.directory, k)).take_while(|point| point.exists()) {
+                output::remove_stale(&point, &["replicas.csv", "mean.csv"])?;
+            }
+            output::remove_stale(&self.directory, &["checkpoint", "replicas.csv", "mean.csv", "sweep.csv"])?;
+        }
+        output::write_atomically(&self.directory.join(POINTS), |out| out.write_all(self.table().as_bytes()))
+    }
+
+    /// Returns the table of the points: number and values.
+    fn table(&self) -> String {
+        let paths = self.keys.iter().map(|key| key.path.clone());
+        let header = ["point".to_owned()].into_iter().chain(paths).collect::<Vec<_>>().join(",");
+        let row = |(k, values): (usize, &Vec<String>)| format!("\n{k},{}", values.join(","));
+        header + &self.values.iter().enumerate().map(row).collect::<String>() + "\n"
+    }
+
+    /// Refuses to resume a sweep with other points. Points may follow those of the table.
+    fn check_points(&self, path: &Path) -> Result<(), Error> {
+        let before = fs::read_to_string(path);
+        let before = before.map_err(|source| Error::Read { path: path.to_owned(), source })?;
+        let now = self.table();
+        if now.starts_with(&before) && before.ends_with('\n') {
+            return Ok(());
+        }
+        let differs = before.lines().zip(now.lines()).find(|(before, now)| before != now);
+        let message = match differs {
+            Some((before, now)) => format!("it has '{before}' and the sweep has '{now}'"),
+            None => format!(
+                "it has {} points and the sweep has {}",
+                before.lines().count() - 1,
+                self.values.len()
+            ),
+        };
+        let message = format!(
+            "{message}; resume with the keys and values that it was begun with, after which the first key may have more \
+             values, or start over with --overwrite"
+        );
+        Err(Error::Checkpoint { path: path.to_owned(), message })
+    }
+
+    /// Refuses a sweep of which as many runs as are performed at once do not fit the memory.
+    fn check_memory(&self) -> Result<(), (usize, Error)> {
+        let sharing = Sharing { runs: queue::at_once(&self.points), ranks: 1 };
+        let check = |(k, point): (usize, &Replicas)| {
+            let scenario = &point.run.scenario;
+            check_largest_release(&scenario.model, scenario.steps, sharing).map_err(|error| (k, error))
+        };
+        self.points.iter().enumerate().try_for_each(check)
+    }
+
+    /// Refuses a sweep whose files surely do not fit the disk, and warns if they may not fit. Runs that were begun are looked at
+    /// when they are resumed.
+    fn check_disk(&self) -> Result<(), (usize, Error)> {
+        let mut all = DiskEstimate { least: 0, most: 0, checkpoint: 0 };
+        for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {
+            let (run, at) = (&point.run, |error| (k, error));
+            let is_new = |&replica: &u32| !point.directory_of(replica).join("checkpoint").exists();
+            let new = if run.resume {
+                (0..point.count.get()).filter(is_new).count() as u32
+            } else {
+                point.count.get()
+            };
+            if new == 0 {
+                continue;
+            }
+            let (model, seed) = (&run.scenario.model, run.scenario.seed);
+            let begun = AnySimulation::begin(model, seed, lazygrid::Backend::Cpu, run.algorithm, None);
+            let one = run.disk_estimate(&begun.map_err(at)?).times(new);
+            all = DiskEstimate {
+                least: all.least.saturating_add(one.least),
+                most: all.most.saturating_add(one.most),
+                checkpoint: all.checkpoint.saturating_add(one.checkpoint),
+            };
+        }
+        match self.points.first() {
+            Some(first) if first.run.space_check => {
+                let whole = Run { directory: self.directory.clone(), ..first.run.clone() };
+                whole.check_fits(all).map_err(|error| (0, error))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn directory_of(sweep: &Path, point: usize) -> PathBuf {
+    sweep.join(format!("point-{point:04}"))
+}

@@ -1,0 +1,42 @@
+//! The nearest of several names, for messages about unknown ones.
+
+/// Returns the name with the fewest insertions, deletions and replacements of characters; of several, the first.
+pub(super) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    names.min_by_key(|known| edits(name, known))
+}
+
+/// Returns the Levenshtein distance of two names.
+fn edits(from: &str, to: &str) -> usize {
+    let to: Vec<char> = to.chars().collect();
+    let mut row: Vec<usize> = (0..=to.len()).collect();
+    for (i, a) in from.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, b) in to.iter().enumerate() {
+            let replaced = diagonal + usize::from(a != *b);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[to.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_the_known_ones() {
+        let known = [
+            ("kitten", "sitting", 3),
+            ("", "abc", 3),
+            ("radios", "radius", 1),
+            ("a", "a", 0),
+            ("ab", "ba", 2),
+        ];
+        for (from, to, distance) in known {
+            assert_eq!((edits(from, to), edits(to, from)), (distance, distance), "{from} {to}");
+        }
+        assert_eq!(nearest("radios", ["rate", "radius", "ratio"].into_iter()), Some("radius"));
+        assert_eq!(nearest("x", std::iter::empty()), None);
+    }
+}

@@ -1,0 +1,390 @@
+//! Sweeps: scenarios that differ in the values of some keys, in all combinations.
+
+use std::ops::Range;
+use std::path::Path;
+
+use lazygrid_io::excerpt;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::{Problem, Scenario, located, nearest};
+use crate::Error;
+
+/// The largest number of combinations.
+const MAX_POINTS: usize = 100_000;
+
+/// A key of a scenario and the values that it takes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SweptKey {
+    /// The path of the key, such as `receiver.rx.center.x`.
+    pub path: String,
+    /// The values as TOML.
+    pub values: Vec<String>,
+}
+
+/// A combination of values, and the scenario that has them.
+#[derive(Clone, Debug)]
+pub struct SweepPoint {
+    /// The value of each key as plain text, in the order of the keys.
+    pub values: Vec<String>,
+    /// The scenario.
+    pub scenario: Scenario,
+}
+
+/// All combinations of the values of some keys; those of the last key vary fastest.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    /// The keys: those of the section `[sweep]` in alphabetical order, then those of the options.
+    pub keys: Vec<SweptKey>,
+    /// The combinations.
+    pub points: Vec<SweepPoint>,
+}
+
+impl Sweep {
+    /// Reads the sweep of a scenario: its section `[sweep]`, and `KEY=VALUE,VALUE` from the command line, which replace values of
+    /// the same key. Returns `None` if there is neither.
+    ///
+    /// # Errors
+    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] if a combination is no valid scenario.
+    pub fn read(path: &Path, options: &[String]) -> Result<Option<Self>, Error> {
+        let text = std::fs::read_to_string(path);
+        let text = text.map_err(|source| Error::Read { path: path.to_owned(), source })?;
+        Self::parse(path, &text, options)
+    }
+
+    /// Reads the sweep of the scenario with this text.
+    ///
+    /// # Errors
+    /// The same as [`read`](Self::read).
+    pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
+        let placed = |problem| located(path, text, problem);
+        // The scenario without a sweep has an error of its own for text that is no TOML.
+        let Ok(file) = DeTable::parse(text) else { return Ok(None) };
+        let mut keys = section_keys(text, file.get_ref()).map_err(placed)?;
+        for option in options {
+            let key = option_key(option).map_err(Error::Model)?;
+            match keys.iter_mut().find(|known| known.path == key.path) {
+                Some(known) => *known = key,
+                None => keys.push(key),
+            }
+        }
+        if keys.is_empty() {
+            return Ok(None);
+        }
+        let text = without_section(text, file.get_ref());
+        let Ok(file) = DeTable::parse(&text) else { return Ok(None) };
+        let mut known = Vec::new();
+        list_keys(file.get_ref(), "", &mut known);
+        let spots = keys.iter().map(|key| spot(key, &known)).collect::<Result<Vec<_>, _>>();
+        let spots = spots.and_then(disjoint).map_err(Error::Model)?;
+        let points = combinations(&keys).map_err(Error::Model)?;
+        let mut logged = Vec::new();
+        let points = points.into_iter().map(|values| {
+            let scenario = Scenario::parse_silently(path, replaced(&text, &spots, &values));
+            let values: Vec<String> = values.iter().map(|value| plain(value)).collect();
+            let scenario = scenario.map_err(|source| sweep_point_error(&keys, &values, source))?;
+            for warning in scenario.warnings.iter().filter(|warning| !logged.contains(*warning)) {
+                log::warn!("{}: {warning}", named_values(&keys, &values));
+            }
+            logged.extend_from_slice(&scenario.warnings);
+            Ok(SweepPoint { values, scenario })
+        });
+        let points = points.collect::<Result<Vec<_>, Error>>()?;
+        Ok(Some(Self { keys, points }))
+    }
+}
+
+/// Returns an error with the values of the point at which it happened.
+pub(crate) fn sweep_point_error(keys: &[SweptKey], values: &[String], source: Error) -> Error {
+    Error::SweepPoint { values: named_values(keys, values), source: Box::new(source) }
+}
+
+fn named_values(keys: &[SweptKey], values: &[String]) -> String {
+    let named = keys.iter().zip(values).map(|(key, value)| format!("{} = {value}", key.path));
+    named.collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the keys of the section `[sweep]`.
+fn section_keys(text: &str, file: &DeTable<'_>) -> Result<Vec<SweptKey>, Problem> {
+    let mut keys = Vec::new();
+    let Some(section) = file.get("sweep") else { return Ok(keys) };
+    let DeValue::Table(table) = section.get_ref() else {
+        return Err(Problem::at(section.span(), "write it as a section: [sweep]".to_owned()));
+    };
+    if !text[section.span()].starts_with('[') {
+        let message = "write it as a section of its own: a line [sweep], then a line for each key".to_owned();
+        return Err(Problem::at(section.span(), message));
+    }
+    add_section_keys(text, table, "", &mut keys)?;
+    match keys.is_empty() {
+        true => Err(Problem::at(section.span(), "it has no keys; write KEY = [VALUE, VALUE]".to_owned())),
+        false => Ok(keys),
+    }
+}
+
+fn add_section_keys(
+    text: &str,
+    table: &DeTable<'_>,
+    prefix: &str,
+    keys: &mut Vec<SweptKey>,
+) -> Result<(), Problem> {
+    for (name, value) in table {
+        let path = format!("{prefix}{}", name.get_ref());
+        match value.get_ref() {
+            DeValue::Table(inner) => add_section_keys(text, inner, &format!("{path}."), keys)?,
+            DeValue::Array(values) if !values.is_empty() => {
+                let values = values.iter().map(|value| text[value.span()].to_owned()).collect();
+                keys.push(SweptKey { path, values });
+            }
+            _ => {
+                let message = "it needs a list of values, as in time-step = [1e-3, 1e-4]".to_owned();
+                return Err(Problem::at(value.span(), message));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Parses `KEY=VALUE,VALUE`. Values that are no TOML are strings.
+fn option_key(option: &str) -> Result<SweptKey, String> {
+    let shown = excerpt(option.as_bytes());
+    let parts = option.split_once('=').map(|(path, values)| (path.trim(), values.trim()));
+    let (path, values) =
+        parts.filter(|(path, values)| !path.is_empty() && !values.is_empty()).ok_or_else(|| {
+            format!("--sweep '{shown}' is not KEY=VALUE,VALUE, as in receiver.rx.center.x=5,10,20")
+        })?;
+    let list = format!("v = [{values}]");
+    let parsed = DeTable::parse(&list).ok().and_then(|table| match table.get_ref().get("v")?.get_ref() {
+        DeValue::Array(values) => {
+            Some(values.iter().map(|value| list[value.span()].to_owned()).collect::<Vec<_>>())
+        }
+        _ => None,
+    });
+    let values = parsed.unwrap_or_else(|| values.split(',').map(|value| quoted(value.trim())).collect());
+    Ok(SweptKey { path: path.to_owned(), values })
+}
+
+/// Returns a value as a TOML string.
+fn quoted(value: &str) -> String {
+    format!("\"{}\"", value.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// Returns a value without the quotes of a string and with single spaces, for tables.
+fn plain(value: &str) -> String {
+    let inner = ['"', '\''].into_iter().find_map(|quote| value.strip_prefix(quote)?.strip_suffix(quote));
+    inner.unwrap_or(value).replace(',', " ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// A key of a scenario that can be swept.
+struct KnownKey {
+    path: String,
+    span: Range<usize>,
+    is_string: bool,
+}
+
+/// Lists all keys of a table: elements of arrays by their index and by their name, equation or species, and coordinates as x, y
+/// and z.
+fn list_keys(table: &DeTable<'_>, prefix: &str, known: &mut Vec<KnownKey>) {
+    for (name, value) in table {
+        list_value(value, format!("{prefix}{}", name.get_ref()), known);
+    }
+}
+
+fn list_value(value: &Spanned<DeValue<'_>>, path: String, known: &mut Vec<KnownKey>) {
+    match value.get_ref() {
+        DeValue::Table(table) => return list_keys(table, &format!("{path}."), known),
+        DeValue::Array(values) => {
+            for (index, one) in values.iter().enumerate() {
+                let names = element_names(one.get_ref(), index, values.len());
+                names.into_iter().for_each(|name| list_value(one, format!("{path}.{name}"), known));
+            }
+            if values.iter().any(|one| matches!(one.get_ref(), DeValue::Table(_))) {
+                return;
+            }
+        }
+        _ => {}
+    }
+    let is_string = matches!(value.get_ref(), DeValue::String(_));
+    known.push(KnownKey { path, span: value.span(), is_string });
+}
+
+/// Returns the names of an element of an array with `count` elements.
+fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String> {
+    let mut names = vec![index.to_string()];
+    match value {
+        DeValue::Table(table) => {
+            let own = ["name", "equation", "species"].into_iter().find_map(|key| table.get(key));
+            names.extend(own.and_then(|own| own.get_ref().as_str()).map(str::to_owned));
+        }
+        _ if count == 3 => names.push(["x", "y", "z"][index].to_owned()),
+        _ => {}
+    }
+    names
+}
+
+/// Finds the value that a key replaces.
+fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), String> {
+    if let Some(found) = known.iter().find(|known| known.path == key.path) {
+        return Ok((found.span.clone(), found.is_string));
+    }
+    let near = nearest(&key.path, known.iter().map(|known| &known.path[..])).unwrap_or_default();
+    let (path, near) = (excerpt(key.path.as_bytes()), excerpt(near.as_bytes()));
+    Err(format!(
+        "the scenario has no key '{path}' to sweep; the nearest is '{near}'; write a key with some value in the scenario first"
+    ))
+}
+
+/// Refuses keys that replace the same text.
+fn disjoint(spots: Vec<(Range<usize>, bool)>) -> Result<Vec<(Range<usize>, bool)>, String> {
+    let mut ends: Vec<&Range<usize>> = spots.iter().map(|(span, _)| span).collect();
+    ends.sort_by_key(|span| span.start);
+    match ends.windows(2).all(|pair| pair[0].end <= pair[1].start) {
+        true => Ok(spots),
+        false => {
+            Err("two keys of the sweep are the same, or one is a part of the other; sweep one".to_owned())
+        }
+    }
+}
+
+fn combinations(keys: &[SweptKey]) -> Result<Vec<Vec<String>>, String> {
+    let count = keys.iter().try_fold(1_usize, |count, key| count.checked_mul(key.values.len()));
+    if count.is_none_or(|count| count > MAX_POINTS) {
+        return Err(format!("the sweep has more than {MAX_POINTS} combinations; sweep fewer values"));
+    }
+    let add = |all: Vec<Vec<String>>, key: &SweptKey| {
+        let longer = all
+            .iter()
+            .flat_map(|one| key.values.iter().map(|value| [&one[..], std::slice::from_ref(value)].concat()));
+        longer.collect()
+    };
+    Ok(keys.iter().fold(vec![Vec::new()], add))
+}
+
+/// Returns the text with these values. A value for a string becomes one.
+fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> String {
+    let mut edits: Vec<_> = spots.iter().zip(values).collect();
+    edits.sort_by_key(|((span, _), _)| std::cmp::Reverse(span.start));
+    let mut text = text.to_owned();
+    for ((span, is_string), value) in edits {
+        let is_quoted = value.starts_with(['"', '\'']);
+        let value = if *is_string && !is_quoted { quoted(value) } else { value.clone() };
+        text.replace_range(span.clone(), &value);
+    }
+    text
+}
+
+/// Returns the text without the section `[sweep]`, with as many lines as before.
+fn without_section(text: &str, file: &DeTable<'_>) -> String {
+    let Some(section) = file.get("sweep") else { return text.to_owned() };
+    let start = section.span().start;
+    let mut after = text.len();
+    for (name, value) in file.iter().filter(|(name, _)| name.get_ref() != "sweep") {
+        let mut known = Vec::new();
+        list_value(value, name.get_ref().to_string(), &mut known);
+        let first = known.iter().map(|known| known.span.start).chain([value.span().start]);
+        after = first.filter(|&at| at > start).fold(after, usize::min);
+    }
+    // The first value after the section follows its own header, which begins with a bracket at the start of a line.
+    let header = text[start..after].rfind("\n[").filter(|_| after < text.len());
+    let end = match text[after..].starts_with('[') && text[..after].ends_with('\n') {
+        true => after,
+        false => header.map_or(after, |at| start + at + 1),
+    };
+    let lines = "\n".repeat(text[start..end].matches('\n').count());
+    [&text[..start], &lines, &text[end..]].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "time-step = 0.01 # s\nsteps = 10\nseed = 3\n[[species]]\nname = 'A'\ndiffusion = 2\n\
+        [[transmitter]]\nname = 'tx'\nbits = \"01\"\nsymbol-time = 0.02\nrelease = [{ species = 'A', count = 5 }]\n\
+        [[receiver]]\nname = 'rx'\ncenter = [5, 0, 0]\nradius = 1\nkind = 'transparent'\n";
+
+    fn sweep(text: &str, options: &[&str]) -> Result<Option<Sweep>, String> {
+        let options: Vec<String> = options.iter().map(|&option| option.to_owned()).collect();
+        Sweep::parse(Path::new("s.toml"), text, &options).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn combinations_are_scenarios_with_these_values() {
+        let options = ["receiver.rx.center.x=5,10,20", "time-step=0.01, 0.005"];
+        let sweep = sweep(TEXT, &options).unwrap().unwrap();
+        let seen: Vec<_> = sweep
+            .points
+            .iter()
+            .map(|point| {
+                let model = &point.scenario.model;
+                (point.values.join(" "), model.receivers[0].center[0], model.time_step)
+            })
+            .collect();
+        let expected = [
+            ("5 0.01", 5.0, 0.01),
+            ("5 0.005", 5.0, 0.005),
+            ("10 0.01", 10.0, 0.01),
+            ("10 0.005", 10.0, 0.005),
+            ("20 0.01", 20.0, 0.01),
+            ("20 0.005", 20.0, 0.005),
+        ];
+        assert_eq!(seen, expected.map(|(values, x, step)| (values.to_owned(), x, step)));
+        // Comments and lines are those of the file.
+        assert_eq!(sweep.points[3].scenario.text, TEXT.replace("0.01 #", "0.005 #").replace("[5,", "[10,"));
+    }
+
+    #[test]
+    fn section_is_read_and_leaves_no_trace() {
+        let section = "[sweep]\n# distances\nreceiver.rx.center = [\n[5, 0, 0],\n  [7, 0, 0]]\n\"transmitter.tx.release.A.count\" = [5, 6]\n";
+        let (head, tail) = TEXT.split_once("[[receiver]]").unwrap();
+        for text in [format!("{TEXT}{section}"), format!("{head}{section}[[receiver]]{tail}")] {
+            let sweep = sweep(&text, &["transmitter.tx.release.A.count=8"]).unwrap().unwrap();
+            assert_eq!(sweep.points.len(), 2);
+            let point = &sweep.points[1];
+            assert_eq!(point.values, ["[7 0 0]", "8"]);
+            let model = &point.scenario.model;
+            assert_eq!((model.receivers[0].center[0], model.transmitters[0].release[0].1), (7.0, 8));
+            assert_eq!(point.scenario.text.lines().count(), text.lines().count());
+            assert!(!point.scenario.text.contains("distances"));
+        }
+        // Without the command that sweeps, the section is refused and not ignored.
+        let error = Scenario::parse(Path::new("s.toml"), format!("{TEXT}{section}")).unwrap_err().to_string();
+        assert!(error.contains("line 17, `sweep`: ") && error.contains("lazygrid simulate"), "{error}");
+    }
+
+    #[test]
+    fn strings_stay_strings() {
+        for (option, bits) in [("bits=0110,10", ["0110", "10"]), ("bits='11',\"00\"", ["11", "00"])] {
+            let sweep = sweep(TEXT, &[&format!("transmitter.tx.{option}")]).unwrap().unwrap();
+            assert_eq!(sweep.points.iter().map(|point| &point.values[0][..]).collect::<Vec<_>>(), bits);
+        }
+    }
+
+    #[test]
+    fn faulty_sweeps_are_explained() {
+        for (option, message) in [
+            ("receiver.rx.radios=1,2", "the nearest is 'receiver.rx.radius'"),
+            ("reciever.rx.center.x=1", "the nearest is 'receiver.rx.center.x'"),
+            ("timestep=1", "the nearest is 'time-step'"),
+            ("time-step", "is not KEY=VALUE,VALUE"),
+            ("time-step=", "is not KEY=VALUE,VALUE"),
+            ("time-step=1,-1", "time-step = -1: s.toml, line 1, `time-step`: -1 is not a positive number"),
+            ("receiver.rx.kind=transparent,opaque", "receiver.rx.kind = opaque: s.toml, line 16"),
+        ] {
+            let error = sweep(TEXT, &[option]).unwrap_err();
+            assert!(error.contains(message), "{option}: {error}");
+        }
+        let both = sweep(TEXT, &["receiver.rx.center.x=1", "receiver.0.center=[1, 1, 1]"]).unwrap_err();
+        assert!(both.contains("a part of the other"), "{both}");
+        let values = (0..400).map(|k| k.to_string()).collect::<Vec<_>>().join(",");
+        let [a, b] = ["seed", "steps"].map(|key| format!("{key}={values}"));
+        assert!(sweep(TEXT, &[&a, &b]).unwrap_err().contains("more than 100000 combinations"));
+        for (section, message) in [("[sweep]\n", "it has no keys"), ("[sweep]\nseed = 3\n", "needs a list")] {
+            let error = sweep(&format!("{TEXT}{section}"), &[]).unwrap_err();
+            assert!(error.contains(message) && error.contains("line 17"), "{error}");
+        }
+        assert!(
+            sweep(&format!("sweep.seed = [1]\n{TEXT}"), &[]).unwrap_err().contains("a section of its own")
+        );
+        assert!(sweep(TEXT, &[]).unwrap().is_none());
+    }
+}
