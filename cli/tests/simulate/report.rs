@@ -107,7 +107,7 @@ fn channels_are_as_formulas_and_logs_say() {
                 (&wrong.to_string(), "160"),
                 "{delay} s, {threshold}"
             );
-            assert!((number(row, "rate mean") - wrong as f64 / 160.0).abs() < 1e-12);
+            assert!((number(row, "rate") - wrong as f64 / 160.0).abs() < 1e-12);
             best = if delay == 0.0 { best.min(wrong) } else { best };
         }
     }
@@ -134,4 +134,124 @@ fn a_report_of_one_run_has_its_series() {
     fs::remove_file(out.clone() + "/report.html").unwrap();
     lazygrid(["simulate", &scenario, "--output", &out, "--report", "--resume"]).succeeds();
     assert_eq!(fs::read_to_string(out + "/report.html").unwrap(), report);
+}
+
+/// Bits to a transparent receiver of 3 µm, 8 µm away, with a row every 5 steps.
+const INSIDE: &str = r#"
+time-step = 0.01
+steps = 210
+seed = 4
+[[species]]
+name = "A"
+diffusion = 100
+[[transmitter]]
+name = "tx"
+random-bits = 10
+symbol-time = 0.2
+start = 0.05
+release = [{ species = "A", count = 500 }]
+[[receiver]]
+name = "rx"
+center = [8, 0, 0]
+radius = 3
+kind = "transparent"
+[output]
+every = 5
+arrivals = true
+"#;
+
+/// The part of a burst inside a sphere of radius r at a distance d from its point.
+fn inside(time: f64) -> f64 {
+    let (r, d, spread) = (3.0_f64, 8.0_f64, (400.0 * time).sqrt());
+    if time <= 0.0 {
+        return 0.0;
+    }
+    let [near, far] = [(d - r) / spread, (d + r) / spread];
+    0.5 * (libm::erf(far) - libm::erf(near))
+        + spread / (2.0 * d * std::f64::consts::PI.sqrt()) * ((-far * far).exp() - (-near * near).exp())
+}
+
+#[test]
+fn transparent_receivers_have_responses_and_bit_errors() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("inside.toml", INSIDE), scratch.path("out"));
+    lazygrid(["simulate", &scenario, "--output", &out, "--replicas", "12", "--report"]).succeeds();
+    let replicas = || (0..12).map(|k| format!("{out}/replica-{k:04}"));
+    let table = |name: &str| rows(&format!("{out}/{name}"));
+    let bursts: f64 = replicas().flat_map(|own| rows(&(own + "/releases.csv"))).map(|_| 1.0).sum();
+    // The response: bins of a step, of which those have rows that are multiples of 5 steps after a release.
+    let responses: Vec<_> =
+        table("impulse-response.csv").into_iter().filter(|row| !row["part mean"].is_empty()).collect();
+    assert!(responses.len() > 10, "{} bins", responses.len());
+    for row in responses.iter().filter(|row| number(row, "from") < 0.8) {
+        let part = inside(number(row, "from"));
+        let error = (part / (400.0 * bursts.min(60.0))).sqrt();
+        assert!((number(row, "part mean") - part).abs() < 4.0 * error + 1e-4, "{row:?}, not {part}");
+        assert!(row["so far mean"].is_empty());
+    }
+    // Interference: means over the four rows of a slot.
+    for row in table("interference.csv").iter().take(3) {
+        let from = 0.2 * number(row, "slot");
+        let part = (1..=4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
+        assert!((number(row, "part mean") / part - 1.0).abs() < 0.1, "{row:?}, not {part}");
+    }
+    // Bit errors, counted once more from the series and the symbols of each replica.
+    let errors = table("bit-errors.csv");
+    for (detector, delay) in [("peak", 0.0), ("energy", 0.05), ("strength", 0.1)] {
+        let mut slots = Vec::new();
+        for own in replicas() {
+            let series = rows(&(own.clone() + "/series.csv"));
+            for symbol in rows(&(own + "/symbols.csv")) {
+                let begin = number(&symbol, "time") + delay;
+                let within = |time: f64| time > begin + 1e-9 && time < begin + 0.2 + 1e-9;
+                let counts: Vec<u64> = series
+                    .iter()
+                    .filter(|row| within(number(row, "time")))
+                    .map(|row| row["rx:A"].parse().unwrap())
+                    .collect();
+                // The last slot of a delay is not complete before the run ends.
+                if begin + 0.2 < 2.1 + 1e-9 {
+                    let seen = match detector {
+                        "peak" => counts.iter().copied().max().unwrap(),
+                        "energy" => counts.iter().map(|count| count * count).sum(),
+                        _ => counts.iter().sum::<u64>(),
+                    };
+                    slots.push((symbol["symbol"] == "1", seen));
+                }
+            }
+        }
+        let own = errors.iter().filter(|row| row["detector"] == detector && number(row, "delay") == delay);
+        let mut thresholds = 0;
+        for row in own {
+            let threshold: u64 = row["threshold"].parse().unwrap();
+            let wrong = slots.iter().filter(|&&(bit, seen)| (seen >= threshold) != bit).count();
+            let expected = (wrong.to_string(), slots.len().to_string());
+            assert_eq!((&row["errors"], &row["bits"]), (&expected.0, &expected.1), "{detector} {threshold}");
+            let [rate, low, high] = ["rate", "rate low", "rate high"].map(|name| number(row, name));
+            assert!(low <= rate && rate <= high && low < high, "{row:?}");
+            thresholds += 1;
+        }
+        assert!(thresholds > 10, "{detector}: {thresholds} thresholds");
+    }
+    // Two lines by symbol: after a 1 more are inside.
+    let by_symbol = table("by-symbol.csv");
+    let mean = |symbol: &str| {
+        let own = by_symbol.iter().filter(|row| row["symbol"] == symbol && number(row, "time") > 0.07);
+        own.map(|row| number(row, "count mean")).sum::<f64>()
+    };
+    assert!(mean("1") > 1.5 * mean("0"), "{} and {}", mean("1"), mean("0"));
+    let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
+    for name in
+        ["inside", "inside-by-symbol", "impulse-response-inside", "interference", "bit-errors-by-delay"]
+    {
+        let svg = fs::read_to_string(format!("{out}/plots/{name}.svg")).unwrap();
+        assert!(report.contains(&svg), "{name}");
+    }
+    // A resumed run has the same log.
+    let log = |out: &str| fs::read(format!("{out}/occupancy.csv")).unwrap();
+    let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
+    lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "103"]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &parts, "--resume"]).succeeds();
+    assert_eq!(log(&whole), log(&parts));
 }

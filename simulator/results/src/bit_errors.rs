@@ -1,14 +1,64 @@
 //! The bit errors of a receiver that counts arrivals.
 
+use crate::columns::column_of;
 use crate::interval::wilson;
 use crate::log::Log;
 use crate::mean::RunningStats;
+use crate::series::Series;
 use crate::symbols::SymbolSlots;
 use lazygrid_sim::model::message::{Message, Modulation};
 use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::{Model, Schedule};
 
-/// Bit errors at a receiver that counts the arrivals of the sent species in each slot, from any transmitter.
+/// The quantity of a slot by which a receiver decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detector {
+    /// The number of arrivals.
+    Arrivals,
+    /// The largest momentary count.
+    Peak,
+    /// The sum of the squares of the momentary counts.
+    Energy,
+    /// The sum of the momentary counts.
+    Strength,
+}
+
+impl Detector {
+    /// The detectors of a receiver with a momentary count.
+    pub const MOMENTARY: [Self; 3] = [Self::Peak, Self::Energy, Self::Strength];
+
+    /// Returns the name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Arrivals => "arrivals",
+            Self::Peak => "peak",
+            Self::Energy => "energy",
+            Self::Strength => "strength",
+        }
+    }
+
+    /// Returns the quantity of the counts of a slot.
+    fn of(self, counts: impl Iterator<Item = u64>) -> u64 {
+        match self {
+            Self::Peak => counts.max().unwrap_or(0),
+            Self::Energy => counts.map(|count| count.saturating_mul(count)).fold(0, u64::saturating_add),
+            Self::Arrivals | Self::Strength => counts.sum(),
+        }
+    }
+}
+
+/// The files of a replica.
+#[derive(Clone, Debug, Default)]
+pub struct ReplicaFiles {
+    /// The seed.
+    pub seed: u64,
+    /// The log of arrivals; empty if none was written.
+    pub log: Log,
+    /// The series.
+    pub series: Series,
+}
+
+/// Bit errors at a receiver that observes the sent species in each slot, from any transmitter.
 ///
 /// On–off and concentration shift keying use thresholds: a slot with at least a threshold of arrivals has the next higher
 /// level. Molecule shift keying uses the species with the most arrivals; ties go to the first species of the burst.
@@ -18,6 +68,8 @@ pub struct BitErrors {
     pub transmitter: usize,
     /// Index of the receiver in the model.
     pub receiver: usize,
+    /// The observed quantity.
+    pub detector: Detector,
     /// The number of steps from a symbol to the start of its slot.
     pub delay: u32,
     /// The number of all bits.
@@ -47,9 +99,15 @@ struct SymbolObservation {
 }
 
 impl BitErrors {
-    /// Creates an empty statistic of the message of a transmitter whose bursts have `entries` entries. The receiver must absorb
-    /// particles.
-    pub fn new(message: &Message, entries: usize, [transmitter, receiver]: [usize; 2], delay: u32) -> Self {
+    /// Creates an empty statistic of the message of a transmitter at a receiver of a model.
+    pub fn new(
+        model: &Model,
+        message: &Message,
+        [transmitter, receiver]: [usize; 2],
+        detector: Detector,
+        delay: u32,
+    ) -> Self {
+        let entries = model.transmitters[transmitter].release.len();
         let decision = match &message.modulation {
             Modulation::OnOff => DetectionRule::Level(vec![0, 1]),
             Modulation::Concentration(levels) => {
@@ -60,36 +118,66 @@ impl BitErrors {
             Modulation::Molecule => DetectionRule::Species,
         };
         let width = message.modulation.alphabet(entries).max(1).ilog2();
-        Self { transmitter, receiver, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
+        Self { transmitter, receiver, detector, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
     }
 
-    /// Adds a replica with this seed, with the slots of this delay.
-    pub fn add(&mut self, log: &Log, model: &Model, seed: u64, slots: &SymbolSlots) {
+    /// Adds a replica, with the slots of this delay.
+    pub fn add(&mut self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
-        let release = &transmitter.release;
-        let mut counts = vec![vec![0_u64; release.len()]; slots.len()];
-        for arrival in log.arrivals.iter().filter(|a| a.receiver == self.receiver) {
-            let entry = release.iter().position(|&(species, _)| species as usize == arrival.species);
-            if let (Some(entry), Some(slot)) = (entry, slots.of_arrival(arrival.step)) {
-                counts[slot][entry] += 1;
-            }
-        }
-        let slot = |(k, counts): (usize, &Vec<u64>)| {
-            let sent = message.symbol(k as u32, self.transmitter as u32, Key::new(seed));
+        let entries = transmitter.release.len();
+        let slot = |(k, counts): (usize, Vec<Vec<u64>>)| {
+            let sent = message.symbol(k as u32, self.transmitter as u32, Key::new(files.seed));
             let seen = match self.decision {
-                DetectionRule::Level(_) => counts.iter().sum(),
-                // Of several the first.
+                DetectionRule::Level(_) => {
+                    self.detector.of(counts.iter().map(|entries| entries.iter().sum()))
+                }
                 DetectionRule::Species => {
-                    (0..counts.len()).rev().max_by_key(|&k| counts[k]).unwrap_or(0) as u64
+                    let own = |entry: usize| self.detector.of(counts.iter().map(|entries| entries[entry]));
+                    // Of several the first.
+                    (0..entries).rev().max_by_key(|&entry| own(entry)).unwrap_or(0) as u64
                 }
             };
             SymbolObservation { sent, seen }
         };
-        let all: Vec<SymbolObservation> = counts.iter().enumerate().map(slot).collect();
+        let all: Vec<SymbolObservation> =
+            self.observed(files, model, slots).into_iter().enumerate().map(slot).collect();
         self.bits += all.len() as u64 * u64::from(self.width);
         self.ones += all.iter().map(|slot| u64::from(slot.sent.count_ones())).sum::<u64>();
         self.slots.push(all);
+    }
+
+    /// Returns the counts of each slot by entry of the burst: one list of arrivals, or a list for each row of the series.
+    fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
+        let release = &model.transmitters[self.transmitter].release;
+        if self.detector == Detector::Arrivals {
+            let mut counts = vec![vec![vec![0_u64; release.len()]]; slots.len()];
+            for arrival in files.log.arrivals.iter().filter(|arrival| arrival.receiver == self.receiver) {
+                let entry = release.iter().position(|&(species, _)| species as usize == arrival.species);
+                if let (Some(entry), Some(slot)) = (entry, slots.of_arrival(arrival.step)) {
+                    counts[slot][0][entry] += 1;
+                }
+            }
+            return counts;
+        }
+        let columns: Vec<_> =
+            release.iter().map(|&(species, _)| column_of(model, self.receiver, species as usize)).collect();
+        let mut counts = vec![Vec::new(); slots.len()];
+        for (row, &step) in files.series.steps.iter().enumerate() {
+            if let Some(slot) = slots.of_arrival(step) {
+                let count = |column: &Option<usize>| column.map_or(0, |column| files.series.row(row)[column]);
+                counts[slot].push(columns.iter().map(count).collect());
+            }
+        }
+        counts
+    }
+
+    /// Returns the thresholds at which the number of errors may change, if one threshold decides.
+    pub fn steps(&self) -> Vec<u64> {
+        let mut seen: Vec<u64> = self.slots.iter().flatten().map(|slot| slot.seen + 1).chain([0]).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        seen
     }
 
     /// Returns the number of thresholds of a decision.
@@ -158,10 +246,13 @@ impl BitErrors {
         wilson(wrong, self.bits)
     }
 
-    /// Returns the names of the transmitter and the receiver: `tx to rx`.
+    /// Returns the names of the transmitter, the receiver and the detector: `tx to rx by peak`.
     pub fn name(&self, model: &Model) -> String {
         let [from, to] = [&model.transmitters[self.transmitter].name, &model.receivers[self.receiver].name];
-        format!("{from} to {to}")
+        match self.detector {
+            Detector::Arrivals => format!("{from} to {to}"),
+            detector => format!("{from} to {to} by {}", detector.name()),
+        }
     }
 
     /// Returns the bit error rate with these thresholds, or NaN without bits.
@@ -184,7 +275,7 @@ mod tests {
 
     fn of(model: &Model, delay: u32) -> BitErrors {
         let (_, message) = messages(model).next().unwrap();
-        BitErrors::new(message, model.transmitters[0].release.len(), [0, 0], delay)
+        BitErrors::new(model, message, [0, 0], Detector::Arrivals, delay)
     }
 
     fn sends(symbols: Vec<u32>, modulation: Modulation, release: Vec<(u32, u32)>) -> (Model, SymbolSlots) {
@@ -204,7 +295,51 @@ mod tests {
                 arrivals.extend(std::iter::repeat_n(one, count));
             }
         }
-        Log { arrivals, releases: Vec::new() }
+        Log { arrivals, ..Log::default() }
+    }
+
+    fn files(log: Log) -> ReplicaFiles {
+        ReplicaFiles { seed: 1, log, series: Series::default() }
+    }
+
+    #[test]
+    fn momentary_counts_are_detected_by_peak_energy_and_strength() {
+        // The bits 1 0 1 1 in slots of 10 steps from step 5; two rows in each.
+        let mut model = model();
+        model.receivers[0].kind = lazygrid_sim::ReceiverKind::Transparent;
+        let counts = [9, 2, 5, 6, 4, 3, 7, 1, 0];
+        let series = Series {
+            names: lazygrid_sim::series::names(&model),
+            steps: (0..9).map(|k| 5 + 5 * k).collect(),
+            times: Vec::new(),
+            counts: counts.iter().flat_map(|&count| [0, count, 0, 0]).collect(),
+        };
+        let files = ReplicaFiles { seed: 1, log: Log::default(), series };
+        let (_, message) = messages(&model).next().unwrap();
+        // The first row is that of the release and belongs to no slot: 2 5, 6 4, 3 7, 1 0.
+        for (detector, seen) in [
+            (Detector::Peak, [5, 6, 7, 1]),
+            (Detector::Energy, [29, 52, 58, 1]),
+            (Detector::Strength, [7, 10, 10, 1]),
+        ] {
+            let mut errors = BitErrors::new(&model, message, [0, 0], detector, 0);
+            errors.add(&files, &model, &slots(100));
+            assert_eq!(
+                errors.slots[0].iter().map(|slot| slot.seen).collect::<Vec<_>>(),
+                seen,
+                "{detector:?}"
+            );
+            // The 0 is seen as more than two of the ones.
+            assert_eq!((errors.best(), errors.at(&errors.best()).1), (vec![0], 1), "{detector:?}");
+            let mut steps: Vec<u64> = seen.iter().map(|seen| seen + 1).chain([0]).collect();
+            steps.sort_unstable();
+            steps.dedup();
+            assert_eq!(errors.steps(), steps);
+        }
+        assert_eq!(
+            wilson(1, 4),
+            BitErrors { bits: 4, ..BitErrors::new(&model, message, [0, 0], Detector::Peak, 0) }.interval(1)
+        );
     }
 
     #[test]
@@ -212,14 +347,14 @@ mod tests {
         // 1 0 1 1 arrives as 6, 3, 4, 2.
         let sent = log(&[(0, 0, 6), (0, 1, 3), (2, 2, 4), (3, 3, 2)]);
         let mut errors = of(&model(), 0);
-        errors.add(&sent, &model(), 1, &slots(100));
+        errors.add(&files(sent), &model(), &slots(100));
         let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(&[threshold]).1).collect();
         // 0 is read as 1 up to a threshold of 3; then the last 1 as 0, the middle one at or above 5, the first at or
         // above 7.
         assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
         assert_eq!((errors.bits, errors.ones, errors.most(), errors.best()), (4, 3, 6, vec![0]));
         // Another replica in which nothing is late has a best threshold without errors of its own.
-        errors.add(&log(&[(0, 0, 6), (2, 2, 4), (3, 3, 5)]), &model(), 2, &slots(100));
+        errors.add(&files(log(&[(0, 0, 6), (2, 2, 4), (3, 3, 5)])), &model(), &slots(100));
         let (rates, all) = errors.at(&[4]);
         assert_eq!((rates.mean(), rates.standard_error(), all), (0.125, Some(0.125), 1));
         assert_eq!(errors.best(), [1]);
@@ -232,7 +367,7 @@ mod tests {
         let late = SymbolSlots::new(message, model.time_step, 10, 100);
         assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
         let mut errors = of(&model, 10);
-        errors.add(&log(&[(0, 1, 6), (2, 3, 4)]), &model, 1, &late);
+        errors.add(&files(log(&[(0, 1, 6), (2, 3, 4)])), &model, &late);
         // The last 1 arrives after all slots.
         assert_eq!(
             (errors.at(&[1]).1, errors.at(&[5]).1, errors.at(&[0]).1, errors.least()),
@@ -246,7 +381,7 @@ mod tests {
         let levels = Modulation::Concentration(vec![0.0, 0.75, 0.25, 1.0]);
         let (model, slots) = sends(vec![0, 2, 1, 3, 2, 1], levels, vec![(0, 100)]);
         let mut errors = of(&model, 0);
-        errors.add(&arrivals(&[&[1], &[4], &[9], &[12], &[6], &[7]]), &model, 1, &slots);
+        errors.add(&files(arrivals(&[&[1], &[4], &[9], &[12], &[6], &[7]])), &model, &slots);
         assert_eq!((errors.bits, errors.ones, errors.thresholds()), (12, 6, 3));
         assert_eq!((errors.best(), errors.at(&[2, 7, 10]).1), (vec![2, 7, 10], 0));
         assert_eq!((errors.at(&[7, 7, 10]).1, errors.at(&[2, 7, 8]).1), (2, 1));
@@ -263,7 +398,7 @@ mod tests {
         let noise = |k: usize| (k as u32).wrapping_mul(0x85EB_CA6B) as usize >> 29;
         let counts: Vec<[usize; 1]> = (0..40).map(|k| [2 * sent[k] as usize + noise(k)]).collect();
         let mut errors = of(&model, 0);
-        errors.add(&arrivals(&counts.iter().map(|c| &c[..]).collect::<Vec<_>>()), &model, 1, &slots);
+        errors.add(&files(arrivals(&counts.iter().map(|c| &c[..]).collect::<Vec<_>>())), &model, &slots);
         let last = errors.most() + 1;
         let all = (0..=last).flat_map(|a| (a..=last).flat_map(move |b| (b..=last).map(move |c| [a, b, c])));
         let best = all.min_by_key(|thresholds| errors.at(thresholds).1).unwrap();
@@ -277,7 +412,7 @@ mod tests {
         let (model, slots) = sends(vec![0, 1, 2, 3, 3], Modulation::Molecule, release);
         let mut errors = of(&model, 0);
         let counts: [&[usize]; 5] = [&[1, 3], &[5, 4, 0, 4], &[0, 4, 3], &[0, 0, 0, 2], &[7, 0, 0, 7]];
-        errors.add(&arrivals(&counts), &model, 1, &slots);
+        errors.add(&files(arrivals(&counts)), &model, &slots);
         assert_eq!((errors.bits, errors.thresholds(), errors.best()), (10, 0, vec![]));
         // 2 for 0 and 3 for 1: a bit each.
         assert_eq!((errors.at(&[]).1, errors.least()), (2, 0.2));

@@ -7,9 +7,9 @@ use crate::mean::IntegerStats;
 use crate::response::Link;
 use crate::series::Series;
 use crate::symbols::SymbolSlots;
+use lazygrid_sim::Model;
 use lazygrid_sim::model::message::Message;
 use lazygrid_sim::random::philox::Key;
-use lazygrid_sim::Model;
 
 /// The count of a receiver by the time since the beginning of a slot and by the symbol of the slot, over slots and replicas. Arrivals
 /// are counted from the last row at or before the beginning.
@@ -27,8 +27,19 @@ impl CountsBySymbol {
         Self { link, symbols: BTreeMap::new() }
     }
 
+    /// Returns `true` if any count is above 0.
+    pub fn is_any(&self) -> bool {
+        self.symbols.values().flat_map(BTreeMap::values).any(|sample| sample.mean() > 0.0)
+    }
+
     /// Adds a replica with this seed, with slots that begin with their symbols.
-    pub fn add(&mut self, series: &Series, (model, message): (&Model, &Message), seed: u64, slots: &SymbolSlots) {
+    pub fn add(
+        &mut self,
+        series: &Series,
+        (model, message): (&Model, &Message),
+        seed: u64,
+        slots: &SymbolSlots,
+    ) {
         let Link { transmitter, receiver, species } = self.link;
         let Some(column) = column_of(model, receiver, species) else { return };
         let grows = model.receivers[receiver].kind.absorbs();
@@ -74,11 +85,13 @@ mod tests {
         };
         // Arrivals since the beginning: 0 3 5, 0 4 6, 0 1 3 after a 1, and 0 0 0 after the 0.
         let after_one = |a, b, c| vec![(0, a, 3), (5, b, 3), (10, c, 3)];
-        let expected = [(0, vec![(0, 0.0, 1), (5, 0.0, 1), (10, 0.0, 1)]), (1, after_one(0.0, 8.0 / 3.0, 14.0 / 3.0))];
+        let expected =
+            [(0, vec![(0, 0.0, 1), (5, 0.0, 1), (10, 0.0, 1)]), (1, after_one(0.0, 8.0 / 3.0, 14.0 / 3.0))];
         assert_eq!(by_symbol(&model), expected);
         // Momentary counts are taken as they are.
         model.receivers[0].kind = ReceiverKind::Transparent;
-        let expected = [(0, vec![(0, 6.0, 1), (5, 6.0, 1), (10, 6.0, 1)]), (1, after_one(19.0 / 3.0, 9.0, 11.0))];
+        let expected =
+            [(0, vec![(0, 6.0, 1), (5, 6.0, 1), (10, 6.0, 1)]), (1, after_one(19.0 / 3.0, 9.0, 11.0))];
         assert_eq!(by_symbol(&model), expected);
     }
 }

@@ -3,23 +3,27 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::bit_errors::BitErrors;
+use crate::bit_errors::{BitErrors, Detector, ReplicaFiles};
+use crate::by_symbol::CountsBySymbol;
 use crate::log::Log;
 use crate::mean::RunningStats;
 use crate::response::{Link, Response};
+use crate::series::Series;
 use crate::symbols::{Interference, SymbolSlots, messages};
 use lazygrid_sim::model::message::Message;
 use lazygrid_sim::{Error, Model};
 
-/// The results of one run or of several replicas that logged arrivals.
+/// The results of one run or of several replicas. Responses, interference and the errors of absorbing receivers need logged arrivals.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
     /// Impulse responses of all links with arrivals.
     pub responses: Vec<Response>,
     /// Interference on the links with messages.
     pub interference: Vec<Interference>,
-    /// Bit errors of all messages at all absorbing receivers, for several delays of the slots.
+    /// Bit errors of all messages at all receivers, by each of their detectors, for several delays of the slots.
     pub bit_errors: Vec<BitErrors>,
+    /// Counts of all receivers within slots, by the symbol that was sent.
+    pub by_symbol: Vec<CountsBySymbol>,
 }
 
 /// Bins of a response without a message.
@@ -39,66 +43,106 @@ impl Channels {
         steps: u32,
         runs: impl IntoIterator<Item = (u64, &'a Path)>,
     ) -> Result<Self, Error> {
-        let sent: Vec<_> = messages(model)
-            .map(|(place, message)| (place, message, SymbolSlots::new(message, model.time_step, 0, steps)))
-            .collect();
-        let links = Link::all(model);
-        let mut channels = Self::default();
-        for &link in &links {
-            let symbol = sent.iter().find(|sent| sent.0 == link.transmitter).map(|sent| sent.1.symbol_time);
-            let width = symbol.map_or_else(
-                || steps.div_ceil(BINS),
-                |time| (time / model.time_step / PER_SYMBOL).round() as u32,
-            );
-            let width = width.max(1);
-            let most = if symbol.is_some() { SYMBOLS * PER_SYMBOL as usize } else { BINS as usize };
-            channels.responses.push(Response::new(link, width, most.min((steps / width) as usize)));
-            if symbol.is_some() {
-                channels.interference.push(Interference::new(link, SYMBOLS));
-            }
-        }
-        for &(place, message, _) in &sent {
-            let counts = |&receiver: &usize| model.receivers[receiver].kind.absorbs();
-            let entries = model.transmitters[place].release.len();
-            for receiver in (0..model.receivers.len()).filter(counts) {
-                let all = delays(message, model.time_step)
-                    .map(|delay| BitErrors::new(message, entries, [place, receiver], delay));
-                channels.bit_errors.extend(all);
-            }
-        }
-        let slots = |transmitter: usize| sent.iter().find(|sent| sent.0 == transmitter).map(|sent| &sent.2);
+        let mut channels = Self::empty(model, steps);
         for (seed, directory) in runs {
-            let log = Log::read(directory, model)?;
-            channels.responses.iter_mut().for_each(|response| response.add(&log, steps));
-            for interference in &mut channels.interference {
-                if let Some(slots) = slots(interference.link.transmitter) {
-                    interference.add(&log, slots);
-                }
-            }
-            for errors in &mut channels.bit_errors {
-                if let Some((_, message, _)) = sent.iter().find(|sent| sent.0 == errors.transmitter) {
-                    let slots = SymbolSlots::new(message, model.time_step, errors.delay, steps);
-                    errors.add(&log, model, seed, &slots);
-                }
-            }
+            let log = if model.logs_arrivals { Log::read(directory, model)? } else { Log::default() };
+            let series = Series::read(&directory.join("series.csv"))?;
+            channels.add(&ReplicaFiles { seed, log, series }, model, steps);
         }
         channels.responses.retain(Response::is_any);
         let arrives = |link: Link| channels.responses.iter().any(|response| response.link == link);
         channels.bit_errors.retain(|errors| errors.bits > 0);
         channels.interference.retain(|interference| arrives(interference.link));
+        channels.by_symbol.retain(|counts| counts.is_any());
         Ok(channels)
     }
 
-    /// Returns of each message at each receiver the errors at the delay that makes the fewest, the first of several.
+    /// Returns the statistics of a model without replicas.
+    fn empty(model: &Model, steps: u32) -> Self {
+        let mut channels = Self::default();
+        let link_message = |link: Link| messages(model).find(|&(place, _)| place == link.transmitter);
+        for link in Link::all(model) {
+            let message = link_message(link).map(|(_, message)| message);
+            if message.is_some() {
+                channels.by_symbol.push(CountsBySymbol::new(link));
+            }
+            if !model.logs_arrivals {
+                continue;
+            }
+            let width = message.map_or_else(
+                || steps.div_ceil(BINS),
+                |message| (message.symbol_time / model.time_step / PER_SYMBOL).round() as u32,
+            );
+            let width = width.max(1);
+            let most = if message.is_some() { SYMBOLS * PER_SYMBOL as usize } else { BINS as usize };
+            channels.responses.push(Response::new(link, width, most.min((steps / width) as usize)));
+            if message.is_some() {
+                channels.interference.push(Interference::new(link, SYMBOLS));
+            }
+        }
+        for (place, message) in messages(model) {
+            for (receiver, own) in model.receivers.iter().enumerate() {
+                let detectors: &[Detector] = match own.kind.absorbs() {
+                    true if model.logs_arrivals => &[Detector::Arrivals],
+                    false if own.is_momentary() => &Detector::MOMENTARY,
+                    _ => &[],
+                };
+                for &detector in detectors {
+                    let all = delays(message, model.time_step)
+                        .map(|delay| BitErrors::new(model, message, [place, receiver], detector, delay));
+                    channels.bit_errors.extend(all);
+                }
+            }
+        }
+        channels
+    }
+
+    /// Adds a replica.
+    fn add(&mut self, files: &ReplicaFiles, model: &Model, steps: u32) {
+        let (log, rows) = (&files.log, &files.series.steps);
+        let sent: Vec<_> = messages(model)
+            .map(|(place, message)| (place, message, SymbolSlots::new(message, model.time_step, 0, steps)))
+            .collect();
+        let of = |transmitter: usize| sent.iter().find(|sent| sent.0 == transmitter);
+        let is_momentary = |link: Link| model.receivers[link.receiver].is_momentary();
+        for response in &mut self.responses {
+            match is_momentary(response.link) {
+                true => response.add_momentary(log, rows),
+                false => response.add(log, steps),
+            }
+        }
+        for own in &mut self.interference {
+            let Some((_, _, slots)) = of(own.link.transmitter) else { continue };
+            match is_momentary(own.link) {
+                true => own.add_momentary(log, rows, slots),
+                false => own.add(log, slots),
+            }
+        }
+        for counts in &mut self.by_symbol {
+            if let Some((_, message, slots)) = of(counts.link.transmitter) {
+                counts.add(&files.series, (model, message), files.seed, slots);
+            }
+        }
+        for errors in &mut self.bit_errors {
+            if let Some((_, message, _)) = of(errors.transmitter) {
+                let slots = SymbolSlots::new(message, model.time_step, errors.delay, steps);
+                errors.add(files, model, &slots);
+            }
+        }
+    }
+
+    /// Returns of each message, receiver and detector the errors at the delay that makes the fewest, the first of several.
     pub fn least_errors(&self) -> impl Iterator<Item = &BitErrors> {
-        let same = |a: &BitErrors, b: &BitErrors| (a.transmitter, a.receiver) == (b.transmitter, b.receiver);
+        let same = |a: &BitErrors, b: &BitErrors| {
+            (a.transmitter, a.receiver, a.detector) == (b.transmitter, b.receiver, b.detector)
+        };
         self.bit_errors
             .chunk_by(same)
             .filter_map(|all| all.iter().min_by(|a, b| a.least().total_cmp(&b.least())))
     }
 
-    /// Writes the fraction of the particles that arrives in each bin after the release, the cumulative fraction, and
-    /// their standard errors.
+    /// Writes the impulse responses: the part of the particles that arrives, or is inside, in each bin after the release, the
+    /// cumulative part of arrivals, and their standard errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -109,10 +153,12 @@ impl Channels {
         )?;
         for response in &self.responses {
             let bin = f64::from(response.width) * model.time_step;
-            for (k, (part, cumulative)) in response.parts.iter().zip(&response.cumulative).enumerate() {
+            for (k, part) in response.parts.iter().enumerate() {
+                // A momentary count has no sum.
+                let cumulative = response.cumulative.get(k).copied().unwrap_or_default();
                 let [from, until] = [k, k + 1].map(|k| k as f64 * bin);
                 let name = names(response.link, model);
-                let values = [value(part), value(cumulative)].join(",");
+                let values = [value(part), value(&cumulative)].join(",");
                 writeln!(out, "{name},{from},{until},{},{values}", part.count())?;
             }
         }
@@ -134,30 +180,55 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes number of errors, number of bits and error rate for each delay of the slots: for every value of a single
-    /// threshold, or for the thresholds with the fewest errors.
+    /// Writes the bit errors: number of errors, number of bits, error rate and its 95 % interval for each detector and delay of the
+    /// slots. A single threshold of arrivals takes every value, one of another detector those at which errors may change; several
+    /// thresholds take the values with the fewest errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
-        writeln!(out, "transmitter,receiver,delay,threshold,errors,bits,replicas,rate mean,rate error")?;
+        writeln!(
+            out,
+            "transmitter,receiver,detector,delay,threshold,errors,bits,replicas,rate,rate low,rate high"
+        )?;
         for errors in &self.bit_errors {
             let transmitter = &model.transmitters[errors.transmitter].name;
             let receiver = &model.receivers[errors.receiver].name;
             let delay = f64::from(errors.delay) * model.time_step;
-            let all = match errors.thresholds() {
-                1 => (0..=errors.most() + 1).map(|threshold| vec![threshold]).collect(),
+            let all = match (errors.thresholds(), errors.detector) {
+                (1, Detector::Arrivals) => (0..=errors.most() + 1).map(|threshold| vec![threshold]).collect(),
+                (1, _) => errors.steps().into_iter().map(|threshold| vec![threshold]).collect(),
                 _ => vec![errors.best()],
             };
             for thresholds in all {
-                let (rate, wrong) = errors.at(&thresholds);
-                let threshold = spaced(&thresholds);
-                let [bits, replicas] = [errors.bits, rate.count()];
+                let (rates, wrong) = errors.at(&thresholds);
+                let (threshold, detector) = (spaced(&thresholds), errors.detector.name());
+                let [bits, replicas] = [errors.bits, rates.count()];
+                let (rate, [low, high]) = (wrong as f64 / bits as f64, errors.interval(wrong));
                 writeln!(
                     out,
-                    "{transmitter},{receiver},{delay},{threshold},{wrong},{bits},{replicas},{}",
-                    value(&rate)
+                    "{transmitter},{receiver},{detector},{delay},{threshold},{wrong},{bits},{replicas},{rate},{low},{high}"
                 )?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the counts by symbol: the mean over slots and replicas at each time since the beginning of a slot.
+    ///
+    /// # Errors
+    /// Fails if the writer fails.
+    pub fn write_by_symbol(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
+        writeln!(out, "transmitter,receiver,species,symbol,time,slots,count mean,count error")?;
+        for counts in &self.by_symbol {
+            let name = names(counts.link, model);
+            for (symbol, by_time) in &counts.symbols {
+                for (&lag, sample) in by_time {
+                    let time = f64::from(lag) * model.time_step;
+                    let error = sample.standard_error().map_or(String::new(), |error| error.to_string());
+                    let [slots, mean] = [sample.count().to_string(), sample.mean().to_string()];
+                    writeln!(out, "{name},{symbol},{time},{slots},{mean},{error}")?;
+                }
             }
         }
         Ok(())

@@ -5,6 +5,7 @@
 
 pub mod animation;
 pub mod bit_errors;
+pub mod by_symbol;
 pub mod channel;
 pub mod columns;
 pub mod interval;

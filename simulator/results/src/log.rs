@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lazygrid_sim::table::{TableReader, TableRow};
-use lazygrid_sim::{Error, Model};
+use lazygrid_sim::{Error, Model, Receiver};
 
 /// The released and the arrived particles of a run, in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -12,6 +12,8 @@ pub struct Log {
     pub arrivals: Vec<Arrived>,
     /// Releases.
     pub releases: Vec<Released>,
+    /// Particles inside receivers, or bound to them, at each row of the series.
+    pub inside: Vec<Inside>,
 }
 
 /// A particle that arrived.
@@ -25,6 +27,21 @@ pub struct Arrived {
     pub species: usize,
     /// Index of the transmitter and completed steps at its release; `None` for particles that the caller placed.
     pub origin: Option<(usize, u32)>,
+}
+
+/// Particles of one origin inside a receiver or bound to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inside {
+    /// Completed steps.
+    pub step: u32,
+    /// Index of the receiver in the model.
+    pub receiver: usize,
+    /// The species.
+    pub species: usize,
+    /// Index of the transmitter and completed steps at the release; `None` for particles that the caller placed.
+    pub origin: Option<(usize, u32)>,
+    /// Their number.
+    pub count: u64,
 }
 
 /// Particles that were released together.
@@ -55,13 +72,7 @@ impl Log {
         let path = directory.join("arrivals.csv");
         let mut lines = TableReader::open(&path, "step,time,receiver,species,id,transmitter,released")?;
         while let Some(line) = lines.next_row()? {
-            let origin = match line.field(5) {
-                "" => None,
-                _ => {
-                    let step = (line.number::<f64>(6)? / model.time_step).round() as u32;
-                    Some((place(&names.transmitters, &line, 5)?, step))
-                }
-            };
+            let origin = names.origin(&line, 5, model)?;
             let receiver = place(&names.receivers, &line, 2)?;
             let species = place(&names.species, &line, 3)?;
             log.arrivals.push(Arrived { step: line.number(0)?, receiver, species, origin });
@@ -78,6 +89,18 @@ impl Log {
                 count: line.number(4)?,
             });
         }
+        let path = directory.join("occupancy.csv");
+        if model.receivers.iter().any(Receiver::is_momentary) {
+            let mut lines =
+                TableReader::open(&path, "step,time,receiver,species,transmitter,released,count")?;
+            while let Some(line) = lines.next_row()? {
+                let receiver = place(&names.receivers, &line, 2)?;
+                let species = place(&names.species, &line, 3)?;
+                let origin = names.origin(&line, 4, model)?;
+                let (step, count) = (line.number(0)?, line.number(6)?);
+                log.inside.push(Inside { step, receiver, species, origin, count });
+            }
+        }
         Ok(log)
     }
 }
@@ -88,6 +111,23 @@ struct Names<'a> {
     transmitters: Vec<&'a str>,
 }
 
+impl Names<'_> {
+    /// Returns the origin in a field with a transmitter and in the next one with a time.
+    fn origin(
+        &self,
+        line: &TableRow<'_>,
+        column: usize,
+        model: &Model,
+    ) -> Result<Option<(usize, u32)>, Error> {
+        if line.field(column).is_empty() {
+            return Ok(None);
+        }
+        let step = (line.number::<f64>(column + 1)? / model.time_step).round() as u32;
+        Ok(Some((place(&self.transmitters, line, column)?, step)))
+    }
+}
+
+/// Returns the index of the name in a field.
 fn place(names: &[&str], line: &TableRow<'_>, column: usize) -> Result<usize, Error> {
     let name = line.field(column);
     names

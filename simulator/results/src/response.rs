@@ -28,14 +28,24 @@ impl Link {
         all
     }
 
+    /// Returns the releases that count.
+    pub(crate) fn releases(self, log: &Log) -> impl Iterator<Item = &crate::log::Released> {
+        let own = move || log.releases.iter().filter(move |release| release.transmitter == self.transmitter);
+        let mut species: Vec<usize> = own().map(|release| release.species).collect();
+        species.sort_unstable();
+        species.dedup();
+        species.retain(|&species| self.is_from(log, species));
+        own().filter(move |release| species.contains(&release.species))
+    }
+
     /// Returns `true` if a release counts: of the species that arrives if the transmitter releases it, else of any species.
-    pub(crate) fn is_from(self, log: &Log, species: usize) -> bool {
+    fn is_from(self, log: &Log, species: usize) -> bool {
         let own = |s: usize| log.releases.iter().any(|r| r.transmitter == self.transmitter && r.species == s);
         species == self.species || !own(self.species)
     }
 }
 
-/// The part of the particles that arrives within each bin after their release.
+/// The part of the particles that arrives within each bin after their release, or that is inside the receiver then.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
     /// The link.
@@ -44,7 +54,7 @@ pub struct Response {
     pub width: u32,
     /// The part of each bin, over replicas.
     pub parts: Vec<RunningStats>,
-    /// The part up to the end of each bin, over replicas.
+    /// The part up to the end of each bin, over replicas; empty for receivers with a momentary count.
     pub cumulative: Vec<RunningStats>,
 }
 
@@ -55,20 +65,39 @@ impl Response {
         Self { link, width, parts: none.clone(), cumulative: none }
     }
 
+    /// Adds a replica of which `rows` are the steps of the series. In each bin, the part inside a receiver with a momentary count is
+    /// the mean over these rows.
+    pub fn add_momentary(&mut self, log: &Log, rows: &[u32]) {
+        self.cumulative.clear();
+        let Self { link, width, .. } = *self;
+        let bins = self.parts.len();
+        let (mut released, mut inside) = (vec![0_u64; bins], vec![0_u64; bins]);
+        let bin = |step: u32, from: u32| ((step - from) / width) as usize;
+        for release in link.releases(log) {
+            let after =
+                rows.iter().filter(|&&step| step >= release.step).map(|&step| bin(step, release.step));
+            after.take_while(|&at| at < bins).for_each(|at| released[at] += release.count);
+        }
+        for own in &log.inside {
+            let Some((transmitter, step)) = own.origin else { continue };
+            if link == (Link { transmitter, receiver: own.receiver, species: own.species })
+                && let Some(count) = inside.get_mut(bin(own.step, step))
+            {
+                *count += own.count;
+            }
+        }
+        let all = self.parts.iter_mut().zip(inside.iter().zip(&released));
+        all.filter(|(_, (_, released))| **released > 0)
+            .for_each(|(part, (inside, released))| part.add(*inside as f64 / *released as f64));
+    }
+
     /// Adds a replica of `steps` steps. A release counts in the bins that end before the run does.
     pub fn add(&mut self, log: &Log, steps: u32) {
         let Self { link, width, .. } = *self;
         let bins = self.parts.len();
         let mut released = vec![0_u64; bins];
         let whole = |step: u32| ((steps.saturating_sub(step)) / width) as usize;
-        let own = log.releases.iter().filter(|release| release.transmitter == link.transmitter);
-        let is_from: Vec<usize> = {
-            let mut species: Vec<usize> = own.clone().map(|release| release.species).collect();
-            species.sort_unstable();
-            species.dedup();
-            species.into_iter().filter(|&species| link.is_from(log, species)).collect()
-        };
-        for release in own.filter(|release| is_from.contains(&release.species)) {
+        for release in link.releases(log) {
             released[..whole(release.step).min(bins)].iter_mut().for_each(|n| *n += release.count);
         }
         let mut arrived = vec![0_u64; bins];
@@ -101,7 +130,7 @@ impl Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::{Arrived, Released};
+    use crate::log::{Arrived, Inside, Released};
 
     const LINK: Link = Link { transmitter: 0, receiver: 0, species: 0 };
 
@@ -118,6 +147,7 @@ mod tests {
         let log = Log {
             arrivals: vec![arrived(1, 0), arrived(4, 0), arrived(5, 0), arrived(12, 0), arrived(12, 8)],
             releases: vec![released(0, 10), released(8, 10)],
+            inside: vec![],
         };
         let mut response = Response::new(LINK, 4, 4);
         response.add(&log, 12);
@@ -134,9 +164,36 @@ mod tests {
     }
 
     #[test]
+    fn part_inside_is_a_mean_over_rows() {
+        // Ten after 0 and ten after 8 steps, rows every 2 steps up to 12, bins of 4 steps.
+        let inside =
+            |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
+        let log = Log {
+            inside: vec![
+                inside(2, 0, 4),
+                inside(4, 0, 2),
+                inside(6, 0, 3),
+                inside(10, 8, 5),
+                inside(12, 8, 1),
+            ],
+            releases: vec![released(0, 10), released(8, 10)],
+            ..Log::default()
+        };
+        let mut response = Response::new(LINK, 4, 3);
+        response.add_momentary(&log, &[0, 2, 4, 6, 8, 10, 12]);
+        let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
+        // Rows at 0 and 2, 8 and 10: 4 + 5 of 40; at 4, 6 and 12: 2 + 3 + 1 of 30; at 8 and 10: none of 20.
+        assert_eq!(parts, [9.0 / 40.0, 6.0 / 30.0, 0.0]);
+        assert!(response.cumulative.is_empty());
+    }
+
+    #[test]
     fn what_became_another_species_is_a_part_of_what_it_was() {
-        let log =
-            Log { arrivals: vec![Arrived { species: 1, ..arrived(2, 0) }], releases: vec![released(0, 4)] };
+        let log = Log {
+            arrivals: vec![Arrived { species: 1, ..arrived(2, 0) }],
+            releases: vec![released(0, 4)],
+            ..Log::default()
+        };
         let mut response = Response::new(Link { species: 1, ..LINK }, 4, 1);
         response.add(&log, 4);
         assert_eq!(response.parts[0].mean(), 0.25);

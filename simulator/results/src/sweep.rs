@@ -37,7 +37,7 @@ pub struct SweepRow {
 impl SweepRow {
     /// Returns the results of a point: the last row of the series, and of each link the part that has arrived, the time of the peak
     /// of the response, the late part of a symbol's arrivals, and the lowest bit error rate of all delays and thresholds.
-    pub fn new(values: Vec<String>, model: &Model, mean: &MeanSeries, channels: Option<&Channels>) -> Self {
+    pub fn new(values: Vec<String>, model: &Model, mean: &MeanSeries, channels: &Channels) -> Self {
         let mut row = Self { values, replicas: mean.replicas, results: Vec::new() };
         if let Some(last) = mean.steps.len().checked_sub(1) {
             for group in groups(model) {
@@ -47,7 +47,7 @@ impl SweepRow {
                 }
             }
         }
-        channels.into_iter().for_each(|channels| row.add_channels(channels, model));
+        row.add_channels(channels, model);
         row
     }
 

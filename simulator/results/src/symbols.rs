@@ -51,7 +51,7 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     })
 }
 
-/// Inter-symbol interference: the part of a symbol's particles that arrives in its own slot, in the next one and so on, over
+/// Inter-symbol interference: the part of a symbol's particles that arrives, or is inside on average, in its own slot, in the next one and so on, over
 /// replicas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
@@ -72,14 +72,7 @@ impl Interference {
     /// Adds a replica. A symbol counts for the lags whose slots are complete.
     pub fn add(&mut self, log: &Log, slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
-        let mut released = vec![0_u64; slots.len()];
-        for release in log.releases.iter().filter(|r| r.transmitter == link.transmitter) {
-            if let Some(slot) = slots.of_release(release.step)
-                && link.is_from(log, release.species)
-            {
-                released[slot] += release.count;
-            }
-        }
+        let released = released(link, log, slots);
         let mut arrived = vec![0_u64; lags];
         for arrival in &log.arrivals {
             let Some((transmitter, step)) = arrival.origin else { continue };
@@ -92,13 +85,37 @@ impl Interference {
                 arrived[to - from] += 1;
             }
         }
-        let mut parts = Vec::new();
-        for (lag, arrived) in arrived.into_iter().enumerate() {
-            let seen: u64 = released[..slots.len().saturating_sub(lag)].iter().sum();
-            if seen > 0 {
-                parts.push(arrived as f64 / seen as f64);
-                self.by_lag[lag].add(arrived as f64 / seen as f64);
+        let seen = |lag: usize| released[..slots.len().saturating_sub(lag)].iter().sum::<u64>();
+        self.add_parts(arrived.into_iter().enumerate().map(|(lag, arrived)| (arrived, seen(lag))));
+    }
+
+    /// Adds a replica at a receiver with a momentary count, of which `rows` are the steps of the series: the mean part of a symbol's
+    /// particles that is inside during a slot.
+    pub fn add_momentary(&mut self, log: &Log, rows: &[u32], slots: &SymbolSlots) {
+        let (link, lags) = (self.link, self.by_lag.len());
+        let released = released(link, log, slots);
+        let (mut inside, mut seen) = (vec![0_u64; lags], vec![0_u64; lags]);
+        for slot in rows.iter().filter_map(|&step| slots.of_arrival(step)) {
+            (0..lags.min(slot + 1)).for_each(|lag| seen[lag] += released[slot - lag]);
+        }
+        for own in &log.inside {
+            let Some((transmitter, step)) = own.origin else { continue };
+            if link == (Link { transmitter, receiver: own.receiver, species: own.species })
+                && let (Some(from), Some(to)) = (slots.of_release(step), slots.of_arrival(own.step))
+                && to - from < lags
+            {
+                inside[to - from] += own.count;
             }
+        }
+        self.add_parts(inside.into_iter().zip(seen));
+    }
+
+    /// Adds the part of each lag: a count, and the number of which it is a part.
+    fn add_parts(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
+        let mut parts = Vec::new();
+        for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
+            parts.push(count as f64 / of as f64);
+            self.by_lag[lag].add(count as f64 / of as f64);
         }
         let all: f64 = parts.iter().sum();
         if all > 0.0 {
@@ -107,10 +124,21 @@ impl Interference {
     }
 }
 
+/// Returns the number of particles that are released in each slot.
+fn released(link: Link, log: &Log, slots: &SymbolSlots) -> Vec<u64> {
+    let mut released = vec![0_u64; slots.len()];
+    for release in link.releases(log) {
+        if let Some(slot) = slots.of_release(release.step) {
+            released[slot] += release.count;
+        }
+    }
+    released
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::log::{Arrived, Released};
+    use crate::log::{Arrived, Inside, Released};
     use lazygrid_sim::model::message::{Modulation, Symbols};
     use lazygrid_sim::{Receiver, ReceiverKind, Species, Transmitter};
 
@@ -155,6 +183,7 @@ pub(crate) mod tests {
         Log {
             arrivals: arrivals.iter().flat_map(arrived).collect(),
             releases: [0, 2, 3].map(released).to_vec(),
+            inside: Vec::new(),
         }
     }
 
@@ -178,6 +207,23 @@ pub(crate) mod tests {
             [5, 6, 15, 16, 45, 46].map(|step| slots.of_arrival(step)),
             [None, Some(0), Some(0), Some(1), Some(3), None]
         );
+    }
+
+    #[test]
+    fn interference_inside_is_a_mean_over_rows() {
+        // A row in the middle of each slot, and one at its end: slots begin at 5, 15, 25 and 35.
+        let rows = [10, 15, 20, 25, 30, 35, 40, 45];
+        let inside =
+            |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
+        let log = Log {
+            inside: vec![inside(10, 5, 6), inside(20, 5, 3), inside(25, 5, 1), inside(40, 35, 4)],
+            ..log(&[])
+        };
+        let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 3);
+        interference.add_momentary(&log, &rows, &slots(100));
+        let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
+        // Three bursts of 10 with two rows in their own slots, two with a next slot, one with another one.
+        assert_eq!(parts, [10.0 / 60.0, 4.0 / 40.0, 0.0]);
     }
 
     #[test]

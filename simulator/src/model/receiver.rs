@@ -83,6 +83,11 @@ impl Receiver {
         self.sees[species] && self.kind != ReceiverKind::Reflecting
     }
 
+    /// Returns `true` if its count is the number of particles that are inside or bound now, and not of all that arrived.
+    pub fn is_momentary(&self) -> bool {
+        matches!(self.kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
+    }
+
     /// Returns `true` if the receiver moves.
     pub fn moves(&self) -> bool {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
@@ -91,25 +96,21 @@ impl Receiver {
     /// Returns, by species, the number of visible particles within the receiver's radius of `center`.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
-        for at in 0..particles.len() {
-            self.count(center, boundary, (particles, at), &mut counts);
+        for at in (0..particles.len()).filter(|&at| self.has_inside(center, boundary, (particles, at))) {
+            counts[particles.species[at] as usize] += 1;
         }
         counts
     }
 
-    fn count(
+    /// Returns `true` if the particle at index `at` is visible and within the receiver's radius of `center`.
+    fn has_inside(
         &self,
         center: [f32; 3],
         boundary: &Boundary,
         (particles, at): (&Particles, usize),
-        counts: &mut [u64],
-    ) {
-        let species = particles.species[at] as usize;
-        if self.sees[species]
+    ) -> bool {
+        self.sees[particles.species[at] as usize]
             && signed_distance(self.radius, center, boundary, particles.position_of(at)) <= 0.0
-        {
-            counts[species] += 1;
-        }
     }
 }
 
@@ -126,30 +127,43 @@ pub(crate) fn all_inside(
     boundary: &Boundary,
     particles: &Particles,
 ) -> Vec<Vec<u64>> {
-    let looks = |(_, receiver): &(usize, &Receiver)| receiver.kind == ReceiverKind::Transparent;
-    let looking: Vec<usize> = receivers.iter().enumerate().filter(looks).map(|(k, _)| k).collect();
-    let nothing = || receivers.iter().map(|receiver| vec![0; receiver.sees.len()]).collect();
-    if looking.len() > FEW
-        && let Ok(found) = found_inside((receivers, &looking), centers, boundary, particles, nothing())
-    {
-        return found;
-    }
-    // Also serves particles with non-finite coordinates, which the detector rejects.
-    let mut counts: Vec<Vec<u64>> = nothing();
-    for k in looking {
-        counts[k] = receivers[k].inside(centers[k], boundary, particles);
+    let mut counts: Vec<Vec<u64>> = receivers.iter().map(|receiver| vec![0; receiver.sees.len()]).collect();
+    for (k, at) in inside_of(receivers, centers, boundary, particles) {
+        counts[k as usize][particles.species[at as usize] as usize] += 1;
     }
     counts
 }
 
+/// Returns the particles inside transparent receivers at `centers`: the indices of receiver and particle.
+pub(crate) fn inside_of(
+    receivers: &[Receiver],
+    centers: &[[f32; 3]],
+    boundary: &Boundary,
+    particles: &Particles,
+) -> Vec<(u32, u32)> {
+    let looks = |(_, receiver): &(usize, &Receiver)| receiver.kind == ReceiverKind::Transparent;
+    let looking: Vec<usize> = receivers.iter().enumerate().filter(looks).map(|(k, _)| k).collect();
+    if looking.len() > FEW
+        && let Ok(found) = found_inside((receivers, &looking), centers, boundary, particles)
+    {
+        return found;
+    }
+    // This path also serves particles with non-finite coordinates, which the detector rejects.
+    let has = |k: usize, at: usize| receivers[k].has_inside(centers[k], boundary, (particles, at));
+    let of =
+        |k: usize| (0..particles.len()).filter(move |&at| has(k, at)).map(move |at| (k as u32, at as u32));
+    looking.into_iter().flat_map(of).collect()
+}
+
+/// Returns the particles inside the receivers in `looking`, with a search.
 fn found_inside(
     (receivers, looking): (&[Receiver], &[usize]),
     centers: &[[f32; 3]],
     boundary: &Boundary,
     particles: &Particles,
-    mut counts: Vec<Vec<u64>>,
-) -> Result<Vec<Vec<u64>>, Error> {
-    // Radii are enlarged by the rounding error, so the search misses nothing; `count` makes the exact test.
+) -> Result<Vec<(u32, u32)>, Error> {
+    let mut inside = Vec::new();
+    // Radii are enlarged by the rounding error, so the search misses nothing. `has_inside` makes the exact test.
     let grown = |&k: &usize| {
         let radius = receivers[k].radius;
         lazygrid::Sphere::new(centers[k], radius + rounding(centers[k], 2.0 * radius))
@@ -161,11 +175,13 @@ fn found_inside(
     finder(boundary)?.stream((&spheres, points), CHUNK, |pairs| {
         for pair in pairs {
             let k = looking[pair.i as usize];
-            receivers[k].count(centers[k], boundary, (particles, pair.j as usize), &mut counts[k]);
+            if receivers[k].has_inside(centers[k], boundary, (particles, pair.j as usize)) {
+                inside.push((k as u32, pair.j));
+            }
         }
         std::ops::ControlFlow::Continue(())
     })?;
-    Ok(counts)
+    Ok(inside)
 }
 
 /// Creates a detector that finds particles near receivers.

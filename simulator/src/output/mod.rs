@@ -1,5 +1,5 @@
 //! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
-//! `symbols.csv` if messages are sent, `arrivals.csv`, `releases.csv` (or `.arrow`) and `animation.frames` if
+//! `symbols.csv` if messages are sent, `arrivals.csv`, `releases.csv` (and the same as `.arrow`), `occupancy.csv` and `animation.frames` if
 //! requested, and `checkpoint`.
 
 pub mod animation;
@@ -10,6 +10,7 @@ mod arrow;
 mod disk_estimate;
 mod frames;
 mod lock;
+pub(crate) mod occupancy;
 pub mod series;
 mod symbols;
 pub mod table;
@@ -32,6 +33,7 @@ const SYMBOLS: &str = "symbols.csv";
 const XYZ: &str = "frames.xyz";
 const ARRIVALS: &str = "arrivals.csv";
 const RELEASES: &str = "releases.csv";
+const OCCUPANCY: &str = "occupancy.csv";
 /// The frames from which the animation is made.
 const ANIMATED: &str = "animation.frames";
 
@@ -51,6 +53,8 @@ pub(crate) struct Files {
 struct Logs {
     arrivals: AppendFile,
     releases: AppendFile,
+    /// For receivers that hold particles without removing them.
+    occupancy: Option<AppendFile>,
     seed: u64,
     /// The first step whose releases are not logged.
     next_step: u32,
@@ -74,7 +78,10 @@ impl Files {
             ];
             arrivals.put(arrivals::header)?;
             releases.put(arrivals::header_of_releases)?;
-            logs = Some(Logs { arrivals, releases, seed, next_step: 0 });
+            let holds = occupancy::is_logged(model);
+            let mut occupancy = holds.then(|| AppendFile::create(directory.join(OCCUPANCY))).transpose()?;
+            occupancy.iter_mut().try_for_each(|file| file.put(occupancy::header))?;
+            logs = Some(Logs { arrivals, releases, occupancy, seed, next_step: 0 });
         }
         let animated = output.animation.is_some();
         let animation = animated.then(|| AppendFile::create(directory.join(ANIMATED))).transpose()?;
@@ -111,7 +118,8 @@ impl Files {
         let mut logs = None;
         if model.logs_arrivals {
             let [arrivals, releases] = [reopen(ARRIVALS)?, reopen(RELEASES)?];
-            logs = Some(Logs { arrivals, releases, seed, next_step: done + 1 });
+            let occupancy = occupancy::is_logged(model).then(|| reopen(OCCUPANCY)).transpose()?;
+            logs = Some(Logs { arrivals, releases, occupancy, seed, next_step: done + 1 });
         }
         let animation = output.animation.is_some().then(|| reopen(ANIMATED)).transpose()?;
         let directory = directory.to_owned();
@@ -122,7 +130,9 @@ impl Files {
 
     fn growing(&mut self) -> impl Iterator<Item = &mut AppendFile> {
         let Self { series, symbols, xyz, logs, animation, .. } = self;
-        let logs = logs.iter_mut().flat_map(|Logs { arrivals, releases, .. }| [arrivals, releases]);
+        let logs = logs.iter_mut().flat_map(|Logs { arrivals, releases, occupancy, .. }| {
+            [arrivals, releases].into_iter().chain(occupancy)
+        });
         [series].into_iter().chain(symbols).chain(xyz).chain(logs).chain(animation)
     }
 
@@ -131,10 +141,14 @@ impl Files {
         if step.is_multiple_of(self.output.every) {
             self.series.put(|out| series::row(out, simulation))?;
         }
-        if let Some(Logs { arrivals, releases, seed, next_step }) = &mut self.logs {
+        if let Some(Logs { arrivals, releases, occupancy, seed, next_step }) = &mut self.logs {
             arrivals.put(|out| arrivals::rows(out, simulation))?;
             let steps = std::mem::replace(next_step, step + 1)..=step;
             releases.put(|out| arrivals::rows_of_releases(out, simulation.model(), *seed, steps))?;
+            if let Some(occupancy) = occupancy.as_mut().filter(|_| step.is_multiple_of(self.output.every)) {
+                let state = simulation.state()?;
+                occupancy.put(|out| occupancy::rows(out, simulation.model(), &state))?;
+            }
         }
         if let (Some(animation), Some(frames)) = (self.output.animated(step), &mut self.animation) {
             let state = simulation.state()?;
@@ -196,7 +210,8 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
                        another directory";
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
     }
-    let foreign = [SERIES, SYMBOLS, XYZ, ARRIVALS, RELEASES, ANIMATED, "animation.html", "mean.csv"];
+    let foreign =
+        [SERIES, SYMBOLS, XYZ, ARRIVALS, RELEASES, OCCUPANCY, ANIMATED, "animation.html", "mean.csv"];
     // A device or a FIFO in the place of a file has no content to lose.
     let is_file = |name: &str| directory.join(name).is_file();
     if let Some(name) = foreign.into_iter().find(|name| !overwrite && is_file(name)) {

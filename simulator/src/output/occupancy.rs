@@ -5,16 +5,11 @@ use std::io::{self, Write};
 
 use super::series::moment;
 use crate::model::receiver::inside_of;
-use crate::{Model, ReceiverKind, State};
+use crate::{Model, Receiver, State};
 
 /// Returns `true` if a model logs arrivals and has receivers that hold particles without removing them.
 pub(crate) fn is_logged(model: &Model) -> bool {
-    model.logs_arrivals && model.receivers.iter().any(|receiver| holds(receiver.kind))
-}
-
-/// Returns `true` for receivers with a momentary count.
-fn holds(kind: ReceiverKind) -> bool {
-    matches!(kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
+    model.logs_arrivals && model.receivers.iter().any(Receiver::is_momentary)
 }
 
 /// Writes the first line of `occupancy.csv`.
@@ -27,9 +22,9 @@ pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
 pub(super) fn rows(out: &mut impl Write, model: &Model, state: &State) -> io::Result<()> {
     let State { particles, centers, bound, origins, .. } = state;
     let inside = inside_of(&model.receivers, centers, &model.boundary, particles);
-    let inside = inside.into_iter().map(|(receiver, at)| {
-        (receiver, particles.species[at as usize], particles.id[at as usize])
-    });
+    let inside = inside
+        .into_iter()
+        .map(|(receiver, at)| (receiver, particles.species[at as usize], particles.id[at as usize]));
     let bound = bound.iter().map(|held| (held.receiver, held.species, held.id));
     let mut counts = BTreeMap::new();
     for (receiver, species, id) in inside.chain(bound) {

@@ -6,7 +6,7 @@ use lazygrid::Backend;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::{GatherFields, RankSimulation, RankSlice};
-use crate::output::{self, Files, Lock};
+use crate::output::{self, Files, Lock, occupancy};
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
@@ -102,7 +102,7 @@ impl Run {
         let create = || {
             let lock = output::prepare(&self.directory, self.overwrite)?;
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            output::remove_stale(&self.directory, &["replicas.csv", "mean.csv"])?;
+            output::remove_stale(&self.directory, &["replicas.csv", "mean.csv", "points.csv", "sweep.csv"])?;
             Files::create(&self.directory, *output, (model, *seed), lock)
         };
         let files = is_first.then(create).transpose();
@@ -174,7 +174,9 @@ impl Run {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let fields = GatherFields {
             received: step.is_multiple_of(output.every),
-            particles: output.has_frame(step) || output.animated(step).is_some(),
+            particles: output.has_frame(step)
+                || output.animated(step).is_some()
+                || step.is_multiple_of(output.every) && occupancy::is_logged(simulation.model()),
         };
         if fields == GatherFields::default() && !simulation.model().logs_arrivals {
             return Ok(());

@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use lazygrid_results::bit_errors::BitErrors;
+use lazygrid_results::bit_errors::{BitErrors, Detector, ReplicaFiles};
 use lazygrid_results::log::{Arrived, Log};
 use lazygrid_results::symbols::{SymbolSlots, messages};
 use lazygrid_sim::random::philox::Key;
@@ -228,13 +228,10 @@ pub(crate) fn shift_keying() -> Vec<Row> {
                 log.arrivals.extend(simulation.arrivals().iter().map(one));
             }
             let (_, message) = messages(&model).next().expect("a message");
-            let mut errors = BitErrors::new(message, model.transmitters[0].release.len(), [0, 0], 0);
-            errors.add(
-                &log,
-                &model,
-                seed,
-                &SymbolSlots::new(message, model.time_step, 0, FEW_SYMBOLS * STEPS),
-            );
+            let mut errors = BitErrors::new(&model, message, [0, 0], Detector::Arrivals, 0);
+            let files = ReplicaFiles { seed, log, ..ReplicaFiles::default() };
+            let slots = SymbolSlots::new(message, model.time_step, 0, FEW_SYMBOLS * STEPS);
+            errors.add(&files, &model, &slots);
             let thresholds = if modulation == "csk" { &THRESHOLDS[..] } else { &[] };
             let sent: Vec<u32> = (0..FEW_SYMBOLS).map(|k| message.symbol(k, 0, Key::new(seed))).collect();
             let (mut expected, mut variance) = (0.0, 0.0);

@@ -1,3 +1,4 @@
+mod bit_errors;
 mod sections;
 pub(super) mod sweep;
 
@@ -43,24 +44,20 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     Ok(mean)
 }
 
-/// Writes `report.html` and its plots, and the tables of channels. Returns the channels, if arrivals were logged.
-pub(crate) fn write(done: &Done<'_>) -> Result<Option<Channels>, CliError> {
+/// Writes `report.html` and its plots, and the tables of channels, which it returns.
+pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
-    if let Some(found) = &channels {
-        tables(found, &done.run.scenario.model, &done.run.directory)?;
-    }
+    tables(&channels, &done.run.scenario.model, &done.run.directory)?;
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
-    write_page(&done.run.directory, format!("lazygrid simulate: {name}"), || {
-        sections::all(done, channels.as_ref())
-    })?;
+    write_page(&done.run.directory, format!("lazygrid simulate: {name}"), || sections::all(done, &channels))?;
     Ok(channels)
 }
 
-/// Reads the channels of runs, if arrivals were logged.
-pub(crate) fn channels(done: &Done<'_>) -> Result<Option<Channels>, CliError> {
+/// Reads the channels of runs.
+pub(crate) fn channels(done: &Done<'_>) -> Result<Channels, CliError> {
     let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
     let runs = done.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
-    Ok(model.logs_arrivals.then(|| Channels::of(model, steps, runs)).transpose()?)
+    Ok(Channels::of(model, steps, runs)?)
 }
 
 /// Writes `report.html` and its plots to a directory.
@@ -82,7 +79,12 @@ fn write_page(
 }
 
 fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), CliError> {
-    file(&directory.join("impulse-response.csv"), |out| channels.write_responses(out, model))?;
+    if model.logs_arrivals {
+        file(&directory.join("impulse-response.csv"), |out| channels.write_responses(out, model))?;
+    }
+    if !channels.by_symbol.is_empty() {
+        file(&directory.join("by-symbol.csv"), |out| channels.write_by_symbol(out, model))?;
+    }
     if !channels.interference.is_empty() {
         file(&directory.join("interference.csv"), |out| channels.write_interference(out, model))?;
     }

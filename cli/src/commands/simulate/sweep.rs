@@ -38,8 +38,8 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
             true => report::write(&all)?,
             false => report::channels(&all)?,
         };
-        rows.push(SweepRow::new(values.clone(), &point.run.scenario.model, &mean, channels.as_ref()));
-        responses.push(channels.map_or_else(Vec::new, |channels| channels.responses));
+        rows.push(SweepRow::new(values.clone(), &point.run.scenario.model, &mean, &channels));
+        responses.push(channels.responses);
     }
     let keys: Vec<String> = sweep.keys.iter().map(|key| key.path.clone()).collect();
     lazygrid_sim::write_atomically(&sweep.directory.join("sweep.csv"), |out| write(out, &keys, &rows))?;

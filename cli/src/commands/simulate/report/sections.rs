@@ -2,31 +2,33 @@ use std::error::Error;
 
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
-use lazygrid_results::bit_errors::BitErrors;
-use lazygrid_results::channel::{Channels, link_name, spaced};
+use lazygrid_results::by_symbol::CountsBySymbol;
+use lazygrid_results::channel::{Channels, link_name};
 use lazygrid_results::columns::{ColumnGroup, groups};
-use lazygrid_results::mean::RunningStats;
+use lazygrid_results::mean::{IntegerStats, RunningStats};
 use lazygrid_sim::Model;
 
 use super::Done;
+use super::bit_errors::bit_errors;
 
 /// Points of a line of a series, at most.
-const POINTS: usize = 400;
-/// Rows of a table of thresholds, at most.
-const ROWS: usize = 40;
+pub(super) const POINTS: usize = 400;
 
-pub(super) fn all(done: &Done<'_>, channels: Option<&Channels>) -> Result<Vec<Section>, Box<dyn Error>> {
+/// All of them.
+pub(super) fn all(done: &Done<'_>, channels: &Channels) -> Result<Vec<Section>, Box<dyn Error>> {
     let model = &done.run.scenario.model;
     let mut sections = vec![head(done), series(done)?];
-    let Some(channels) = channels else {
-        if !model.receivers.is_empty() {
-            let text = "`arrivals = true` in the scenario's `[output]` adds impulse responses, inter-symbol interference \
-                        and bit errors to this report.";
-            sections[1].notes.push(Note { text: text.to_owned(), is_error: false });
-        }
-        return Ok(sections);
-    };
-    sections.push(responses(channels, model)?);
+    if !model.logs_arrivals && !model.receivers.is_empty() {
+        let text = "`arrivals = true` in the scenario's `[output]` adds impulse responses, inter-symbol interference and bit errors of \
+                    absorbing receivers to this report.";
+        sections[1].notes.push(Note { text: text.to_owned(), is_error: false });
+    }
+    if !channels.by_symbol.is_empty() {
+        sections.push(by_symbol(channels, model)?);
+    }
+    if !channels.responses.is_empty() {
+        sections.push(responses(channels, model)?);
+    }
     if !channels.interference.is_empty() {
         sections.push(interference(channels, model)?);
     }
@@ -34,6 +36,36 @@ pub(super) fn all(done: &Done<'_>, channels: Option<&Channels>) -> Result<Vec<Se
         sections.push(bit_errors(channels, model)?);
     }
     Ok(sections)
+}
+
+/// Returns the counts of receivers within slots, a line for each symbol: bars are the error of the mean over its slots.
+fn by_symbol(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
+    let mut section = Section { title: "Counts by symbol".into(), ..Section::default() };
+    section.text.push(
+        "Mean counts within the slots of each symbol, over slots and replicas; bars are one standard error. The bars of the series \
+         above include the scatter of random symbols, these do not, except that of the symbols before. Arrivals count from the \
+         beginning of a slot. `by-symbol.csv` has the numbers."
+            .to_owned(),
+    );
+    for (file, axis, momentary) in
+        [("inside-by-symbol", "inside or bound", true), ("arrivals-by-symbol", "arrived in the slot", false)]
+    {
+        let is_own =
+            |counts: &&CountsBySymbol| model.receivers[counts.link.receiver].is_momentary() == momentary;
+        let mut lines = Vec::new();
+        for counts in channels.by_symbol.iter().filter(is_own) {
+            for (symbol, by_time) in &counts.symbols {
+                let point = |(&lag, sample): (&u32, &IntegerStats)| {
+                    mark(f64::from(lag) * model.time_step, sample.mean(), sample.standard_error())
+                };
+                let name = format!("{}, symbol {symbol}", link_name(counts.link, model));
+                let points = by_time.iter().map(point).collect();
+                lines.push(Series { name, points, dashed: false, colour: lines.len() });
+            }
+        }
+        section.plots.extend(plot((file, "Counts by symbol"), ("time since the symbol, s", axis), &lines)?);
+    }
+    Ok(section)
 }
 
 fn head(done: &Done<'_>) -> Section {
@@ -78,7 +110,7 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
         section.plots.extend(plot((name, name), ("time, s", axis), &all)?);
     }
     if let Some(last) = mean.steps.len().checked_sub(1) {
-        let row = |(name, sample): (&String, &lazygrid_results::mean::IntegerStats)| {
+        let row = |(name, sample): (&String, &IntegerStats)| {
             vec![Cell::plain(name), Cell::plain(written(sample.mean(), sample.standard_error()))]
         };
         let caption = format!("after {} s", mean.times[last]);
@@ -91,11 +123,11 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
 fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Impulse response".into(), ..Section::default() };
     section.text.push(
-        "Which part of the particles that a transmitter releases arrives how long after their release; particles count \
-         for times that lie before the end of the run. `impulse-response.csv` has the numbers."
+        "The part of the particles that arrives, or is inside, by the time since their release; particles count for times that lie \
+         before the end of the run. `impulse-response.csv` has the numbers."
             .to_owned(),
     );
-    let mut densities = Vec::new();
+    let (mut densities, mut momentary) = (Vec::new(), Vec::new());
     let mut sums = Vec::new();
     let mut rows = Vec::new();
     for (colour, response) in channels.responses.iter().enumerate() {
@@ -104,6 +136,12 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
             mark((k as f64 + at) * stretch, moments.mean() / by, moments.standard_error().map(|e| e / by))
         };
         let name = link_name(response.link, model);
+        if model.receivers[response.link.receiver].is_momentary() {
+            let points =
+                response.parts.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 0.5)).collect();
+            momentary.push(Series { name, points, dashed: false, colour });
+            continue;
+        }
         let density = response.parts.iter().enumerate().map(|(k, part)| point(k, part, stretch, 0.5));
         densities.push(Series { name: name.clone(), points: density.collect(), dashed: false, colour });
         let cumulative = response.cumulative.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 1.0));
@@ -118,6 +156,8 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
     }
     let of = ("impulse-response", "Impulse response");
     section.plots.extend(plot(of, ("time since release, s", "arrivals per particle and s"), &densities)?);
+    let of = ("impulse-response-inside", "Impulse response: part inside");
+    section.plots.extend(plot(of, ("time since release, s", "part of the particles"), &momentary)?);
     let of = ("arrived", "Part that has arrived");
     section.plots.extend(plot(of, ("time since release, s", "part of the particles"), &sums)?);
     section.tables.push(Table {
@@ -131,8 +171,8 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
 fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Inter-symbol interference".into(), ..Section::default() };
     section.text.push(
-        "Which part of a symbol's particles arrives in its own slot (0), in the next one (1) and so on. What comes \
-         after its own slot interferes with later symbols. `interference.csv` has the numbers."
+        "The part of a symbol's particles that arrives, or is inside on average, in its own slot (0), in the next one (1) and so on. \
+         Later slots interfere with later symbols. `interference.csv` has the numbers."
             .to_owned(),
     );
     let (mut all, mut rows) = (Vec::new(), Vec::new());
@@ -157,105 +197,6 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
         rows,
     });
     Ok(section)
-}
-
-fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
-    let mut section = Section { title: "Bit errors".into(), ..Section::default() };
-    section.text.push(
-        "A receiver counts the arrivals of the sent species in each slot, from any transmitter. On–off keying is read \
-         as 1 at or above a threshold, concentration shift keying as the next higher level at or above each of several; \
-         molecule shift keying as the species with the most arrivals. Slots begin with their symbols, or later by quarters \
-         of a symbol's time, up to two of these; for on–off keying the first delay and the one with the fewest errors are \
-         shown. `bit-errors.csv` has all delays and thresholds."
-            .to_owned(),
-    );
-    let mut all = Vec::new();
-    let ways =
-        || channels.bit_errors.chunk_by(|a, b| (a.transmitter, a.receiver) == (b.transmitter, b.receiver));
-    for (colour, errors) in ways().filter(|of| of[0].thresholds() == 1).flat_map(shown).enumerate() {
-        let mut name = errors.name(model);
-        if errors.delay > 0 {
-            name += &format!(", {:.4} s later", f64::from(errors.delay) * model.time_step);
-        }
-        let point = |threshold: u64| {
-            let (rate, _) = errors.at(&[threshold]);
-            mark(threshold as f64, rate.mean(), rate.standard_error())
-        };
-        let points = thresholds(errors, POINTS).map(point).collect();
-        all.push(Series { name: name.clone(), points, dashed: false, colour });
-        section.tables.push(by_threshold(errors, &name));
-        let best = errors.best();
-        let (rate, wrong) = errors.at(&best);
-        let text = format!(
-            "{name}: fewest errors at a threshold of {}, {wrong} of {} bits, a rate of {}.",
-            spaced(&best),
-            errors.bits,
-            written(rate.mean(), rate.standard_error())
-        );
-        section.notes.push(Note { text, is_error: false });
-    }
-    let others = ways().filter(|of| of[0].thresholds() != 1);
-    section.tables.extend(others.map(|of| by_delay(of, &of[0].name(model), model)));
-    let of = ("bit-errors", "Bit errors by threshold");
-    section.plots.extend(plot(of, ("threshold, arrivals in a slot", "part of the bits"), &all)?);
-    Ok(section)
-}
-
-fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
-    let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
-    of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
-}
-
-/// A row for each delay, for several thresholds or molecule shift keying.
-fn by_delay(of: &[BitErrors], name: &str, model: &Model) -> Table {
-    let least = of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
-    let row = |errors: &BitErrors| {
-        let best = errors.best();
-        let (rate, wrong) = errors.at(&best);
-        let delay = f64::from(errors.delay) * model.time_step;
-        let told = if best.is_empty() { "by species".to_owned() } else { spaced(&best) };
-        let rate = written(rate.mean(), rate.standard_error());
-        let is_least = errors.least() <= least;
-        row_of([format!("{delay:.4} s"), told, wrong.to_string(), errors.bits.to_string(), rate], is_least)
-    };
-    Table {
-        caption: format!(
-            "{name}: by how much later slots begin, with the thresholds that leave the fewest errors"
-        ),
-        header: ["delay", "thresholds", "errors", "bits", "rate"].map(str::to_owned).to_vec(),
-        rows: of.iter().map(row).collect(),
-    }
-}
-
-fn by_threshold(errors: &BitErrors, name: &str) -> Table {
-    let best = errors.best()[0];
-    let row = |threshold: u64| {
-        let (rate, wrong) = errors.at(&[threshold]);
-        let rate = written(rate.mean(), rate.standard_error());
-        row_of([threshold.to_string(), wrong.to_string(), rate], threshold == best)
-    };
-    let mut shown: Vec<u64> = thresholds(errors, ROWS).chain([best]).collect();
-    shown.sort_unstable();
-    shown.dedup();
-    Table {
-        caption: format!("{name}: {} bits, {} of them 1", errors.bits, errors.ones),
-        header: ["threshold", "errors", "rate"].map(str::to_owned).to_vec(),
-        rows: shown.into_iter().map(row).collect(),
-    }
-}
-
-fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
-    let mut cells = cells.map(Cell::plain).to_vec();
-    if is_best {
-        cells.iter_mut().for_each(|cell| cell.kind = lazygrid_report::Kind::Best);
-    }
-    cells
-}
-
-fn thresholds(errors: &BitErrors, most: usize) -> impl Iterator<Item = u64> {
-    let last = errors.most() + 1;
-    let step = (last / most as u64 + 1) as usize;
-    (0..=last).step_by(step)
 }
 
 /// A plot of these lines, if they have points, under a file's name and a title.
