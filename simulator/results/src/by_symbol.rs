@@ -17,7 +17,7 @@ use lazygrid_sim::random::philox::Key;
 pub struct CountsBySymbol {
     /// The link.
     pub link: Link,
-    /// By symbol, and by the number of steps since the beginning of the slot.
+    /// The statistics by symbol and by the number of steps since the beginning of the slot.
     pub symbols: BTreeMap<u32, BTreeMap<u32, IntegerStats>>,
 }
 
