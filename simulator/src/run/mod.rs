@@ -2,6 +2,7 @@ pub mod any;
 pub mod checkpoint;
 mod queue;
 pub mod replicas;
+/// Command-line arguments of commands that run scenarios.
 #[cfg(feature = "clap")]
 pub mod run_args;
 /// Runs on the CPU.

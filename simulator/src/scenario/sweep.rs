@@ -55,7 +55,7 @@ impl Sweep {
     /// Reads the sweep of the scenario with this text.
     ///
     /// # Errors
-    /// The same as [`read`](Self::read).
+    /// Fails like [`read`](Self::read).
     pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
         let placed = |problem| located(path, text, problem);
         // The scenario without a sweep has an error of its own for text that is no TOML.
