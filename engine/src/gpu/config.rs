@@ -101,7 +101,8 @@ impl GpuConfig {
         Self { subgroups, ..self }
     }
 
-    /// Sets whether phases are timed if the device was made with timestamp queries. Each phase then has a pass of its
+    /// Sets whether phases are timed if the device was made with timestamp queries. A call is one pass if the device writes
+    /// timestamps inside passes ([`optional_features`](super::optional_features)); otherwise each phase has a pass of its
     /// own, which costs some microseconds. Default: no.
     pub fn timestamps(self, timestamps: bool) -> Self {
         Self { timestamps, ..self }

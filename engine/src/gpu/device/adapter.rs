@@ -100,7 +100,7 @@ impl AdapterId {
 /// Returns the features that are used if present. Host applications should request them, with the adapter's own limits;
 /// none is required.
 pub fn optional_features() -> wgpu::Features {
-    wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY
+    wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES
 }
 
 pub(super) fn enumerate() -> Vec<wgpu::Adapter> {

@@ -47,6 +47,8 @@ pub(crate) struct Recording {
     continuation_start: usize,
     /// The first dispatch of each part after the first.
     part_starts: Vec<usize>,
+    /// `true` if the device writes timestamps inside a pass.
+    stamps_inside_passes: bool,
 }
 
 #[derive(Debug)]
@@ -113,7 +115,8 @@ impl Recording {
             dispatches.push(BoundDispatch { pipeline, bindings, groups, phase: dispatch.phase });
         }
         let (continuation_start, part_starts) = (sequence.continuation, sequence.part_starts.clone());
-        Ok(Self { dispatches, continuation_start, part_starts })
+        let stamps_inside_passes = device.features().contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
+        Ok(Self { dispatches, continuation_start, part_starts, stamps_inside_passes })
     }
 
     pub(crate) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
@@ -170,7 +173,8 @@ impl Recording {
         1 + self.part_starts.len() as u32
     }
 
-    /// Records one part of the call; with queries, in a pass per phase with timestamps at its ends.
+    /// Records one part of the call; with queries, with timestamps at the ends of each phase. If the device writes none
+    /// inside a pass, each phase then has a pass of its own.
     pub(crate) fn encode_part(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -190,21 +194,37 @@ impl Recording {
         };
         // Only the search is divided.
         let is_last = part + 1 == self.parts();
+        let ends_in_part = |phase| match phase {
+            GpuPhase::Search => [part == 0, is_last],
+            _ => [part == 0; 2],
+        };
+        let of_phase = |phase| dispatches.iter().filter(move |dispatch| dispatch.phase == phase);
+        if self.stamps_inside_passes {
+            let descriptor =
+                wgpu::ComputePassDescriptor { label: Some("lazygrid timed"), timestamp_writes: None };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            for phase in GpuPhase::ALL {
+                let [begins, ends] = ends_in_part(phase);
+                if begins {
+                    pass.write_timestamp(queries, 2 * phase as u32);
+                }
+                of_phase(phase).for_each(|dispatch| dispatch.record(&mut pass));
+                if ends {
+                    pass.write_timestamp(queries, 2 * phase as u32 + 1);
+                }
+            }
+            return;
+        }
         for phase in GpuPhase::ALL {
-            let ends = match phase {
-                GpuPhase::Search => [part == 0, is_last],
-                _ => [part == 0; 2],
-            };
-            let of_phase = || dispatches.iter().filter(|dispatch| dispatch.phase == phase);
-            if part > 0 && of_phase().next().is_none() {
+            if part > 0 && of_phase(phase).next().is_none() {
                 continue;
             }
             let descriptor = wgpu::ComputePassDescriptor {
                 label: Some(phase.name()),
-                timestamp_writes: ends_of(phase, queries, ends),
+                timestamp_writes: ends_of(phase, queries, ends_in_part(phase)),
             };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            of_phase().for_each(|dispatch| dispatch.record(&mut pass));
+            of_phase(phase).for_each(|dispatch| dispatch.record(&mut pass));
         }
     }
 }
