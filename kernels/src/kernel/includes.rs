@@ -1,7 +1,8 @@
-pub(super) const INCLUDES: [(&str, &str); 41] = [
+pub(super) const INCLUDES: [(&str, &str); 43] = [
     ("candidates", include_str!("../shader/shared/candidates.wgsl")),
     ("cell_assignment", include_str!("../shader/shared/cell_assignment.wgsl")),
     ("cell_list", include_str!("../shader/shared/cell_list.wgsl")),
+    ("cell_list_search", include_str!("../shader/shared/cell_list_search.wgsl")),
     ("cell_list_setup", include_str!("../shader/shared/cell_list_setup.wgsl")),
     ("cell_numbers", include_str!("../shader/shared/cell_numbers.wgsl")),
     ("cells", include_str!("../shader/shared/cells.wgsl")),
@@ -26,6 +27,7 @@ pub(super) const INCLUDES: [(&str, &str); 41] = [
     ("periods", include_str!("../shader/shared/periods.wgsl")),
     ("reserve", include_str!("../shader/shared/reserve.wgsl")),
     ("reserve_by_subgroup", include_str!("../shader/shared/reserve_by_subgroup.wgsl")),
+    ("runs_search", include_str!("../shader/shared/runs_search.wgsl")),
     ("side", include_str!("../shader/shared/side.wgsl")),
     ("skin", include_str!("../shader/shared/skin.wgsl")),
     ("sphere", include_str!("../shader/shared/sphere.wgsl")),

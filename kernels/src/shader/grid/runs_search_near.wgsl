@@ -1,22 +1,6 @@
 // Finds pairs of entries of one cell that are at most NEAR positions apart and of which the earlier one is active. Blocks
 // with partners farther along their run are deferred to `runs_search_far`.
-#include layout
-#include thread
-
-@group(0) @binding(0) var<uniform> params: SearchParams;
-@group(0) @binding(1) var<storage, read> grid: Grid;
-@group(0) @binding(2) var<storage, read> sort_counts: SortCounts;
-@group(0) @binding(3) var<storage, read> keys: array<u32>;
-@group(0) @binding(4) var<storage, read> objects: array<u32>;
-@group(0) @binding(5) var<storage, read> spheres: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> outcome: Outcome;
-@group(0) @binding(7) var<storage, read_write> pairs: array<vec2<u32>>;
-@group(0) @binding(8) var<storage, read_write> deferred: array<u32>;
-#ifdef SPECIES
-@group(0) @binding(9) var<storage, read> species: array<u32>;
-@group(0) @binding(10) var<storage, read> table: array<f32>;
-#endif
-#include overlap
+#include runs_search read_write
 #include pairs
 #include entry
 

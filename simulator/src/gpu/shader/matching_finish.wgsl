@@ -74,7 +74,7 @@ fn matching_finish(@builtin(local_invocation_index) local_index: u32) {
         for (var chunk = 0u; chunk < chunks; chunk++) {
             let k = chunk * WORKGROUP_SIZE + local_index;
             if (k < count && is_free_at(left[k])) {
-                break_tie(left[k]);
+                break_ties(left[k]);
             }
         }
         synchronize();

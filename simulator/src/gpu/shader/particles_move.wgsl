@@ -1,31 +1,6 @@
 // Moves every particle independently if no surface reflects: motion, walls, receivers, decay. A removed particle keeps
 // its index until the end of the step, with a negative radius, which the detector pairs with nothing.
-#include control
-#include params
-#include philox
-#include normal
-#include unit_32
-#include velocity
-#include boundary
-#include event
-
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<uniform> trajectory: TrajectoryHeader;
-@group(0) @binding(2) var<storage, read_write> control: Control;
-@group(0) @binding(3) var<storage, read> spheres: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> tags: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read_write> moved: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> species: array<u32>;
-@group(0) @binding(7) var<storage, read> species_rows: array<SpeciesRow>;
-@group(0) @binding(8) var<storage, read> event_rows: array<EventRow>;
-@group(0) @binding(9) var<storage, read> receiver_rows: array<vec4<u32>>;
-
-#include velocity_index
-#include receiver_cells
-#include first_passage
-#include wall
-#include path_hit
-#include decay
+#include particles_move
 
 @compute @workgroup_size(256)
 fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,

@@ -30,7 +30,7 @@ fn propose(index: u32) {
     }
 }
 
-fn break_tie(index: u32) {
+fn break_ties(index: u32) {
     let candidate = candidates[index];
     let rule = reaction_rows[candidate.rule];
     for (var side = 0u; side < 2u; side++) {
