@@ -6,7 +6,7 @@ use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 use super::adapter::{AdapterId, AdapterSummary, enumerate, optional_features, summarize, summary};
 use super::constant::constant_buffer;
 use super::error_scope::with_error_scope;
-use super::pipelines::{Pipeline, Pipelines, pipeline};
+use super::pipelines::{Pipeline, Pipelines, pipeline, shader_module};
 use super::subgroup_probe;
 use crate::Error;
 
@@ -218,21 +218,23 @@ impl GpuDevice {
         Self { pipelines: self.pipelines.rewritten(rewrite), ..self }
     }
 
-    /// Compiles a WGSL text. Returns the compute pipeline and its bind group layout: group 0, bindings numbered from 0.
-    /// The entry point is `name`.
+    /// Compiles a WGSL text without wgpu's loop counters. Returns the compute pipeline and its bind group layout: group 0,
+    /// bindings numbered from 0. The entry point is `name`.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).
-    pub fn compile(
+    ///
+    /// # Safety
+    /// Each loop of the text must end.
+    pub unsafe fn compile(
         &self,
         name: &'static str,
         bindings: impl IntoIterator<Item = Access>,
         wgsl: String,
     ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), Error> {
         self.with_error_scope(name, 0, || {
-            let source = wgpu::ShaderSource::Wgsl(wgsl.into());
-            let descriptor = wgpu::ShaderModuleDescriptor { label: Some(name), source };
-            let module = self.device.create_shader_module(descriptor);
+            // SAFETY: the caller promises that each loop ends.
+            let module = unsafe { shader_module(&self.device, name, wgsl) };
             let Pipeline { pipeline, layout } = pipeline(&self.device, name, bindings, &module, true);
             (pipeline, layout)
         })

@@ -93,8 +93,12 @@ impl Pipelines {
 
 fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant, text: String) -> Pipeline {
     let accesses = kernel.bindings(variant).map(|bound| bound.access);
+    // SAFETY: the text belongs to lazygrid-kernels. Its loop counters approach a constant limit by steps that cannot pass
+    // it, or clear a bit at each iteration. `kernels/tests/loops.rs` checks each loop of all texts. A rewrite must keep
+    // the loops; only tests rewrite.
+    let module = unsafe { shader_module(device, kernel.name, text) };
     // Every kernel clears workgroup memory before it reads it.
-    pipeline(device, kernel.name, accesses, &shader_module(device, kernel, text), false)
+    pipeline(device, kernel.name, accesses, &module, false)
 }
 
 pub(super) fn pipeline(
@@ -143,17 +147,19 @@ pub(super) fn pipeline(
     Pipeline { pipeline, layout }
 }
 
-fn shader_module(device: &wgpu::Device, kernel: &Kernel, text: String) -> wgpu::ShaderModule {
-    let descriptor = wgpu::ShaderModuleDescriptor {
-        label: Some(kernel.name),
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    };
-    // The counters by which wgpu ends endless loops make all pairs a fifth dearer.
+/// Compiles a text without the loop counters by which wgpu ends endless loops. They make all pairs a fifth dearer.
+///
+/// # Safety
+/// Each loop of the text must end.
+pub(super) unsafe fn shader_module(
+    device: &wgpu::Device,
+    name: &'static str,
+    text: String,
+) -> wgpu::ShaderModule {
+    let source = wgpu::ShaderSource::Wgsl(text.into());
+    let descriptor = wgpu::ShaderModuleDescriptor { label: Some(name), source };
     let mut checks = wgpu::ShaderRuntimeChecks::checked();
     checks.force_loop_bounding = false;
-    // SAFETY: all other checks stay enabled, so the obligation is that each loop of the text ends. The text belongs to
-    // lazygrid-kernels. Its loop counters approach a constant limit by steps that cannot pass it, or clear a bit at
-    // each iteration. `kernels/tests/loops.rs` checks each loop of all texts. A rewrite must keep the loops; only tests
-    // rewrite.
+    // SAFETY: all other checks stay enabled, and the caller promises that each loop ends.
     unsafe { device.create_shader_module_trusted(descriptor, checks) }
 }
