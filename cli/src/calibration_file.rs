@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cannot_have_been_measured_is_refused() {
+    fn impossible_measurements_are_refused() {
         let costs =
             Skin { search_ns: 1.0, find_ns: 0.0, keep_ns: 0.0, measure_ns: 0.0, test_ns: 0.0, call_ns: 0.0 };
         for (naive_below, per_class, skin, good) in [

@@ -135,7 +135,7 @@ fn with_a_rising_receiver() -> String {
 }
 
 #[test]
-fn what_moves_is_drawn_where_it_is() {
+fn moving_receivers_are_drawn_at_their_positions() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("rising.toml", &with_a_rising_receiver()), scratch.path("out"));
     LAZYGRID.run(["simulate", &scenario, "--output", &out, "--animate"]).succeeds();

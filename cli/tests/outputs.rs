@@ -98,7 +98,7 @@ mod stopped {
     }
 
     #[test]
-    fn what_a_killed_run_left_goes_when_the_directory_is_next_used() {
+    fn files_of_a_killed_run_are_removed_at_the_next_use_of_the_directory() {
         let scratch = Scratch::new();
         let file = scratch.write("ok.csv", SPHERES);
         let own = scratch.write(".lazygrid-notes.part", "mine");

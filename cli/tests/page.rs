@@ -248,7 +248,7 @@ fn overlapping_spheres_have_their_color_in_a_browser() {
 }
 
 #[test]
-fn page_without_webgpu_says_what_is_missing() {
+fn page_without_webgpu_names_the_missing_feature() {
     let Some(browser) = browser().filter(|_| has_dawn()) else { return };
     let scratch = Scratch::new();
     let without = scratch.path("without.html");

@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crossover_is_never_beyond_what_is_measured() {
+    fn a_crossover_is_never_above_the_measured_counts() {
         for (naive_below, per_class, classes, expected) in [
             (10_000, 500, 5, 12_000),
             (Crossover::MOST, 0, 1, Crossover::MOST),

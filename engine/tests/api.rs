@@ -186,7 +186,7 @@ mod on_gpu {
 }
 
 #[test]
-fn what_is_written_here_runs() -> Result<(), Box<dyn StdError>> {
+fn the_calls_above_run() -> Result<(), Box<dyn StdError>> {
     let rows = [Sphere::new([0.0, 0.0, 0.0], 1.0), Sphere::new(Vec3::X, 0.5)];
     assert_eq!(detect(&rows)?, [Pair::new(1, 0)]);
     let species = Interactions::new(2, Interaction::Touch)?;

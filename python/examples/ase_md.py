@@ -1,4 +1,4 @@
-"""Molecular dynamics with ASE: a Lennard-Jones calculator whose neighbours come from lazygrid.
+"""Molecular dynamics with ASE: a Lennard-Jones calculator whose neighbors come from lazygrid.
 
     python examples/ase_md.py [STEPS]
 

@@ -1,4 +1,4 @@
-"""More pairs than anybody wants in memory: how many neighbours the spheres of a crowd have, chunk by chunk.
+"""More pairs than fit in memory: how many neighbors the spheres of a crowd have, chunk by chunk.
 
 python examples/stream.py [SPHERES]
 """
@@ -20,7 +20,7 @@ def main(count: int = 3_000) -> None:
     detector = lazygrid.Detector(order="unordered")
     for pairs in detector.stream(spheres, chunk=100_000):
         neighbors += np.bincount(pairs.ravel(), minlength=count)
-    print(f"{neighbors.sum() // 2} pairs; {neighbors.min()} to {neighbors.max()} neighbours")
+    print(f"{neighbors.sum() // 2} pairs; {neighbors.min()} to {neighbors.max()} neighbors")
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ def test_cutoffs_by_element_and_by_atom() -> None:
     assert same(atoms, {("O", "O"): 9.0}) == 0
 
 
-def test_every_atom_its_own_neighbour() -> None:
+def test_every_atom_its_own_neighbor() -> None:
     assert same(copper(4, 0.2), 3.0, self_interaction=True) > 256
     assert same(Atoms("H", positions=[(1, 2, 3)]), 1.0, self_interaction=True) == 1
     assert same(Atoms("H2", positions=[(1, 2, 3)] * 2), 1.0) == 2

@@ -39,7 +39,7 @@ def each_result_is(detector: Detector, rows: Rows, expected: Pairs, **said: Any)
 
 @pytest.mark.parametrize("algorithm", ["auto", "naive", "hash-grid", "cell-list"])
 @pytest.mark.parametrize("periodic", [None, EDGES])
-def test_what_is_left_out_is_no_pair(algorithm: Any, periodic: Any) -> None:
+def test_excluded_pairs_are_not_reported(algorithm: Any, periodic: Any) -> None:
     rows = scene(7, 250, box=5.0)
     random = np.random.default_rng(8)
     detector = Detector(backend="cpu", algorithm=algorithm, periodic=periodic)
@@ -103,7 +103,7 @@ def test_any_groups_and_lists(count: int, seed: int, kinds: int, share: float) -
     )
 
 
-def test_candidates_that_are_kept_serve_whatever_is_left_out() -> None:
+def test_kept_candidates_serve_changing_exclusions() -> None:
     rows = scene(3, 2000, box=10.0)
     detector = Detector(backend="cpu", skin=0.2)
     pairs = brute_force(rows)
@@ -124,7 +124,7 @@ def test_a_stream_keeps_its_own() -> None:
     assert sum(map(len, chunks)) == 100 * 100 - 1
 
 
-def test_what_is_wrong_is_named(spheres: Rows) -> None:
+def test_errors_name_the_argument(spheres: Rows) -> None:
     detector, count = Detector(backend="cpu"), len(spheres)
     with pytest.raises(lazygrid.InputError, match=r"\(3, 200\).* 200 "):
         Exclusions(count, [(0, 1), (3, 200)])

@@ -202,7 +202,7 @@ def test_scenarios_that_make_no_sense() -> None:
         lazygrid.simulate(late)
 
 
-def test_symbols_are_what_was_sent() -> None:
+def test_symbols_are_those_sent() -> None:
     bits = SAME["transmitter"][0] | {"bits": "0110", "symbol-time": 0.01}
     run = lazygrid.simulate(SAME | {"transmitter": [bits]})
     assert run.symbols["symbol"].tolist() == [0, 1, 1, 0]

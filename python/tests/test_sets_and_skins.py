@@ -194,7 +194,7 @@ def test_skins_are_refused_by_value(skin: Any) -> None:
 
 
 @pytest.mark.parametrize("skin", [True, (1.0,), b"off"])
-def test_what_is_no_skin_is_a_type_error(skin: Any) -> None:
+def test_an_invalid_skin_is_a_type_error(skin: Any) -> None:
     with pytest.raises(TypeError, match="a skin is"):
         Detector(backend="cpu", skin=skin)
 

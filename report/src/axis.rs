@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_measured_is_labelled_where_there_is_room() {
+    fn measured_values_are_labeled_if_there_is_room() {
         let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
         assert_eq!(ticks_at(&ratios, &(0.38..10.4), Quantity::Number, ACROSS), ratios);
         let near: Vec<f64> = (0..40).map(|k| 1.0 + 0.1 * f64::from(k)).collect();

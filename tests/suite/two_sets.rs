@@ -132,10 +132,10 @@ fn species_of_either_set() {
 fn errors_name_the_set() {
     let mut variants = variants::all();
     variants.retain(|variant| variant.algorithm == Algorithm::CellList && variant.threads() == 1);
-    variants.into_iter().for_each(says_what_is_wrong);
+    variants.into_iter().for_each(input_errors_name_the_set);
 }
 
-fn says_what_is_wrong(variant: DetectorVariant) {
+fn input_errors_name_the_set(variant: DetectorVariant) {
     let good = [Sphere::new([0.0; 3], 1.0); 3];
     let bad = [good[0], Sphere::new([f32::NAN, 0.0, 0.0], 1.0)];
     let mut detector = Detector::new(variant.settings()).expect("a detector");

@@ -40,7 +40,7 @@ pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
         same(|| what("lengths"), &chosen.lengths, &lengths)?;
         levels_are_sound(&chosen, case)?;
         levels_look_once(&chosen, case)?;
-        neighbours_are_near(&chosen, case)?;
+        touching_spheres_are_in_adjacent_cells(&chosen, case)?;
     }
     first_calls_miss_no_crowd(own)
 }
@@ -136,7 +136,10 @@ fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
 }
 
 /// Checks that touching spheres are in adjacent cells of each level that both may be assigned to.
-fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+fn touching_spheres_are_in_adjacent_cells(
+    chosen: &ConfiguredCellList,
+    case: CellListCase,
+) -> Result<(), KernelError> {
     let ConfiguredCellList { list, scenario, .. } = chosen;
     let step = scenario.spheres.len().div_ceil(500);
     let valid = scenario.only(|k| scenario.spheres[k].is_valid() && k.is_multiple_of(step));

@@ -95,7 +95,7 @@ fn an_adapter_is_chosen_by_index_or_by_name() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn what_was_calibrated_is_kept_and_used() {
+fn the_calibration_is_kept_and_used() {
     if !has_gpu() {
         assert!(lazygrid(["calibrate"]).fails().err.contains("no GPU adapter"));
         return;

@@ -85,7 +85,7 @@ fn rows(path: &str) -> Vec<std::collections::HashMap<String, String>> {
 }
 
 #[test]
-fn a_run_writes_what_the_scenario_asks_for() {
+fn a_run_writes_the_files_of_the_scenario() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
     let run = lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
@@ -261,7 +261,7 @@ fn damaged_file_is_refused_with_its_name_and_a_remedy() {
 }
 
 #[test]
-fn what_cannot_be_written_shows_before_the_run() {
+fn unwritable_outputs_fail_before_the_run() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
     let file = scratch.write("file", "");

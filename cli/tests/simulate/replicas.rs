@@ -125,7 +125,7 @@ fn replicas_are_resumed_replaced_and_refused() {
 
 #[test]
 #[cfg(unix)]
-fn interrupted_replicas_leave_what_is_done() {
+fn interrupted_replicas_leave_the_finished_ones() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
     let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));

@@ -129,7 +129,7 @@ fn another_number_of_ranks_goes_on_and_so_does_one_process() {
 }
 
 #[test]
-fn what_is_wrong_is_said_once() {
+fn an_error_is_printed_once() {
     let directory = tempfile::tempdir().unwrap();
     let at = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
     let crowded = scenario("crowded");

@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_box_is_refused() {
+    fn invalid_boxes_are_refused() {
         let flat = space([[4.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]).unwrap_err();
         assert!(
             flat.starts_with(

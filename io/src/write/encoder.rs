@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_compressed_reads_back() {
+    fn compressed_text_reads_back() {
         let rows: Vec<u8> = (0..200_000).flat_map(|k| format!("{},{}\n", k / 3, k).into_bytes()).collect();
         for name in ["a.csv", "a.csv.gz", "a.csv.zst"] {
             for bytes in [&rows[..], b"", b"x"] {

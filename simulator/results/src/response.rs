@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_of_those_who_had_the_time() {
+    fn parts_are_of_the_releases_with_a_complete_window() {
         let log = Log {
             arrivals: vec![arrived(1, 0), arrived(4, 0), arrived(5, 0), arrived(12, 0), arrived(12, 8)],
             releases: vec![released(0, 10), released(8, 10)],
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_became_another_species_is_a_part_of_what_it_was() {
+    fn arrivals_after_a_reaction_count_for_the_released_species() {
         let log = Log {
             arrivals: vec![Arrived { species: 1, ..arrived(2, 0) }],
             releases: vec![released(0, 4)],

@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_series_is_refused_by_line() {
+    fn invalid_series_are_refused_by_line() {
         for (text, message) in [
             ("", "line 1: it does not begin"),
             ("step,time,A\n0,0,1\n1,0.1\n", "line 3: it has not 3 fields"),

@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_with_its_size() {
+    fn models_that_do_not_fit_are_refused_with_their_size() {
         let sizes = Sizes { particles: (1 << 22) + 1, pairs: 1, ..Sizes::default() };
         let refused = sizes.bytes("claims", &limits());
         assert!(matches!(refused, Err(Error::LimitExceeded { needed, .. }) if needed == (1 << 27) + 32));

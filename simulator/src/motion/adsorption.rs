@@ -175,7 +175,7 @@ mod tests {
 
     /// Paths from height a end at ±b with the density of diffusion; `crossing` decides whether they reach the surface.
     #[test]
-    fn what_sticks_is_what_collins_and_kimball_take() {
+    fn adsorbed_fractions_are_those_of_collins_and_kimball() {
         for step in steps() {
             let spread = |x: f64| {
                 let scaled = x / (2.0 * step.length);
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_taken_of_a_concentration_is_the_sum_over_heights() {
+    fn adsorption_from_a_concentration_is_the_sum_over_heights() {
         for step in steps() {
             let sum = over_heights(&step, |a| {
                 4.0 * PI * step.radius * (step.radius + a) * collins_kimball(&step, a)
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_off_is_spread_as_what_is_taken() {
+    fn desorbed_heights_are_distributed_as_the_adsorbed() {
         for (seed, step) in (0..).zip(steps()) {
             let n = 20_000;
             let draw = |id| step.height_after(&mut Draws::new(Key::new(seed), id, 0, Purpose::Unbinding));

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_goes_on_with_what_is_bound() {
+    fn a_run_continues_with_its_bound_particles() {
         let receptors = Receptors { count: 3, binding_rate: 20.0, unbinding_rate: 5.0 };
         let receiver = |x| Receiver {
             name: "rx".into(),

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_that_comes_turns_what_rests() {
+    fn a_moving_body_pushes_a_resting_particle() {
         let open = Boundary::default();
         let mut ball = body([-3.0, 0.0, 0.0], 1.0);
         ball.displacement = [4.0, 0.0, 0.0];

@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_reacted_does_not_come_apart() {
+    fn particles_that_reacted_do_not_dissociate() {
         let model = model(Unbinding::Apart(0.5));
         let all = splits(&model, 1000, &[]);
         let taken: Vec<u32> = all.iter().map(|split| split.at).step_by(2).collect();

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_to_and_fro_does_so_in_the_proportion_of_the_rates() {
+    fn reversible_reactions_have_the_ratio_of_the_rates() {
         let mut model = model(Unbinding::Within(1.0));
         for time_step in [1e-6, 0.01, 0.2] {
             model.time_step = time_step;

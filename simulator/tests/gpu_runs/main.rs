@@ -251,7 +251,7 @@ fn overlaps_are_counted_without_room_for_them() {
 }
 
 #[test]
-fn what_has_no_kernels_is_refused_by_name() {
+fn models_without_kernels_are_refused_by_name() {
     let Some(own) = device() else { return };
     let refused = |change: fn(&mut Model)| {
         let mut model = brownian(true);

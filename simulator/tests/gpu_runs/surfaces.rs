@@ -83,7 +83,7 @@ pub(super) fn compare(model: &Model, seed: u64, steps: u32) -> State {
 }
 
 #[test]
-fn surfaces_do_what_they_do_on_the_cpu() {
+fn surfaces_act_as_on_the_cpu() {
     for periodic in [false, true] {
         let mut model = surfaces();
         if periodic {
@@ -130,7 +130,7 @@ fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
 }
 
 #[test]
-fn receivers_that_are_listed_do_what_they_do_on_the_cpu() {
+fn listed_receivers_act_as_on_the_cpu() {
     let Some(own) = device() else { return };
     let periodic = Boundary::periodic([-2.0; 3], [2.0; 3]);
     for boundary in [Boundary::default(), Boundary::reflecting([-2.0; 3], [2.0; 3]), periodic] {
@@ -155,7 +155,7 @@ fn receivers_that_are_listed_do_what_they_do_on_the_cpu() {
 
 /// Moving surfaces push resting particles, also those that unbind.
 #[test]
-fn what_rests_is_pushed() {
+fn resting_particles_are_pushed() {
     let pusher = Receiver {
         velocity: [0.0, 1.0, 0.0],
         ..receiver("pusher", [0.0, -2.0, 0.0], 1.0, ReceiverKind::Reflecting)
@@ -194,7 +194,7 @@ fn throwing() -> Model {
 }
 
 #[test]
-fn what_a_particle_is_thrown_at_is_found() {
+fn receivers_in_the_path_of_a_pushed_particle_are_found() {
     let Some(own) = device() else { return };
     for (center, velocity) in [([-2.502, 2.224, 0.0], [0.0; 3]), ([-2.6, 2.4, 0.0], [40.0, -40.0, 0.0])] {
         let mut model = throwing();
@@ -211,7 +211,7 @@ fn what_a_particle_is_thrown_at_is_found() {
 
 /// With this many receivers a particle may search only once.
 #[test]
-fn what_is_thrown_beyond_what_it_can_look_at_is_an_error() {
+fn a_push_beyond_the_receiver_search_is_an_error() {
     let Some(own) = device() else { return };
     let mut model = throwing();
     let far = |k: u32| receiver("mirror", [100.0 + k as f32, 0.0, 0.0], 0.25, ReceiverKind::Reflecting);
@@ -261,7 +261,7 @@ fn few_receptors_go_to_the_lowest_ranks() {
 }
 
 #[test]
-fn either_side_goes_on_with_what_is_bound() {
+fn either_side_continues_with_bound_particles() {
     let Some(own) = device() else { return };
     let model = bodies();
     let mut whole = cpu(&model, 16);

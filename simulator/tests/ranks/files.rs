@@ -173,7 +173,7 @@ fn any_number_of_ranks_continues_a_run() {
 }
 
 #[test]
-fn what_one_rank_asks_stops_all_and_the_run_can_go_on() {
+fn one_rank_stops_all_and_the_run_can_continue() {
     let directory = tempfile::tempdir().unwrap();
     let first = run(directory.path(), 40, false);
     let ends = threads::on(3, |thread| {

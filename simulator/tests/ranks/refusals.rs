@@ -16,7 +16,7 @@ fn errors(model: &Model, steps: u32) -> Vec<String> {
 }
 
 #[test]
-fn what_needs_an_order_across_ranks_is_refused_by_name() {
+fn models_that_need_an_order_across_ranks_are_refused_by_name() {
     for (contact, name) in [(Contact::Separate, "\"separate\""), (Contact::Elastic, "\"elastic\"")] {
         let model = Model { contact, ..model(&everything()) };
         let said = errors(&model, 0);

@@ -97,7 +97,7 @@ proptest! {
 }
 
 #[test]
-fn what_comes_apart_is_from_where_its_parent_was() {
+fn dissociation_products_start_at_the_parent() {
     let species = |name: &str| Species { name: name.into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
     let burst = |name: &str, species, time| Transmitter {
         name: name.into(),

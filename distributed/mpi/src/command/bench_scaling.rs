@@ -144,7 +144,7 @@ fn wander(particles: &mut OwnedSpheres, step: u32) {
     }
 }
 
-/// Returns a number from 0 to below 1, the same on every rank.
+/// Returns a number in 0..1, the same on every rank.
 fn random(id: u64, stream: u64) -> f32 {
     (tie_breaker(tie_breaker(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
 }

@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_to_be_read_as_a_whole() {
+    fn only_complete_c_order_rows_are_read_in_parts() {
         let parse = |shape, order, body| {
             let header = file(shape, order);
             let length = header.len() as u64 + body;

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn candidates_serve_what_moves_little_and_not_what_flies() {
+    fn candidates_serve_slow_spheres_and_not_fast_ones() {
         for (step, fits, calls_served, times_found) in [
             (0.0, true, 190..=200, 0..=3),
             (0.002, true, 180..=200, 1..=16),
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_to_rest_is_served_again() {
+    fn spheres_that_come_to_rest_are_served_again() {
         let mut controller = SkinController::default();
         follow(&mut controller, 100, 0.6, true);
         assert!(controller.skin.is_none());

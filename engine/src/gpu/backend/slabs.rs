@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn what_overlaps_altogether_cannot_be_cut() {
+    fn spheres_that_all_overlap_cannot_be_cut() {
         let spheres = vec![Sphere::new([1.0; 3], 1.0); 100];
         assert!(Slabs::new(&SlabInput::new(Spheres::from(&spheres), None, Space::UNBOUNDED), 60).is_none());
         let mut random = Random(8);

@@ -24,7 +24,7 @@ fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
 
 /// Among them a giant that reaches through all slabs.
 #[test]
-fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
+fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
     let Some(gpu) = device_or_skip() else { return };
     let gpu = with_small_bindings(&gpu);
     let mut word = 7_u32;

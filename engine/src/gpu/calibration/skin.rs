@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_is_valid() {
+    fn measured_costs_are_valid() {
         let Some(gpu) = device_or_skip() else { return };
         let costs = measure_with(&gpu, &[1 << 11]).expect("measured");
         assert!(costs.is_valid(), "{costs:?}");

@@ -16,7 +16,7 @@ fn zstd(bytes: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn compressed_files_read_as_what_they_were() {
+fn compressed_files_read_as_the_originals() {
     let text = "x,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n".as_bytes();
     let (head, rest) = text.split_at(11);
     let skipped = [&[0x50, 0x2A, 0x4D, 0x18, 3, 0, 0, 0][..], b"abc"].concat();

@@ -72,7 +72,7 @@ fn boxes_that_lean() {
 }
 
 #[test]
-fn what_was_given_is_taken_unseen() {
+fn a_given_space_overrides_the_file() {
     let flat = dump("pp pp pp\n0 10\n0 10\n4 4", "x y z radius", "1 2 3 0.5");
     let without = xyz("pbc=\"T T T\"");
     for (name, text) in [("a.dump", flat), ("a.xyz", without), ("a.xyz", xyz("Lattice=cubic pbc=maybe"))] {

@@ -106,7 +106,7 @@ fn the_loop_takes_over_where_all_are_near() {
 }
 
 #[test]
-fn a_search_gives_what_a_loop_gives() {
+fn a_search_finds_the_receivers_of_a_loop() {
     let vessel = Vessel { along: 0, center: [0.0; 3], radius: 3.0 };
     let tube = Boundary { vessel: Some(vessel), ..Boundary::default() };
     let cases = [
@@ -131,7 +131,7 @@ fn a_search_gives_what_a_loop_gives() {
 
 /// A receiver pushes a particle farther than either moves, to a receiver that absorbs or reflects it.
 #[test]
-fn what_a_particle_is_thrown_at_is_found() {
+fn receivers_in_the_path_of_a_pushed_particle_are_found() {
     let of = |center: f32, kind, velocity| Receiver {
         name: "rx".into(),
         center: [center, 0.0, 0.0],

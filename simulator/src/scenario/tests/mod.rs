@@ -154,7 +154,7 @@ fn messages_do_not_grow_with_the_file() {
 }
 
 #[test]
-fn what_cannot_be_meant_is_refused() {
+fn impossible_values_are_refused() {
     let walls = GOOD.replace("\"periodic\"", "\"reflecting\"");
     let elastic = "contact = \"elastic\"";
     let far = "center = [2.5, 0, 0]";
@@ -175,7 +175,7 @@ fn what_cannot_be_meant_is_refused() {
 }
 
 #[test]
-fn what_may_not_be_meant_is_said() {
+fn likely_mistakes_are_warned_of() {
     let said = parse(GOOD).unwrap().warnings;
     assert_eq!(said.len(), 1, "{said:?}");
     assert!(said[0].starts_with("s.toml, line 38, `center`: "), "{said:?}");

@@ -30,7 +30,7 @@ fn channels_of_a_pair_share_its_rate() {
 }
 
 #[test]
-fn what_comes_apart_may_come_together_again() {
+fn dissociation_products_may_react_again() {
     let apart = |more: &str| decay("C -> B + A", &format!("rate = 50\n{more}"));
     let model =
         network(&(reaction("A + B -> C", "rate = 0.5") + &apart("unbinding-radius = 0.1"))).unwrap().model;
@@ -137,7 +137,7 @@ fn a_rate_releases_all_the_time() {
 }
 
 #[test]
-fn what_does_not_go_together_is_refused() {
+fn contradictory_reactions_are_refused() {
     let a = "release = [{ species = \"A\", count = 9 }]\n";
     let r = "release = [{ species = \"A\", rate = 9 }]\n";
     let ab = reaction("A + B -> C", "rate = 0.5");
@@ -222,7 +222,7 @@ fn what_does_not_go_together_is_refused() {
 }
 
 #[test]
-fn long_steps_are_said_with_what_is_short_enough() {
+fn long_steps_are_warned_of_with_a_short_enough_one() {
     let warnings = |text: &str| network(text).unwrap().warnings;
     let said = warnings(&(reaction("A + B -> C", "rate = 0.5") + &decay("C ->", "rate = 3000")));
     assert!(said.len() == 1 && said[0].contains("'C ->': 3.0 % of C decay"), "{said:?}");

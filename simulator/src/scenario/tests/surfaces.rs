@@ -47,7 +47,7 @@ fn a_lattice_makes_many_and_a_transmitter_is_a_body() {
 }
 
 #[test]
-fn what_does_not_go_together_is_refused() {
+fn contradictory_surfaces_are_refused() {
     let mistakes = [
         ("kind = \"partial\"", "kind", "either a rate"),
         ("kind = \"partial\"\nrate = 1\nprobability = 0.5", "kind", "either a rate"),

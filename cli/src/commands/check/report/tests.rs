@@ -6,7 +6,7 @@ use lazygrid_io::read::{Frames, Options, pairs};
 use super::*;
 
 #[test]
-fn what_is_wrong_is_written_as_detect_reads_it() {
+fn a_failing_input_is_written_as_detect_reads_it() {
     let tiny = f32::from_bits(1);
     let spheres = vec![
         Sphere::new([tiny, -3e38, 0.1], 1.0),
@@ -30,7 +30,7 @@ fn what_is_wrong_is_written_as_detect_reads_it() {
 }
 
 #[test]
-fn commands_repeat_what_they_can() {
+fn commands_reproduce_the_settings() {
     let report = Report::empty(true, "all");
     let path = Path::new("f.csv");
     let scenario =
@@ -49,7 +49,7 @@ fn commands_repeat_what_they_can() {
 }
 
 #[test]
-fn what_leans_and_what_is_left_out_is_shown() {
+fn triclinic_boxes_and_exclusions_are_shown() {
     let report = Report::empty(true, "cpu");
     let skewed = TestInput {
         space: space(tilted([Some(4.0), None, Some(0.1)], [9.0, -1.5, 1e-7])),
