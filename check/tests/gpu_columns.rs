@@ -10,7 +10,7 @@ use lazygrid::gpu::{
 };
 use lazygrid::{Algorithm, Error, Interaction, Interactions, Pair, Space, Sphere};
 
-/// An array for each number, as rows of a structure of nine words, and with one radius for all.
+/// An array for each number, as rows of a structure of nine table, and with one radius for all.
 fn layouts(spheres: &[Sphere]) -> Vec<(ColumnLayout, Vec<Vec<f32>>)> {
     let number = |sphere: &Sphere, column: usize| match column {
         3 => sphere.radius,
@@ -18,13 +18,13 @@ fn layouts(spheres: &[Sphere]) -> Vec<(ColumnLayout, Vec<Vec<f32>>)> {
     };
     let arrays = (0..4).map(|column| spheres.iter().map(|sphere| number(sphere, column)).collect()).collect();
     let structure = ColumnLayout { first: [1, 7, 3, 8], stride: [9; 4] };
-    let mut words = vec![f32::NAN; 9 * spheres.len()];
-    for (row, sphere) in words.chunks_mut(9).zip(spheres) {
+    let mut table = vec![f32::NAN; 9 * spheres.len()];
+    for (row, sphere) in table.chunks_mut(9).zip(spheres) {
         for column in 0..4 {
             row[structure.first[column] as usize] = number(sphere, column);
         }
     }
-    vec![(ColumnLayout::default(), arrays), (structure, vec![words])]
+    vec![(ColumnLayout::default(), arrays), (structure, vec![table])]
 }
 
 fn ranges(buffers: &[wgpu::Buffer]) -> [BufferRange<'_>; 4] {

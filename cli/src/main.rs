@@ -11,8 +11,7 @@ fn main() -> ExitCode {
     lazygrid_cli::run(std::env::args_os()).into()
 }
 
-/// Keeps libwayland from complaining on standard error if there is no run-time directory: Mesa's device-select layer
-/// asks for a compositor.
+/// Silences libwayland's message about a missing run-time directory: Mesa's device-select layer asks for a compositor.
 fn quiet_wayland() {
     const RUNTIME_DIRECTORY: &str = "XDG_RUNTIME_DIR";
     let missing = !std::env::var_os(RUNTIME_DIRECTORY)

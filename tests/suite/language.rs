@@ -33,7 +33,7 @@ const SKIPPED: [&str; 5] = ["target", "node_modules", "results", "data", "langua
 const OPENINGS: [&str; 12] =
     ["what", "whether", "where", "how", "who", "why", "which", "those", "as", "of", "by", "the same"];
 
-const OPENINGS_BUDGET: usize = 199;
+const OPENINGS_BUDGET: usize = 0;
 
 enum Pattern {
     /// One of these phrases, as whole words.
@@ -46,30 +46,30 @@ enum Pattern {
 
 /// Patterns, a better wording, and the number of lines that still have them. The numbers may only fall.
 const PATTERNS: [(Pattern, &str, usize); 16] = [
-    (Pattern::Phrases(&["so many"]), "the parameter in backticks", 25),
+    (Pattern::Phrases(&["so many"]), "the parameter in backticks", 0),
     (Pattern::Phrases(&["where there is", "where there are"]), "if … exists", 0),
-    (Pattern::Phrases(&["is none", "are none"]), "is not a …", 9),
-    (Pattern::Phrases(&["whoever", "whatever", "whichever", "nobody", "everybody"]), "the actor by name", 18),
+    (Pattern::Phrases(&["is none", "are none"]), "is not a …", 0),
+    (Pattern::Phrases(&["whoever", "whatever", "whichever", "nobody", "everybody"]), "the actor by name", 0),
     (
         Pattern::Phrases(&["what comes of", "what came of", "befall", "befalls", "befell"]),
         "result, event",
-        19,
+        0,
     ),
-    (Pattern::Phrases(&["anew"]), "rebuild", 5),
-    (Pattern::Phrases(&["but for"]), "except", 7),
-    (Pattern::Phrases(&["beside"]), "next to", 60),
-    (Pattern::Phrases(&["behind"]), "after", 46),
-    (Pattern::Pair(&["from"], 25, "on"), "at or above", 37),
+    (Pattern::Phrases(&["anew"]), "rebuild", 0),
+    (Pattern::Phrases(&["but for"]), "except", 0),
+    (Pattern::Phrases(&["beside"]), "next to", 0),
+    (Pattern::Phrases(&["behind"]), "after", 0),
+    (Pattern::Pair(&["from"], 25, "on"), "at or above", 0),
     (
         Pattern::Phrases(&["take down", "takes down", "take up where", "takes up where"]),
         "records, updates",
         0,
     ),
-    (Pattern::Pair(&["held", "hold", "holds"], 100, "against"), "checks against", 4),
-    (Pattern::Prefixes(&["settle"]), "assign, apply, resolve", 26),
-    (Pattern::Prefixes(&["lean", "straight", "seam"]), "triclinic, orthogonalized, periodic boundary", 46),
-    (Pattern::Phrases(&["the way back", "bring back", "brings back"]), "readback", 1),
-    (Pattern::Phrases(&["without a word", "last word", "in words"]), "(delete)", 1),
+    (Pattern::Pair(&["held", "hold", "holds"], 100, "against"), "checks against", 0),
+    (Pattern::Prefixes(&["settle"]), "assign, apply, resolve", 0),
+    (Pattern::Prefixes(&["lean", "straight", "seam"]), "triclinic, orthogonalized, periodic boundary", 0),
+    (Pattern::Phrases(&["the way back", "bring back", "brings back"]), "readback", 0),
+    (Pattern::Phrases(&["without a word", "last word", "in words"]), "(delete)", 0),
 ];
 
 impl Pattern {

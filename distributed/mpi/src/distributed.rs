@@ -77,8 +77,8 @@ impl Distributed {
     /// [`Balance`](Ownership::Balance); only checks them if it is [`Keep`](Ownership::Keep). Searches give the same
     /// pairs with or without it.
     ///
-    /// Afterwards a rank has the spheres from rank 0, then those from rank 1 and so on, its own among them, each in
-    /// their previous order.
+    /// Afterwards a rank has spheres sorted by previous rank, its own among them, each rank's in their
+    /// previous order.
     ///
     /// # Errors
     /// [`Error::Input`] and [`Error::OutOfMemory`]; the spheres are then where they were.

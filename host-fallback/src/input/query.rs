@@ -85,7 +85,7 @@ impl QueryBuffers {
     }
 
     /// Checks a query and prepares its spheres as given, without a copy, for a test of candidates in the last frame. `None` if
-    /// they need no frame, or there is none of their kind.
+    /// they need no frame, are two sets, or the last frame has another number type.
     ///
     /// # Errors
     /// The errors of [`prepare`](Self::prepare), without those of spheres that are not valid.
