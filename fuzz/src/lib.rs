@@ -28,6 +28,10 @@ pub fn read(format: Option<Format>, bytes: &[u8]) {
             }
         }
         // Compressed files (gzip, zstd) may hold more spheres than bytes.
-        assert!(spheres <= bytes.len() || bytes.starts_with(b"\x1F\x8B") || bytes.starts_with(b"\x28\xB5\x2F\xFD"));
+        assert!(
+            spheres <= bytes.len()
+                || bytes.starts_with(b"\x1F\x8B")
+                || bytes.starts_with(b"\x28\xB5\x2F\xFD")
+        );
     }
 }

@@ -50,11 +50,7 @@ const PATTERNS: [(Pattern, &str, usize); 16] = [
     (Pattern::Phrases(&["where there is", "where there are"]), "if … exists", 0),
     (Pattern::Phrases(&["is none", "are none"]), "is not a …", 0),
     (Pattern::Phrases(&["whoever", "whatever", "whichever", "nobody", "everybody"]), "the actor by name", 0),
-    (
-        Pattern::Phrases(&["what comes of", "what came of", "befall", "befalls", "befell"]),
-        "result, event",
-        0,
-    ),
+    (Pattern::Phrases(&["what comes of", "what came of", "befall", "befalls", "befell"]), "result, event", 0),
     (Pattern::Phrases(&["anew"]), "rebuild", 0),
     (Pattern::Phrases(&["but for"]), "except", 0),
     (Pattern::Phrases(&["beside"]), "next to", 0),

@@ -30,11 +30,7 @@ pub enum Error {
     },
     /// A setting outside its range.
     #[error("{name} = {value} is out of range; {range}")]
-    Setting {
-        name: String,
-        value: String,
-        range: String,
-    },
+    Setting { name: String, value: String, range: String },
     /// A setting is not the same on all ranks.
     #[error("{message}")]
     Settings {
@@ -62,11 +58,7 @@ pub enum Error {
         "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
          use more ranks, or raise `max_pairs`"
     )]
-    TooManyPairs {
-        rank: u32,
-        found: u64,
-        limit: u64,
-    },
+    TooManyPairs { rank: u32, found: u64, limit: u64 },
     /// The detector of one rank failed.
     #[error("rank {rank}: {message}")]
     Detection {

@@ -159,7 +159,7 @@ impl From<toml::de::Error> for Problem {
 /// The most bytes of a message, because the parser quotes keys and values in full.
 const MOST_SHOWN: usize = 800;
 
-/// Returns the line of an offset, counted from 1, and the key there or on the nearest line before.
+/// Returns the 1-based line of an offset and the key there or in the nearest earlier line.
 fn place(text: &str, start: usize) -> (usize, String) {
     let start = (0..=start.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
     let line = text[..start].matches('\n').count();
