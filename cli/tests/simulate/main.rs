@@ -4,6 +4,7 @@ mod arrivals;
 mod replicas;
 mod report;
 mod sweep;
+mod walls;
 
 use lazygrid_tests::command::{Program, Run, Scratch, has_gpu};
 use std::ffi::OsStr;

@@ -98,6 +98,10 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         let count = model.receivers.len();
         return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
+    if let Some(wall) = model.receivers.iter().find(|receiver| matches!(receiver.kind, ReceiverKind::Wall(_)))
+    {
+        return rejected(format!("the absorbing wall {}", wall.name));
+    }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
     let carriers: Vec<Carried> =
@@ -373,7 +377,8 @@ fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<Ev
     let own = |reactivity: f64| (reactivity * time_step / length) as f32;
     let of_kind = |kind| EventRow { kind, length: length as f32, ..EventRow::default() };
     Some(match receiver.kind {
-        ReceiverKind::Transparent => return None,
+        // Walls are refused.
+        ReceiverKind::Transparent | ReceiverKind::Wall(_) => return None,
         ReceiverKind::Absorbing => of_kind(EventRow::ABSORBING),
         ReceiverKind::Endpoint => of_kind(EventRow::ENDPOINT),
         ReceiverKind::Reflecting => of_kind(EventRow::REFLECTING),

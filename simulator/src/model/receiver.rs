@@ -42,6 +42,19 @@ pub enum ReceiverKind {
     Partial(Adsorption),
     /// Binds particles to receptors until they unbind, reflects the others and counts bound particles.
     Receptors(Receptors),
+    /// Is a wall of the boundary, which removes and counts particles that reach it, also between the ends of a step.
+    Wall(WallFace),
+}
+
+/// A wall of the boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WallFace {
+    /// The lower wall across an axis.
+    Low(usize),
+    /// The upper wall across an axis.
+    High(usize),
+    /// The wall of a cylinder.
+    Side,
 }
 
 /// The rule for which particles adsorb at a surface.
@@ -71,9 +84,14 @@ impl ReceiverKind {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
 
+    /// Returns `true` if it is a sphere that acts on particles.
+    pub(crate) fn is_active_sphere(self) -> bool {
+        !matches!(self, Self::Transparent | Self::Wall(_))
+    }
+
     /// Returns `true` if the receiver removes particles permanently. Each removal is an arrival.
     pub fn absorbs(self) -> bool {
-        matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_))
+        matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_) | Self::Wall(_))
     }
 }
 

@@ -1,7 +1,7 @@
 use crate::Error;
 use crate::model::boundary::Axis;
 use crate::model::message::Symbols;
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, WallFace};
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
 use crate::reaction::probability::ReactionProbabilities;
@@ -99,6 +99,27 @@ impl Model {
         ))
     }
 
+    /// The fault if the boundary has no such wall, or particles collide on their paths, of which a wall sees only the ends.
+    pub(crate) fn missing_wall(&self, name: &str, face: WallFace) -> Option<String> {
+        if matches!(self.contact, Contact::Separate | Contact::Elastic) {
+            return Some(format!(
+                "{name} is a wall that absorbs, which contact = \"separate\" or \"elastic\" does not know; let contact be \"count\""
+            ));
+        }
+        let is_there = match face {
+            WallFace::Low(axis) | WallFace::High(axis) => {
+                self.boundary.axes.get(axis).is_some_and(|axis| matches!(axis, Axis::Reflecting { .. }))
+            }
+            WallFace::Side => self.boundary.vessel.is_some(),
+        };
+        (!is_there).then(|| {
+            format!(
+                "{name} is a wall that the boundary does not have; a reflecting box has low-x to high-z, a cylinder has side, and \
+                 low and high along its axis if it has reflecting ends"
+            )
+        })
+    }
+
     fn check_receiver(&self, receiver: &Receiver) -> Result<(), Error> {
         let of = |what: &str| format!("{what} of {}", receiver.name);
         if receiver.sees.len() != self.species.len() {
@@ -117,6 +138,11 @@ impl Model {
                 is_probability(&of("the probability"), probability)?
             }
             ReceiverKind::Partial(Adsorption::Reactivity(rate)) => not_negative(&of("the rate"), rate)?,
+            ReceiverKind::Wall(face) => {
+                if let Some(message) = self.missing_wall(&receiver.name, face) {
+                    return Err(Error::Model(message));
+                }
+            }
             ReceiverKind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => {
                 not_negative(&of("the binding rate"), binding_rate)?;
                 not_negative(&of("the unbinding rate"), unbinding_rate)?;

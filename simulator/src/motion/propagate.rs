@@ -15,7 +15,7 @@ use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::surface_events::ParticleMove;
 use crate::motion::vessel_flow::FlowStep;
-use crate::motion::wall::reflected;
+use crate::motion::wall::{AbsorbingWall, reflected};
 use crate::random::gaussian::direction;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, probability_threshold};
@@ -33,6 +33,7 @@ pub struct Propagator {
     whole: Boundary,
     stream: Option<FlowStep>,
     pub(crate) bodies: ActiveReceivers,
+    walls: Vec<AbsorbingWall>,
     pub(crate) decays: Decays,
 }
 
@@ -87,6 +88,7 @@ impl Propagator {
             whole: model.boundary,
             stream: FlowStep::new(model),
             bodies,
+            walls: AbsorbingWall::all(model),
             decays: Decays::new(model),
         }
     }
@@ -181,7 +183,7 @@ impl Propagator {
         (key, step): (Key, u32),
     ) -> (Vec<Event>, Vec<ParticleMove>) {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
-        let watches = !self.bodies.all.is_empty() || !self.decays.is_empty();
+        let watches = !self.bodies.all.is_empty() || !self.decays.is_empty() || !self.walls.is_empty();
         let (mut events, mut unsure) = (Vec::new(), Vec::new());
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
@@ -207,11 +209,19 @@ impl Propagator {
                     let place = base + at;
                     let who = DrawContext { key, id, step };
                     let (at, species) = (place as u32, species[at]);
-                    let mut moved = ParticleMove { at, species, who, path, gone: 0.0, velocity: own };
+                    let mut moved = ParticleMove {
+                        at,
+                        species,
+                        who,
+                        path,
+                        free_end: flight.free_end,
+                        gone: 0.0,
+                        velocity: own,
+                    };
                     match receiver_search {
                         None => self.resolve_events(&mut moved, self.bodies.all.iter(), &mut events),
                         Some(receiver_search) if receiver_search.is_clear(place, &self.reach(&moved)) => {
-                            self.decay(&moved, &mut events);
+                            self.absorb_or_decay(&moved, &mut events);
                         }
                         Some(_) => unsure.push(moved),
                     }
@@ -242,13 +252,20 @@ impl Propagator {
         let space = (&self.steps[moved.species as usize].domain, self.time_step);
         match self.bodies.resolve(moved, space, receivers) {
             Some(event) => events.push(event),
-            None => self.decay(moved, events),
+            None => self.absorb_or_decay(moved, events),
         }
     }
 
+    /// Applies the wall that absorbs a particle that no receiver keeps, or its decays in the step.
     #[inline]
-    fn decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
-        let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *moved;
+    fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
+        let ParticleMove { at, species, who, path, free_end, .. } = *moved;
+        let domain = &self.steps[species as usize].domain;
+        let mut walls = self.walls.iter().filter(|wall| wall.sees[species as usize]);
+        if let Some(wall) = walls.find(|wall| wall.absorbs(domain, &path, free_end, who)) {
+            return events.push(Event::Arrived { at, receiver: wall.receiver });
+        }
+        let DrawContext { key, id, step } = who;
         self.decays.for_each_decay(species, (key, id, step), |decay, product| {
             events.push(Event::Decayed { at, decay, product });
         });

@@ -73,7 +73,7 @@ pub(crate) struct ActiveReceivers {
 
 impl ActiveReceivers {
     pub(crate) fn new(model: &Model) -> Self {
-        let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != ReceiverKind::Transparent);
+        let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind.is_active_sphere());
         let all: Vec<ReceiverState> = acts
             .map(|(at, receiver)| ReceiverState::new(at as u32, receiver.clone(), model.time_step))
             .collect();

@@ -60,6 +60,8 @@ pub(crate) struct ParticleMove {
     pub(crate) species: u32,
     pub(crate) who: DrawContext,
     pub(crate) path: Path,
+    /// The end of its path without walls and receivers.
+    pub(crate) free_end: [f32; 3],
     pub(crate) gone: f32,
     pub(crate) velocity: Option<[f32; 3]>,
 }

@@ -9,12 +9,19 @@
 //! ```
 //!
 //! Given both ends `a` and `b` of a step, the path is a Brownian bridge for any drift. Its minimum m has the
-//! distribution P(m ≤) = exp(−2(a −)(b −)/s²), s² = 2DΔt, which is inverted in closed form. The end of a step is exact
-//! as long as the path does not reach the opposite wall as well.
+//! distribution P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt, which is inverted in closed form. The end of a step is
+//! exact as long as the path does not reach the opposite wall as well.
+//!
+//! *Absorbing walls.* With the same distribution for y = 0, a path between the heights `a` and `b` above a plane touched it with
+//! the probability exp(−ab/DΔt), for a step of any length and any drift. For the wall of a cylinder, whose distance is measured from
+//! the middle line, the tangent plane takes its place, which is right for steps that are short compared with the radius.
 
-use crate::model::boundary::Axis;
+use crate::model::Model;
+use crate::model::boundary::{Axis, Boundary};
+use crate::model::receiver::{ReceiverKind, WallFace};
+use crate::motion::path_hit::{DrawContext, Path};
 use crate::random::gaussian::ln;
-use crate::random::philox::open_unit;
+use crate::random::philox::{Purpose, open_unit};
 
 /// The exponent above which a probability is below the smallest random number.
 const NEVER: f32 = 17.0;
@@ -35,11 +42,92 @@ pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: 
     (lowest < 0.0).then_some(if is_low { low + inside } else { high - inside })
 }
 
+/// A wall that absorbs.
+#[derive(Clone, Debug)]
+pub(crate) struct AbsorbingWall {
+    /// Its index among the receivers of the model.
+    pub(crate) receiver: u32,
+    /// One flag per species: `true` if it absorbs that species.
+    pub(crate) sees: Vec<bool>,
+    face: WallFace,
+}
+
+impl AbsorbingWall {
+    /// Returns the absorbing walls of a model.
+    pub(crate) fn all(model: &Model) -> Vec<Self> {
+        let wall = |(receiver, own): (usize, &crate::Receiver)| match own.kind {
+            ReceiverKind::Wall(face) => {
+                Some(Self { receiver: receiver as u32, sees: own.sees.clone(), face })
+            }
+            _ => None,
+        };
+        model.receivers.iter().enumerate().filter_map(wall).collect()
+    }
+
+    /// Returns `true` if the wall absorbs a particle on its path. `domain` is the boundary of its center, and `free_end` the end of
+    /// the path without walls.
+    pub(crate) fn absorbs(
+        &self,
+        domain: &Boundary,
+        path: &Path,
+        free_end: [f32; 3],
+        who: DrawContext,
+    ) -> bool {
+        let [a, b] = [path.before, free_end].map(|point| height(self.face, domain, point));
+        if b <= 0.0 || a <= 0.0 {
+            return true;
+        }
+        let exponent = a * b / path.diffusion;
+        // Without diffusion the exponent is infinite.
+        exponent < NEVER && {
+            let [word, ..] = who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver);
+            open_unit(word) < (-exponent).exp()
+        }
+    }
+}
+
+/// Returns the height of a point above a wall, in µm; negative beyond it.
+fn height(face: WallFace, domain: &Boundary, point: [f32; 3]) -> f32 {
+    let wall = |axis: usize, of: fn(f32, f32, f32) -> f32| match domain.axes[axis] {
+        Axis::Reflecting { low, high } => of(low, high, point[axis]),
+        _ => f32::INFINITY,
+    };
+    match face {
+        WallFace::Low(axis) => wall(axis, |low, _, x| x - low),
+        WallFace::High(axis) => wall(axis, |_, high, x| high - x),
+        WallFace::Side => domain
+            .vessel
+            .map_or(f32::INFINITY, |vessel| (f64::from(vessel.radius) - vessel.distance(point)) as f32),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::random::gaussian::normals;
-    use crate::random::philox::{Key, Purpose};
+    use crate::random::philox::Key;
+
+    #[test]
+    fn plane_takes_the_part_of_the_closed_form() {
+        // From the height a within one step of any length: erfc(a/√(4DΔt)).
+        let domain = Boundary::reflecting([-1.0; 3], [50.0; 3]);
+        let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Low(1) };
+        let n = 40_000_u32;
+        for height in [0.3_f32, 1.0, 2.5] {
+            let who = |id| DrawContext { key: Key::new(7), id, step: 0 };
+            let taken = (0..n).filter(|&id| {
+                let z = normals(Key::new(7).draw(id, 0, 0, Purpose::Move));
+                let before = [20.0, height - 1.0, 20.0];
+                let end: [f32; 3] = std::array::from_fn(|k| before[k] + z[k]);
+                let path = Path { before, end, after: domain.confine(end), drift: [0.0; 3], diffusion: 0.5 };
+                wall.absorbs(&domain, &path, end, who(id))
+            });
+            let part = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
+            let error = (part * (1.0 - part) / f64::from(n)).sqrt();
+            let found = taken.count() as f64 / f64::from(n);
+            assert!((found - part).abs() < 4.0 * error, "{height}: {found} and {part}");
+        }
+    }
 
     /// The density of reflected Brownian motion with drift μ after one step (Harrison, *Brownian Motion and Stochastic
     /// Flow Systems*, section 3.6): P(Y ≤) = Φ((y − a − μ)/s) − exp(2μy/s²)·Φ((−y − a − μ)/s).

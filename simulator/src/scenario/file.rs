@@ -216,9 +216,10 @@ pub(super) enum Shape {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Receiver {
     pub(super) name: Name,
-    pub(super) center: Spanned<[Finite; 3]>,
-    pub(super) radius: Positive,
+    pub(super) center: Option<Spanned<[Finite; 3]>>,
+    pub(super) radius: Option<Spanned<Positive>>,
     pub(super) kind: Spanned<ReceiverKind>,
+    pub(super) face: Option<Spanned<Face>>,
     pub(super) species: Option<Vec<Spanned<String>>>,
     pub(super) lattice: Option<Lattice>,
     pub(super) probability: Option<Spanned<Probability>>,
@@ -249,6 +250,20 @@ pub(super) enum ReceiverKind {
     Reflecting,
     Partial,
     Receptors,
+    Wall,
+}
+
+/// A wall of the boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Face {
+    LowX,
+    LowY,
+    LowZ,
+    HighX,
+    HighY,
+    HighZ,
+    Side,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -16,6 +16,7 @@ mod reactions;
 mod receivers;
 mod setup;
 mod vessel;
+mod walls;
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -47,7 +48,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 32] = [
+const ITEMS: [Item; 33] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -80,6 +81,7 @@ const ITEMS: [Item; 32] = [
     ("30-long-steps", receivers::long_steps),
     ("31-neighbors", receivers::neighbors),
     ("32-drift-at-wall", receivers::drift_at_wall),
+    ("33-absorbing-walls", walls::absorbing_walls),
 ];
 
 fn main() -> ExitCode {

@@ -4,7 +4,7 @@ use super::Names;
 use super::schedule::place;
 use super::transmitters::check_place;
 use crate::model::Model;
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, WallFace};
 use crate::model::transmitter::Shape;
 use crate::scenario::file::{self, Finite};
 use crate::scenario::{Problem, warnings};
@@ -18,8 +18,12 @@ pub(super) fn receivers(
     let mut all = Vec::new();
     for one in many {
         let receiver = receiver(one, names, model, warnings)?;
+        let Some(center) = one.center.as_ref().map(Spanned::span) else {
+            all.push(receiver);
+            continue;
+        };
         let Some(lattice) = one.lattice else {
-            check_place(&model.boundary, one.center.span(), (receiver.center, receiver.radius), warnings)?;
+            check_place(&model.boundary, center, (receiver.center, receiver.radius), warnings)?;
             all.push(receiver);
             continue;
         };
@@ -27,14 +31,14 @@ pub(super) fn receivers(
         let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);
         let Some(count) = places.into_iter().try_fold(1, u32::checked_mul) else {
             let message = format!("{places:?} places are more than can be numbered; make them fewer");
-            return Err(Problem::at(one.center.span(), message));
+            return Err(Problem::at(center, message));
         };
         let said = warnings.len();
         for k in 0..count {
             let offset = shape.offset([0; 4], k);
-            let center = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
-            check_place(&model.boundary, one.center.span(), (center, receiver.radius), warnings)?;
-            all.push(Receiver { name: format!("{}-{k}", receiver.name), center, ..receiver.clone() });
+            let at = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
+            check_place(&model.boundary, center.clone(), (at, receiver.radius), warnings)?;
+            all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
         }
         // One such place tells enough.
         warnings.truncate(said + 1);
@@ -66,15 +70,21 @@ fn receiver(
     for name in one.species.iter().flatten() {
         sees[names.get(name)? as usize] = true;
     }
+    let (center, radius) = extent(one)?;
     let receiver = Receiver {
         name: one.name.0.clone(),
-        center: place(*one.center.get_ref()),
-        radius: one.radius.0 as f32,
+        center,
+        radius,
         kind: kind(one)?,
         sees,
         velocity: one.velocity.map(|Finite(v)| v),
         diffusion: one.diffusion.0,
     };
+    if let (ReceiverKind::Wall(face), Some(span)) = (receiver.kind, one.face.as_ref().map(Spanned::span))
+        && let Some(message) = model.missing_wall(&receiver.name, face)
+    {
+        return Err(Problem::at(span, message));
+    }
     if let Some(message) = model.resting_before(&receiver) {
         return Err(Problem::at(one.kind.span(), message));
     }
@@ -87,6 +97,23 @@ fn receiver(
     Ok(receiver)
 }
 
+/// Returns the center and the radius of a sphere; zeros for a wall.
+fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
+    let is_wall = *one.kind.get_ref() == file::ReceiverKind::Wall;
+    let center = one.center.as_ref();
+    let moves = one.velocity.iter().any(|v| v.0 != 0.0) || one.diffusion.0 > 0.0 || one.lattice.is_some();
+    match (center, &one.radius) {
+        (Some(center), Some(radius)) if !is_wall => Ok((place(*center.get_ref()), radius.get_ref().0 as f32)),
+        (None, None) if is_wall && !moves => Ok(([0.0; 3], 0.0)),
+        _ if is_wall => {
+            let message = "a wall has a face, and neither center, radius, lattice nor motion; take them away"
+                .to_owned();
+            Err(Problem::at(one.kind.span(), message))
+        }
+        _ => Err(Problem::at(one.kind.span(), "a receiver needs a center and a radius".to_owned())),
+    }
+}
+
 fn kind(one: &file::Receiver) -> Result<ReceiverKind, Problem> {
     let kind = *one.kind.get_ref();
     let misplaced = [
@@ -95,10 +122,15 @@ fn kind(one: &file::Receiver) -> Result<ReceiverKind, Problem> {
         (one.count.as_ref().map(Spanned::span), "count", file::ReceiverKind::Receptors),
         (one.binding_rate.as_ref().map(Spanned::span), "binding-rate", file::ReceiverKind::Receptors),
         (one.unbinding_rate.as_ref().map(Spanned::span), "unbinding-rate", file::ReceiverKind::Receptors),
+        (one.face.as_ref().map(Spanned::span), "face", file::ReceiverKind::Wall),
     ];
     for (span, key, of) in misplaced {
         if let Some(span) = span.filter(|_| kind != of) {
-            let of = if of == file::ReceiverKind::Partial { "partial" } else { "receptors" };
+            let of = match of {
+                file::ReceiverKind::Partial => "partial",
+                file::ReceiverKind::Wall => "wall",
+                _ => "receptors",
+            };
             return Err(Problem::at(span, format!("{key} goes with kind = \"{of}\"; take one away")));
         }
     }
@@ -117,6 +149,20 @@ fn kind(one: &file::Receiver) -> Result<ReceiverKind, Problem> {
                 );
             }
         }),
+        file::ReceiverKind::Wall => {
+            let Some(face) = &one.face else {
+                return lacking("a wall needs a face: low-x to high-z, or side of a cylinder");
+            };
+            ReceiverKind::Wall(match face.get_ref() {
+                file::Face::LowX => WallFace::Low(0),
+                file::Face::LowY => WallFace::Low(1),
+                file::Face::LowZ => WallFace::Low(2),
+                file::Face::HighX => WallFace::High(0),
+                file::Face::HighY => WallFace::High(1),
+                file::Face::HighZ => WallFace::High(2),
+                file::Face::Side => WallFace::Side,
+            })
+        }
         file::ReceiverKind::Receptors => {
             let (Some(count), Some(binding), Some(unbinding)) =
                 (&one.count, &one.binding_rate, &one.unbinding_rate)

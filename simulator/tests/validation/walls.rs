@@ -1,0 +1,77 @@
+//! Walls that absorb.
+
+use std::path::Path;
+
+use lazygrid_sim::Model;
+use lazygrid_sim::scenario::Scenario;
+
+use crate::Row;
+use crate::setup::{begin, share_error, steps};
+
+const N: u32 = 40_000;
+const D: f64 = 1.0;
+
+fn model(time_step: f64, boundary: &str, drift: f64, center: &str, faces: &[&str]) -> Model {
+    let face = |face: &&str| format!("[[receiver]]\nname = \"{face}\"\nkind = \"wall\"\nface = \"{face}\"\n");
+    let text = format!(
+        "time-step = {time_step}\nsteps = 1\n[boundary]\n{boundary}\n[[species]]\nname = \"A\"\ndiffusion = {D}\n\
+         drift = [{drift}, 0, 0]\n[[transmitter]]\nname = \"tx\"\ncenter = {center}\n\
+         release = [{{ species = \"A\", count = {N} }}]\n{}",
+        faces.iter().map(face).collect::<String>()
+    );
+    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+}
+
+/// The part that a wall has taken after a number of steps.
+fn taken(model: &Model, count: u32, receiver: usize, seed: u64) -> f64 {
+    let mut simulation = begin(model, seed);
+    steps(&mut simulation, count);
+    simulation.received()[receiver][0] as f64 / f64::from(N)
+}
+
+/// Planes with and without drift, a slit and a cylinder, in steps of any length or short ones.
+pub(crate) fn absorbing_walls() -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut add = |what: String, expected: f64, found: f64| {
+        rows.push(Row::new(what, expected, found, 4.0 * share_error(expected, N.into())));
+    };
+    let normal = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
+    let box_of = |width: f64| format!("kind = \"reflecting\"\nlow = [0, -50, -50]\nhigh = [{width}, 50, 50]");
+    // From the distance 1, in steps of 0.1 to 2 of it: the first passage of Brownian motion with drift.
+    for (seed, spread, drift) in
+        [(1, 0.1_f64, 0.0), (2, 0.7, 0.0), (3, 2.0, 0.0), (4, 0.3, -1.0), (5, 1.5, -0.5), (6, 0.5, 0.5)]
+    {
+        let time_step = spread * spread / (2.0 * D);
+        let count = (1.0 / time_step).ceil() as u32;
+        let (time, s) = (f64::from(count) * time_step, (2.0 * D * f64::from(count) * time_step).sqrt());
+        let expected =
+            normal((-1.0 - drift * time) / s) + (-drift / D).exp() * normal((-1.0 + drift * time) / s);
+        let model = model(time_step, &box_of(60.0), drift, "[1, 0, 0]", &["low-x"]);
+        add(format!("plane, steps of {spread}, drift {drift}"), expected, taken(&model, count, 0, seed));
+    }
+    // Between two absorbing planes, from a quarter: the survival in a slit of width 2.
+    let slit = model(2e-4, &box_of(2.0), 0.0, "[0.5, 0, 0]", &["low-x", "high-x"]);
+    let survival: f64 = (0..40)
+        .map(|k| {
+            let n = f64::from(2 * k + 1) * std::f64::consts::PI;
+            4.0 / n * (n / 4.0).sin() * (-n * n / 4.0 * D * 0.2).exp()
+        })
+        .sum();
+    let both = taken(&slit, 1000, 0, 7) + taken(&slit, 1000, 1, 7);
+    add("slit, both planes".to_owned(), 1.0 - survival, both);
+    // From the middle line of a cylinder of radius 1: Σ 2/(j·J₁(j))·exp(−j²Dt), with the zeros j of J₀.
+    let zeros =
+        [(2.404_826, 0.519_147), (5.520_078, -0.340_265), (8.653_728, 0.271_452), (11.791_534, -0.232_460)];
+    for (seed, time_step, time) in [(8, 2e-4, 0.1), (9, 2e-4, 0.3), (10, 1e-3, 0.3)] {
+        let cylinder = model(time_step, "kind = \"cylinder\"\nradius = 1", 0.0, "[0, 0, 0]", &["side"]);
+        let survival: f64 =
+            zeros.iter().map(|(j, of_j): &(f64, f64)| 2.0 / (j * of_j) * (-j * j * D * time).exp()).sum();
+        let count = (time / time_step).round() as u32;
+        add(
+            format!("cylinder after {time} s, steps of {time_step} s"),
+            1.0 - survival,
+            taken(&cylinder, count, 0, seed),
+        );
+    }
+    rows
+}
