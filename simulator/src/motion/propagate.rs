@@ -66,7 +66,8 @@ impl Propagator {
             _ => [0.0; 3],
         };
         let bodies = ActiveReceivers::new(model);
-        let step = |species: &crate::model::Species| SpeciesStep {
+        let walls = AbsorbingWall::all(model);
+        let step = |(index, species): (usize, &crate::model::Species)| SpeciesStep {
             bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             diffusion: (species.diffusion * time_step) as f32,
@@ -77,18 +78,23 @@ impl Propagator {
             domain: model.boundary.inset(species.radius),
             drifts_at_wall: std::array::from_fn(|k| {
                 let drifts = species.drift[k] + plug[k] != 0.0 && species.diffusion > 0.0;
-                drifts && !species.has_velocity() && matches!(model.boundary.axes[k], Axis::Reflecting { .. })
+                // Particles that the wall does not absorb never touched it.
+                let is_absorbed = walls.iter().any(|wall| wall.is_across(k) && wall.sees[index]);
+                drifts
+                    && !is_absorbed
+                    && !species.has_velocity()
+                    && matches!(model.boundary.axes[k], Axis::Reflecting { .. })
             }),
         };
         Self {
-            steps: model.species.iter().map(step).collect(),
+            steps: model.species.iter().enumerate().map(step).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
             bounded: !model.boundary.is_unbounded(),
             whole: model.boundary,
             stream: FlowStep::new(model),
             bodies,
-            walls: AbsorbingWall::all(model),
+            walls,
             decays: Decays::new(model),
         }
     }

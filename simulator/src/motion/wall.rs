@@ -64,6 +64,11 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
+    /// Returns `true` for a plane across this axis.
+    pub(crate) fn is_across(&self, axis: usize) -> bool {
+        [WallFace::Low(axis), WallFace::High(axis)].contains(&self.face)
+    }
+
     /// Returns `true` if the wall absorbs a particle on its path. `domain` is the boundary of its center, and `free_end` the end of
     /// the path without walls.
     pub(crate) fn absorbs(

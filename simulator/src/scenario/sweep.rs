@@ -378,9 +378,12 @@ mod tests {
         let values = (0..400).map(|k| k.to_string()).collect::<Vec<_>>().join(",");
         let [a, b] = ["seed", "steps"].map(|key| format!("{key}={values}"));
         assert!(sweep(TEXT, &[&a, &b]).unwrap_err().contains("more than 100000 combinations"));
-        for (section, message) in [("[sweep]\n", "it has no keys"), ("[sweep]\nseed = 3\n", "needs a list")] {
+        for (section, message) in [
+            ("[sweep]\n", "line 17, `sweep`: it has no keys"),
+            ("[sweep]\nseed = 3\n", "line 18, `seed`: it needs a list"),
+        ] {
             let error = sweep(&format!("{TEXT}{section}"), &[]).unwrap_err();
-            assert!(error.contains(message) && error.contains("line 17"), "{error}");
+            assert!(error.contains(message), "{error}");
         }
         assert!(
             sweep(&format!("sweep.seed = [1]\n{TEXT}"), &[]).unwrap_err().contains("a section of its own")

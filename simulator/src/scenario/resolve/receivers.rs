@@ -70,12 +70,13 @@ fn receiver(
     for name in one.species.iter().flatten() {
         sees[names.get(name)? as usize] = true;
     }
+    let kind = kind(one)?;
     let (center, radius) = extent(one)?;
     let receiver = Receiver {
         name: one.name.0.clone(),
         center,
         radius,
-        kind: kind(one)?,
+        kind,
         sees,
         velocity: one.velocity.map(|Finite(v)| v),
         diffusion: one.diffusion.0,

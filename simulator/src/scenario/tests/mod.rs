@@ -124,7 +124,7 @@ fn a_mistake_is_named_by_line_and_key() {
         ("probability = 0.5", "probability = 1.5", 24, "probability", "1.5 is not a probability"),
         ("count = 3", "count = -3", 34, "release", "invalid value: integer `-3`"),
         ("kind = \"gaussian\", width", "kind = \"gaussian\", with", 33, "with", "unknown field"),
-        ("radius = 0.5\n", "", 36, "radius", "missing field"),
+        ("radius = 0.5\n", "", 39, "kind", "a receiver needs a center and a radius"),
         ("[\"base\"]", "[\"salt\"]", 41, "species", "no species 'salt'"),
         ("every = 5", "every = 0", 44, "every", "nonzero"),
     ];
