@@ -216,14 +216,20 @@ pub(crate) mod tests {
         let inside =
             |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
         let log = Log {
-            inside: vec![inside(10, 5, 6), inside(20, 5, 3), inside(25, 5, 1), inside(40, 35, 4)],
+            inside: vec![
+                inside(10, 5, 6),
+                inside(20, 5, 3),
+                inside(25, 5, 1),
+                inside(30, 5, 2),
+                inside(40, 35, 4),
+            ],
             ..log(&[])
         };
         let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 3);
         interference.add_momentary(&log, &rows, &slots(100));
         let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
         // Three bursts of 10 with two rows in their own slots, two with a next slot, one with another one.
-        assert_eq!(parts, [10.0 / 60.0, 4.0 / 40.0, 0.0]);
+        assert_eq!(parts, [10.0 / 60.0, 4.0 / 40.0, 2.0 / 20.0]);
     }
 
     #[test]
