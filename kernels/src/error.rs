@@ -364,33 +364,6 @@ fn runs_on(backend: Backend) -> String {
     }
 }
 
-/// An unknown name, as a `FromStr` of this library returns it.
-///
-/// ```
-/// # use lazygrid_kernels::{Algorithm, UnknownName};
-/// let unknown: UnknownName = "octree".parse::<Algorithm>().unwrap_err();
-/// assert!(unknown.to_string().starts_with("unknown algorithm 'octree'; expected one of auto, naive, "));
-/// ```
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("unknown {what} '{name}'; expected one of {known}")]
-pub struct UnknownName {
-    what: &'static str,
-    name: String,
-    known: String,
-}
-
-impl UnknownName {
-    /// Creates the error for a `name` that is not among the `known` ones; `what` says what it should name.
-    pub fn new(what: &'static str, name: &str, known: &[&str]) -> Self {
-        Self { what, name: name.to_owned(), known: known.join(", ") }
-    }
-
-    /// Returns the unknown name.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-}
-
 impl From<InputError> for Error {
     fn from(error: InputError) -> Self {
         match error {
@@ -419,18 +392,5 @@ mod tests {
             "hash-grid does not run on the gpu backend; choose auto, naive, array-grid, eager-grid, lazy-grid, \
              cell-list"
         );
-    }
-
-    #[test]
-    fn names_parse_and_unknown_names_are_quoted() {
-        for backend in Backend::ALL {
-            assert_eq!(backend.name().parse(), Ok(backend));
-        }
-        for &algorithm in Algorithm::ALL {
-            assert_eq!(algorithm.name().parse(), Ok(algorithm));
-        }
-        let unknown = "CPU".parse::<Backend>().unwrap_err();
-        assert_eq!(unknown.to_string(), "unknown backend 'CPU'; expected one of auto, cpu, gpu");
-        assert_eq!(unknown.name(), "CPU");
     }
 }

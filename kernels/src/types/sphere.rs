@@ -4,9 +4,6 @@ use glam::Vec3;
 use super::real::{Radii, Real, Strided, Wide};
 use crate::InputError;
 
-/// The most spheres of one call: indices are `u32`, and the last two values are reserved.
-pub const MAX_SPHERES: u64 = u32::MAX as u64 - 1;
-
 /// A sphere: center and radius in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
 ///
 /// Any finite center is allowed, anywhere in space. Radius 0 is a point. Detectors reject a negative, infinite or NaN radius
