@@ -39,6 +39,17 @@ pub enum Error {
         /// The bytes of one of their columns.
         bytes: u64,
     },
+    /// The system refused memory for candidates of reactions.
+    #[error(
+        "no memory for {candidates} pairs that may react: {bytes} bytes were refused; release fewer particles, or run fewer \
+         replicas at once (--threads)"
+    )]
+    OutOfCandidateMemory {
+        /// The number of candidates.
+        candidates: u64,
+        /// Their bytes.
+        bytes: u64,
+    },
     /// The particles of a step would not fit into the available memory.
     #[error(
         "{particles} particles need {needed} bytes of memory or more, and {available} bytes are available ({limit}); release \

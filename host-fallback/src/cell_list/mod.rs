@@ -214,6 +214,13 @@ impl CellList {
         self.touch_decides
     }
 
+    /// The number of spheres in the list up to the last one that may pair.
+    pub(crate) fn paired(&self) -> usize {
+        let searched = self.targets.iter().map(|target| &self.levels[target.level]);
+        let own = self.levels.iter().filter(|level| level.pairs_within || !level.targets.is_empty());
+        searched.chain(own).map(|level| level.members.end).max().unwrap_or(0)
+    }
+
     pub(crate) fn time(&self) -> f32 {
         self.time
     }

@@ -60,7 +60,11 @@ impl<S: Sink> SimdTask for Piece<'_, S> {
                     }
                 }
                 (false, _) if targets.is_empty() => {}
-                (false, _) => members.for_each(|at| finder.others(targets, at)),
+                (false, _) => {
+                    for at in members {
+                        finder.others(targets, at);
+                    }
+                }
             }
         }
         finder.work();

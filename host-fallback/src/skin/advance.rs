@@ -80,8 +80,6 @@ impl Advance<'_> {
             None => {
                 for (row, then) in rows.iter_mut().zip(then) {
                     largest.add::<V, PERIODIC>(vector, row, (then, test.row(then.id)));
-                    // An effective radius that depends on the species alone hides an invalid radius.
-                    largest.is_refused |= !test.spheres().get(then.id as usize).is_valid();
                 }
             }
         }

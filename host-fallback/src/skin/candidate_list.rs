@@ -11,7 +11,7 @@ use crate::compare::{
 };
 use crate::executor::Executor;
 use crate::input::InputStats;
-use crate::input::{GivenSpheres, SearchInput, search_pieces};
+use crate::input::{GivenSpheres, SearchInput, check_valid, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
@@ -97,7 +97,16 @@ impl CandidateList {
         if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
             return Some(RebuildReason::InputChanged);
         }
-        let (moved, changed) = advance((test, given), (list.notes(), &mut self.rows), (simd, executor));
+        let rows = match given {
+            Some(_) => &mut self.rows[..],
+            // An effective radius that depends on the species alone hides an invalid radius.
+            None if spheres.species().is_some() && check_valid(&spheres.into(), executor).is_err() => {
+                return Some(RebuildReason::InputChanged);
+            }
+            // No candidate has a sphere whose species pairs with none.
+            None => &mut self.rows[..list.paired()],
+        };
+        let (moved, changed) = advance((test, given), (list.notes(), rows), (simd, executor));
         self.displacement_fraction = moved;
         self.age += 1;
         match (changed, self.displacement_fraction <= USABLE_FRACTION) {

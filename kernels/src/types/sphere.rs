@@ -145,7 +145,7 @@ impl<'a> Spheres<'a> {
     ///
     /// # Panics
     /// Panics if `i` is not below [`len`](Self::len), as indexing a slice does.
-    #[inline]
+    #[inline(always)]
     pub fn get(&self, i: usize) -> Sphere {
         match self.layout {
             Layout::Rows(rows) => rows[i],

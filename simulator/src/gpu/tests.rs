@@ -18,6 +18,7 @@ use super::plan::Sizes;
 use super::tables::Tables;
 use crate::random::gaussian;
 use crate::random::philox::{Key, Purpose, philox};
+use crate::reaction::matching::tests::choose;
 use crate::reaction::matching::{Matching, ReactionCandidate};
 use crate::{Boundary, Model, Reaction, Species};
 
@@ -199,9 +200,8 @@ fn matching_equals_the_sequential_greedy_one() {
         for [rounds, max_iterations] in [[0, 60_000], [1, 60_000], [4, 60_000]] {
             let all = candidates(particles, count, rounds);
             let mut expected = vec![None; particles as usize];
-            let mut sorted = all.clone();
-            for chosen in Matching::default().greedy(&mut sorted, particles as usize) {
-                let ReactionCandidate { at, consumes, .. } = sorted[chosen as usize];
+            for chosen in choose(&mut Matching::default(), &all, particles as usize) {
+                let ReactionCandidate { at, consumes, .. } = chosen;
                 let [a, b] = at.map(|at| at as f32);
                 let place = match consumes {
                     [true, true] => 0.5 * (a + b),

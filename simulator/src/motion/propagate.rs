@@ -340,9 +340,13 @@ impl Propagator {
         let end: [f32; 3] = std::array::from_fn(|axis| before[axis] + (length * normal[axis] + drift[axis]));
         if let Some(stream) = &self.stream {
             let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
-            drift[stream.vessel.along] += carried.by;
-            let mut free_end = end;
-            free_end[stream.vessel.along] += carried.by;
+            // Arrays that are indexed by variables are kept in memory, whose round trip delays all other particles too.
+            let carry = |from: [f32; 3]| {
+                let along =
+                    |axis| if axis == stream.vessel.along { from[axis] + carried.by } else { from[axis] };
+                std::array::from_fn(along)
+            };
+            let (drift, free_end) = (carry(drift), carry(end));
             return (Path { before, end: carried.end, after: carried.after, drift, diffusion }, free_end);
         }
         if !self.bounded {

@@ -14,6 +14,8 @@ use bytemuck::{Pod, Zeroable};
 use lazygrid_ranks::{Communicator, Ghosts, send_to_ranks};
 use rayon::prelude::*;
 
+use crate::Error;
+use crate::reaction::candidates::BestCandidates;
 use crate::reaction::matching::{Key, ReactionCandidate};
 
 #[derive(Clone, Debug, Default)]
@@ -47,6 +49,9 @@ struct KeyMessage {
 }
 
 impl KeyMessage {
+    /// A key that no candidate is worse than.
+    const WORST: Self = Self { priority: u32::MAX, ids: [u32::MAX; 2] };
+
     fn of((priority, ids): Key) -> Self {
         Self { priority, ids }
     }
@@ -57,29 +62,62 @@ impl KeyMessage {
 }
 
 impl DistributedMatching {
-    /// Sorts the candidates of this rank and returns the indices of the winners, ascending. There are `own` particles,
-    /// followed by ghosts.
+    /// Returns the candidates of this rank that win, in the order of keys. There are `own` particles, followed by ghosts. `sample`
+    /// adds candidates to a buffer as for [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
     ///
     /// # Errors
-    /// Fails if the communicator fails.
+    /// Fails if the communicator fails, and with the failure of `sample` on any rank.
     pub(super) fn greedy<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        (own, ghosts): (usize, &Ghosts),
+        mut sample: impl FnMut(&[bool], &mut BestCandidates) -> Result<(), Error>,
+    ) -> Result<Vec<ReactionCandidate>, C::Error> {
+        let places = own + ghosts.particles().len();
+        self.best.resize(self.best.len().max(places), None);
+        self.taken.resize(self.taken.len().max(places), false);
+        let (mut chosen, mut won) = (Vec::new(), Vec::new());
+        loop {
+            let mut best = BestCandidates::new(places);
+            let sampled = sample(&self.taken, &mut best);
+            communicator.agree(sampled.map_err(|error| communicator.failure(error.to_string())))?;
+            let is_last = communicator.all_reduce_sum(&[best.bound.is_some().into()])[0] == 0;
+            if !is_last {
+                // All ranks choose among the same keys.
+                let bound = best.bound.map_or(KeyMessage::WORST, KeyMessage::of);
+                let (bounds, _) = communicator.all_gather("bounds of candidates", &[bound])?;
+                best.restrict(bounds.into_iter().map(KeyMessage::key).min().expect("one of each rank"));
+            }
+            let candidates = &mut best.candidates;
+            chosen.extend(self.choose(communicator, candidates, (own, ghosts), &mut won)?);
+            if is_last {
+                break;
+            }
+        }
+        for at in self.touched.drain(..) {
+            self.taken[at as usize] = false;
+        }
+        Ok(chosen)
+    }
+
+    /// Sorts candidates and returns those that win. `won` are the ghosts that this rank consumed and whose owners do not know
+    /// it yet.
+    fn choose<C: Communicator>(
         &mut self,
         communicator: &mut C,
         candidates: &mut [ReactionCandidate],
         (own, ghosts): (usize, &Ghosts),
-    ) -> Result<Vec<u32>, C::Error> {
-        let places = own + ghosts.particles().len();
-        self.best.resize(self.best.len().max(places), None);
-        self.taken.resize(self.taken.len().max(places), false);
+        won: &mut Vec<u32>,
+    ) -> Result<Vec<ReactionCandidate>, C::Error> {
         candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let candidates = &*candidates;
         let mut active: Vec<u32> = (0..candidates.len() as u32).collect();
-        let (mut chosen, mut won) = (Vec::new(), Vec::new());
+        let mut chosen = Vec::new();
         while communicator.all_reduce_sum(&[active.len() as u64])[0] > 0 {
             for &c in &active {
                 candidates[c as usize].claimed().for_each(|at| self.bid(at, candidates[c as usize].key()));
             }
-            self.ask(communicator, (own, ghosts), &claimed_ghosts(candidates, &active, own), &won)?;
+            self.ask(communicator, (own, ghosts), &claimed_ghosts(candidates, &active, own), won)?;
             let claimed = |c: u32| candidates[c as usize].claimed();
             let wins = |c: &u32| {
                 let key = Some(candidates[*c as usize].key());
@@ -96,11 +134,8 @@ impl DistributedMatching {
             chosen.extend(winners);
             self.touched.iter().for_each(|&at| self.best[at as usize] = None);
         }
-        for at in self.touched.drain(..) {
-            self.taken[at as usize] = false;
-        }
         chosen.sort_unstable();
-        Ok(chosen)
+        Ok(chosen.into_iter().map(|c| candidates[c as usize]).collect())
     }
 
     fn bid(&mut self, at: usize, key: Key) {
@@ -165,7 +200,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::reaction::matching::tests::{candidates, sequential};
+    use crate::reaction::matching::tests::{candidates, crowd, sequential};
 
     fn of_rank(
         all: &[ReactionCandidate],
@@ -194,28 +229,43 @@ mod tests {
         (here, own, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
     }
 
+    /// Returns the ids of those that all ranks choose, in the order of keys. Every rank chooses twice, since the state that a call
+    /// leaves must not disturb the next one.
+    fn chosen(all: &[ReactionCandidate], owners: &[u32]) -> Vec<[u32; 2]> {
+        let ranks = owners.iter().max().map_or(1, |most| most + 1);
+        let chosen = threads::on(ranks, |mut thread| {
+            let mut matching = DistributedMatching::default();
+            let (here, own, ghosts) = of_rank(all, owners, thread.rank());
+            let sample = |taken: &[bool], best: &mut BestCandidates| {
+                let open = here.iter().filter(|c| !c.claimed().any(|at| taken[at]));
+                open.clone().try_for_each(|candidate| best.extend(&[*candidate]))
+            };
+            let [first, second] = [0, 1].map(|_| {
+                let chosen = matching.greedy(&mut thread, (own, &ghosts), sample).expect("no rank fails");
+                chosen.iter().map(|c| (c.key(), c.ids)).collect::<Vec<_>>()
+            });
+            assert_eq!(first, second);
+            first
+        });
+        let mut chosen = chosen.concat();
+        chosen.sort_unstable();
+        chosen.into_iter().map(|(_, ids)| ids).collect()
+    }
+
     proptest! {
         #[test]
         fn the_choice_is_the_sequential_one(
             all in candidates(),
             owners in (1..5_u32).prop_flat_map(|ranks| prop::collection::vec(0..ranks, 41)),
         ) {
-            let ranks = owners.iter().max().map_or(1, |most| most + 1);
-            let chosen = threads::on(ranks, |mut thread| {
-                let mut matching = DistributedMatching::default();
-                let (mut here, own, ghosts) = of_rank(&all, &owners, thread.rank());
-                // The state that a call leaves must not disturb the next one.
-                let [first, second] = [0, 1].map(|_| {
-                    let chosen = matching.greedy(&mut thread, &mut here, (own, &ghosts)).expect("no rank fails");
-                    chosen.iter().map(|&c| (here[c as usize].key(), here[c as usize].ids)).collect::<Vec<_>>()
-                });
-                assert_eq!(first, second);
-                first
-            });
-            let mut chosen = chosen.concat();
-            chosen.sort_unstable();
-            let ids: Vec<_> = chosen.into_iter().map(|(_, ids)| ids).collect();
-            prop_assert_eq!(ids, sequential(&all));
+            prop_assert_eq!(chosen(&all, &owners), sequential(&all));
         }
+    }
+
+    #[test]
+    fn crowd_is_matched_in_several_passes() {
+        let owners: Vec<u32> = (0..4025).map(|particle| particle * 7 % 3).collect();
+        let crowd = crowd();
+        assert_eq!(chosen(&crowd, &owners), sequential(&crowd));
     }
 }

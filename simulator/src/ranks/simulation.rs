@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use bytemuck::{Pod, Zeroable};
-use lazygrid::{Algorithm, Pair};
+use lazygrid::Algorithm;
 use lazygrid_ranks::{
     Communicator, Ghosts, PairKind, Partitioner, RankBounds, Search, Settings, SphereWrapper, gather,
     send_to_ranks,
@@ -11,10 +11,9 @@ use lazygrid_ranks::{
 
 use super::matching::DistributedMatching;
 use super::{Gathered, RankSlice, check, rows};
-use crate::model::Contact;
 use crate::motion::binding::{self, BindingRequest};
+use crate::reaction::candidates::{BestCandidates, StepPairs};
 use crate::reaction::dissociation::Dissociated;
-use crate::reaction::matching::ReactionCandidate;
 use crate::reaction::{ReactantChange, interactions};
 use crate::run::simulation::{Moved, detector};
 use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
@@ -199,17 +198,19 @@ impl<C: Communicator> RankSimulation<C> {
         pair_search.migrate(communicator, run)?;
         let ghosts = pair_search.ghosts(communicator, run)?;
         let own = run.state.particles.len();
-        let found = pair_search.candidates(run, &ghosts);
-        let mut candidates =
-            communicator.agree(found.map_err(|error| communicator.failure(error.to_string())))?;
         if run.reactions.is_empty() {
+            let counted = pair_search.count(run, &ghosts);
+            communicator.agree(counted.map_err(|error| communicator.failure(error.to_string())))?;
             return Ok(Vec::new());
         }
-        let chosen = pair_search.matching.greedy(communicator, &mut candidates, (own, &ghosts))?;
-        let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
-        let particles = &run.state.particles;
-        let outcomes = run.reactions.all_outcomes(particles, reacts(), run.key, run.state.step);
-        reacts().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
+        for ghost in ghosts.particles() {
+            run.state.particles.push(rows::of_ghost(ghost), run.model.has_velocity());
+        }
+        let RankPairSearch { search, matching, .. } = pair_search;
+        let sample = |taken: &[bool], best: &mut BestCandidates| sample(search, run, &ghosts, taken, best);
+        let chosen = matching.greedy(communicator, (own, &ghosts), sample)?;
+        let outcomes = run.reactions.all_outcomes(&run.state.particles, &chosen, run.key, run.state.step);
+        chosen.iter().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
         run.state.particles.truncate(own);
         deliver_outcomes(communicator, outcomes, (own, &ghosts))
     }
@@ -311,39 +312,43 @@ impl RankPairSearch {
         Ghosts::exchange(communicator, &leaving, |at| rows::ghost(particles, at))
     }
 
-    /// Counts the pairs that this rank reports and samples their reactions. Ghosts are then stored after own particles,
-    /// unless nothing reacts.
-    fn candidates(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<ReactionCandidate>, Error> {
-        let Simulation { model, key, state, reactions, .. } = run;
-        let State { particles, totals, step, .. } = state;
+    /// Counts the pairs that this rank reports.
+    fn count(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<(), Error> {
+        let State { particles, totals, step, .. } = &mut run.state;
         let failed = |source| Error::Step { step: *step, source };
-        let own = particles.len();
-        if reactions.is_empty() && model.contact == Contact::Count {
-            totals.pairs = self.search.count(particles.spheres()?, ghosts).map_err(failed)?.reported();
-            return Ok(Vec::new());
-        }
-        let with_velocity = model.has_velocity();
-        for ghost in ghosts.particles() {
-            particles.push(rows::of_ghost(ghost), with_velocity);
-        }
-        let particles = &*particles;
-        let (mut candidates, mut across) = (Vec::new(), Vec::new());
-        let counts = self.search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
-            let pairs = match found {
-                PairKind::Local => pairs,
-                PairKind::WithGhost => {
-                    across.clear();
-                    across.extend(pairs.iter().map(|&[i, j]| [i, own as u32 + j]));
-                    &across
-                }
-            };
-            let pairs: &[Pair] = bytemuck::cast_slice(pairs);
-            candidates.extend(reactions.candidates(particles, pairs, *key, *step));
-            ControlFlow::Continue(())
-        });
-        totals.pairs = counts.map_err(failed)?.reported();
-        Ok(candidates)
+        totals.pairs = self.search.count(particles.spheres()?, ghosts).map_err(failed)?.reported();
+        Ok(())
     }
+}
+
+/// Counts the pairs that this rank reports, and adds candidates for their reactions to `best`, except those of `taken` particles.
+/// The ghosts are the last particles of the run.
+fn sample(
+    search: &mut Search,
+    run: &mut Simulation,
+    ghosts: &Ghosts,
+    taken: &[bool],
+    best: &mut BestCandidates,
+) -> Result<(), Error> {
+    let Simulation { key, state: State { particles, totals, step, .. }, reactions, .. } = run;
+    let (particles, key, step) = (&*particles, *key, *step);
+    let own = particles.len() - ghosts.particles().len();
+    let (mut across, mut sampled) = (Vec::new(), Ok(()));
+    let counts = search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
+        let pairs = match found {
+            PairKind::Local => pairs,
+            PairKind::WithGhost => {
+                across.clear();
+                across.extend(pairs.iter().map(|&[i, j]| [i, own as u32 + j]));
+                &across
+            }
+        };
+        let pairs = StepPairs { particles, pairs: bytemuck::cast_slice(pairs), key, step };
+        sampled = reactions.sample(pairs, |particle| taken[particle as usize], best);
+        if sampled.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    totals.pairs = counts.map_err(|source| Error::Step { step, source })?.reported();
+    sampled
 }
 
 fn deliver_outcomes<C: Communicator>(

@@ -9,6 +9,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use rayon::prelude::*;
 
+use crate::Error;
+use crate::reaction::candidates::BestCandidates;
+
 /// Two particles that may react.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReactionCandidate {
@@ -45,6 +48,18 @@ pub struct Matching {
     best: Vec<AtomicU32>,
 }
 
+/// The particles that the chosen reactions consume.
+#[derive(Clone, Copy, Debug)]
+pub struct Consumed<'a>(&'a [AtomicU32]);
+
+impl Consumed<'_> {
+    /// Returns `true` if a chosen reaction consumes the particle.
+    #[inline]
+    pub fn contains(self, particle: u32) -> bool {
+        self.0[particle as usize].load(Ordering::Relaxed) == TAKEN
+    }
+}
+
 const NONE: u32 = u32::MAX;
 const TAKEN: u32 = 0;
 
@@ -53,16 +68,43 @@ const TASK: usize = 1024;
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
-    /// Sorts the candidates among `particles` particles from the best to the worst. Returns the indices of those that react, in
-    /// ascending order.
-    pub fn greedy(&mut self, candidates: &mut [ReactionCandidate], particles: usize) -> Vec<u32> {
-        let mut chosen = Vec::new();
+    /// Chooses among the candidates of `particles` particles, from the best to the worst. `sample` adds the candidates of particles
+    /// that are not consumed yet to a buffer, which keeps the best of them; it is called until none was dropped.
+    ///
+    /// # Errors
+    /// The errors of `sample`.
+    pub fn greedy(
+        &mut self,
+        particles: usize,
+        mut sample: impl FnMut(Consumed<'_>, &mut BestCandidates) -> Result<(), Error>,
+    ) -> Result<Vec<ReactionCandidate>, Error> {
         if self.best.len() < particles {
             self.best.resize_with(particles, || AtomicU32::new(NONE));
         }
+        let mut chosen = Vec::new();
+        let result = loop {
+            let mut best = BestCandidates::new(particles);
+            if let Err(error) = sample(Consumed(&self.best), &mut best) {
+                break Err(error);
+            }
+            let is_last = best.bound.is_none();
+            self.choose(&mut best.candidates, &mut chosen);
+            if is_last {
+                break Ok(());
+            }
+        };
+        // The next call begins with an empty table.
+        let claimed = chosen.iter().flat_map(ReactionCandidate::claimed);
+        claimed.for_each(|p| *self.best[p].get_mut() = NONE);
+        result.map(|()| chosen)
+    }
+
+    /// Sorts candidates of particles that are not consumed, and appends those that react to `chosen`, in the order of keys.
+    fn choose(&self, candidates: &mut [ReactionCandidate], chosen: &mut Vec<ReactionCandidate>) {
         candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let (best, candidates) = (&self.best, &*candidates);
-        let window = (particles / PARTICLES_PER_CANDIDATE).max(TASK);
+        let window = (best.len() / PARTICLES_PER_CANDIDATE).max(TASK);
+        let mut all_winners = Vec::new();
         for first in (0..candidates.len()).step_by(window) {
             let last = (first + window).min(candidates.len());
             let mut active: Vec<u32> = (first as u32..last as u32).collect();
@@ -79,7 +121,7 @@ impl Matching {
                 // A candidate is dropped if a better one took one of its particles.
                 let waits = |c: &u32| !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN);
                 let left: Vec<u32> = in_parallel().filter(waits).collect();
-                chosen.extend_from_slice(&winners);
+                all_winners.extend_from_slice(&winners);
                 // Losers first, as winners overwrite the entries of their particles.
                 in_parallel().for_each(|c| {
                     let clear = |p: &AtomicU32| {
@@ -94,11 +136,8 @@ impl Matching {
                 active = left;
             }
         }
-        // The next call begins with an empty table.
-        let all = candidates.par_iter().with_min_len(TASK);
-        all.for_each(|c| c.claimed().for_each(|p| best[p].store(NONE, Ordering::Relaxed)));
-        chosen.sort_unstable();
-        chosen
+        all_winners.sort_unstable();
+        chosen.extend(all_winners.into_iter().map(|c| candidates[c as usize]));
     }
 }
 
@@ -143,6 +182,37 @@ pub(crate) mod tests {
         })
     }
 
+    /// Returns those that `matching` chooses among `candidates` of `particles` particles.
+    pub(crate) fn choose(
+        matching: &mut Matching,
+        candidates: &[ReactionCandidate],
+        particles: usize,
+    ) -> Vec<ReactionCandidate> {
+        let sample = |consumed: Consumed<'_>, best: &mut BestCandidates| {
+            let is_open =
+                |c: &&ReactionCandidate| !c.claimed().any(|particle| consumed.contains(particle as u32));
+            candidates.iter().filter(is_open).try_for_each(|c| best.extend(&[*c]))
+        };
+        matching.greedy(particles, sample).expect("memory")
+    }
+
+    fn chosen(matching: &mut Matching, candidates: &[ReactionCandidate], particles: usize) -> Vec<[u32; 2]> {
+        choose(matching, candidates, particles).iter().map(|candidate| candidate.ids).collect()
+    }
+
+    /// Pairs of 25 catalysts with 4000 particles, far more than a buffer holds. Some consume the catalyst as well.
+    pub(crate) fn crowd() -> Vec<ReactionCandidate> {
+        let word = |[a, b]: [u32; 2]| (a * 4025 + b).wrapping_mul(0x9e37_79b9) >> 7;
+        let candidate = |ids| ReactionCandidate {
+            at: ids,
+            consumes: [word(ids) % 64 == 0, true],
+            rule: 0,
+            priority: word(ids) >> 6,
+            ids,
+        };
+        (0..25).flat_map(|a| (25..4025).map(move |b| candidate([a, b]))).collect()
+    }
+
     proptest! {
         #[test]
         fn equals_the_sequential_greedy(candidates in candidates()) {
@@ -150,11 +220,18 @@ pub(crate) mod tests {
             let mut shuffled = candidates.clone();
             shuffled.reverse();
             let expected = sequential(&candidates);
-            for mut candidates in [candidates, shuffled] {
-                let chosen = matching.greedy(&mut candidates, 41);
-                let ids: Vec<_> = chosen.iter().map(|&c| candidates[c as usize].ids).collect();
-                prop_assert_eq!(&ids, &expected);
+            for candidates in [candidates, shuffled] {
+                prop_assert_eq!(&chosen(&mut matching, &candidates, 41), &expected);
             }
+        }
+    }
+
+    #[test]
+    fn crowd_is_matched_in_several_passes() {
+        let mut matching = Matching::default();
+        let crowd = crowd();
+        for _ in 0..2 {
+            assert_eq!(chosen(&mut matching, &crowd, 4025), sequential(&crowd));
         }
     }
 
@@ -175,7 +252,6 @@ pub(crate) mod tests {
         all.sort_unstable_by_key(|c| c.ids);
         all.dedup_by_key(|c| c.ids);
         let expected = sequential(&all);
-        let chosen = Matching::default().greedy(&mut all, 10_000);
-        assert_eq!(chosen.iter().map(|&c| all[c as usize].ids).collect::<Vec<_>>(), expected);
+        assert_eq!(chosen(&mut Matching::default(), &all, 10_000), expected);
     }
 }

@@ -1,5 +1,6 @@
 //! Bimolecular reactions: the pairs that may react, and the changes of their particles.
 
+pub mod candidates;
 pub mod decay;
 pub mod dissociation;
 pub mod matching;
@@ -8,7 +9,6 @@ pub mod rate;
 pub(crate) mod probability;
 
 use lazygrid::{Interaction, Interactions, Pair};
-use rayon::prelude::*;
 
 use crate::Error;
 use crate::model::boundary::Boundary;
@@ -72,8 +72,6 @@ pub struct ReactantChange {
     pub position: [f32; 3],
 }
 
-const TASK: usize = 4096;
-
 impl Reactions {
     /// Creates the reactions of a model that [`Model::check`] accepts.
     pub fn new(model: &Model) -> Self {
@@ -102,50 +100,11 @@ impl Reactions {
         self.reactions.is_empty()
     }
 
-    /// Draws the reactions of `pairs`, in their order.
-    pub fn candidates(
-        &self,
-        particles: &Particles,
-        pairs: &[Pair],
-        key: Key,
-        step: u32,
-    ) -> Vec<ReactionCandidate> {
-        if self.reactions.is_empty() {
-            return Vec::new();
-        }
-        let candidates = |pairs: &[Pair]| {
-            let of = |pair: &Pair| self.candidate(particles, *pair, key, step);
-            pairs.iter().filter_map(of).collect::<Vec<_>>()
-        };
-        let chunks: Vec<_> = pairs.par_chunks(TASK).map(candidates).collect();
-        chunks.concat()
-    }
-
+    /// Returns the shells of two species, innermost first; none if they do not react.
     #[inline]
-    fn zones_of(&self, a: u32, b: u32) -> &[ReactionShell] {
+    pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);
         if a.max(b) < self.reactants { &self.table[a * self.reactants + b] } else { &[] }
-    }
-
-    fn candidate(&self, particles: &Particles, pair: Pair, key: Key, step: u32) -> Option<ReactionCandidate> {
-        let (i, j) = (pair.i as usize, pair.j as usize);
-        let (a, b) = (particles.species[i], particles.species[j]);
-        let zone = match self.zones_of(a, b) {
-            [] => return None,
-            [zone] if zone.within.is_none() => zone,
-            zones => {
-                let apart = distance_squared(particles, pair, &self.boundary);
-                let is_inside = |radius: f32| apart <= f64::from(radius) * f64::from(radius);
-                zones.iter().find(|zone| zone.within.is_none_or(is_inside))?
-            }
-        };
-        let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
-        let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
-        let rule = zone.rules().find(|rule| chance <= rule.up_to)?;
-        // For equal species, the particle with the lower id comes first.
-        let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
-        let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
-        Some(ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids })
     }
 
     /// Returns the changes of the reactants of a candidate, without those that it does not consume.
@@ -182,20 +141,14 @@ impl Reactions {
     }
 
     /// Returns the changes of all reactants, before any is applied: a catalyst may take part in several reactions.
-    pub(crate) fn all_outcomes<'a>(
+    pub(crate) fn all_outcomes(
         &self,
         particles: &Particles,
-        chosen: impl Iterator<Item = &'a ReactionCandidate>,
+        chosen: &[ReactionCandidate],
         key: Key,
         step: u32,
     ) -> Vec<ReactantChange> {
-        chosen.flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
-    }
-
-    /// Returns the shells of two species, innermost first.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
-        self.zones_of(a, b)
+        chosen.iter().flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
     /// See [`Self::shares`].
@@ -280,6 +233,7 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
 
 #[cfg(test)]
 mod tests {
+    use super::candidates::{BestCandidates, StepPairs};
     use super::*;
     use crate::model::particles::Particle;
     use crate::model::{ReactionRate, Species};
@@ -305,8 +259,15 @@ mod tests {
 
     const KEY: Key = Key::new(3);
 
+    fn sample(reactions: &Reactions, particles: &Particles, step: u32) -> Vec<ReactionCandidate> {
+        let mut best = BestCandidates::new(particles.len());
+        let pairs = StepPairs { particles, pairs: &[Pair::new(0, 1)], key: KEY, step };
+        reactions.sample(pairs, |_| false, &mut best).expect("memory");
+        best.candidates
+    }
+
     fn only(reactions: &Reactions, particles: &Particles) -> [Option<ReactantChange>; 2] {
-        let candidates = reactions.candidates(particles, &[Pair::new(0, 1)], KEY, 0);
+        let candidates = sample(reactions, particles, 0);
         assert_eq!(candidates.len(), 1);
         assert_eq!((candidates[0].at, candidates[0].ids), ([1, 0], [4, 8]));
         reactions.outcomes(particles, &candidates[0], KEY, 0)
@@ -348,9 +309,9 @@ mod tests {
         let table = interactions(&model).unwrap().unwrap();
         assert_eq!(table.get(0, 1), Interaction::Within(1.0));
         assert_eq!(table.get(0, 2), Interaction::Touch);
-        assert_eq!(Reactions::new(&model).candidates(&two(), &[Pair::new(0, 1)], KEY, 0), []);
+        assert_eq!(sample(&Reactions::new(&model), &two(), 0), []);
         model.reactions[0].binding_radius = 1.0;
-        assert_eq!(Reactions::new(&model).candidates(&two(), &[Pair::new(0, 1)], KEY, 0).len(), 1);
+        assert_eq!(sample(&Reactions::new(&model), &two(), 0).len(), 1);
     }
 
     #[test]
@@ -369,7 +330,7 @@ mod tests {
             let (reactions, particles) = (Reactions::new(model), two());
             let mut counts = [0; 3];
             for step in 0..n {
-                let candidates = reactions.candidates(&particles, &[Pair::new(0, 1)], KEY, step);
+                let candidates = sample(&reactions, &particles, step);
                 candidates.iter().for_each(|candidate| counts[candidate.rule as usize] += 1);
             }
             counts.map(|count| f64::from(count) / f64::from(n))
@@ -393,7 +354,7 @@ mod tests {
         model.reactions[0].chance = ReactionRate::PerStep(0.3);
         let (reactions, particles) = (Reactions::new(&model), two());
         let n = 20_000;
-        let one = |step| reactions.candidates(&particles, &[Pair::new(0, 1)], KEY, step).len();
+        let one = |step| sample(&reactions, &particles, step).len();
         let yes: usize = (0..n).map(one).sum();
         let error = (yes as f64 - f64::from(n) * 0.3) / (f64::from(n) * 0.21).sqrt();
         assert!(error.abs() < 4.0, "{error} standard errors");

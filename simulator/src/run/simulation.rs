@@ -12,6 +12,7 @@ use crate::motion::receiver_search::ReceiverSearch;
 use crate::motion::receiver_state;
 use crate::random::philox::{Key, Purpose};
 use crate::ranks::RankSlice;
+use crate::reaction::candidates::StepPairs;
 use crate::reaction::dissociation::{self, Dissociated, Dissociation};
 use crate::reaction::matching::Matching;
 use crate::reaction::{ReactantChange, Reactions, interactions};
@@ -272,13 +273,15 @@ impl Simulation {
         }
         let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
         self.state.totals.pairs = pairs.len() as u64;
-        let mut candidates = self.reactions.candidates(particles, pairs, key, step);
-        let chosen = self.matching.greedy(&mut candidates, particles.len());
-        let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
-        let outcomes = self.reactions.all_outcomes(particles, reacts(), key, step);
-        reacts().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
+        let reactions = &self.reactions;
+        let step_pairs = StepPairs { particles, pairs, key, step };
+        let chosen = self.matching.greedy(particles.len(), |consumed, best| {
+            reactions.sample(step_pairs, |particle| consumed.contains(particle), best)
+        })?;
+        let outcomes = reactions.all_outcomes(particles, &chosen, key, step);
+        chosen.iter().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
         if self.contacts.separate() {
-            let mut reacted: Vec<u32> = reacts().flat_map(|c| c.at).collect();
+            let mut reacted: Vec<u32> = chosen.iter().flat_map(|c| c.at).collect();
             reacted.sort_unstable();
             let free = |at: u32| reacted.binary_search(&at).is_err();
             self.state.totals.contacts += self.contacts.resolve(particles, pairs, free, (key, step));

@@ -1,0 +1,141 @@
+//! The candidates of a step: pairs whose random words say that they react.
+//!
+//! In a crowd there are far more candidates than particles, so only the best ones are kept. The matching consumes particles and
+//! asks again; the pairs of consumed particles are then skipped before anything is drawn for them.
+
+use lazygrid::Pair;
+use rayon::prelude::*;
+
+use crate::Error;
+use crate::model::particles::Particles;
+use crate::random::philox::{self, Purpose};
+use crate::reaction::matching::{Key, ReactionCandidate};
+use crate::reaction::{ReactionRule, Reactions, distance_squared};
+
+/// The pairs of a step, with the key of its random words.
+#[derive(Clone, Copy, Debug)]
+pub struct StepPairs<'a> {
+    /// The particles.
+    pub particles: &'a Particles,
+    /// Pairs of their indices.
+    pub pairs: &'a [Pair],
+    /// The key of the run.
+    pub key: philox::Key,
+    /// The step.
+    pub step: u32,
+}
+
+/// The best candidates of a stream, in bounded memory.
+#[derive(Debug)]
+pub struct BestCandidates {
+    pub(crate) candidates: Vec<ReactionCandidate>,
+    capacity: usize,
+    /// The worst key of a candidate that is kept; `None` if all are.
+    pub(crate) bound: Option<Key>,
+}
+
+/// The number of candidates per particle that are kept. With four, few particles are left for another pass.
+const CANDIDATES_PER_PARTICLE: usize = 4;
+/// The number of candidates that are always kept.
+const MIN_CAPACITY: usize = 1 << 14;
+/// The number of pairs per parallel task.
+const TASK: usize = 4096;
+/// The number of pairs after which the bound is updated.
+const BLOCK: usize = 64 * TASK;
+
+impl BestCandidates {
+    /// Creates a buffer for the candidates of a number of particles.
+    pub fn new(particles: usize) -> Self {
+        let capacity = particles.saturating_mul(CANDIDATES_PER_PARTICLE).max(MIN_CAPACITY);
+        Self { candidates: Vec::new(), capacity, bound: None }
+    }
+
+    /// Adds candidates, except those that are worse than dropped ones, and drops the worst ones if there are too many.
+    ///
+    /// # Errors
+    /// [`Error::OutOfCandidateMemory`].
+    pub fn extend(&mut self, more: &[ReactionCandidate]) -> Result<(), Error> {
+        let candidates = self.candidates.len() + more.len();
+        let bytes = (candidates * size_of::<ReactionCandidate>()) as u64;
+        let refused = |_| Error::OutOfCandidateMemory { candidates: candidates as u64, bytes };
+        self.candidates.try_reserve(more.len()).map_err(refused)?;
+        let bound = self.bound;
+        let is_within = |candidate: &&ReactionCandidate| bound.is_none_or(|bound| candidate.key() <= bound);
+        self.candidates.extend(more.iter().filter(is_within));
+        if self.candidates.len() > self.capacity {
+            let last = self.capacity / 2;
+            let (_, &mut worst, _) = self.candidates.select_nth_unstable_by_key(last, ReactionCandidate::key);
+            self.candidates.truncate(last + 1);
+            self.bound = Some(worst.key());
+        }
+        Ok(())
+    }
+
+    /// Drops the candidates that are worse than `bound`.
+    pub(crate) fn restrict(&mut self, bound: Key) {
+        self.candidates.retain(|candidate| candidate.key() <= bound);
+        self.bound = Some(bound);
+    }
+}
+
+impl Reactions {
+    /// Draws the reactions of pairs and adds their candidates to `best`, except those that consume a particle again.
+    ///
+    /// # Errors
+    /// The errors of [`BestCandidates::extend`].
+    pub fn sample(
+        &self,
+        pairs: StepPairs<'_>,
+        is_consumed: impl Fn(u32) -> bool + Sync,
+        best: &mut BestCandidates,
+    ) -> Result<(), Error> {
+        if self.is_empty() {
+            return Ok(());
+        }
+        for block in pairs.pairs.chunks(BLOCK) {
+            let bound = best.bound;
+            let candidate = |&pair: &Pair| {
+                let candidate = self.candidate(pairs, pair, &is_consumed)?;
+                bound.is_none_or(|bound| candidate.key() <= bound).then_some(candidate)
+            };
+            let chunk = |pairs: &[Pair]| pairs.iter().filter_map(candidate).collect::<Vec<_>>();
+            for chunk in block.par_chunks(TASK).map(chunk).collect::<Vec<_>>() {
+                best.extend(&chunk)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn candidate(
+        &self,
+        StepPairs { particles, key, step, .. }: StepPairs<'_>,
+        pair: Pair,
+        is_consumed: impl Fn(u32) -> bool,
+    ) -> Option<ReactionCandidate> {
+        let (i, j) = (pair.i as usize, pair.j as usize);
+        let (a, b) = (particles.species[i], particles.species[j]);
+        let shell = match self.shells(a, b) {
+            [] => return None,
+            [shell] if shell.within.is_none() => shell,
+            shells => {
+                let apart = distance_squared(particles, pair, &self.boundary);
+                let is_inside = |radius: f32| apart <= f64::from(radius) * f64::from(radius);
+                shells.iter().find(|shell| shell.within.is_none_or(is_inside))?
+            }
+        };
+        let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
+        let candidate = |rule: &ReactionRule, priority| {
+            // For equal species, the particle with the lower id comes first.
+            let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
+            let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
+            ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids }
+        };
+        let is_open = |candidate: &ReactionCandidate| !candidate.claimed().any(|at| is_consumed(at as u32));
+        if !shell.rules().any(|rule| is_open(&candidate(rule, 0))) {
+            return None;
+        }
+        let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
+        let rule = shell.rules().find(|rule| chance <= rule.up_to)?;
+        Some(candidate(rule, priority)).filter(is_open)
+    }
+}
