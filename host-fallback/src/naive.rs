@@ -1,10 +1,11 @@
-//! All-pairs comparison, the reference of every other algorithm.
+//! All-pairs comparison of the groups that meet, the reference of every other algorithm.
 
 use std::ops::Range;
 
 use crate::Error;
 use crate::compare::{COMPARE_NS, Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
-use crate::input::{SearchInput, search_pieces};
+use crate::input::{SearchInput, search_pieces, sort_by_group};
+use crate::memory::{try_push, with_growth};
 
 /// Spheres per tile: the columns of two tiles, 40 KiB, stay near the first-level cache.
 const TILE: usize = 1024;
@@ -35,35 +36,69 @@ pub(crate) fn time(spheres: usize) -> f32 {
     spheres as f32 * spheres as f32 * COMPARE_NS / 2.0
 }
 
-/// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
-///
-/// # Errors
-/// [`Error::OutOfMemory`], [`Error::Cancelled`].
-pub(crate) fn search<'o, O: Output>(
-    input: &SearchInput<'_>,
-    columns: &Columns,
-    output: &'o O,
-) -> Result<O::Sink<'o>, Error> {
-    let tiles = |range: Range<usize>| range.len().div_ceil(TILE);
-    let tile = |of: &Range<usize>, k: usize| of.start + k * TILE..of.end.min(of.start + (k + 1) * TILE);
-    let n = columns.len();
-    // All with all, or the first ones with the others.
-    let (rows, others) = match input.split {
-        None => (0..n, 0..n),
-        Some(split) => (0..split, split..n),
-    };
-    search_pieces((output, input), (tiles(rows.clone()), 1), |mut sink, k| {
-        let first = if input.split.is_none() { k } else { 0 };
-        for other in first..tiles(others.clone()) {
-            if input.is_stopped() {
-                return Err(Error::Cancelled);
-            }
-            if !sink.stopped() {
-                let sink = &mut sink;
-                let (a, b) = (tile(&rows, k), tile(&others, other));
-                input.run(Tile { columns, test: &input.test, a, b, sink });
+/// The spheres, group by group, and the tiles to compare. Buffers survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct Naive {
+    columns: Columns,
+    /// The sphere at each position of the columns.
+    order: Vec<u32>,
+    rows: Vec<TileRow>,
+}
+
+/// A tile, and the range of spheres to compare it with. Only if both are of one group, they overlap.
+#[derive(Clone, Debug)]
+struct TileRow {
+    tile: Range<usize>,
+    others: Range<usize>,
+}
+
+impl Naive {
+    /// The most bytes held for `spheres` spheres.
+    pub(crate) fn memory_for(spheres: u64) -> u64 {
+        with_growth(spheres * (Columns::BYTES_PER_SPHERE + size_of::<u32>() as u64))
+    }
+
+    /// Copies the spheres, group by group, and plans the tiles of every two groups that meet.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
+        let grouping = input.grouping(true);
+        let ends = sort_by_group(&grouping, input.stats.spheres, &mut self.order)?;
+        self.columns.gather(&input.test, self.order.iter().copied())?;
+        self.rows.clear();
+        for (a, b) in grouping.meetings() {
+            let [of, with] = [a, b].map(|group| if group == 0 { 0 } else { ends[group - 1] }..ends[group]);
+            for start in of.clone().step_by(TILE) {
+                let tile = start..of.end.min(start + TILE);
+                let others = if a == b { start } else { with.start }..with.end;
+                try_push(&mut self.rows, TileRow { tile, others }, "tiles of spheres")?;
             }
         }
-        Ok(sink)
-    })
+        Ok(())
+    }
+
+    /// Finds all pairs, in tiles spread over the threads.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], [`Error::Cancelled`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        search_pieces((output, input), (self.rows.len(), 1), |mut sink, k| {
+            let TileRow { tile, others } = &self.rows[k];
+            for start in others.clone().step_by(TILE) {
+                if input.is_stopped() {
+                    return Err(Error::Cancelled);
+                }
+                if !sink.stopped() {
+                    let (a, b) = (tile.clone(), start..others.end.min(start + TILE));
+                    input.run(Tile { columns: &self.columns, test: &input.test, a, b, sink: &mut sink });
+                }
+            }
+            Ok(sink)
+        })
+    }
 }

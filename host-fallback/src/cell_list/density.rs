@@ -185,32 +185,25 @@ impl DensityCache {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn of(
-        last: Option<Self>,
-        input: &SearchInput<'_>,
-        groups: Option<&SpeciesGroups>,
-    ) -> Result<Self, Error> {
+    pub(crate) fn of(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
         let InputStats { spheres, min, max, .. } = input.stats;
-        let version = groups.map_or(0, SpeciesGroups::version);
+        let version = input.groups.map_or(0, SpeciesGroups::version);
         match last {
             Some(last) if last.groups == version && last.serves(spheres, [min, max]) => {
                 Ok(Self { left: last.left - 1, ..last })
             }
             _ => {
                 let left = if spheres < MAX_REUSE_SPHERES { MAX_REUSES } else { 0 };
-                let (density, is_separate) = Self::sample(input, groups)?;
+                let (density, is_separate) = Self::sample(input)?;
                 Ok(Self { density, is_separate, groups: version, spheres, bounds: [min, max], left })
             }
         }
     }
 
-    fn sample(
-        input: &SearchInput<'_>,
-        groups: Option<&SpeciesGroups>,
-    ) -> Result<(DensityProfile, bool), Error> {
+    fn sample(input: &SearchInput<'_>) -> Result<(DensityProfile, bool), Error> {
         let sample = Sample::take(input)?;
-        let Some(groups) = groups else { return Ok((sample.density(None), false)) };
-        let grouping = |is_separate| input.grouping(Some((groups, is_separate)));
+        let Some(groups) = input.groups else { return Ok((sample.density(None), false)) };
+        let grouping = |is_separate| input.grouping(is_separate);
         let merged = sample.density(Some(&grouping(false)));
         if !groups.are_several() {
             return Ok((merged, false));

@@ -21,9 +21,9 @@ mod tests;
 use std::ops::Range;
 
 use crate::compare::{Columns, Output, SimdWidth};
+use crate::input::Grouping;
 use crate::input::SearchInput;
 use crate::input::SizeClass;
-use crate::input::{Grouping, SpeciesGroups};
 use crate::memory::{try_push, with_growth};
 use crate::report::Report;
 use crate::size_class::SIZE_CLASSES;
@@ -50,7 +50,6 @@ pub(crate) struct CellList {
     /// The other levels that each level searches.
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
-    groups: SpeciesGroups,
     /// `true` if every two compared spheres are a pair exactly if their effective radii touch.
     touch_decides: bool,
     sorter: Sorter,
@@ -130,22 +129,6 @@ impl CellLocator<'_> {
 }
 
 impl CellList {
-    /// Groups the spheres by species and samples their density, unless the `last` sample still applies.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`], and those of the threads.
-    pub(crate) fn density_cache(
-        &mut self,
-        last: Option<DensityCache>,
-        input: &SearchInput<'_>,
-    ) -> Result<DensityCache, Error> {
-        let table = input.settings.interactions.as_ref().zip(input.test.spheres().species());
-        if let Some((table, ids)) = table {
-            self.groups.update(ids, table, input.executor)?;
-        }
-        DensityCache::of(last, input, table.map(|_| &self.groups))
-    }
-
     /// Plans the levels and sorts the spheres into cells.
     ///
     /// # Errors
@@ -160,9 +143,7 @@ impl CellList {
         let planned = report.time("plan", || CachedPlan::of(last, &input.stats, density_cache.density()));
         let plan = &self.plan.insert(planned).levels;
         self.time = plan.cost;
-        let groups =
-            input.settings.interactions.as_ref().map(|_| (&self.groups, density_cache.is_separate()));
-        let grouping = input.grouping(groups);
+        let grouping = input.grouping(density_cache.is_separate());
         let is_divided = grouping.count() > 1;
         if is_divided {
             report.time("plan", || GroupMembers::count(&mut self.members, input, &grouping))?;

@@ -1,9 +1,11 @@
+use std::ops::Range;
+
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
-use super::CellList;
+use super::{CellList, DensityCache};
 use crate::compare::{ChunkTarget, ChunkedOutput, PairTest};
 use crate::executor::Executor;
-use crate::input::SearchInput;
+use crate::input::{SearchInput, SpeciesGroups};
 use crate::test_support::assert_matches_naive;
 use crate::{HostDetector, Order, Report, Settings, Simd};
 
@@ -80,6 +82,7 @@ fn folded_table_matches_naive() {
     assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
 }
 
+/// Tables of all kinds, by every algorithm; groups are kept apart and merged, and some cells are crowded.
 #[test]
 fn groups_of_species_match_naive() {
     let kinds = [Interaction::Never, Interaction::Touch, Interaction::Within(0.9), Interaction::Within(4.0)];
@@ -92,10 +95,17 @@ fn groups_of_species_match_naive() {
             let kind = if uniform { mixed % 2 * (1 + seed % 2) } else { mixed % 4 };
             table.set(a, b, kinds[kind as usize]).expect("species of the table");
         }
-        let spheres = scattered(900, seed % 4, if seed % 5 == 0 { 4.0 } else { 25.0 });
+        let (n, extent) = match seed % 20 {
+            13 => (3000_u32, 0.2),
+            _ => (900, if seed % 5 == 0 { 4.0 } else { 25.0 }),
+        };
+        let given = scattered(n, seed % 4, extent);
         let ids: Vec<u32> =
-            (0..900_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 20) % species.max(2) % species).collect();
-        let spheres = Spheres::from(&spheres).with_species(&ids).expect("as many");
+            (0..n).map(|k| (k.wrapping_mul(2_654_435_761) >> 20) % species.max(2) % species).collect();
+        let part = |range: Range<usize>| {
+            Spheres::from(&given[range.clone()]).with_species(&ids[range]).expect("as many")
+        };
+        let spheres = part(0..given.len());
         let space = match seed % 4 {
             3 => Space::periodic([Some(16.0), None, Some(17.5)]).expect("a box"),
             _ => Space::UNBOUNDED,
@@ -109,11 +119,15 @@ fn groups_of_species_match_naive() {
             let prepared = buffers.prepare(&query, (&settings, true), Executor::Caller, phases);
             let prepared = prepared.expect("all are valid");
             let test = prepared.test(&settings);
-            let mut input =
-                SearchInput { executor: Executor::Caller, split, ..SearchInput::surveyed(test, &settings) };
+            let mut groups = SpeciesGroups::default();
+            let table = settings.interactions.as_ref().expect("a table");
+            groups.update(&ids, table, Executor::Caller).expect("nothing fails");
+            let surveyed = SearchInput::surveyed(test, &settings);
+            let executor = Executor::Caller;
+            let mut input = SearchInput { executor, split, groups: Some(&groups), ..surveyed };
             let mut expected = Vec::new();
-            for i in 0..900 {
-                for j in i + 1..900 {
+            for i in 0..n {
+                for j in i + 1..n {
                     let is_asked_for = split.is_none_or(|split| (i < split as u32) != (j < split as u32));
                     if is_asked_for && input.test.is_pair(i, j) {
                         expected.push(Pair { i, j });
@@ -123,7 +137,7 @@ fn groups_of_species_match_naive() {
             for is_separate in [false, true] {
                 let mut list = CellList::default();
                 let density_cache =
-                    list.density_cache(None, &input).expect("there is memory").with_groups(is_separate);
+                    DensityCache::of(None, &input).expect("there is memory").with_groups(is_separate);
                 list.build(&input, &density_cache, &mut report).expect("there is memory");
                 if list.touch_decides() {
                     input.test.decided_by_radii();
@@ -134,7 +148,22 @@ fn groups_of_species_match_naive() {
                     list.search(&input, &output).and_then(|sink| sink.finish()).expect("there is memory");
                 let mut found = chunks.concat();
                 found.sort_unstable();
-                assert_eq!(found, expected, "seed {seed}, {split:?}, separate: {is_separate}");
+                assert!(found == expected, "seed {seed}, {split:?}, separate: {is_separate}");
+            }
+            for &algorithm in Algorithm::CPU {
+                let settings = Settings { algorithm, threads: Some(1), ..settings.clone() };
+                let mut detector = HostDetector::new(settings).expect("the settings are in range");
+                let first = split.unwrap_or(0);
+                let found = match split {
+                    None => detector.pairs(spheres),
+                    Some(split) => detector.pairs((part(0..split), part(split..given.len()))),
+                };
+                let found: Vec<_> = found
+                    .expect("the spheres are valid")
+                    .iter()
+                    .map(|pair| Pair { i: pair.i, j: pair.j + first as u32 })
+                    .collect();
+                assert!(found == expected, "seed {seed}, {split:?}, {algorithm}");
             }
         }
     }
@@ -153,7 +182,7 @@ fn slightly_too_many_cells_do_not_fold_the_table() {
         let settings = Settings::default();
         let input = SearchInput::surveyed(PairTest::new((&spheres).into(), None), &settings);
         let mut list = CellList::default();
-        let density_cache = list.density_cache(None, &input).expect("there is memory");
+        let density_cache = DensityCache::of(None, &input).expect("there is memory");
         list.build(&input, &density_cache, &mut Report::default()).expect("there is memory");
         assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
     }

@@ -32,8 +32,6 @@ pub(crate) struct PairTest<'a> {
     margin: Option<SkinMargin<'a>>,
     /// The exact filter that is applied after the contact test.
     filter: Option<&'a PairFilter<'a>>,
-    /// The size of the first of two sets, for a search that finds pairs within a set too.
-    split: Option<u32>,
     /// The frame in which the spheres are searched.
     frame: Option<&'a SearchFrame>,
     /// `true` if spheres that certainly touch are a pair without further tests.
@@ -82,7 +80,6 @@ impl<'a> PairTest<'a> {
             lengths: None,
             margin: None,
             filter: None,
-            split: None,
             frame: None,
             is_plain,
         }
@@ -100,13 +97,6 @@ impl<'a> PairTest<'a> {
     pub(crate) fn in_space(self, space: Space) -> Self {
         let lengths = space.lengths().map(|length| length.unwrap_or(f64::INFINITY));
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
-    }
-
-    /// Restricts pairs to one of the first `split` spheres with one of the others.
-    pub(crate) fn across(self, split: Option<usize>) -> Self {
-        // Below 2³² by the number of spheres.
-        let split = split.map(|split| split as u32);
-        Self { split, is_plain: self.is_plain && split.is_none(), ..self }
     }
 
     /// Returns the test for candidates, with a margin.
@@ -173,9 +163,9 @@ impl<'a> PairTest<'a> {
     }
 
     /// Declares that contact by effective radii decides, which the caller guarantees for the groups of the spheres, if
-    /// no filter, frame or second set requires more.
+    /// no filter or frame requires more.
     pub(crate) fn decided_by_radii(&mut self) {
-        self.is_plain = self.filter.is_none() && self.frame.is_none() && self.split.is_none();
+        self.is_plain = self.filter.is_none() && self.frame.is_none();
     }
 
     pub(crate) fn is_framed(&self) -> bool {
@@ -201,9 +191,6 @@ impl<'a> PairTest<'a> {
     }
 
     pub(crate) fn is_pair(&self, i: u32, j: u32) -> bool {
-        if self.split.is_some_and(|split| (i < split) == (j < split)) {
-            return false;
-        }
         match self.filter {
             None => self.touch(i, j),
             Some(filter) if filter.decides_contact() => filter.accepts(i, j),

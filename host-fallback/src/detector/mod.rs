@@ -9,13 +9,11 @@ use std::sync::Arc;
 use lazygrid_kernels::{Query, Sphere};
 
 use crate::cell_list::CellList;
-use crate::compare::Columns;
 use crate::executor::{Executor, MIN_PARALLEL_SPHERES, Team};
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::input::QueryBuffers;
-use crate::input::SearchInput;
-use crate::input::{InputStats, check_valid};
+use crate::input::{InputStats, QueryBuffers, SearchInput, SpeciesGroups, check_valid};
 use crate::memory::with_growth;
+use crate::naive::Naive;
 use crate::skin::memory_of_candidates;
 use crate::{Error, PhaseTime, RebuildReason, Report, Settings};
 use algorithm_choice::IndexKind;
@@ -33,6 +31,7 @@ pub struct HostBackend {
     structure: IndexKind,
     team: Arc<Team>,
     buffers: QueryBuffers,
+    groups: SpeciesGroups,
     state: DetectorState,
 }
 
@@ -64,7 +63,14 @@ impl HostBackend {
         log::debug!("vector code: {:?}", settings.simd);
         let mut state = DetectorState::default();
         state.report.algorithm = settings.algorithm;
-        Ok(Self { settings, structure, team, buffers: QueryBuffers::default(), state })
+        Ok(Self {
+            settings,
+            structure,
+            team,
+            buffers: QueryBuffers::default(),
+            groups: SpeciesGroups::default(),
+            state,
+        })
     }
 
     /// The report of the last call.
@@ -86,7 +92,7 @@ impl HostBackend {
             false => 0,
         };
         let own = match self.structure {
-            IndexKind::Naive => with_growth(spheres * Columns::BYTES_PER_SPHERE),
+            IndexKind::Naive => Naive::memory_for(spheres),
             IndexKind::HashGrid => HashGrid::memory_for(spheres, ratio, threads),
             IndexKind::ArrayGrid => ArrayGrid::memory_for(spheres, ratio, threads),
             IndexKind::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
@@ -115,7 +121,7 @@ impl SearchBackend for HostBackend {
 
     /// Prepares, chooses, builds, and calls `work` in the detector's pool. For small inputs only long work runs there.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        let Self { settings, structure, team, buffers, state } = self;
+        let Self { settings, structure, team, buffers, groups, state } = self;
         let settings = &*settings;
         // The time of the paper's grids is not predictable.
         let is_large = query.len() >= MIN_PARALLEL_SPHERES
@@ -137,9 +143,7 @@ impl SearchBackend for HostBackend {
                 Some(prepared) => prepared,
                 None => buffers.prepare(query, (settings, true), executor, &mut state.report.phases)?,
             };
-            // The paper's grids also find pairs within a set.
-            let finds_all = !matches!(structure, IndexKind::Naive | IndexKind::CellList);
-            let test = prepared.test(settings).across(prepared.split.filter(|_| finds_all));
+            let test = prepared.test(settings);
             if !is_advanced && prepared.split.is_none() {
                 lapsed = state.advance(settings, (&test, None), executor)?;
             }
@@ -151,8 +155,13 @@ impl SearchBackend for HostBackend {
                     stats.or_else(|error| check_valid(query, executor).and(Err(error)))?
                 }
             };
-            let mut input =
-                SearchInput { test, stats, settings, simd: settings.simd, executor, split: prepared.split };
+            let table = settings.interactions.as_ref().zip(test.spheres().species());
+            if let (Some((table, ids)), Some(_)) = (table, lapsed) {
+                groups.update(ids, table, executor)?;
+            }
+            let groups = table.map(|_| &*groups);
+            let (simd, split) = (settings.simd, prepared.split);
+            let mut input = SearchInput { test, stats, settings, simd, executor, split, groups };
             state.build(&mut input, lapsed)?;
             if is_large || state.is_short(&input) {
                 work(&mut Built { state, input: &input })

@@ -7,21 +7,20 @@ use lazygrid_kernels::{Algorithm, Pair};
 use super::algorithm_choice::{self, IndexKind};
 use super::finder::{ChunkConsumer, PairSource, ranges};
 use crate::cell_list::CellList;
-use crate::compare::{
-    ChunkTarget, ChunkedOutput, Columns, Count, Output, PairConsumer, PairTest, deliver_unordered,
-};
+use crate::compare::{ChunkTarget, ChunkedOutput, Count, Output, PairConsumer, PairTest, deliver_unordered};
 use crate::disjoint_writes::shared;
 use crate::executor::Executor;
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::input::{GivenSpheres, SearchInput};
 use crate::memory::{try_collect, try_extend};
+use crate::naive::{self, Naive};
 use crate::skin::SkinController;
-use crate::{CandidateListStats, Error, RebuildReason, Report, Settings, naive};
+use crate::{CandidateListStats, Error, RebuildReason, Report, Settings};
 
 #[derive(Debug, Default)]
 pub(crate) struct DetectorState {
     pub(crate) report: Report,
-    columns: Columns,
+    naive: Naive,
     cell_list: CellList,
     pub(crate) skin: SkinController,
     /// `true` if this call tests the candidate list.
@@ -72,8 +71,12 @@ impl DetectorState {
             (self.report.algorithm, self.report.reason) = (algorithm, reason);
             self.structure(input)?;
         }
-        if self.report.algorithm == Algorithm::CellList && self.cell_list.touch_decides() {
-            // Candidates are of the cell list's groups.
+        // Candidates are of the cell list's groups.
+        let is_by_radii = match self.report.algorithm {
+            Algorithm::CellList => self.cell_list.touch_decides(),
+            _ => input.grouping(true).is_by_radii(),
+        };
+        if is_by_radii {
             input.test.decided_by_radii();
         }
         if self.from_candidates {
@@ -102,7 +105,7 @@ impl DetectorState {
     fn structure(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
         let Self {
             report,
-            columns,
+            naive,
             cell_list,
             skin,
             from_candidates,
@@ -112,9 +115,7 @@ impl DetectorState {
             ..
         } = self;
         match IndexKind::from_algorithm(report.algorithm)? {
-            IndexKind::Naive => {
-                report.time("gather", || columns.gather(&input.test, 0..input.stats.spheres as u32))
-            }
+            IndexKind::Naive => report.time("gather", || naive.build(input)),
             IndexKind::HashGrid => hash_grid.build(input, report),
             IndexKind::ArrayGrid => array_grid.build(input, report),
             IndexKind::RecursiveGrid => recursive_grid.build(input, report),
@@ -130,13 +131,13 @@ impl DetectorState {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        let Self { report, columns, cell_list, skin, hash_grid, array_grid, recursive_grid, .. } = self;
+        let Self { report, naive, cell_list, skin, hash_grid, array_grid, recursive_grid, .. } = self;
         if self.from_candidates {
             return report.time("test", || skin.candidates.search(input, output));
         }
         let structure = IndexKind::from_algorithm(report.algorithm)?;
         report.time("search", || match structure {
-            IndexKind::Naive => naive::search(input, columns, output),
+            IndexKind::Naive => naive.search(input, output),
             IndexKind::HashGrid => hash_grid.search(input, output),
             IndexKind::ArrayGrid => array_grid.search(input, output),
             IndexKind::RecursiveGrid => recursive_grid.search(input, output),

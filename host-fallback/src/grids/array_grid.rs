@@ -74,13 +74,14 @@ fn cells<'o, K: RadixKey, O: Output>(
     batch: &mut Batch,
     (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
 ) -> Result<O::Sink<'o>, Error> {
+    let grouping = input.grouping(true);
     let mut from = 0;
     while from < entries.len() {
         let to = run_end(entries, from);
         let run = &entries[from..to];
         from = to;
         if run.len() <= CROWDED {
-            batch.push(run)?;
+            batch.push(run, &grouping)?;
         } else {
             batch.search(input, &mut sink)?;
             sink = grid.overfull.lend(|overfull| overfull.within(input, run, (output, sink)))?;

@@ -6,8 +6,8 @@ use super::entries::MASK_BITS;
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::{Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
-use crate::input::{SearchInput, search_pieces};
-use crate::memory::{try_extend, try_push, with_growth};
+use crate::input::{Grouping, SearchInput, search_pieces};
+use crate::memory::{try_collect, try_extend, try_push, with_growth};
 use crate::radix::{KeyedSphere, RadixKey};
 
 /// The number of corner masks.
@@ -53,8 +53,8 @@ impl<K: RadixKey> CellMember for KeyedSphere<K> {
 
 type Starts = [u32; MASKS + 1];
 
-/// Computes the start of each corner mask among entries sorted by it, of which the first is at `from`.
-fn starts(run: &[impl CellMember], from: usize) -> Starts {
+/// Computes the start of each corner mask among members sorted by it, of which the first is at `from`.
+fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, from: usize) -> Starts {
     let mut starts = [from as u32; MASKS + 1];
     for entry in run {
         starts[entry.corner_mask() + 1] += 1;
@@ -77,7 +77,10 @@ fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     ids: Vec<u32>,
-    cells: Vec<Starts>,
+    /// The spheres of two groups of a cell, or twice those of one group.
+    cells: Vec<[Starts; 2]>,
+    /// The spheres of each group of a cell.
+    groups: Vec<Starts>,
     columns: Columns,
 }
 
@@ -87,18 +90,35 @@ impl Batch {
     /// # Errors
     /// [`Error::OutOfMemory`].
     #[inline]
-    pub(crate) fn push(&mut self, run: &[impl CellMember]) -> Result<(), Error> {
-        if owns_pairs(run) {
-            try_push(&mut self.cells, starts(run, self.ids.len()), "a batch of cells")?;
-            try_extend(&mut self.ids, run.iter().map(CellMember::id), "a batch of cells")?;
+    pub(crate) fn push(&mut self, run: &[impl CellMember], grouping: &Grouping<'_>) -> Result<(), Error> {
+        if !owns_pairs(run) {
+            return Ok(());
+        }
+        if grouping.count() == 1 {
+            try_push(&mut self.cells, [starts(run.iter(), self.ids.len()); 2], "a batch of cells")?;
+            return try_extend(&mut self.ids, run.iter().map(CellMember::id), "a batch of cells");
+        }
+        self.groups.clear();
+        for group in 0..grouping.count() {
+            let members = || run.iter().filter(|entry| grouping.of(entry.id() as usize) == group);
+            try_push(&mut self.groups, starts(members(), self.ids.len()), "groups of a cell")?;
+            members().try_for_each(|member| try_push(&mut self.ids, member.id(), "a batch of cells"))?;
+        }
+        for (a, b) in grouping.meetings() {
+            let both = [self.groups[a], self.groups[b]];
+            if both.iter().all(|starts| starts[0] < starts[MASKS]) {
+                try_push(&mut self.cells, both, "a batch of cells")?;
+            }
         }
         Ok(())
     }
 
-    /// The most bytes held for `entries` entries: ids, columns, and the starts of cells of two, whose capacity is
+    /// The most bytes held for `entries` entries of one group: ids, columns, and the starts of cells of two, whose capacity is
     /// doubled.
     pub(crate) fn memory_for(entries: u64) -> u64 {
-        with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
+        with_growth((4 + Columns::BYTES_PER_SPHERE) * entries)
+            + 2 * size_of::<Starts>() as u64 * entries
+            + 4096
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -110,7 +130,7 @@ impl Batch {
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
-        let Self { ids, cells, columns } = self;
+        let Self { ids, cells, columns, .. } = self;
         columns.gather(&input.test, ids.iter().copied())?;
         input.run(Cells { columns, test: &input.test, cells, sink });
         ids.clear();
@@ -122,7 +142,7 @@ impl Batch {
 struct Cells<'c, S> {
     columns: &'c Columns,
     test: &'c PairTest<'c>,
-    cells: &'c [Starts],
+    cells: &'c [[Starts; 2]],
     sink: &'c mut S,
 }
 
@@ -132,11 +152,13 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) {
         let Self { columns, test, cells, sink } = self;
-        for starts in cells {
-            for (corner_mask, later) in LATER_PARTNERS.iter().enumerate() {
-                for at in range(starts, (corner_mask, corner_mask + 1)) {
-                    for &masks in *later {
-                        let run = range(starts, masks);
+        for [of, with] in cells {
+            let partners = if of == with { &LATER_PARTNERS } else { &ALL_PARTNERS };
+            for (corner_mask, partners) in partners.iter().enumerate() {
+                for at in range(of, (corner_mask, corner_mask + 1)) {
+                    for &masks in *partners {
+                        // The spheres of a second group follow those of the first.
+                        let run = range(with, masks);
                         let run = run.start.max(at + 1)..run.end;
                         if !run.is_empty() {
                             scan(vector, (columns, test), at, run, sink);
@@ -153,6 +175,8 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCell {
     rows: Vec<TileRow>,
+    /// The member of the cell at each position, group by group.
+    order: Vec<u32>,
     columns: Workspaces<Columns>,
 }
 
@@ -163,6 +187,7 @@ struct TileRow {
 }
 
 impl OverfullCell {
+    /// The most bytes held for cells of `spheres` spheres of one group.
     pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
@@ -180,10 +205,7 @@ impl OverfullCell {
         if !owns_pairs(run) {
             return Ok(sink);
         }
-        self.rows.clear();
-        let starts = starts(run, 0);
-        self.plan(&starts, &starts, &LATER_PARTNERS)?;
-        self.search(input, |k| run[k].id(), (output, sink))
+        self.among(input, (run, &run[..0]), (output, sink))
     }
 
     /// Compares the spheres `large` of one cell with each other and with its other spheres `small`; the entries of
@@ -197,12 +219,46 @@ impl OverfullCell {
         (large, small): (&[impl CellMember], &[impl CellMember]),
         (output, sink): (&'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
+        let grouping = input.grouping(true);
         self.rows.clear();
-        let (first, second) = (starts(large, 0), starts(small, large.len()));
-        self.plan(&first, &first, &LATER_PARTNERS)?;
-        self.plan(&first, &second, &ALL_PARTNERS)?;
-        let id = |k: usize| if k < large.len() { large[k].id() } else { small[k - large.len()].id() };
+        self.order.clear();
+        let first = self.arrange(large, 0, &grouping)?;
+        let second = self.arrange(small, large.len(), &grouping)?;
+        for (a, b) in grouping.meetings() {
+            self.plan(&first[a], &first[b], if a == b { &LATER_PARTNERS } else { &ALL_PARTNERS })?;
+            self.plan(&first[a], &second[b], &ALL_PARTNERS)?;
+            if a != b {
+                self.plan(&first[b], &second[a], &ALL_PARTNERS)?;
+            }
+        }
+        let id = |k: usize| {
+            let k = self.order.get(k).map_or(k, |&member| member as usize);
+            if k < large.len() { large[k].id() } else { small[k - large.len()].id() }
+        };
         self.search(input, id, (output, sink))
+    }
+
+    /// Appends the members of a cell to the order, group by group; a single group needs none. Returns the positions of each group.
+    /// The first member has the index `from`, and its position.
+    fn arrange(
+        &mut self,
+        members: &[impl CellMember],
+        from: usize,
+        grouping: &Grouping<'_>,
+    ) -> Result<Vec<Starts>, Error> {
+        let mut groups = try_collect(std::iter::empty(), "groups of a cell")?;
+        if grouping.count() == 1 {
+            try_push(&mut groups, starts(members.iter(), from), "groups of a cell")?;
+            return Ok(groups);
+        }
+        for group in 0..grouping.count() {
+            let is_own = |id: u32| grouping.of(id as usize) == group;
+            let own = || members.iter().zip(from as u32..).filter(|(member, _)| is_own(member.id()));
+            let first = self.order.len();
+            try_push(&mut groups, starts(own().map(|(member, _)| member), first), "groups of a cell")?;
+            own().try_for_each(|(_, k)| try_push(&mut self.order, k, "spheres of a crowded cell"))?;
+        }
+        Ok(groups)
     }
 
     /// Adds rows for every corner mask of `of` with its partners among `with`.

@@ -101,6 +101,8 @@ impl Entries {
         let (n, ratio) = (stats.spheres, input.settings.cell_ratio);
         let executor = input.executor.for_light_work(n);
         let sphere = |k: usize| input.test.effective(k as u32);
+        let grouping = input.grouping(true);
+        let paired = grouping.paired();
         let (mut grid, mut most) =
             (UniformGrid::new(stats, ratio, input.test.lengths()), most_entries(n, ratio));
         let Self { layout, offsets, narrow, wide, .. } = self;
@@ -112,7 +114,8 @@ impl Entries {
             }
             let cover = |k: usize| {
                 let (center, radius) = sphere(k);
-                (grid.cover::<PERIODIC>(center, radius), ALL_AXES, k as u32)
+                let cover = || (grid.cover::<PERIODIC>(center, radius), ALL_AXES, k as u32);
+                (paired >> grouping.of(k) & 1 == 1).then(cover)
             };
             let place = |cell| grid.wrap::<PERIODIC>(cell);
             narrow.entries.clear();
@@ -159,21 +162,21 @@ pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
-/// mask for its corner masks, and its id; for many spheres it is called twice, first to count. `place` wraps a cell.
-/// Returns `false`, without entries, if there are more than `most`.
+/// mask for its corner masks, and its id, or `None` to leave it out; for many spheres it is called twice, first to count.
+/// `place` wraps a cell. Returns `false`, without entries, if there are more than `most`.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
 pub(crate) fn fill<K: RadixKey>(
     (n, executor): (usize, Executor),
-    (sphere, place): (impl Fn(usize) -> (CellBox, u8, u32) + Sync, impl Fn(UVec3) -> UVec3 + Sync),
+    (sphere, place): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
     layout: KeyLayout,
     (radix, offsets, most): (&mut Radix<K>, &mut Vec<usize>, usize),
 ) -> Result<bool, Error> {
     let entries = &mut radix.entries;
     entries.clear();
     if n <= CHUNK_SPHERES {
-        for (cover, masks, id) in (0..n).map(&sphere) {
+        for (cover, masks, id) in (0..n).filter_map(&sphere) {
             if cover.cells() > most - entries.len() {
                 entries.clear();
                 return Ok(false);
@@ -189,7 +192,7 @@ pub(crate) fn fill<K: RadixKey>(
     let range = |piece: usize| piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
     try_resize(offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
     executor.for_each(offsets, |piece, count| {
-        *count = range(piece).map(|k| sphere(k).0.cells()).sum();
+        *count = range(piece).filter_map(&sphere).map(|(cover, ..)| cover.cells()).sum();
     });
     let total = accumulate(offsets);
     if total > most {
@@ -199,7 +202,7 @@ pub(crate) fn fill<K: RadixKey>(
     let mut targets = split_at(entries, offsets.iter().copied())?;
     executor.for_each(&mut targets, |piece, target| {
         let mut slots = target.iter_mut();
-        for (cover, masks, id) in range(piece).map(&sphere) {
+        for (cover, masks, id) in range(piece).filter_map(&sphere) {
             cover.for_each(|cell, corner_mask| {
                 if let Some(slot) = slots.next() {
                     *slot = KeyedSphere { key: layout.key(place(cell), corner_mask & masks), id };

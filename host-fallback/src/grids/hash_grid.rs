@@ -1,7 +1,6 @@
 //! The paper's HashGrid: a hash table with separate chaining and an entry for every cell that a sphere overlaps. Cells
 //! of equal hash share a chain and are distinguished by coordinates.
 
-use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 
 use bytemuck::Zeroable;
@@ -168,6 +167,7 @@ impl HashGrid {
         (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
         let Workspace { chain, batch, overfull } = workspace;
+        let grouping = input.grouping(true);
         for &head in heads {
             self.collect(head, chain)?;
             for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
@@ -175,7 +175,7 @@ impl HashGrid {
                     batch.search(input, &mut sink)?;
                     sink = overfull.within(input, run, (output, sink))?;
                 } else {
-                    batch.push(run)?;
+                    batch.push(run, &grouping)?;
                 }
             }
             if batch.len() > BATCH_SPHERES {
@@ -211,8 +211,12 @@ impl HashGrid {
     }
 }
 
-fn spheres(input: &SearchInput<'_>, piece: usize) -> Range<u32> {
-    (piece * CHUNK_SPHERES) as u32..input.stats.spheres.min((piece + 1) * CHUNK_SPHERES) as u32
+/// Returns the spheres of a chunk that may pair.
+fn spheres<'i>(input: &'i SearchInput<'_>, piece: usize) -> impl Iterator<Item = u32> + 'i {
+    let range = piece * CHUNK_SPHERES..input.stats.spheres.min((piece + 1) * CHUNK_SPHERES);
+    let grouping = input.grouping(true);
+    let paired = grouping.paired();
+    range.filter(move |&k| paired >> grouping.of(k) & 1 == 1).map(|k| k as u32)
 }
 
 #[inline(always)]

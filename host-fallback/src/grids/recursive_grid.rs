@@ -296,13 +296,14 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         cell: impl Fn(K) -> NestedCell,
         (workspace, mut sink): (&mut Workspace, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
+        let grouping = self.input.grouping(true);
         let mut from = 0;
         while from < entries.len() {
             let to = run_end(entries, from);
             let run = &entries[from..to];
             from = to;
             if run.len() <= self.tau().min(CHUNK_ENTRIES) {
-                workspace.batch.push(run)?;
+                workspace.batch.push(run, &grouping)?;
             } else if owns_pairs(run) {
                 workspace.batch.search(self.input, &mut sink)?;
                 workspace.split.start(self.input, run)?;
@@ -369,7 +370,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
             let member = &small[k];
             let (low, high) = cell.bounds::<PERIODIC>(grid, member);
             let within = |at| (cell.part(at, parts) - first).as_uvec3();
-            (CellBox { low: within(low), high: within(high) }, member.corner_mask, member.id)
+            Some((CellBox { low: within(low), high: within(high) }, member.corner_mask, member.id))
         };
         let executor = self.input.executor;
         fill((small.len(), executor), (sphere, |at| at), layout, (finer, offsets, usize::MAX))?;

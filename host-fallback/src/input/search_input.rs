@@ -15,6 +15,8 @@ pub(crate) struct SearchInput<'a> {
     pub(crate) executor: Executor,
     /// The size of the first of two sets, if only pairs across them count.
     pub(crate) split: Option<usize>,
+    /// The groups of the species, if there is a table of interactions.
+    pub(crate) groups: Option<&'a SpeciesGroups>,
 }
 
 #[cfg(test)]
@@ -22,11 +24,19 @@ impl<'a> SearchInput<'a> {
     /// Measures the spheres of a test, all of one set.
     pub(crate) fn surveyed(test: PairTest<'a>, settings: &'a Settings) -> Self {
         let stats = InputStats::of(&test, Executor::Pool).expect("all are valid");
-        Self { test, stats, settings, simd: Simd::detect(), executor: Executor::Pool, split: None }
+        Self {
+            test,
+            stats,
+            settings,
+            simd: Simd::detect(),
+            executor: Executor::Pool,
+            split: None,
+            groups: None,
+        }
     }
 }
 
-impl SearchInput<'_> {
+impl<'a> SearchInput<'a> {
     /// Runs comparisons in the SIMD code of the settings, between minimum images in a periodic space.
     pub(crate) fn run<T: SimdTask>(&self, task: T) -> T::Result {
         self.simd.run(task, self.test.periodic_box(self.stats.largest_radius()))
@@ -37,11 +47,11 @@ impl SearchInput<'_> {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
 
-    /// The groups of spheres: two sets, each divided by species. `species` has the groups, and whether they are kept apart.
-    pub(crate) fn grouping<'g>(&'g self, species: Option<(&'g SpeciesGroups, bool)>) -> Grouping<'g> {
-        let species = species.zip(self.test.spheres().species());
-        let species = species.map(|((groups, is_separate), ids)| (groups.partition(is_separate), ids));
-        Grouping::new(self.split, species)
+    /// The groups of spheres: two sets, each divided by species. Species that pair with different ones are kept apart if
+    /// `is_separate`.
+    pub(crate) fn grouping(&self, is_separate: bool) -> Grouping<'a> {
+        let species = self.groups.zip(self.test.spheres().species());
+        Grouping::new(self.split, species.map(|(groups, ids)| (groups.partition(is_separate), ids)))
     }
 
     pub(crate) fn is_periodic(&self) -> bool {

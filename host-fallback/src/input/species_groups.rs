@@ -63,10 +63,10 @@ impl Meeting {
 /// A division of the present species into groups.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpeciesPartition {
-    of_species: Vec<u8>,
-    count: usize,
+    pub(super) of_species: Vec<u8>,
+    pub(super) count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
-    meetings: Vec<Option<Meeting>>,
+    pub(super) meetings: Vec<Option<Meeting>>,
 }
 
 impl SpeciesPartition {
@@ -228,72 +228,10 @@ fn group_by_partners(present: &[u32], table: &Interactions) -> (Vec<Option<usize
     (groups, partners.len().min(MAX_GROUPS))
 }
 
-/// The groups of spheres that a search keeps apart: those of the two sets, each divided by species.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Grouping<'a> {
-    /// The number of spheres of the first of two sets.
-    split: Option<usize>,
-    species: Option<(&'a SpeciesPartition, &'a [u32])>,
-}
-
-impl<'a> Grouping<'a> {
-    /// The grouping of one set, or of two of which the first has `split` spheres.
-    pub(crate) fn new(split: Option<usize>, species: Option<(&'a SpeciesPartition, &'a [u32])>) -> Self {
-        Self { split, species }
-    }
-
-    fn per_set(&self) -> usize {
-        self.species.map_or(1, |(partition, _)| partition.count)
-    }
-
-    pub(crate) fn count(&self) -> usize {
-        self.per_set() * if self.split.is_some() { 2 } else { 1 }
-    }
-
-    /// The number of spheres of the first of two sets, if the sets are the only groups.
-    pub(crate) fn sets(&self) -> Option<usize> {
-        self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
-    }
-
-    /// Returns `true` if spheres of groups that meet are a pair if and only if their effective radii touch.
-    pub(crate) fn is_by_radii(&self) -> bool {
-        self.species
-            .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
-    }
-
-    #[inline(always)]
-    pub(crate) fn of(&self, id: usize) -> usize {
-        let set = usize::from(self.split.is_some_and(|split| id >= split));
-        match self.species {
-            None => set,
-            Some((partition, ids)) => {
-                set * partition.count + usize::from(partition.of_species[ids[id] as usize])
-            }
-        }
-    }
-
-    /// The groups that meet, two at a time, the smaller number first.
-    pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
-        let groups = self.count();
-        let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
-        all.filter(|&(a, b)| self.meeting(a, b).is_some())
-    }
-
-    /// The interactions between two groups; `None` if their spheres never pair.
-    pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
-        let per_set = self.per_set();
-        if self.split.is_some() && a / per_set == b / per_set {
-            return None;
-        }
-        self.species.map_or(Some(Meeting::ANY), |(partition, _)| {
-            partition.meetings[a % per_set * per_set + b % per_set]
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::input::Grouping;
 
     fn groups(ids: &[u32], table: &Interactions) -> SpeciesGroups {
         let mut groups = SpeciesGroups::default();

@@ -47,7 +47,7 @@ impl SkinController {
         report: &mut Report,
     ) -> Result<bool, Error> {
         let last = self.density_cache.take();
-        let density_cache = report.time("plan", || list.density_cache(last, input))?;
+        let density_cache = report.time("plan", || DensityCache::of(last, input))?;
         let density = density_cache.density();
         let limits = match input.settings.skin {
             // Candidate lists are for one set.

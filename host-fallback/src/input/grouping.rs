@@ -1,0 +1,106 @@
+//! The groups of spheres that a search keeps apart, and the order of spheres by group.
+
+use super::species_groups::{Meeting, SpeciesPartition};
+use crate::Error;
+use crate::memory::{try_collect, try_resize};
+
+/// The groups of spheres that a search keeps apart: those of the two sets, each divided by species.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grouping<'a> {
+    /// The number of spheres of the first of two sets.
+    split: Option<usize>,
+    /// The division of the species, and the species of each sphere.
+    species: Option<(&'a SpeciesPartition, &'a [u32])>,
+}
+
+impl<'a> Grouping<'a> {
+    /// The grouping of one set, or of two of which the first has `split` spheres.
+    pub(crate) fn new(split: Option<usize>, species: Option<(&'a SpeciesPartition, &'a [u32])>) -> Self {
+        Self { split, species }
+    }
+
+    /// The number of groups of each set.
+    fn per_set(&self) -> usize {
+        self.species.map_or(1, |(partition, _)| partition.count)
+    }
+
+    /// The number of groups.
+    pub(crate) fn count(&self) -> usize {
+        self.per_set() * if self.split.is_some() { 2 } else { 1 }
+    }
+
+    /// The number of spheres of the first of two sets, if the sets are the only groups.
+    pub(crate) fn sets(&self) -> Option<usize> {
+        self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
+    }
+
+    /// Returns `true` if all spheres of groups that meet are a pair if and only if their effective radii touch.
+    pub(crate) fn is_by_radii(&self) -> bool {
+        self.species
+            .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
+    }
+
+    /// The group of sphere `id`.
+    #[inline(always)]
+    pub(crate) fn of(&self, id: usize) -> usize {
+        let set = usize::from(self.split.is_some_and(|split| id >= split));
+        match self.species {
+            None => set,
+            Some((partition, ids)) => {
+                set * partition.count + usize::from(partition.of_species[ids[id] as usize])
+            }
+        }
+    }
+
+    /// A bit for each group that meets some group.
+    pub(crate) fn paired(&self) -> u32 {
+        self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
+    }
+
+    /// The groups that meet, two at a time, the smaller number first.
+    pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
+        let groups = self.count();
+        let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
+        all.filter(|&(a, b)| self.meeting(a, b).is_some())
+    }
+
+    /// The interactions between two groups; `None` if their spheres never pair.
+    pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
+        let per_set = self.per_set();
+        if self.split.is_some() && a / per_set == b / per_set {
+            return None;
+        }
+        self.species.map_or(Some(Meeting::ANY), |(partition, _)| {
+            partition.meetings[a % per_set * per_set + b % per_set]
+        })
+    }
+}
+
+/// Writes the indices of `spheres` spheres to `order`, group by group and ascending in each. Returns the end of each group.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub(crate) fn sort_by_group(
+    grouping: &Grouping<'_>,
+    spheres: usize,
+    order: &mut Vec<u32>,
+) -> Result<Vec<usize>, Error> {
+    try_resize(order, spheres, "spheres in the order of groups")?;
+    let mut ends = try_collect(std::iter::repeat_n(0, grouping.count()), "groups of spheres")?;
+    if let [end] = &mut *ends {
+        order.iter_mut().zip(0..).for_each(|(at, id)| *at = id);
+        *end = spheres;
+        return Ok(ends);
+    }
+    (0..spheres).for_each(|id| ends[grouping.of(id)] += 1);
+    let mut start = 0;
+    for end in &mut ends {
+        start += std::mem::replace(end, start);
+    }
+    for id in 0..spheres {
+        let end = &mut ends[grouping.of(id)];
+        order[*end] = id as u32;
+        *end += 1;
+    }
+    Ok(ends)
+}
