@@ -8,6 +8,10 @@ use glam::{IVec3, UVec3, Vec3};
 
 use crate::Space;
 
+mod columns;
+
+pub use columns::ColumnLayout;
+
 /// The parameters of one search. The first word is the number of spheres, so that the same buffer can be bound as
 /// `count_source`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -379,32 +383,6 @@ pub struct CellListLayout {
 impl CellListLayout {
     /// Levels of each side.
     pub const LEVELS: usize = 16;
-}
-
-/// The positions of spheres in four arrays of `f32`, for `x`, `y`, `z` and `r`: the number of sphere `i` is
-/// `first + i · stride`. The default describes arrays that hold nothing else.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct ColumnLayout {
-    /// The position of the first sphere.
-    pub first: [u32; 4],
-    /// The distance from a sphere to the next. With a stride of 0 all spheres share one number, such as a radius.
-    pub stride: [u32; 4],
-}
-
-impl Default for ColumnLayout {
-    fn default() -> Self {
-        Self { first: [0; 4], stride: [1; 4] }
-    }
-}
-
-impl ColumnLayout {
-    /// Returns the bytes of each array that `spheres` spheres need.
-    pub fn bytes(&self, spheres: u32) -> [u64; 4] {
-        let last = u64::from(spheres.max(1)) - 1;
-        let bytes = |(first, stride)| 4 * (u64::from(first) + last * u64::from(stride) + 1);
-        std::array::from_fn(|column| bytes((self.first[column], self.stride[column])))
-    }
 }
 
 /// The numbers of keys to sort and of values to scan.
