@@ -56,3 +56,15 @@ pub(crate) fn split_at<T>(
     };
     memory::try_collect(ends.map(cut), "stretches of a buffer")
 }
+
+/// Closes the gaps between the filled stretches of a buffer, given the start and length of each.
+pub(crate) fn close_gaps<T: Copy>(values: &mut Vec<T>, filled: impl Iterator<Item = (usize, usize)>) {
+    let mut end = 0;
+    for (start, count) in filled {
+        if start != end {
+            values.copy_within(start..start + count, end);
+        }
+        end += count;
+    }
+    values.truncate(end);
+}

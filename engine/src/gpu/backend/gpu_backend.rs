@@ -155,7 +155,7 @@ impl SearchBackend for GpuBackend {
             interactions: interactions.as_ref(),
             space,
             algorithm,
-            filter: prepared.filter.as_ref(),
+            filter: prepared.filter.as_ref().map(|filter| (filter, &**team)),
         };
         let mut skin_controller = skin_controller.as_mut().filter(|_| split.is_none());
         if let Some(skin_controller) =

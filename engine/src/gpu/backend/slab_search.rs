@@ -1,7 +1,7 @@
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
-use lazygrid_host::{ChunkConsumer, PairConsumer, PairFilter, PairSource, PhaseTime, ranges};
+use lazygrid_host::{ChunkConsumer, Executor, PairConsumer, PairFilter, PairSource, PhaseTime, Team, ranges};
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, try_reserve};
 
 use super::slabs::{Slab, SlabInput, Slabs};
@@ -17,7 +17,7 @@ pub(super) struct SearchRequest<'a> {
     pub(super) space: Space,
     pub(super) algorithm: Algorithm,
     /// The exact filter that the host applies after readback.
-    pub(super) filter: Option<&'a PairFilter<'a>>,
+    pub(super) filter: Option<(&'a PairFilter<'a>, &'a Team)>,
 }
 
 impl SearchRequest<'_> {
@@ -390,6 +390,14 @@ impl SlabSearch {
     }
 }
 
-fn refine(pairs: &mut Vec<Pair>, filter: &PairFilter<'_>) {
-    pairs.retain(|pair| filter.accepts(pair.i, pair.j));
+/// Removes the pairs that the filter rejects, on the threads of the host.
+fn refine(pairs: &mut Vec<Pair>, (filter, team): (&PairFilter<'_>, &Team)) {
+    let refined = team.pass(pairs.len(), |executor| {
+        filter.retain(pairs, executor);
+        Ok(())
+    });
+    if refined.is_err() {
+        // The system refuses threads.
+        filter.retain(pairs, Executor::Caller);
+    }
 }

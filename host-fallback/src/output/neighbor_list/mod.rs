@@ -13,6 +13,7 @@ pub use images::PeriodicImages;
 pub use options::ListOptions;
 
 use crate::compare::PairFilter;
+use crate::disjoint_writes::close_gaps;
 use crate::executor::{Executor, Team};
 use crate::memory::try_resize;
 use crate::output::NeighborsBuilder;
@@ -167,23 +168,15 @@ impl NeighborListBuilder {
 
     /// Closes the gaps between chunks and sums the counts of rows.
     fn close(&mut self, filled: &[(usize, usize)]) {
-        fn moved<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
-            if values.is_empty() {
-                return;
+        fn close<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
+            if !values.is_empty() {
+                close_gaps(values, filled.iter().copied());
             }
-            let mut end = 0;
-            for &(start, count) in filled {
-                if start != end {
-                    values.copy_within(start..start + count, end);
-                }
-                end += count;
-            }
-            values.truncate(end);
         }
-        moved(&mut self.pairs, filled);
-        moved(&mut self.shifts, filled);
-        moved(&mut self.vectors, filled);
-        moved(&mut self.distances, filled);
+        close(&mut self.pairs, filled);
+        close(&mut self.shifts, filled);
+        close(&mut self.vectors, filled);
+        close(&mut self.distances, filled);
         for k in 1..self.offsets.len() {
             self.offsets[k] += self.offsets[k - 1];
         }
