@@ -1,5 +1,6 @@
 // Second stage of a radix sort pass: for each digit, one workgroup turns its counts in all tiles into their exclusive
-// prefix sums and stores the total.
+// prefix sums and stores the total. With few tiles, the first workgroup does so for all digits, a thread for each, and
+// takes no barrier.
 #include layout
 #include thread
 
@@ -9,6 +10,7 @@
 
 #include workgroup_scan
 const ITEMS: u32 = 8u;
+const SERIAL_TILES: u32 = 8u;
 
 @compute @workgroup_size(256)
 fn radix_scan(
@@ -17,6 +19,21 @@ fn radix_scan(
 ) {
 #include thread_from_builtins
     let tiles = sort_counts.counters / 256u;
+    if (tiles <= SERIAL_TILES) {
+        if (id.x == 0u) {
+            let first = thread.local_index * tiles;
+            var before = 0u;
+            for (var tile = 0u; tile < SERIAL_TILES; tile++) {
+                if (tile < tiles) {
+                    let next = counts[first + tile];
+                    counts[first + tile] = before;
+                    before += next;
+                }
+            }
+            totals[thread.local_index] = before;
+        }
+        return;
+    }
     let row = id.x * tiles;
     let rounds = (tiles + WORKGROUP_SIZE * ITEMS - 1u) / (WORKGROUP_SIZE * ITEMS);
     var carry = 0u;
