@@ -1,8 +1,11 @@
 // Runs the page's scripts in Node on Dawn, from the npm package of `kernels/tint`. Prints JSON.
 //
 //     node node.mjs replay MANIFEST.json                               outcome and pairs of each plan of a list
-//     node node.mjs check PAGE.html EVERY                              the object of #check&every=EVERY
+//     node node.mjs check PAGE.html [full]                             the object of #check or #check&full
 //     node node.mjs check-altered PAGE.html                            the same with one pair too many expected in a scene
+//     node node.mjs check-lost PAGE.html                               the error of a check whose device is lost meanwhile
+//     node node.mjs check-small PAGE.html                              the object of a check with WebGPU's least limits, and errors
+//     node node.mjs probe PAGE.html [altered]                          the result of the probe of subgroups, or of one that fails
 //     node node.mjs measure PAGE.html SIZE…                            the object of #measure, for these sizes
 //
 // VK_DRIVER_FILES chooses the Vulkan driver, as for every Vulkan program.
@@ -40,32 +43,68 @@ async function replay(manifest) {
   return results;
 }
 
-// The scripts and the data of a page, without what needs a document.
-async function open(path) {
+// The scripts and the data of a page, without what needs a document. `alter` may change the data.
+async function open(path, { alter = () => {}, limits } = {}) {
   const page = readFileSync(path, "utf8");
   const part = (begin) => page.split(begin)[1].split("</script>")[0];
   const script = part("<script>").split("// The page: controls")[0];
-  const names = "Player, Bundle, Checker, checkReport, Measurer";
+  const names = "Player, PlannedCall, Bundle, Checker, checkReport, Measurer, machine";
   const scripts = load(script, names);
-  const bundle = await scripts.Bundle.open(part('id="data">'));
-  return { ...scripts, bundle, player: await scripts.Player.open(gpu) };
+  const bundle = await scripts.Bundle.open(part('id="data">')), player = await scripts.Player.open(gpu, limits);
+  alter(bundle);
+  await player.probe(bundle);
+  return { ...scripts, bundle, player };
 }
 
-async function check(path, every, alter = () => {}) {
-  const { Checker, checkReport, player, bundle } = await open(path);
-  alter(bundle);
+async function check({ Checker, checkReport, player, bundle }, isFull, told = () => {}) {
   const checker = new Checker(player, bundle);
-  checker.take(every);
-  return checkReport(player, bundle, await checker.run(() => {}));
+  return checkReport(player, bundle, await checker.run(checker.searches(isFull), told));
+}
+
+const message = (work) => work.then(() => null, (error) => error.message);
+// The least limits of WebGPU.
+const LEAST = {
+  maxBufferSize: 256 << 20, maxStorageBufferBindingSize: 128 << 20, maxStorageBuffersPerShaderStage: 8,
+  maxComputeWorkgroupStorageSize: 16 << 10, maxComputeWorkgroupsPerDimension: 65535,
+};
+
+// A check of a few scenes within the least limits, and the errors of plans that need more than there is.
+async function checkSmall(path) {
+  const opened = await open(path, { limits: LEAST, alter: (bundle) => { bundle.checks = bundle.checks.slice(0, 5); } });
+  const { player, bundle, PlannedCall } = opened, report = await check(opened, true);
+  const largest = bundle.sizes.length - 1, plan = bundle.planFor(player, 0, "cell-list");
+  const buffer = (size) => player.buffer("input", GPUBufferUsage.STORAGE, new Uint8Array(size));
+  const inputs = { spheres: buffer(16 * plan.spheres), count: buffer(4) };
+  // The device answers as one whose memory is exhausted: the scope for memory is the last that ends.
+  const { device } = player, pop = device.popErrorScope.bind(device);
+  let scopes = 0;
+  device.popErrorScope = async () => (await pop()) ?? (++scopes % 2 === 0 ? new GPUOutOfMemoryError("") : null);
+  const exhausted = await message(PlannedCall.create(player, plan, inputs));
+  return { report, largest: bundle.obstacle(player, largest, "lazy-grid") ?? null, exhausted };
 }
 
 const commands = {
   replay,
-  check: (path, every) => check(path, Number(every)),
-  "check-altered": (path) => check(path, 1, (bundle) => {
+  check: async (path, full) => check(await open(path), full === "full"),
+  "check-altered": async (path) => check(await open(path, { alter: (bundle) => {
     bundle.checks = bundle.checks.filter(({ expected }) => expected.pairs > 0).slice(0, 1);
     bundle.checks[0].expected.pairs++;
-  }),
+  } }), false),
+  "check-lost": async (path) => {
+    const opened = await open(path);
+    let rows = 0;
+    const error = await message(check(opened, false, () => { if (++rows === 3) opened.player.device.destroy(); }));
+    return { rows, error };
+  },
+  "check-small": checkSmall,
+  probe: async (path, altered) => {
+    const alter = (bundle) => {
+      const text = bundle.text.bind(bundle);
+      bundle.text = (number) => text(number).replace("select(1u, 0u, is_full)", "1u");
+    };
+    const { player, bundle, machine } = await open(path, altered ? { alter } : {});
+    return { texts: player.subgroupTexts(bundle.subgroups), subgroups: machine(player, bundle).gpu.subgroups };
+  },
   measure: async (path, ...sizes) => {
     const { Measurer, player, bundle } = await open(path);
     return new Measurer(player, bundle).run(() => {}, () => false, sizes.map(Number));

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use lazygrid::gpu::plan::{CallPlan, Planner};
+use lazygrid::gpu::plan::{CallPlan, PlanKernel, Planner, SubgroupProbe};
 use lazygrid::gpu::{DeviceLimits, GpuConfig, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Skin};
 use serde_json::{Map, Value, json};
@@ -70,15 +70,34 @@ impl Bundle {
         for buffer in form["buffers"].as_array_mut().into_iter().flatten() {
             constants.extend(buffer.as_object_mut().and_then(|buffer| buffer.remove("words")));
         }
-        for (kernel, form) in
-            plan.sequence.kernels.iter().zip(form["kernels"].as_array_mut().into_iter().flatten())
-        {
-            let texts = SUBGROUPS.map(|size| self.texts.add(kernel.with_subgroups(size).wgsl()));
-            form["wgsl"] = json!(texts);
-        }
+        form["kernels"] =
+            plan.sequence.kernels.iter().map(|kernel| self.kernel(kernel)).collect::<Result<_, _>>()?;
         let plan = numbered(&mut self.plans, &mut self.plan_numbers, form);
         let call = json!({ "plan": plan, "constants": constants });
         Ok(numbered(&mut self.calls, &mut self.call_numbers, call))
+    }
+
+    /// A kernel with the numbers of its texts for all subgroup sizes.
+    fn kernel(&mut self, kernel: &PlanKernel) -> Result<Value, CliError> {
+        let mut form = serde_json::to_value(kernel).map_err(CliError::Json)?;
+        form["wgsl"] = json!(SUBGROUPS.map(|size| self.texts.add(kernel.with_subgroups(size).wgsl())));
+        Ok(form)
+    }
+
+    /// The probe that chooses between kernels for subgroups and portable ones.
+    fn probe(&mut self) -> Result<Value, CliError> {
+        let SubgroupProbe { faults, invocations, smallest, largest } = SubgroupProbe::BEFORE;
+        let kernel = Planner::subgroup_probe(1);
+        let workgroups = SubgroupProbe::WORKGROUPS;
+        Ok(json!({
+            "kernel": self.kernel(&kernel)?, "workgroups": workgroups,
+            "before": [faults, invocations, smallest, largest],
+            "invocations": workgroups * kernel.workgroup_size(),
+            "faults": {
+                "subgroups are not full": SubgroupProbe::PARTIAL,
+                "lanes of subgroups do not follow local indices": SubgroupProbe::OUT_OF_ORDER,
+            },
+        }))
     }
 }
 
@@ -140,12 +159,13 @@ pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
     let sizes = SIZES.into_iter().map(|spheres| size(&mut bundle, spheres)).collect::<Result<Vec<_>, _>>()?;
     let checks = checks::scenes(&mut bundle)?;
     let scenes = KINDS.iter().map(scene).collect::<Result<Vec<_>, _>>()?;
+    let probe = bundle.probe()?;
     let subgroups: Vec<Value> = SUBGROUPS
         .iter()
         .map(|&size| json!({ "size": size, "workgroup_memory": Planner::workgroup_memory(size) }))
         .collect();
     Ok(json!({
-        "version": version, "commit": commit, "subgroups": subgroups,
+        "version": version, "commit": commit, "subgroups": subgroups, "probe": probe,
         "algorithms": Algorithm::GPU.iter().map(|algorithm| algorithm.name()).collect::<Vec<_>>(),
         "sizes": sizes, "scenes": scenes, "checks": checks,
         "plans": bundle.plans, "calls": bundle.calls, "lines": bundle.texts.lines, "texts": bundle.texts.runs,

@@ -1,5 +1,6 @@
 "use strict";
-// Runs every algorithm on every scene in every variant, and compares the pairs with those of the CPU.
+// Runs every algorithm on every scene in every variant, and compares the pairs with those of the CPU. In software, where
+// a kernel compiles for a second, every algorithm runs on every scene in one variant, and the variants take turns.
 
 // Compares the pairs of a call with the expected ones. Pairs near tangency may be found or missed, as `f32` cannot tell.
 // Returns a description of the difference, or `null`.
@@ -24,18 +25,45 @@ function difference(expected, spheres, outcome, pairs) {
 
 class Checker {
   constructor(player, bundle) {
-    Object.assign(this, { player, bundle, scenes: bundle.checks, placer: new Placer(player, bundle.wgsl.scene) });
+    Object.assign(this, { player, bundle, placer: new Placer(player, bundle.wgsl.scene) });
   }
 
-  // Leaves out all scenes but each `every`-th.
-  take(every) {
-    this.scenes = this.bundle.checks.filter((_, at) => at % every === every - 1);
+  // The searches of each scene: an algorithm in a variant.
+  searches(isFull) {
+    const variants = this.variants(), turns = new Map();
+    return this.bundle.checks.map((scene) => {
+      const all = scene.calls.flatMap((call) => variants.map((variant) => ({ ...call, variant })));
+      if (isFull) return { scene, searches: all };
+      // Portable kernels compile for two kinds of scenes instead of four.
+      const kind = `${!!scene.periodic} ${!!scene.species}`;
+      const some = all.filter(({ variant }) => !variant.isPortable || !scene.periodic === !scene.species);
+      const searches = this.bundle.algorithms.flatMap((algorithm) => {
+        const ways = some.filter((search) => search.algorithm === algorithm), key = `${kind} ${algorithm}`, turn = turns.get(key) ?? 0;
+        turns.set(key, turn + 1);
+        return ways.length > 0 ? [ways[turn % ways.length]] : [];
+      });
+      return { scene, searches };
+    });
+  }
+
+  // The plans of a search, the later with room for more entries, and the limit that they exceed on this device.
+  plans({ calls, variant }) {
+    const plans = calls.map((call) => this.bundle.plan(call, variant.texts));
+    return { plans, obstacle: this.player.obstacle(plans[0]) };
+  }
+
+  // Has all kernels compile at once, in the order in which they are needed. Errors come again when they are used.
+  async compile(scenes) {
+    const all = scenes.flatMap(({ searches }) => searches).map((search) => this.plans(search)).filter(({ obstacle }) => !obstacle);
+    await guarded(this.player.device, "compiling the kernels", () => {
+      for (const kernel of all.flatMap(({ plans }) => plans.flatMap(({ kernels }) => kernels))) this.player.pipeline(kernel).catch(() => {});
+    }).catch(() => {});
   }
 
   // The variants of the kernels: those that this device gets natively, and the portable ones.
   variants() {
     const native = this.player.subgroupTexts(this.bundle.subgroups);
-    const portable = { texts: 0, name: "portable" };
+    const portable = { texts: 0, name: "portable", isPortable: true };
     return native === 0 ? [portable] : [{ texts: native, name: `subgroups of ${this.bundle.subgroups[native].size}` }, portable];
   }
 
@@ -61,44 +89,44 @@ class Checker {
     return { spheres, species, count };
   }
 
-  // Runs everything. `told(row, result)` hears each result; `stopped()` ends the run early.
-  async run(told, stopped = () => false) {
-    const { bundle, player, scenes } = this, start = performance.now();
+  // Runs these searches. `told(row, result)` hears each result.
+  async run(scenes, told) {
+    const { player } = this, start = performance.now();
     const result = { scenes: scenes.length, checked: 0, failures: [], left_out: [] };
-    const limits = new Map();
-    for (const scene of scenes) {
+    const limits = new Set();
+    await this.compile(scenes);
+    for (const { scene, searches } of scenes) {
       const inputs = await guarded(player.device, scene.name, () => this.inputs(scene));
-      for (const { algorithm, way, call } of scene.calls) {
-        for (const variant of this.variants()) {
-          if (stopped()) return result;
-          const row = { scene: scene.name, algorithm, variant: `${variant.name}, ${way}` };
-          const plan = bundle.plan(call, variant.texts), obstacle = player.obstacle(plan);
-          if (obstacle) {
-            if (!limits.has(obstacle)) result.left_out.push({ algorithm, variant: row.variant, why: obstacle });
-            limits.set(obstacle, true);
-            told(row, null);
-            continue;
-          }
-          const what = await this.fault(plan, scene, inputs);
-          result.checked++;
-          if (what) result.failures.push({ name: `${scene.name}: ${algorithm}, ${row.variant}`, what, spheres: scene.count, scene });
-          told(row, what ?? "");
+      for (const search of searches) {
+        const { algorithm, way, variant } = search, { plans, obstacle } = this.plans(search);
+        const row = { scene: scene.name, algorithm, variant: `${variant.name}, ${way}` };
+        if (obstacle) {
+          if (!limits.has(obstacle)) result.left_out.push({ algorithm, variant: row.variant, why: obstacle });
+          limits.add(obstacle);
+          told(row, null);
+          continue;
         }
+        const what = await this.fault(plans, scene, inputs);
+        result.checked++;
+        if (what) result.failures.push({ name: `${scene.name}: ${algorithm}, ${row.variant}`, what, spheres: scene.count, scene });
+        told(row, what ?? "");
       }
       Object.values(inputs).forEach((buffer) => buffer?.destroy());
     }
     return { ...result, seconds: (performance.now() - start) / 1000 };
   }
 
-  // What is wrong with one call, or `null`.
-  async fault(plan, scene, inputs) {
+  // What is wrong with one call, or `null`. Where a plan has too few entries the next one has more, as natively.
+  async fault([plan, ...larger], scene, inputs) {
     let call;
     try {
       call = await PlannedCall.create(this.player, plan, inputs);
       const outcome = await call.run();
+      if (outcome.exceeded.includes("entries") && larger.length > 0) return await this.fault(larger, scene, inputs);
       return difference(scene.expected, scene.count, outcome, await call.readPairs(outcome));
     } catch (error) {
-      return this.player.lost ? `the device was lost: ${this.player.lost}` : error.message;
+      if (await this.player.isLost()) throw new PlayerError(this.player.lost);
+      return error.message;
     } finally {
       call?.destroy();
     }
@@ -127,14 +155,14 @@ function machine(player, bundle) {
   for (const name of ["maxBufferSize", "maxStorageBufferBindingSize", "maxStorageBuffersPerShaderStage",
     "maxComputeWorkgroupStorageSize", "maxComputeWorkgroupsPerDimension"]) limits[name] = device.limits[name];
   const named = [info.vendor, info.architecture, info.device, info.description].filter(Boolean).join(" ");
-  const subgroups = !device.features.has("subgroups") ? "no subgroups"
+  const subgroups = player.refusal ? `no subgroups (${player.refusal})` : !device.features.has("subgroups") ? "no subgroups"
     : info.subgroupMinSize === info.subgroupMaxSize ? `subgroups of ${info.subgroupMinSize}`
     : `subgroups of ${info.subgroupMinSize} to ${info.subgroupMaxSize}`;
   return {
     version: bundle.version, commit: bundle.commit, cpu: null,
     gpu: {
       name: named || "unnamed GPU", driver: globalThis.navigator?.userAgent ?? "unknown", api: "WebGPU",
-      hardware: !(info.isFallbackAdapter || /swiftshader|llvmpipe/i.test(named)), subgroups, timestamps: timed,
+      hardware: !player.isSoftware, subgroups, timestamps: timed,
     },
     limits,
   };

@@ -203,7 +203,7 @@ class ReportTab {
     try {
       report = await this.work(this);
     } catch (error) {
-      report = { ok: false, wrong: 1, failures: [{ name: "the page itself", what: this.page.player.lost ? `the device was lost: ${this.page.player.lost}` : error.message }] };
+      report = failed((await this.page.player.isLost()) ? this.page.player.lost : error.message);
     }
     element("run").disabled = false;
     element("progress").hidden = true;
@@ -225,11 +225,10 @@ class Page {
     const player = await Player.open(navigator.gpu);
     const page = new Page();
     Object.assign(page, { player, bundle: await Bundle.open(element("data").textContent) });
+    await player.probe(page.bundle);
     const about = machine(player, page.bundle);
     element("machine").textContent = `${about.gpu.name}, ${about.gpu.subgroups}, lazygrid ${about.version} (${about.commit})`;
-    player.device.lost.then(({ reason, message }) => {
-      if (reason !== "destroyed") fail(`The GPU was lost (${message || reason}). Reload the page; if it happens again, choose fewer spheres.`);
-    });
+    player.device.lost.then(() => fail(player.lost));
     page.tabs = { check: page.checkTab(), measure: page.measureTab() };
     page.scene = new SceneTab(player, page.bundle);
     document.querySelectorAll("nav button").forEach((button) => { button.onclick = () => page.turn(button.dataset.tab); });
@@ -237,6 +236,7 @@ class Page {
     await page.turn(page.tabs[asked] ? asked : "scene");
     page.tabs[asked]?.run();
     const tick = (now) => {
+      if (player.lost) return;
       if (page.tab === "scene") page.scene.frame(now);
       requestAnimationFrame(tick);
     };
@@ -258,18 +258,18 @@ class Page {
   checkTab() {
     return new ReportTab(this, {
       title: "Check", columns: ["scene", "algorithm", "variant", "result", ""],
-      text: "Every algorithm searches scenes that are hard on grids, in every variant of the kernels that this GPU can run. " +
+      text: "Every algorithm searches scenes that are hard on grids, in every variant of the kernels that this GPU can run " +
+        "(without hardware the variants take turns). " +
         "The pairs are compared with those that the CPU found when this page was written.",
       run: async (tab) => {
         const asked = new URLSearchParams(location.hash.slice(1)), checker = new Checker(this.player, this.bundle);
-        checker.take(Number(asked.get("every") ?? 1));
-        const all = checker.scenes.reduce((sum, { calls }) => sum + calls.length, 0) * checker.variants().length;
-        let done = 0, passed = 0;
-        const result = await checker.run(({ scene, algorithm, variant }, what) => {
+        const scenes = checker.searches(asked.has("full") || !this.player.isSoftware);
+        const all = scenes.reduce((sum, { searches }) => sum + searches.length, 0);
+        let done = 0;
+        const result = await checker.run(scenes, ({ scene, algorithm, variant }, what) => {
           Object.assign(element("progress"), { max: all, value: ++done });
           element("status").textContent = `${done} of ${all}`;
           if (what === null) return;
-          passed += what === "" ? 1 : 0;
           const mark = Object.assign(document.createElement("span"), { className: what ? "fail" : "pass", textContent: what ? `WRONG: ${what}` : "pass" });
           tab.row([scene, algorithm, variant, mark, ""]);
         });
@@ -315,10 +315,13 @@ class Page {
   }
 }
 
+// The report of a page that cannot do its work.
+const failed = (what) => ({ ok: false, wrong: 1, failures: [{ name: "the page itself", what }] });
+
 // Says what is missing and what to do, on the page and for machines.
 function fail(message) {
   Object.assign(element("failure"), { hidden: false, textContent: message });
-  element("result").textContent ||= JSON.stringify({ ok: false, wrong: 1, failures: [{ name: "the page itself", what: message }] }, null, 1);
+  element("result").textContent ||= JSON.stringify(failed(message), null, 1);
 }
 
 Page.open().then((page) => { window.page = page; }, (error) => fail(error.message));

@@ -127,7 +127,7 @@ class Measurer {
             if (fault) failures.push({ name: `${algorithm}, ${count} spheres, ${kind.name}`, what: fault });
             told(speed);
           } catch (error) {
-            if (player.lost) throw error;
+            if (await player.isLost()) throw error;
             const list = /memory|exceed their capacity/.test(error.message) ? left_out : failures;
             list.push({ ...row, name: `${algorithm}, ${count} spheres, ${kind.name}`, what: error.message, why: error.message });
           }

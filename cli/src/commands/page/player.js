@@ -1,6 +1,6 @@
 "use strict";
 // Executes call plans of lazygrid through WebGPU: creates the buffers, binds them, dispatches the kernels and reads the
-// outcome. `docs/page.md` describes the format. Needs no page: `replay.mjs` runs this file in Node.
+// outcome. `docs/page.md` describes the format. Needs no page: `node.mjs` runs this file in Node.
 
 const PLAN_FORMAT = 1;
 
@@ -29,13 +29,20 @@ class Player {
   constructor(adapter, device) {
     Object.assign(this, { adapter, device, info: adapter.info, pipelines: new Map() });
     this.timed = device.features.has("timestamp-query");
+    this.isSoftware = !!this.info.isFallbackAdapter || /swiftshader|llvmpipe|basic render/i.test(`${this.info.vendor} ${this.info.architecture} ${this.info.device} ${this.info.description}`);
     device.lost.then(({ message, reason }) => {
-      this.lost = message || reason;
+      this.lost = `The GPU was lost (${message || reason}). Reload the page; if it happens again, choose fewer spheres.`;
     });
   }
 
-  // Opens the best adapter with the largest limits that plans can use.
-  static async open(gpu) {
+  // Returns `true` if the device was lost. Calls fail before the device says so.
+  async isLost() {
+    await Promise.race([this.device.lost, new Promise((done) => setTimeout(done, 100))]);
+    return this.lost !== undefined;
+  }
+
+  // Opens the best adapter with the largest limits that plans can use, or with at most `limits`.
+  static async open(gpu, limits = {}) {
     if (!gpu) {
       throw new PlayerError(
         "This browser has no WebGPU. Use a current Chrome, Edge, Safari or Firefox; on Linux, WebGPU may have to be enabled.",
@@ -50,7 +57,7 @@ class Player {
       "maxBufferSize", "maxStorageBufferBindingSize", "maxStorageBuffersPerShaderStage",
       "maxComputeWorkgroupStorageSize", "maxComputeWorkgroupsPerDimension",
     ];
-    const requiredLimits = Object.fromEntries(names.map((name) => [name, adapter.limits[name]]));
+    const requiredLimits = Object.fromEntries(names.map((name) => [name, Math.min(adapter.limits[name], limits[name] ?? Infinity)]));
     return new Player(adapter, await adapter.requestDevice({ requiredFeatures, requiredLimits }));
   }
 
@@ -70,10 +77,38 @@ class Player {
 
   // The index of the texts for this device among `subgroups`, the sizes for which a bundle has texts; 0 is portable.
   subgroupTexts(subgroups) {
-    if (!this.device.features.has("subgroups")) return 0;
+    if (!this.device.features.has("subgroups") || this.refusal) return 0;
     const memory = this.device.limits.maxComputeWorkgroupStorageSize;
     const smallest = this.info.subgroupMinSize;
     return Math.max(0, subgroups.findIndex(({ size, workgroup_memory }) => size === smallest && workgroup_memory <= memory));
+  }
+
+  // Tests what kernels for subgroups assume and no API promises: subgroups are full, and lanes follow local indices. If the test
+  // fails, `refusal` is the reason, and kernels run without subgroup operations.
+  async probe(bundle) {
+    const { probe } = bundle, texts = this.subgroupTexts(bundle.subgroups);
+    if (texts === 0) return;
+    try {
+      const bytes = await guarded(this.device, "the probe of subgroups", async () => {
+        const { pipeline, bindGroupLayout } = await this.pipeline({ ...probe.kernel, wgsl: bundle.text(probe.kernel.wgsl[texts]) });
+        const result = this.buffer("probe", GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC, new Uint32Array(probe.before));
+        const bindings = this.device.createBindGroup({ layout: bindGroupLayout, entries: [{ binding: 0, resource: { buffer: result } }] });
+        const encoder = this.device.createCommandEncoder(), pass = encoder.beginComputePass();
+        pass.setPipeline(pipeline);
+        pass.setBindGroup(0, bindings);
+        pass.dispatchWorkgroups(probe.workgroups);
+        pass.end();
+        this.device.queue.submit([encoder.finish()]);
+        return this.read(result, 16);
+      });
+      const [faults, invocations, smallest] = new Uint32Array(bytes);
+      const found = Object.entries(probe.faults).find(([, bit]) => faults & bit);
+      if (invocations !== probe.invocations) this.refusal = "the probe of subgroups did not run as dispatched";
+      else if (found) this.refusal = found[0];
+      else if (faults !== 0 || smallest < this.info.subgroupMinSize) this.refusal = "subgroups are smaller than the adapter reports";
+    } catch (error) {
+      this.refusal = `the probe of subgroups failed: ${error.message}`;
+    }
   }
 
   // Compiles a kernel once. Pipelines compile in parallel, off the main thread.

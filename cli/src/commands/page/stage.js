@@ -74,7 +74,7 @@ class Stage {
     const { device } = player;
     this.placer = new Placer(player, bundle.wgsl.scene);
     // Software adapters cannot hand textures to a browser's compositor: their pictures take the way through memory.
-    this.copies = player.info.isFallbackAdapter || /swiftshader|llvmpipe|basic render/i.test(player.info.architecture + player.info.description);
+    this.copies = player.isSoftware;
     this.format = this.copies ? "rgba8unorm" : navigator.gpu.getPreferredCanvasFormat();
     this.context = canvas.getContext(this.copies ? "2d" : "webgpu");
     if (!this.copies) this.context.configure({ device, format: this.format, alphaMode: "opaque" });

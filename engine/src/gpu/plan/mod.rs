@@ -18,6 +18,7 @@ mod work_budget;
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
+pub use lazygrid_kernels::kernel::SubgroupProbe;
 use lazygrid_kernels::layout::{ColumnLayout, Outcome, RadixPass};
 
 use crate::Error;

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::kernel::{SUBGROUP_PROBE, Variant};
 use lazygrid_kernels::layout::SearchParams;
 use lazygrid_kernels::{Algorithm, Interactions};
 
-use super::call_plan::{CallConstants, CallPlan};
+use super::call_plan::{CallConstants, CallPlan, PlanKernel};
 use super::sides::Sides;
 use super::tables::TableBytes;
 use super::work_budget::{WorkBudget, tests_within_limit};
@@ -84,6 +84,13 @@ impl Planner {
         let count_in_buffer = self.count_in_buffer;
         let constants = CallConstants { call, count_in_buffer, tables: tables.as_ref() };
         Ok(sized.call_plan(&constants, variant, limits))
+    }
+
+    /// Returns the kernel that tests what kernels for subgroups of at least this size assume. Its one buffer holds a
+    /// [`SubgroupProbe`](super::SubgroupProbe), which begins as [`BEFORE`](super::SubgroupProbe::BEFORE).
+    pub fn subgroup_probe(smallest_subgroup: u32) -> PlanKernel {
+        let variant = Variant { subgroups: Some(smallest_subgroup), ..Variant::default() };
+        PlanKernel { kernel: &SUBGROUP_PROBE, variant }
     }
 
     /// Returns the bytes of workgroup memory that kernels for this smallest subgroup size need at most.

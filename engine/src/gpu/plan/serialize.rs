@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use lazygrid_kernels::kernel::Access;
+use lazygrid_kernels::kernel::{Access, Binding};
 use lazygrid_kernels::layout::Outcome;
 use serde::{Serialize, Serializer};
 
@@ -17,7 +17,7 @@ struct PlanForm<'a> {
     pairs: u32,
     subgroups: Option<u32>,
     buffers: Vec<BufferForm<'a>>,
-    kernels: Vec<KernelForm>,
+    kernels: &'a [PlanKernel],
     dispatches: Vec<DispatchForm<'a>>,
     continuation: usize,
     part_starts: &'a [usize],
@@ -95,7 +95,7 @@ impl Serialize for CallPlan {
             pairs: self.pair_capacity,
             subgroups: self.subgroups(),
             buffers: self.buffers.iter().map(buffer).collect(),
-            kernels: self.sequence.kernels.iter().map(kernel).collect(),
+            kernels: &self.sequence.kernels,
             dispatches: self.sequence.dispatches.iter().map(dispatch).collect(),
             continuation: self.sequence.continuation,
             part_starts: &self.sequence.part_starts,
@@ -136,20 +136,21 @@ fn buffer(buffer: &PlanBuffer) -> BufferForm<'_> {
     BufferForm { name: &buffer.name, size: buffer.size, usage: buffer.usage.names(), source, words }
 }
 
-fn kernel(kernel: &PlanKernel) -> KernelForm {
-    let access = |access| match access {
-        Access::Uniform => "uniform",
-        Access::Read => "read",
-        Access::ReadWrite => "read_write",
-    };
-    KernelForm {
-        entry_point: kernel.entry_point(),
-        workgroup_size: kernel.workgroup_size(),
-        bindings: kernel
-            .bindings()
-            .map(|binding| BindingForm { name: binding.name, access: access(binding.access) })
-            .collect(),
-        wgsl: kernel.wgsl(),
+impl Serialize for PlanKernel {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let access = |access| match access {
+            Access::Uniform => "uniform",
+            Access::Read => "read",
+            Access::ReadWrite => "read_write",
+        };
+        let binding = |binding: Binding| BindingForm { name: binding.name, access: access(binding.access) };
+        let form = KernelForm {
+            entry_point: self.entry_point(),
+            workgroup_size: self.workgroup_size(),
+            bindings: self.bindings().map(binding).collect(),
+            wgsl: self.wgsl(),
+        };
+        form.serialize(serializer)
     }
 }
 
