@@ -1,0 +1,226 @@
+//! Collisions of particles on their paths within a step.
+//!
+//! Every particle moves along a line with a constant velocity until it collides with a wall or another particle. Times of impact
+//! of candidate pairs decide which collision is the next one of a particle, so that a step of any length leaves no overlap that
+//! was not there before. What a collision does depends on the contact of the model:
+//!
+//! - *Elastic*: the particles exchange momentum by their masses.
+//! - *Separate*: a step of diffusion is a displacement whose variance is proportional to the diffusion coefficient D, as if the
+//!   particle had the mass 1/D and a thermal velocity that each step draws again. Collisions by these masses keep the
+//!   uniform distribution over all states without an overlap, because the motion conserves volumes and energy (A. Scala,
+//!   T. Voigtmann and C. De Michele, *Event-driven Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007)
+//!   134109).
+//!
+//! *Not detected* are collisions of two species that react with each other, which have to overlap in order to react, and of pairs
+//! that overlap at the beginning. Elastic ones of these bounce at the beginning of the step if they approach each other.
+//!
+//! # Correctness
+//!
+//! 1. A step consists of windows. The candidate list of a window holds every pair whose surfaces are within twice an allowance
+//!    of each other. No particle is faster than a top speed, and the window ends when that speed has traveled the allowance. So
+//!    no other pair collides in it.
+//! 2. If a collision makes a particle faster, the window begins again with a higher top speed.
+//! 3. `rounds.rs` argues that the events of a window happen in the order of their times, then of ids. A prediction uses only the
+//!    two particles. So the result does not depend on the order of particles or candidates, nor on threads.
+
+use lazygrid::Detector;
+use rayon::prelude::*;
+
+use crate::Error;
+use crate::model::Model;
+use crate::model::boundary::Axis;
+use crate::model::particles::Particles;
+use crate::model::receiver::{finder, rounding};
+
+mod mover;
+mod rounds;
+mod rules;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use mover::Flight;
+use mover::{Mover, dot};
+use rounds::{Adjacency, SLACK, Unfinished, Window};
+use rules::Rules;
+
+/// Finds and resolves the collisions of a model.
+#[derive(Debug)]
+pub(crate) struct Collisions {
+    detector: Detector,
+    rules: Rules,
+    /// Reused from step to step.
+    scratch: Scratch,
+}
+
+#[derive(Debug, Default)]
+struct Scratch {
+    movers: Vec<Mover>,
+    /// The particles at the beginning of the window.
+    begun: Vec<Mover>,
+    rows: Vec<[f32; 4]>,
+    neighbors: Adjacency,
+}
+
+/// The allowance of candidates, as a fraction of the mean distance between neighbors and of the largest radius.
+const ALLOWANCE: [f64; 2] = [0.25, 0.25];
+/// The top speed of a window over the speed of the fastest particle.
+const TOP_SPEED: f64 = 1.25;
+/// The largest number of collisions per particle and step, on average.
+const MAX_COLLISIONS: u64 = 1000;
+/// Collisions of few particles that are allowed beyond [`MAX_COLLISIONS`].
+const MIN_BUDGET: u64 = 1_000_000;
+
+impl Collisions {
+    /// Creates the collisions of a model that [`Model::check`] accepts; `None` if its particles pass through each other.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] for a box without extent.
+    pub(crate) fn new(model: &Model) -> Result<Option<Self>, Error> {
+        let Some(rules) = Rules::new(model) else { return Ok(None) };
+        Ok(Some(Self { detector: finder(&model.boundary)?, rules, scratch: Scratch::default() }))
+    }
+
+    /// Lets particles collide on their flights, which change. Returns the number of collisions.
+    ///
+    /// # Errors
+    /// [`Error::Step`] if the detector fails, and [`Error::Collisions`] if there are more than [`MAX_COLLISIONS`] per particle.
+    pub(crate) fn resolve(
+        &mut self,
+        particles: &Particles,
+        flights: &mut [Flight],
+        step: u32,
+    ) -> Result<u64, Error> {
+        if particles.radius.iter().all(|&radius| radius == 0.0) {
+            return Ok(0);
+        }
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let mover = |(at, flight): (usize, &Flight)| Mover::new(particles, at, flight);
+        scratch.movers.clear();
+        scratch.movers.par_extend(flights.par_iter().enumerate().map(mover));
+        let result = self.run(&mut scratch, step);
+        let domains = &self.rules.domains;
+        flights.par_iter_mut().zip(&scratch.movers).for_each(|(flight, mover)| {
+            if mover.collided {
+                mover.land(flight, &domains[mover.species as usize]);
+            }
+        });
+        self.scratch = scratch;
+        result
+    }
+
+    /// Moves particles through the step, window by window. Returns the number of collisions.
+    fn run(&mut self, scratch: &mut Scratch, step: u32) -> Result<u64, Error> {
+        let (mut now, mut collisions, mut top_speed) = (0.0, 0, 0.0);
+        let most = self.largest_allowance(&scratch.movers);
+        let particles = scratch.movers.len() as u64;
+        let limit = MIN_BUDGET + MAX_COLLISIONS * particles;
+        while now < 1.0 {
+            top_speed = f64::max(top_speed, TOP_SPEED * fastest(&scratch.movers));
+            if !(top_speed > 0.0 && top_speed.is_finite()) {
+                break;
+            }
+            let allowance = most.min(top_speed * (1.0 - now));
+            let mut candidates =
+                self.candidates(scratch, allowance).map_err(|source| Error::Step { step, source })?;
+            if now == 0.0 && self.rules.is_elastic && collisions == 0 {
+                collisions += self.bounce_overlaps(&mut scratch.movers, &candidates);
+                top_speed = f64::max(top_speed, fastest(&scratch.movers));
+            }
+            let Scratch { movers, begun, neighbors, .. } = &mut *scratch;
+            candidates.retain(|pair| !self.rules.passes(pair.map(|at| &movers[at as usize])));
+            neighbors.build(&candidates, movers.len());
+            begun.clone_from(movers);
+            let horizon = f64::min(1.0, now + allowance / top_speed);
+            let limit = limit.saturating_sub(collisions);
+            let window = Window { rules: &self.rules, neighbors, horizon, top_speed, slack: SLACK, limit };
+            match window.run(movers) {
+                Ok(met) => collisions += met,
+                Err(Unfinished::TooFast(speed)) => {
+                    top_speed = TOP_SPEED * speed;
+                    movers.clone_from(begun);
+                    continue;
+                }
+                Err(Unfinished::TooMany(met)) => {
+                    return Err(Error::Collisions { step, particles, collisions: collisions + met });
+                }
+            }
+            now = horizon;
+            top_speed = 0.0;
+            movers.par_iter_mut().for_each(|mover| mover.advance(now));
+        }
+        Ok(collisions)
+    }
+
+    /// Returns the largest useful allowance of candidates, in µm: more would only add candidates.
+    fn largest_allowance(&self, movers: &[Mover]) -> f64 {
+        let largest = f64::from(movers.iter().map(|m| m.radius).fold(0.0, f32::max));
+        let axes = self.rules.boundary.axes;
+        let extent = |k: usize| match axes[k] {
+            Axis::Reflecting { low, high } | Axis::Periodic { low, high } => f64::from(high - low),
+            Axis::Open => {
+                let all = movers.iter().map(|m| m.position[k]);
+                let (low, high) = all.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+                high - low
+            }
+        };
+        let spacing =
+            (0..3).map(extent).map(|x| x.max(largest)).product::<f64>() / movers.len().max(1) as f64;
+        // A pair is tested at one image only.
+        let image = axes.into_iter().filter_map(|axis| match axis {
+            Axis::Periodic { low, high } => Some((f64::from(high - low) / 4.0 - largest).max(0.01 * largest)),
+            _ => None,
+        });
+        image.fold((ALLOWANCE[0] * spacing.cbrt()).max(ALLOWANCE[1] * largest), f64::min)
+    }
+
+    /// Returns the pairs of particles whose surfaces are within twice `allowance` of each other.
+    fn candidates(
+        &mut self,
+        scratch: &mut Scratch,
+        allowance: f64,
+    ) -> Result<Vec<[u32; 2]>, lazygrid::Error> {
+        let Scratch { movers, rows, .. } = scratch;
+        let boundary = &self.rules.boundary;
+        let row = |mover: &Mover| {
+            let [x, y, z] = mover.position.map(|c| c as f32);
+            let radius = mover.radius + allowance as f32;
+            [x, y, z, radius + rounding([x, y, z], radius)]
+        };
+        rows.clear();
+        rows.par_extend(movers.par_iter().map(row));
+        let touches = |[a, b]: [u32; 2]| {
+            let [a, b] = [&movers[a as usize], &movers[b as usize]];
+            a.radius + b.radius > 0.0 && {
+                let reach = a.touch(b) + 2.0 * allowance;
+                let d = a.displacement(b, a.time, boundary);
+                dot(d, d) <= reach * reach
+            }
+        };
+        let pairs = self.detector.pairs(rows.as_slice())?.par_iter().map(|pair| [pair.i, pair.j]);
+        Ok(pairs.filter(|&pair| touches(pair)).collect())
+    }
+
+    /// Lets overlapping pairs that approach each other bounce, in the order of ids. Returns their number.
+    fn bounce_overlaps(&self, movers: &mut [Mover], candidates: &[[u32; 2]]) -> u64 {
+        let overlaps = |&pair: &[u32; 2]| {
+            let mut pair = pair;
+            pair.sort_unstable_by_key(|&at| movers[at as usize].id);
+            let [a, b] = pair.map(|at| &movers[at as usize]);
+            let overlap = self.rules.passes([a, b]) && a.gap(b, a.time, &self.rules.boundary) < 0.0;
+            overlap.then_some(([a.id, b.id], pair))
+        };
+        let mut overlapping: Vec<_> = candidates.par_iter().filter_map(overlaps).collect();
+        overlapping.sort_unstable();
+        let mut bounce = |&(_, pair): &([u32; 2], [u32; 2])| {
+            let mut both = pair.map(|at| movers[at as usize]);
+            let met = self.rules.collide(&mut both);
+            pair.into_iter().zip(both).for_each(|(at, mover)| movers[at as usize] = mover);
+            met
+        };
+        overlapping.iter().filter(|pair| bounce(pair)).count() as u64
+    }
+}
+
+fn fastest(movers: &[Mover]) -> f64 {
+    movers.par_iter().map(|mover| mover.speed).reduce(|| 0.0, f64::max)
+}

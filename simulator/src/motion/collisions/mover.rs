@@ -1,0 +1,102 @@
+//! Particles in motion between collisions.
+
+use crate::model::boundary::{Axis, Boundary};
+use crate::model::particles::Particles;
+use crate::motion::path_hit::Path;
+
+/// The path of a particle in a step, with its own velocity.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Flight {
+    pub(crate) path: Path,
+    /// Its end if nothing reflected it, in µm.
+    pub(crate) free_end: [f32; 3],
+    /// Its velocity at the beginning, in µm/s.
+    pub(crate) begun: [f32; 3],
+    /// Its velocity at the end, in µm/s.
+    pub(crate) velocity: [f32; 3],
+}
+
+/// A particle in motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Mover {
+    /// Its position at `time`, in µm, not wrapped at periodic boundaries.
+    pub(super) position: [f64; 3],
+    /// Its clock: the fraction of the step up to which its path is known.
+    pub(super) time: f64,
+    /// Its displacement per step, in µm.
+    pub(super) motion: [f64; 3],
+    /// The length of `motion`.
+    pub(super) speed: f64,
+    /// Its own velocity, in µm/s.
+    pub(super) own: [f64; 3],
+    pub(super) id: u32,
+    pub(super) species: u32,
+    pub(super) radius: f32,
+    pub(super) collided: bool,
+}
+
+impl Mover {
+    pub(super) fn new(particles: &Particles, at: usize, flight: &Flight) -> Self {
+        let position = flight.path.before.map(f64::from);
+        let motion = std::array::from_fn(|k| f64::from(flight.free_end[k]) - position[k]);
+        Self {
+            position,
+            time: 0.0,
+            motion,
+            speed: length(motion),
+            own: flight.begun.map(f64::from),
+            id: particles.id[at],
+            species: particles.species[at],
+            radius: particles.radius[at],
+            collided: false,
+        }
+    }
+
+    pub(super) fn position_at(&self, time: f64) -> [f64; 3] {
+        std::array::from_fn(|k| self.position[k] + (time - self.time) * self.motion[k])
+    }
+
+    pub(super) fn advance(&mut self, time: f64) {
+        self.position = self.position_at(time);
+        self.time = time;
+    }
+
+    /// Returns the displacement to another particle at a time.
+    pub(super) fn displacement(&self, other: &Self, time: f64, boundary: &Boundary) -> [f64; 3] {
+        let [from, to] = [self, other].map(|mover| mover.position_at(time));
+        std::array::from_fn(|k| boundary.axes[k].displacement_exact(to[k] - from[k]))
+    }
+
+    /// Returns the distance of the centers at contact, in µm.
+    pub(super) fn touch(&self, other: &Self) -> f64 {
+        f64::from(self.radius) + f64::from(other.radius)
+    }
+
+    /// Returns the distance of the surfaces of two particles at a time, in µm; negative if they overlap.
+    pub(super) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
+        length(self.displacement(other, time, boundary)) - self.touch(other)
+    }
+
+    /// Writes the end of its path to its flight.
+    pub(super) fn land(&self, flight: &mut Flight, domain: &Boundary) {
+        let end = self.position.map(|c| c as f32);
+        let after = domain.confine(end);
+        let end = std::array::from_fn(|k| match domain.axes[k] {
+            Axis::Periodic { .. } => end[k],
+            _ => after[k],
+        });
+        flight.path = Path { end, after, ..flight.path };
+        if flight.path.diffusion == 0.0 {
+            flight.path.drift = std::array::from_fn(|k| end[k] - flight.path.before[k]);
+        }
+        flight.velocity = self.own.map(|v| v as f32);
+    }
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn length(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}

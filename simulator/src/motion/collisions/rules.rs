@@ -1,0 +1,202 @@
+//! When two particles, or a particle and a wall, collide, and the result.
+
+use std::cmp::Ordering;
+
+use super::mover::{Mover, dot, length};
+use crate::model::boundary::{Axis, Boundary};
+use crate::model::receiver::rounding;
+use crate::model::{Contact, Model};
+
+/// The constants of a model's collisions.
+#[derive(Debug)]
+pub(super) struct Rules {
+    pub(super) is_elastic: bool,
+    pub(super) boundary: Boundary,
+    /// Boundaries of the particle centers, by species.
+    pub(super) domains: Vec<Boundary>,
+    /// Reciprocal masses, by species: of momentum, or diffusion coefficients.
+    mobility: Vec<f64>,
+    /// `true` for two species that react with each other, by row and column.
+    reacts: Vec<bool>,
+}
+
+/// A predicted event of a particle with another one or a wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Event {
+    /// Infinite if no event is predicted.
+    pub(super) time: f64,
+    /// The ids of both particles, in ascending order; of a wall [`WALL`].
+    ids: [u32; 2],
+    /// Their indices, in the same order.
+    pub(super) at: [u32; 2],
+    wall: u32,
+}
+
+/// The index that stands for a wall.
+pub(super) const WALL: u32 = u32::MAX;
+/// The number of the wall of a vessel, after those of the three axes.
+const VESSEL_WALL: u32 = 6;
+
+impl Event {
+    pub(super) const NEVER: Self = Self { time: f64::INFINITY, ids: [WALL; 2], at: [WALL; 2], wall: 0 };
+
+    /// Orders events by time, then by ids.
+    pub(super) fn compare(&self, other: &Self) -> Ordering {
+        self.time.total_cmp(&other.time).then_with(|| (self.ids, self.wall).cmp(&(other.ids, other.wall)))
+    }
+
+    pub(super) fn earlier(self, other: Self) -> Self {
+        if other.compare(&self).is_lt() { other } else { self }
+    }
+
+    /// Returns the indices of its particles.
+    pub(super) fn particles(&self) -> &[u32] {
+        let count = self.at.iter().filter(|&&at| at != WALL).count();
+        &self.at[..count]
+    }
+}
+
+impl Rules {
+    /// Returns the constants of a model; `None` if its particles pass through each other.
+    pub(super) fn new(model: &Model) -> Option<Self> {
+        let mobility = match model.contact {
+            Contact::Separate => model.species.iter().map(|species| species.diffusion).collect(),
+            Contact::Elastic => model.species.iter().map(|species| 1.0 / species.mass).collect(),
+            _ => return None,
+        };
+        let species = model.species.len();
+        let mut reacts = vec![false; species * species];
+        for reaction in &model.reactions {
+            let [a, b] = reaction.reactants.map(|species| species as usize);
+            reacts[a * species + b] = true;
+            reacts[b * species + a] = true;
+        }
+        Some(Self {
+            is_elastic: model.contact == Contact::Elastic,
+            boundary: model.boundary,
+            domains: model.center_domains(),
+            mobility,
+            reacts,
+        })
+    }
+
+    /// Returns `true` if collisions of two particles at the same time are not detected: they react, or overlap already.
+    pub(super) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
+        let reacts = self.reacts[a.species as usize * self.mobility.len() + b.species as usize];
+        // The particle of the lower id, so that the order of particles has no effect.
+        let first = if a.id < b.id { a } else { b };
+        let tolerance = rounding(first.position.map(|c| c as f32), a.radius + b.radius);
+        reacts || -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
+    }
+
+    /// Returns the collision of two particles after both of their clocks, if they move towards each other.
+    pub(super) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<Event> {
+        if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
+            pair.reverse();
+        }
+        let [a, b] = pair.map(|at| &movers[at as usize]);
+        let now = a.time.max(b.time);
+        let d = a.displacement(b, now, &self.boundary);
+        let relative: [f64; 3] = std::array::from_fn(|k| b.motion[k] - a.motion[k]);
+        let approach = -dot(d, relative);
+        if approach <= 0.0 {
+            return None;
+        }
+        // Rounding may have left them overlapping a little.
+        let apart = (dot(d, d) - a.touch(b).powi(2)).max(0.0);
+        let root = approach * approach - dot(relative, relative) * apart;
+        let time = now + apart / (approach + root.max(0.0).sqrt());
+        (root >= 0.0).then_some(Event { time, ids: [a.id, b.id], at: pair, wall: 0 })
+    }
+
+    /// Returns the next collision of a particle with a wall.
+    pub(super) fn predict_wall(&self, movers: &[Mover], at: u32) -> Option<Event> {
+        let mover = &movers[at as usize];
+        let domain = &self.domains[mover.species as usize];
+        let Mover { position, motion, time, .. } = *mover;
+        let plane = |k: usize| match domain.axes[k] {
+            Axis::Reflecting { high, .. } if motion[k] > 0.0 => {
+                Some(((f64::from(high) - position[k]) / motion[k], 2 * k as u32 + 1))
+            }
+            Axis::Reflecting { low, .. } if motion[k] < 0.0 => {
+                Some(((f64::from(low) - position[k]) / motion[k], 2 * k as u32))
+            }
+            _ => None,
+        };
+        let cylinder = domain.vessel.and_then(|vessel| {
+            let [p, w] = [vessel.offset(position), vessel.across().map(|k| motion[k])];
+            let (a, b) = (w[0] * w[0] + w[1] * w[1], p[0] * w[0] + p[1] * w[1]);
+            let c = (p[0] * p[0] + p[1] * p[1] - f64::from(vessel.radius).powi(2)).min(0.0);
+            (a > 0.0).then(|| (((b * b - a * c).sqrt() - b) / a, VESSEL_WALL))
+        });
+        let (after, wall) = (0..3).filter_map(plane).chain(cylinder).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Event { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
+    }
+
+    /// Returns the particles of an event after it, in its order, and the number of collisions. The second one of a wall is the
+    /// first.
+    pub(super) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
+        let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
+        let mut pair = [event.at[0], second].map(|at| movers[at as usize]);
+        pair.iter_mut().for_each(|mover| mover.advance(event.time));
+        if event.at[1] == WALL {
+            self.reflect(&mut pair[0], event.wall);
+            return (pair, 0);
+        }
+        self.collide(&mut pair);
+        (pair, 1)
+    }
+
+    /// Reflects a particle at a wall.
+    fn reflect(&self, mover: &mut Mover, wall: u32) {
+        match (wall, &self.domains[mover.species as usize].vessel) {
+            (VESSEL_WALL, Some(vessel)) => {
+                let out = vessel.offset(mover.position);
+                let distance = out[0].hypot(out[1]).max(f64::MIN_POSITIVE);
+                let mut normal = [0.0; 3];
+                vessel.across().into_iter().zip(out).for_each(|(k, c)| normal[k] = c / distance);
+                for velocity in [&mut mover.motion, &mut mover.own] {
+                    let speed = dot(*velocity, normal);
+                    (0..3).for_each(|k| velocity[k] -= 2.0 * speed * normal[k]);
+                }
+            }
+            _ => {
+                let axis = (wall / 2) as usize;
+                mover.motion[axis] = -mover.motion[axis];
+                mover.own[axis] = -mover.own[axis];
+            }
+        }
+    }
+
+    /// Exchanges momentum between two particles, the one of the lower id first. Returns `false` if they do not approach each
+    /// other.
+    pub(super) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
+        let d = a.displacement(b, a.time, &self.boundary);
+        let mut shares = [a.species, b.species].map(|species| self.mobility[species as usize]);
+        if shares == [0.0; 2] {
+            shares = [1.0; 2];
+        }
+        let exchange = |u: &mut [f64; 3], v: &mut [f64; 3]| {
+            // This expression equals that of a prediction, so both agree on the sign.
+            let approach = -dot(d, std::array::from_fn(|k| v[k] - u[k]));
+            if approach <= 0.0 {
+                return false;
+            }
+            let impulse = 2.0 * approach / (dot(d, d) * (shares[0] + shares[1]));
+            for k in 0..3 {
+                u[k] -= impulse * shares[0] * d[k];
+                v[k] += impulse * shares[1] * d[k];
+            }
+            true
+        };
+        let met = exchange(&mut a.motion, &mut b.motion);
+        if self.is_elastic {
+            exchange(&mut a.own, &mut b.own);
+        }
+        for mover in [a, b] {
+            mover.speed = length(mover.motion);
+            mover.collided |= met;
+        }
+        met
+    }
+}

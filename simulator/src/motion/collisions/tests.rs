@@ -1,0 +1,130 @@
+//! Rounds against the plain order of all times.
+
+use super::mover::{Mover, length};
+use super::rounds::{Adjacency, SLACK, Unfinished, Window};
+use super::rules::{Event, Rules};
+use crate::model::{Contact, Model, Species};
+use crate::random::gaussian::normals;
+use crate::random::philox::{open_unit, philox};
+use crate::{Axis, Boundary};
+
+/// Lets one event after the other happen, the earliest of all pairs and walls first. Returns the number of collisions.
+fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon: f64) -> u64 {
+    let mut collisions = 0;
+    loop {
+        let all = pairs.iter().filter_map(|&pair| rules.predict(movers, pair));
+        let walls = (0..movers.len() as u32).filter_map(|at| rules.predict_wall(movers, at));
+        let first = all.chain(walls).fold(Event::NEVER, Event::earlier);
+        if first.time > horizon {
+            return collisions;
+        }
+        let (after, met) = rules.outcome(movers, &first);
+        first.particles().iter().zip(after).for_each(|(&at, mover)| movers[at as usize] = mover);
+        collisions += met;
+    }
+}
+
+fn model(contact: Contact, axis: Axis) -> Model {
+    let kind = |radius, diffusion, mass| Species {
+        name: "A".into(),
+        radius,
+        diffusion,
+        mass,
+        thermal_speed: 1.0,
+        ..Species::default()
+    };
+    Model {
+        time_step: 1.0,
+        species: vec![kind(0.5, 1.0, 1.0), kind(0.3, 3.0, 0.5)],
+        contact,
+        boundary: Boundary { axes: [axis; 3], vessel: None },
+        ..Model::default()
+    }
+}
+
+/// Spheres on a lattice that nearly touch, with random motions.
+fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
+    let mover = |k: u32| {
+        let words = philox([k, case, 0, 0], [1, 2]);
+        let motion = normals(philox([k, case, 1, 0], [1, 2])).map(|c| speed * f64::from(c));
+        let species = u32::from(words[3] % 4 == 0);
+        let place = [k % edge, k / edge % edge, k / edge / edge];
+        let shift = |c: usize| 0.08 * (f64::from(open_unit(words[c])) - 0.5);
+        Mover {
+            position: std::array::from_fn(|c| 1.1 * (f64::from(place[c]) + 0.5) + shift(c)),
+            time: 0.0,
+            motion,
+            speed: length(motion),
+            own: motion,
+            id: (k * 37) % 1009,
+            species,
+            radius: [0.5, 0.3][species as usize],
+            collided: false,
+        }
+    };
+    (0..edge.pow(3)).map(mover).collect()
+}
+
+/// Runs both orders. Returns the particles and collisions of rounds and of the plain order.
+fn both(case: u32, contact: Contact, axis: Axis, slack: f64) -> [(Vec<Mover>, u64); 2] {
+    let rules = Rules::new(&model(contact, axis)).expect("collisions");
+    let mut rounds = movers(case, 5, 0.6);
+    let mut plain = rounds.clone();
+    let n = rounds.len() as u32;
+    let mut pairs: Vec<[u32; 2]> = (0..n).flat_map(|i| (0..i).map(move |j| [j, i])).collect();
+    pairs.retain(|&[a, b]| {
+        !rules.passes([a, b].map(|at| &plain[at as usize]))
+            && rounds[a as usize].gap(&rounds[b as usize], 0.0, &rules.boundary) < 1.5
+    });
+    let mut neighbors = Adjacency::default();
+    neighbors.build(&pairs, rounds.len());
+    let horizon = 0.6;
+    let window =
+        Window { rules: &rules, neighbors: &neighbors, horizon, top_speed: 5.0, slack, limit: 10_000 };
+    let met = window.run(&mut rounds).expect("finished");
+    let expected = run_in_order(&rules, &mut plain, &pairs, horizon);
+    [(rounds, met), (plain, expected)]
+}
+
+#[test]
+fn rounds_equal_the_order_of_times() {
+    let [low, high] = [0.0, 5.5];
+    for (case, contact) in [Contact::Separate, Contact::Elastic].into_iter().cycle().take(8).enumerate() {
+        for axis in [Axis::Open, Axis::Reflecting { low, high }, Axis::Periodic { low, high }] {
+            let [rounds, plain] = both(case as u32, contact, axis, 0.0);
+            assert_eq!(rounds, plain, "{case} {axis:?}");
+            assert!(rounds.1 > 60, "only {} collisions", rounds.1);
+        }
+    }
+}
+
+/// A late hit overlaps by less than the permitted distance.
+#[test]
+fn late_hits_overlap_by_the_slack_at_most() {
+    let axis = Axis::Periodic { low: 0.0, high: 5.5 };
+    for case in 0..8 {
+        let [(rounds, _), _] = both(case, Contact::Separate, axis, SLACK);
+        let rules = Rules::new(&model(Contact::Separate, axis)).expect("collisions");
+        for (k, a) in rounds.iter().enumerate() {
+            for b in &rounds[..k] {
+                let gap = a.gap(b, 0.6, &rules.boundary);
+                assert!(gap > -2.0 * SLACK * a.touch(b), "{case}: {gap}");
+            }
+        }
+    }
+}
+
+#[test]
+fn speed_or_number_beyond_the_limit_ends_a_window() {
+    let rules = Rules::new(&model(Contact::Elastic, Axis::Open)).expect("collisions");
+    let begun = movers(0, 3, 0.3);
+    let pairs: Vec<[u32; 2]> = (0..27).flat_map(|i| (0..i).map(move |j| [j, i])).collect();
+    let mut neighbors = Adjacency::default();
+    neighbors.build(&pairs, begun.len());
+    let top_speed = begun.iter().map(|mover| mover.speed).fold(0.0, f64::max);
+    let window =
+        Window { rules: &rules, neighbors: &neighbors, horizon: 1.0, top_speed, slack: 0.0, limit: 3 };
+    assert!(matches!(window.run(&mut begun.clone()), Err(Unfinished::TooMany(4..))));
+    let slow = Window { top_speed: 0.5 * top_speed, limit: 1000, ..window };
+    assert!(matches!(slow.run(&mut begun.clone()), Err(Unfinished::TooFast(speed)) if speed > 0.5 * top_speed));
+}
