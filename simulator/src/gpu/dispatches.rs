@@ -5,12 +5,16 @@ use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuOutput, Outcome, wgpu};
 
 use super::device::{buffer, encoded, filled, refused, with_error_scope};
 use super::kernel::{self as k, Kernel};
-use super::layout::{ControlHeader, ReceiverCellsHeader, ReceiverRow, TrajectoryHeader};
+use super::layout::{ControlHeader, ReceiverCellsHeader, ReceiverRow, TrajectoryHeader, WINDOW_BYTES};
 use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::receiver_cells::ReceiverCells;
 use super::receiver_trajectory::ReceiverTrajectory;
+use super::simulation::detectors::Found;
 use super::tables::Tables;
 use crate::Error;
+
+mod contact;
+use contact::{CollisionStages, separation_stages};
 
 #[derive(Debug)]
 pub(super) struct RunBuffers {
@@ -22,6 +26,9 @@ pub(super) struct RunBuffers {
     /// Number of receivers if some have receptors, else 0.
     receptors: u32,
     dissociates: bool,
+    reacts: bool,
+    /// `true` if overlaps are separated.
+    separates: bool,
     /// The most searches for surfaces per particle and step.
     pub(super) max_requeries: u32,
     /// Offset in bytes of the lists of receivers.
@@ -44,6 +51,8 @@ pub(super) enum Groups {
     Particles,
     /// One thread per pair, from the detector's dispatch arguments.
     Pairs,
+    /// The same for candidates of collisions.
+    Candidates,
 }
 
 #[cfg(test)]
@@ -76,6 +85,7 @@ impl RunBuffers {
         keep("same_order", filled(&own, "output_order", &[0u32; 4])?);
         keep("cell_order", filled(&own, "output_order", &[1u32, 0, 0, 0])?);
         keep("control", buffer(&own, "control", size_of::<ControlHeader>() as u64 + 8 * tallies)?);
+        keep("window", buffer(&own, "window", WINDOW_BYTES)?);
         keep("inside", buffer(&own, "inside", 4 * tallies)?);
         keep("log", buffer(&own, "log", 8 * u64::from(LOG_ROWS))?);
         let limits = DeviceLimits::of(&own.device);
@@ -94,6 +104,8 @@ impl RunBuffers {
             reflects: tables.reflects,
             receptors: tables.receptors.len() as u32,
             dissociates: tables.dissociates(),
+            reacts: tables.tallies.reactions > 0,
+            separates: tables.params.collides > tables.params.is_elastic,
             max_requeries: tables.params.max_requeries,
             cells_at,
             buffers,
@@ -158,16 +170,19 @@ pub(super) struct StepDispatches {
     pub(super) sizes: Sizes,
     limits: DeviceLimits,
     buffers: HashMap<&'static str, wgpu::Buffer>,
+    begin: Vec<Stage>,
+    collisions: CollisionStages,
     before: Vec<Stage>,
     /// From pairs to candidates; empty without a detector.
     sampling: Vec<Stage>,
     matching: Vec<Stage>,
+    separation: Vec<Stage>,
     after: Vec<Stage>,
     /// Counts particles inside transparent receivers, if there are any.
     census: Option<Stage>,
 }
 
-const SIZED: [&str; 15] = [
+const SIZED: [&str; 20] = [
     "born",
     "born_keys0",
     "born_keys1",
@@ -183,25 +198,29 @@ const SIZED: [&str; 15] = [
     "left0",
     "left1",
     "requesters",
+    "movers",
+    "next_events",
+    "inflated",
+    "neighbors",
+    "pushes",
 ];
 
 impl StepDispatches {
     /// Allocates and binds, after the detector has allocated for these sizes.
-    pub(super) fn new(
-        run: &mut RunBuffers,
-        sizes: Sizes,
-        rounds: u32,
-        found: Option<GpuOutput>,
-    ) -> Result<Self, Error> {
+    pub(super) fn new(run: &mut RunBuffers, sizes: Sizes, rounds: u32, found: Found) -> Result<Self, Error> {
         let mut buffers = run.buffers.clone();
         for name in SIZED {
             let sizes = if name == "requesters" && run.receptors == 0 { Sizes::default() } else { sizes };
             let bytes = sizes.bytes(name, &run.limits).map_err(refused)?;
             buffers.insert(name, buffer(&run.own, name, bytes)?);
         }
-        let detects = found.is_some();
+        let detects = found.interactions.is_some();
         let mut order = None;
-        if let Some(GpuOutput { pairs, outcome, sorted, .. }) = found {
+        if let Some(GpuOutput { pairs, outcome, .. }) = found.candidates {
+            buffers.insert("near_pairs", pairs);
+            buffers.insert("near_outcome", outcome);
+        }
+        if let Some(GpuOutput { pairs, outcome, sorted, .. }) = found.interactions {
             buffers.insert("pairs", pairs);
             buffers.insert("outcome", outcome);
             order = sorted.map(|sorted| sorted.order);
@@ -214,7 +233,8 @@ impl StepDispatches {
         let (reflects, receptors, dissociates) = (run.reflects, run.receptors, run.dissociates);
         let mut stage =
             |kernel: &'static Kernel, groups: Groups| run.stage(kernel, groups, |name| buffers[name].clone());
-        let mut before = vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?];
+        let begin = vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?];
+        let mut before = Vec::new();
         if receptors > 0 {
             before.push(stage(&k::RECEPTORS_RESET, Groups::Fixed(1))?);
             before.push(stage(&k::RECEPTORS_COUNT_BOUND, Groups::Particles)?);
@@ -237,16 +257,35 @@ impl StepDispatches {
             after.push(stage(&k::BORN_PLACE, Groups::Items(sizes.births))?);
         }
         let census = counts_inside.then(|| stage(&k::RECEIVERS_COUNT, Groups::Particles)).transpose()?;
-        let (mut sampling, mut matching) = (Vec::new(), Vec::new());
+        let (mut sampling, mut matching, mut separation) = (Vec::new(), Vec::new(), Vec::new());
         if detects {
             sampling.push(stage(&k::DETECTOR_CHECK, Groups::Fixed(1))?);
-            if sizes.pairs > 0 {
+            if sizes.pairs > 0 && run.reacts {
                 let first = |name| buffers[alternating(name, 0)].clone();
                 sampling.push(run.stage(&k::REACTIONS_SAMPLE, Groups::Pairs, first)?);
                 matching = match_stages(run, &buffers, sizes, rounds)?;
             }
+            if run.separates {
+                separation = separation_stages(run, |name| buffers[name].clone())?;
+            }
         }
-        Ok(Self { sizes, limits, buffers, before, sampling, matching, after, census })
+        let collisions = match sizes.near {
+            0 => CollisionStages::default(),
+            _ => CollisionStages::new(run, sizes, |name| buffers[name].clone())?,
+        };
+        Ok(Self {
+            sizes,
+            limits,
+            buffers,
+            begin,
+            collisions,
+            before,
+            sampling,
+            matching,
+            separation,
+            after,
+            census,
+        })
     }
 
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
@@ -254,22 +293,47 @@ impl StepDispatches {
     }
 
     /// Returns `true` if the stages are bound to these buffers of the detector.
-    pub(super) fn are_bound_to(&self, found: &GpuOutput) -> bool {
-        let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
-        order && found.outcome == *self.buffer("outcome")
+    pub(super) fn are_bound_to(&self, found: &Found) -> bool {
+        let is_bound = |found: &GpuOutput| {
+            let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
+            order && found.outcome == *self.buffer("outcome")
+        };
+        found.interactions.as_ref().is_none_or(is_bound)
+            && found.candidates.as_ref().is_none_or(|found| found.outcome == *self.buffer("near_outcome"))
     }
 
-    pub(super) fn encode_before(
+    pub(super) fn encode_begin(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         burst: Option<&Stage>,
         particles: u32,
     ) {
-        self.encode(encoder, burst.into_iter().chain(&self.before), particles);
+        self.encode(encoder, burst.into_iter().chain(&self.begin), particles);
+    }
+
+    /// Records the beginning of collisions.
+    pub(super) fn encode_collisions(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        encoder.clear_buffer(self.buffer("window"), 0, None);
+        self.encode(encoder, &self.collisions.begin, particles);
+    }
+
+    /// Records the beginning of a window, up to the spheres for the detection of candidates.
+    pub(super) fn encode_window(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        self.encode(encoder, &self.collisions.before_candidates, particles);
+    }
+
+    /// Records the events of a window.
+    pub(super) fn encode_rounds(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        self.encode(encoder, &self.collisions.window, particles);
+    }
+
+    /// Records the motion of all particles.
+    pub(super) fn encode_motion(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        self.encode(encoder, self.collisions.land.iter().chain(&self.before), particles);
     }
 
     pub(super) fn encode_after(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
-        let stages = self.sampling.iter().chain(&self.matching).chain(&self.after);
+        let stages = self.sampling.iter().chain(&self.matching).chain(&self.separation).chain(&self.after);
         self.encode(encoder, stages, particles);
     }
 
@@ -300,6 +364,10 @@ impl StepDispatches {
                 }
                 Groups::Pairs => {
                     pass.dispatch_workgroups_indirect(self.buffer("outcome"), Outcome::DISPATCH_OFFSET);
+                    continue;
+                }
+                Groups::Candidates => {
+                    pass.dispatch_workgroups_indirect(self.buffer("near_outcome"), Outcome::DISPATCH_OFFSET);
                     continue;
                 }
                 Groups::Items(items) => items,

@@ -44,6 +44,59 @@ kernels! {
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
     ];
+    /// Begins the collisions of a step.
+    COLLISIONS_BEGIN = "collisions_begin" [
+        Uniform "params", Write "control", Read "spheres", Read "tags", Read "species_rows", Write "movers",
+        Write "next_events", Write "window",
+    ];
+    /// Begins a window of a step.
+    WINDOW_BEGIN = "window_begin" [Uniform "params", Write "control", Write "window"];
+    /// Writes the spheres whose pairs are candidates.
+    WINDOW_SPHERES = "window_spheres" [
+        Uniform "params", Write "window", Read "movers", Write "next_events", Write "inflated",
+    ];
+    /// Takes over the candidates, or halts the run.
+    CANDIDATES_CHECK = "candidates_check" [Write "control", Write "window", Write "near_outcome"];
+    /// Counts neighbors.
+    NEIGHBORS_COUNT = "neighbors_count" [
+        Uniform "params", Read "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
+        Write "next_events",
+    ];
+    /// Reserves lists of neighbors.
+    NEIGHBORS_RESERVE = "neighbors_reserve" [Write "control", Write "window", Write "next_events"];
+    /// Lists neighbors.
+    NEIGHBORS_LIST = "neighbors_list" [
+        Uniform "params", Read "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
+        Write "next_events", Write "neighbors",
+    ];
+    /// Predicts next events.
+    COLLISIONS_PREDICT = "collisions_predict" [
+        Uniform "params", Uniform "round", Write "window", Read "movers", Write "next_events", Read "neighbors",
+    ];
+    /// Chooses the events of a round.
+    COLLISIONS_CHOOSE = "collisions_choose" [
+        Uniform "params", Uniform "round", Write "control", Write "window", Read "movers", Write "next_events",
+        Read "neighbors",
+    ];
+    /// Applies the events of a round.
+    COLLISIONS_APPLY = "collisions_apply" [
+        Uniform "params", Uniform "round", Write "control", Write "window", Write "movers", Write "next_events",
+    ];
+    /// Ends a window.
+    WINDOW_END = "window_end" [
+        Uniform "params", Uniform "round", Write "control", Write "window", Write "movers",
+    ];
+    /// Writes the ends of paths with collisions.
+    COLLISIONS_LAND = "collisions_land" [
+        Uniform "params", Write "control", Write "window", Read "movers", Read "next_events", Write "moved",
+    ];
+    /// Sums the displacements that overlaps ask for.
+    SEPARATION_PUSH = "separation_push" [
+        Uniform "params", Uniform "round", Write "control", Read "pairs", Read "moved", Read "species", Read "tags",
+        Write "claims", Read "species_rows", Write "pushes",
+    ];
+    /// Moves overlapping particles.
+    SEPARATION_MOVE = "separation_move" [Uniform "params", Write "control", Write "moved", Write "pushes"];
     RECEPTORS_RESET = "receptors_reset" [Write "receptors"];
     RECEPTORS_COUNT_BOUND = "receptors_count_bound" [Write "control", Read "spheres", Read "event_rows", Write "receptors"];
     RECEPTORS_SCAN_REQUESTS = "receptors_scan_requests" [Write "control", Write "receptors"];
@@ -110,19 +163,26 @@ const SHARED: &[(&str, &str)] = &[
     ("boundary", include_str!("shader/shared/boundary.wgsl")),
     ("candidate", include_str!("shader/shared/candidate.wgsl")),
     ("claims", include_str!("shader/shared/claims.wgsl")),
+    ("collided", include_str!("shader/shared/collided.wgsl")),
     ("compaction", include_str!("shader/shared/compaction.wgsl")),
     ("control", include_str!("shader/shared/control.wgsl")),
     ("decay", include_str!("shader/shared/decay.wgsl")),
     ("event", include_str!("shader/shared/event.wgsl")),
     ("event_rows", include_str!("shader/shared/event_rows.wgsl")),
+    ("events", include_str!("shader/shared/events.wgsl")),
     ("first_passage", include_str!("shader/shared/first_passage.wgsl")),
+    ("gap", include_str!("shader/shared/gap.wgsl")),
     ("matching_stage", include_str!("shader/shared/matching_stage.wgsl")),
+    ("mover", include_str!("shader/shared/mover.wgsl")),
+    ("near", include_str!("shader/shared/near.wgsl")),
     ("normal", include_str!("shader/shared/normal.wgsl")),
     ("output_order", include_str!("shader/shared/output_order.wgsl")),
     ("params", include_str!("shader/shared/params.wgsl")),
     ("particles_move", include_str!("shader/shared/particles_move.wgsl")),
+    ("path", include_str!("shader/shared/path.wgsl")),
     ("path_hit", include_str!("shader/shared/path_hit.wgsl")),
     ("philox", include_str!("shader/shared/philox.wgsl")),
+    ("push", include_str!("shader/shared/push.wgsl")),
     ("receiver_cells", include_str!("shader/shared/receiver_cells.wgsl")),
     ("receptor", include_str!("shader/shared/receptor.wgsl")),
     ("reflection", include_str!("shader/shared/reflection.wgsl")),
@@ -133,6 +193,7 @@ const SHARED: &[(&str, &str)] = &[
     ("velocity_index", include_str!("shader/shared/velocity_index.wgsl")),
     ("vessel", include_str!("shader/shared/vessel.wgsl")),
     ("wall", include_str!("shader/shared/wall.wgsl")),
+    ("window", include_str!("shader/shared/window.wgsl")),
 ];
 
 impl Kernel {
@@ -147,174 +208,4 @@ pub(super) fn expand(source: &str) -> String {
 }
 
 #[cfg(test)]
-#[path = "../../../tests/src/reflection.rs"]
-mod reflection;
-
-#[cfg(test)]
-mod tests {
-    use std::mem::size_of;
-
-    use encase::ShaderType;
-
-    use super::reflection::{bindings, laid_out, layout, parse, spirv, structures};
-
-    use super::super::layout::{
-        BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ControlHeader, DissociationRow, EventRow, OccupancyRow,
-        Params, ReactionRow, ReceiverCellsHeader, ReceiverRow, SpeciesRow, TrajectoryHeader,
-    };
-    use super::*;
-
-    #[test]
-    fn metadata_matches_every_shader() {
-        for kernel in KERNELS {
-            let (module, info) = parse(kernel.name, &kernel.wgsl());
-            assert_eq!(module.entry_points.len(), 1, "{}", kernel.name);
-            assert_eq!(module.entry_points[0].name, kernel.name);
-            assert!(!spirv(kernel.name, (&module, &info)).is_empty());
-            let said: Vec<_> =
-                (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
-            assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
-            let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
-            // Models with surfaces are refused on devices with fewer bindings.
-            let most =
-                if kernel.name == PARTICLES_MOVE_REFLECTING.name { SURFACE_BUFFERS as usize } else { 8 };
-            assert!(storage <= most, "{} binds {storage} storage buffers", kernel.name);
-        }
-    }
-
-    #[test]
-    fn rust_structures_have_the_layout_of_the_shaders() {
-        let layouts = [
-            layout!(Params {
-                key,
-                species,
-                tallies,
-                first_reaction,
-                is_open,
-                max_iterations,
-                lists_pairs,
-                max_requeries,
-                has_velocity,
-                logs_arrivals,
-                time_step,
-                axes,
-                vessel_axis,
-                low,
-                vessel_radius,
-                high,
-                peak_flow,
-                vessel_center
-            }),
-            layout!(SpeciesRow {
-                drift,
-                length,
-                diffusion,
-                radius,
-                events_begin,
-                decays_begin,
-                events_end,
-                bend,
-                reach,
-                cell_lists,
-                speed,
-                thermal_speed,
-                tumbles,
-                tumble_threshold,
-                decay_rate
-            }),
-            layout!(ReceiverCellsHeader { low, cells_per_length, counts }),
-            layout!(EventRow {
-                drift,
-                radius,
-                diffusion,
-                kind,
-                receiver,
-                threshold,
-                product,
-                tally,
-                length,
-                own,
-                unbinding,
-                share
-            }),
-            layout!(ReceiverRow { center, displacement }),
-            layout!(TrajectoryHeader { first, stride, max_displacement, cells_at, cells }),
-            layout!(OccupancyRow { receiver, radius, first, species }),
-            layout!(ReactionRow {
-                reaction,
-                next,
-                next_shell,
-                first,
-                threshold,
-                flags,
-                products,
-                radii,
-                within,
-                unbinding,
-                share,
-                first_share,
-                speeds,
-                product_speeds,
-                thermal_speeds
-            }),
-            layout!(DissociationRow {
-                threshold,
-                next,
-                tally,
-                is_within,
-                unbinding,
-                share,
-                products,
-                radii,
-                speed,
-                product_speed,
-                thermal_speed
-            }),
-        ];
-        Params::assert_uniform_compat();
-        let sizes = [("Candidate", CANDIDATE_BYTES), ("Claim", CLAIM_BYTES), ("Born", BORN_BYTES)];
-        let mut held = 0;
-        for kernel in KERNELS {
-            let (module, _) = parse(kernel.name, &kernel.wgsl());
-            for structure in structures(&module) {
-                let (name, span, members) = &structure;
-                if name == "Control" {
-                    let tallies = ("tallies".to_owned(), size_of::<ControlHeader>());
-                    assert_eq!(members.last(), Some(&tallies), "{}", kernel.name);
-                    held += 1;
-                }
-                if let Some((_, bytes)) = sizes.iter().find(|(known, _)| known == name) {
-                    assert_eq!(*span as u64, *bytes, "{name} in {}", kernel.name);
-                    held += 1;
-                }
-                if let Some(rust) = layouts.iter().find(|(known, ..)| known == name) {
-                    assert_eq!(&structure, rust, "in {}", kernel.name);
-                    held += 1;
-                }
-            }
-        }
-        assert!(held > KERNELS.len(), "only {held} structures were compared");
-    }
-
-    /// `npm ci --prefix kernels/tint` installs Tint. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
-    #[test]
-    fn tint_accepts_every_text() {
-        let tint = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint");
-        if !tint.join("node_modules").exists() && std::env::var_os("LAZYGRID_REQUIRE_TINT").is_none() {
-            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-            {
-                eprintln!("skipped: Tint is not installed; `npm ci --prefix kernels/tint` does that");
-            }
-            return;
-        }
-        let folder = tempfile::tempdir().expect("a folder");
-        for kernel in KERNELS {
-            let path = folder.path().join(kernel.name).with_extension("wgsl");
-            std::fs::write(path, kernel.wgsl()).expect("written");
-        }
-        let check = tint.join("check.mjs");
-        let run =
-            std::process::Command::new("node").arg(check).arg(folder.path()).output().expect("node runs");
-        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stdout));
-    }
-}
+mod tests;

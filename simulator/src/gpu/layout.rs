@@ -33,6 +33,9 @@ pub(super) struct Params {
     /// The displacement of Poiseuille flow on the axis of the vessel in a step.
     pub(super) peak_flow: f32,
     pub(super) vessel_center: Vec3,
+    pub(super) largest_radius: f32,
+    pub(super) collides: u32,
+    pub(super) is_elastic: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
@@ -56,6 +59,8 @@ pub(super) struct SpeciesRow {
     pub(super) tumbles: u32,
     pub(super) tumble_threshold: u32,
     pub(super) decay_rate: f32,
+    /// Reciprocal mass in collisions.
+    pub(super) mobility: f32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
@@ -207,6 +212,8 @@ pub(super) struct ControlHeader {
     pub(super) capacity: u32,
     pub(super) max_births: u32,
     pub(super) max_events: u32,
+    /// The bits of an `f32`.
+    pub(super) speed_factor: u32,
     pub(super) next_id: u32,
     pub(super) born: u32,
     pub(super) events: u32,
@@ -214,6 +221,8 @@ pub(super) struct ControlHeader {
     pub(super) born_at: u32,
     pub(super) born_id: u32,
     pub(super) born_event: u32,
+    pub(super) contacts: u32,
+    pub(super) committed_contacts: u32,
 }
 
 impl ControlHeader {
@@ -229,6 +238,11 @@ impl ControlHeader {
     pub(super) const PARTICLE_OVERFLOW: u32 = 512;
     pub(super) const OUT_OF_IDS: u32 = 1024;
     pub(super) const EVENT_OVERFLOW: u32 = 2048;
+    pub(super) const CANDIDATE_OVERFLOW: u32 = 4096;
+    pub(super) const WINDOW_ROUNDS_LEFT: u32 = 8192;
+    pub(super) const WINDOWS_LEFT: u32 = 16384;
+    pub(super) const TOO_FAST: u32 = 32768;
+    pub(super) const TOO_MANY_NEIGHBORS: u32 = 65536;
 
     /// The reason of a halt, or 0: the lowest bit, which does not depend on the order of threads.
     pub(super) fn reason(&self) -> u32 {
@@ -248,3 +262,11 @@ pub(super) const CANDIDATE_BYTES: u64 = 24;
 pub(super) const CLAIM_BYTES: u64 = 32;
 pub(super) const BORN_BYTES: u64 = 32;
 pub(super) const EVENT_BYTES: u64 = 16;
+/// Bytes of a particle in motion.
+pub(super) const MOVER_BYTES: u64 = 64;
+/// Bytes of a next event.
+pub(super) const NEXT_EVENT_BYTES: u64 = 28;
+/// Bytes of the displacements that overlaps ask of a particle.
+pub(super) const PUSH_BYTES: u64 = 28;
+/// Bytes of the state of a window.
+pub(super) const WINDOW_BYTES: u64 = 68;

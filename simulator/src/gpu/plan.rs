@@ -4,7 +4,9 @@ use lazygrid::Error;
 use lazygrid::gpu::DeviceLimits;
 
 use super::kernel::WORKGROUP_SIZE;
-use super::layout::{BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, EVENT_BYTES};
+use super::layout::{
+    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, EVENT_BYTES, MOVER_BYTES, NEXT_EVENT_BYTES, PUSH_BYTES,
+};
 
 /// The options of a run on a device. They do not change results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +55,13 @@ pub(super) struct Sizes {
     pub(super) births: u32,
     pub(super) events: u32,
     pub(super) has_velocity: bool,
+    /// Capacity for candidates of collisions; 0 if particles pass through each other.
+    pub(super) near: u32,
+    /// Recorded windows of a step, and rounds of a window.
+    pub(super) windows: u32,
+    pub(super) window_rounds: u32,
+    /// How often the top speed of collisions was doubled.
+    pub(super) speed_doublings: u32,
 }
 
 impl Sizes {
@@ -61,10 +70,16 @@ impl Sizes {
     /// # Errors
     /// [`Error::LimitExceeded`] if the device cannot bind it.
     pub(super) fn bytes(self, name: &'static str, limits: &DeviceLimits) -> Result<u64, Error> {
-        let Self { particles, pairs, births, events, has_velocity } = self;
+        let Self { particles, pairs, births, events, has_velocity, near, .. } = self;
+        let movers = if near > 0 { particles } else { 0 };
         let (items, each) = match name {
             "spheres" | "moved" => (particles, if has_velocity { 32 } else { 16 }),
             "tags" => (particles, 8),
+            "movers" => (movers, MOVER_BYTES),
+            "next_events" => (movers, NEXT_EVENT_BYTES),
+            "inflated" => (movers, 16),
+            "pushes" => (movers, PUSH_BYTES),
+            "neighbors" => (near, 8),
             "claims" => (particles, CLAIM_BYTES),
             "sums" => (particles.div_ceil(WORKGROUP_SIZE) + 1, 4),
             "candidates" => (pairs, CANDIDATE_BYTES),
@@ -81,6 +96,11 @@ impl Sizes {
             return Err(Error::LimitExceeded { what: name, needed, limit, remedy });
         }
         Ok(needed)
+    }
+
+    /// Returns by how much the top speed of collisions exceeds the usual one.
+    pub(super) fn speed_factor(self) -> f32 {
+        2f32.powi(self.speed_doublings as i32)
     }
 
     pub(super) fn round_groups(self) -> u32 {

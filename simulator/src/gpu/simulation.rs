@@ -1,6 +1,6 @@
 //! A run on the device, step by step.
 
-use lazygrid::gpu::{Crossover, GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SphereCount, wgpu};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
 use super::device::{filled, read, refused, with_error_scope};
 use super::dispatches::{Groups, RunBuffers, Stage, StepDispatches};
@@ -15,16 +15,16 @@ use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
 use crate::random::philox::Key;
 use crate::reaction::decay::Decays;
-use crate::reaction::interactions;
 use crate::release::Released;
 use crate::release::origins::{Arrival, Origins};
 use crate::{Error, State, Totals};
 
+pub(super) mod detectors;
 mod events;
 mod overflow;
 mod receivers;
 mod transfer;
-use overflow::prepare;
+use detectors::Detectors;
 use transfer::{columns, velocities};
 
 /// A run whose particles are on a GPU.
@@ -45,7 +45,7 @@ pub struct GpuSimulation {
     cells: ReceiverCellsHeader,
     centers: Vec<[f32; 3]>,
     buffers: RunBuffers,
-    detector: Option<GpuDetector>,
+    detectors: Detectors,
     cell_ratio: f32,
     options: GpuOptions,
     steps: StepDispatches,
@@ -72,6 +72,10 @@ const MAX_ROUNDS: u32 = 512;
 /// In moved particles: far below the limit of watchdogs.
 const MAX_SUBMITTED_WORK: u32 = 1 << 24;
 const MAX_SUBMITTED_STEPS: u32 = 64;
+/// The most steps between two readbacks if particles collide: a halted run wastes those after the halt.
+const MAX_STEPS_WITH_COLLISIONS: u32 = 16;
+/// Rounds of a window before the first halt for lack of them.
+const FIRST_WINDOW_ROUNDS: u32 = 8;
 
 impl GpuSimulation {
     /// Begins a run on a device.
@@ -106,16 +110,21 @@ impl GpuSimulation {
             ReceiverCellsBuilder::new(&tables.species_rows, &tables.event_rows, model.boundary);
         let mut buffers = RunBuffers::new(device, &tables, cells_builder.max_words())?;
         let alive = (state.particles.len() + state.bound.len()) as u32;
-        let lists = !model.reactions.is_empty();
+        let lists = tables.params.lists_pairs != 0;
+        let collides = tables.params.collides != 0;
         let sizes = Sizes {
             particles: grown(alive),
             pairs: if lists { options.pair_capacity.max(1) } else { 0 },
             births: if tables.dissociates() { options.birth_capacity.clamp(1, MAX_BIRTHS) } else { 0 },
             events: if model.logs_arrivals { options.event_capacity.max(1) } else { 0 },
             has_velocity: model.has_velocity(),
+            near: if collides { options.pair_capacity.max(1) } else { 0 },
+            windows: u32::from(collides),
+            window_rounds: FIRST_WINDOW_ROUNDS,
+            speed_doublings: 0,
         };
-        let mut detector = detector(&buffers, &model, sizes)?;
-        let steps = prepare(&mut buffers, sizes, options.rounds, detector.as_mut())?;
+        let mut detectors = Detectors::new(&buffers, &model, sizes)?;
+        let steps = StepDispatches::new(&mut buffers, sizes, options.rounds, detectors.reserve(sizes)?)?;
         // Moving receivers are listed for each of their paths.
         let moves = model.receivers.iter().any(crate::Receiver::moves);
         let receiver_cells =
@@ -133,7 +142,7 @@ impl GpuSimulation {
             cells_builder,
             centers: state.centers.clone(),
             buffers,
-            detector,
+            detectors,
             cell_ratio: GpuConfig::CELL_RATIO,
             options,
             steps,
@@ -239,7 +248,8 @@ impl GpuSimulation {
     }
 
     fn steps_per_readback(&self) -> u32 {
-        steps_per_readback(self.steps.sizes.particles, self.max_counts)
+        let most = steps_per_readback(self.steps.sizes.particles, self.max_counts);
+        if self.steps.sizes.near > 0 { most.min(MAX_STEPS_WITH_COLLISIONS) } else { most }
     }
 
     fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
@@ -276,16 +286,20 @@ impl GpuSimulation {
             if self.dissociates {
                 particles = self.steps.sizes.particles;
             }
-            self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
-            if let Some(detector) = &mut self.detector {
-                let at_most = self.steps.sizes.particles;
+            self.steps.encode_begin(&mut encoder, burst.as_ref(), particles);
+            self.encode_collisions(&mut encoder, particles)?;
+            self.steps.encode_motion(&mut encoder, particles);
+            let at_most = self.steps.sizes.particles;
+            if let Some(detector) = &mut self.detectors.interactions {
                 let count = SphereCount::Buffer { buffer: self.buffers.buffer("control"), at_most };
                 let input = GpuSpheres::new(self.steps.buffer("moved"), count)
                     .with_species(self.steps.buffer("species"));
                 detector.encode(&mut encoder, &input).map_err(refused)?;
             }
             self.steps.encode_after(&mut encoder, particles);
-            work += particles.max(MAX_SUBMITTED_WORK / MAX_SUBMITTED_STEPS);
+            let Sizes { windows, window_rounds, .. } = self.steps.sizes;
+            let moves = 1 + windows.saturating_mul(window_rounds);
+            work += particles.max(MAX_SUBMITTED_WORK / MAX_SUBMITTED_STEPS).saturating_mul(moves);
             if work >= MAX_SUBMITTED_WORK {
                 work = 0;
                 let full = std::mem::replace(&mut encoder, self.encoder());
@@ -295,6 +309,21 @@ impl GpuSimulation {
             }
         }
         self.readback(encoder, particles, bursts)
+    }
+
+    /// Records the collisions of a step, window by window.
+    fn encode_collisions(&mut self, encoder: &mut wgpu::CommandEncoder, particles: u32) -> Result<(), Error> {
+        let Some(detector) = &mut self.detectors.candidates else { return Ok(()) };
+        self.steps.encode_collisions(encoder, particles);
+        let Sizes { windows, particles: at_most, .. } = self.steps.sizes;
+        for _ in 0..windows {
+            self.steps.encode_window(encoder, particles);
+            let count = SphereCount::Buffer { buffer: self.buffers.buffer("window"), at_most };
+            let input = GpuSpheres::new(self.steps.buffer("inflated"), count);
+            detector.encode(encoder, &input).map_err(refused)?;
+            self.steps.encode_rounds(encoder, particles);
+        }
+        Ok(())
     }
 
     fn append(&mut self, particles: &Particles) -> Result<Stage, Error> {
@@ -347,6 +376,9 @@ impl GpuSimulation {
             .collect();
         let pairs = &log[..head.logged as usize];
         self.totals.pairs = pairs.last().copied().unwrap_or(self.totals.pairs);
+        if self.steps.sizes.near > 0 {
+            self.totals.contacts = head.committed_contacts.into();
+        }
         self.pairs.extend_from_slice(pairs);
         let control = self.buffers.buffer("control");
         let zeros = vec![0u32; tallies];
@@ -402,17 +434,4 @@ impl GpuSimulation {
             }
         }
     }
-}
-
-fn detector(buffers: &RunBuffers, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
-    let Some(table) = interactions(model)? else { return Ok(None) };
-    // A software driver has few threads, so lists are worthwhile for fewer particles.
-    let crossover = Crossover::assumed(buffers.own.adapter.is_hardware);
-    let settings = GpuConfig::default()
-        .crossover(crossover)
-        .interactions(Some(table))
-        .space(model.boundary.space()?)
-        .pair_capacity(sizes.pairs.max(1))
-        .consumer_workgroup_size(k::WORKGROUP_SIZE);
-    GpuDetector::new(&buffers.own.device, settings).map(Some).map_err(refused)
 }

@@ -78,11 +78,6 @@ fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
 /// [`Error::NotOnGpu`], which names the first unsupported part.
 pub(super) fn check(model: &Model) -> Result<(), Error> {
     let rejected = |what: String| Err(Error::NotOnGpu { what });
-    match model.contact {
-        Contact::Separate => return rejected("contact by separating overlaps".to_owned()),
-        Contact::Elastic => return rejected("elastic contact".to_owned()),
-        Contact::Ignore | Contact::Count => {}
-    }
     for (first, second) in chained_decays(model) {
         let expected = second.rate * model.time_step;
         if expected > MAX_DECAY_RATE {
@@ -291,7 +286,10 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
         first_reaction: tallies.reaction(0) as u32,
         is_open: model.boundary.is_unbounded().into(),
         max_iterations,
-        lists_pairs: u32::from(!model.reactions.is_empty()),
+        lists_pairs: u32::from(!model.reactions.is_empty() || model.contact == Contact::Separate),
+        largest_radius: model.species.iter().map(|species| species.radius).fold(0.0, f32::max),
+        collides: matches!(model.contact, Contact::Separate | Contact::Elastic).into(),
+        is_elastic: (model.contact == Contact::Elastic).into(),
         has_velocity: model.has_velocity().into(),
         logs_arrivals: model.logs_arrivals.into(),
         time_step: model.time_step as f32,
@@ -360,6 +358,10 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             tumbles: step.tumbles.is_some().into(),
             tumble_threshold: step.tumbles.map_or(0, |(threshold, _)| threshold),
             decay_rate: (motion.decays.rate(id as u32) * model.time_step) as f32,
+            mobility: match model.contact {
+                Contact::Elastic => (1.0 / species.mass) as f32,
+                _ => step.diffusion,
+            },
         });
         listed += u32::from(is_listed);
     }

@@ -4,6 +4,7 @@
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
 mod births;
+mod collisions;
 mod surfaces;
 mod vessels;
 
@@ -15,6 +16,7 @@ use super::dispatches::{Groups, RunBuffers, StepDispatches};
 use super::kernel::{self as k, expand};
 use super::layout::{CLAIM_BYTES, ControlHeader};
 use super::plan::Sizes;
+use super::simulation::detectors::Found;
 use super::tables::Tables;
 use crate::random::gaussian;
 use crate::random::philox::{Key, Purpose, philox};
@@ -170,7 +172,13 @@ fn matched(
     let settings = lazygrid::gpu::GpuConfig::default().interactions(table);
     let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
     let found = detector.reserve(particles).expect("room");
-    let steps = StepDispatches::new(&mut buffers, sizes, rounds, Some(found)).expect("steps");
+    let steps = StepDispatches::new(
+        &mut buffers,
+        sizes,
+        rounds,
+        Found { interactions: Some(found), candidates: None },
+    )
+    .expect("steps");
     let id = |at: u32| (at * 37 + 11) % 1_000_003;
     let rows: Vec<[u32; 6]> = all
         .iter()

@@ -1,6 +1,6 @@
 //! Separation of particles that overlap at the end of a step.
 //!
-//! The events of `collisions.rs` prevent overlaps on paths. Overlaps remain between particles that were released, or
+//! The events of `collisions/` prevent overlaps on paths. Overlaps remain between particles that were released, or
 //! formed by a reaction, at the position of others, and between species that react with each other.
 //!
 //! All overlaps are resolved at once, in a few passes. In each pass, every overlap asks its two particles to move apart

@@ -35,8 +35,10 @@ use crate::{Error, Model};
 pub fn check(model: &Model) -> Result<(), Error> {
     let refused = |what: &str| Err(Error::NotOverRanks { what: what.to_owned() });
     match model.contact {
-        Contact::Separate => refused("contact = \"separate\", which resolves overlaps in sequence"),
-        Contact::Elastic => refused("contact = \"elastic\", which resolves collisions in sequence"),
+        Contact::Separate => {
+            refused("contact = \"separate\": ranks do not exchange collisions within a step")
+        }
+        Contact::Elastic => refused("contact = \"elastic\": ranks do not exchange collisions within a step"),
         Contact::Count | Contact::Ignore => Ok(()),
     }
 }

@@ -281,7 +281,8 @@ impl Simulation {
         let outcomes = reactions.all_outcomes(particles, &chosen, key, step);
         chosen.iter().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
         if self.contacts.separate() {
-            let mut reacted: Vec<u32> = chosen.iter().flat_map(|c| c.at).collect();
+            // A reactant that comes out unchanged is still where it was.
+            let mut reacted: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
             reacted.sort_unstable();
             let free = |at: u32| reacted.binary_search(&at).is_err();
             self.state.totals.contacts += self.contacts.resolve(particles, pairs, free, (key, step));

@@ -12,7 +12,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let before = spheres[at];
     let tag = tags[at];
     let kind = species_rows[tag.x];
-    let path = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
+    let path = collided(path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), at, kind.radius);
     var here = Moved(vec4(path.after, before.w), tag.x, path.velocity);
     var first = NOTHING;
     var first_hit: Hit;

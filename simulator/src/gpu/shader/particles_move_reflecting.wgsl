@@ -154,7 +154,8 @@ fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(n
             here.velocity = drawn_velocity(kind.speed, kind.thermal_speed, tag.y, VELOCITY_OF_UNBOUND);
         }
     } else {
-        here = move_free(at, path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), kind, tag, before.w);
+        let path = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
+        here = move_free(at, collided(path, at, kind.radius), kind, tag, before.w);
     }
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);

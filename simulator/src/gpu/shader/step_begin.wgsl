@@ -25,6 +25,7 @@ fn step_begin(@builtin(local_invocation_index) local_index: u32) {
     atomicStore(&control.born, 0u);
     atomicStore(&control.events, control.committed_events);
     atomicStore(&control.removed, 0u);
+    atomicStore(&control.contacts, 0u);
     atomicStore(&control.left[0], 0u);
     atomicStore(&control.left[1], 0u);
 }

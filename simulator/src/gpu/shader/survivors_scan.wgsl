@@ -48,6 +48,7 @@ fn commit(survivors: u32) {
     control.committed_events = control.born_event + select(0u, born, params.logs_arrivals != 0u);
     control.alive = survivors + born;
     control.done = control.step + 1u;
+    control.committed_contacts = atomicLoad(&control.contacts);
     log[control.logged] = vec2(control.found_lo, control.found_hi);
     control.logged += 1u;
 }

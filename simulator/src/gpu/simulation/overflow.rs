@@ -1,18 +1,20 @@
 //! Recovery from a halt: the host enlarges the exceeded capacity and repeats the step.
 
-use lazygrid::gpu::{GpuConfig, GpuDetector, Outcome};
+use lazygrid::gpu::{GpuConfig, Outcome};
 
 use super::{GpuSimulation, MAX_ROUNDS};
 use crate::Error;
 use crate::gpu::device::{refused, with_error_scope};
-use crate::gpu::dispatches::{RunBuffers, StepDispatches};
+use crate::gpu::dispatches::StepDispatches;
 use crate::gpu::layout::ControlHeader;
-use crate::gpu::plan::{MAX_BIRTHS, Sizes, grown};
+use crate::gpu::plan::{MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown};
 
 /// The most surfaces near one particle, as in `reflection.wgsl`.
 const NEAR: u64 = 16;
 /// The most requests for the receptors of one receiver in a step, as in `receptors_scan_requests.wgsl`.
 const MAX_REQUESTS: u64 = 1 << 20;
+/// The most recorded rounds of collisions in a step.
+const MAX_COLLISION_ROUNDS: u64 = 1 << 13;
 
 impl GpuSimulation {
     pub(super) fn recover(&mut self, head: ControlHeader) -> Result<(), Error> {
@@ -38,12 +40,12 @@ impl GpuSimulation {
                     let (what, remedy) = ("the number of (cell, particle) entries", "choose the CPU");
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
-                if let Some(detector) = &mut self.detector {
+                for detector in self.detectors.all() {
                     detector.set_cell_ratio(self.cell_ratio).map_err(refused)?;
                 }
             }
             ControlHeader::UNFINISHED_SEARCH => {
-                if let Some(detector) = &mut self.detector {
+                for detector in self.detectors.all() {
                     let [deferred_blocks, deferred_max_tiles] = head.missing;
                     let outcome = Outcome { deferred_blocks, deferred_max_tiles, ..Outcome::default() };
                     detector.set_deferred_parts(detector.needed_deferred_parts(&outcome));
@@ -56,6 +58,32 @@ impl GpuSimulation {
                     let (what, remedy) = ("the rounds of a matching", "choose the CPU");
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
+            }
+            ControlHeader::CANDIDATE_OVERFLOW => {
+                let (needed, limit) = (head.missing(), 1u64 << 28);
+                if needed > limit {
+                    let (what, remedy) =
+                        ("the candidates of collisions", "shorten the time step, or choose the CPU");
+                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
+                }
+                sizes.near = (needed + needed / 4) as u32;
+            }
+            ControlHeader::TOO_FAST => sizes.speed_doublings += 1,
+            ControlHeader::WINDOW_ROUNDS_LEFT | ControlHeader::WINDOWS_LEFT => {
+                let is_in_window = head.reason() == ControlHeader::WINDOW_ROUNDS_LEFT;
+                *(if is_in_window { &mut sizes.window_rounds } else { &mut sizes.windows }) *= 2;
+                let needed = u64::from(sizes.windows) * u64::from(sizes.window_rounds);
+                if needed > MAX_COLLISION_ROUNDS {
+                    let (what, limit) = ("the rounds of collisions in a step", MAX_COLLISION_ROUNDS);
+                    let remedy = "shorten the time step, or choose the CPU";
+                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
+                }
+            }
+            ControlHeader::TOO_MANY_NEIGHBORS => {
+                let limit = u64::from(MAX_LOOP_ITERATIONS);
+                let (what, needed) = ("the particles near a collision", limit + 1);
+                let remedy = "shorten the time step, or choose the CPU";
+                return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
             }
             ControlHeader::TOO_MANY_SURFACES | ControlHeader::TOO_MANY_REQUESTS => {
                 let (what, limit) = match head.reason() {
@@ -112,9 +140,7 @@ impl GpuSimulation {
     pub(super) fn reserve(&mut self, particles: u32) -> Result<(), Error> {
         let sizes = self.steps.sizes;
         // A failed growth may have released the detector's buffers.
-        let found = self.detector.as_mut().map(|detector| detector.reserve(sizes.particles));
-        let found = found.transpose().map_err(refused)?;
-        let bound = found.is_none_or(|found| self.steps.are_bound_to(&found));
+        let bound = self.steps.are_bound_to(&self.detectors.reserve(sizes)?);
         match particles <= sizes.particles {
             true if bound => Ok(()),
             true => self.rebuild(sizes),
@@ -126,7 +152,7 @@ impl GpuSimulation {
         let Sizes { particles, births, events, .. } = self.steps.sizes;
         let at = std::mem::offset_of!(ControlHeader, capacity) as u64;
         let control = self.buffers.buffer("control");
-        let words = [particles, births, events];
+        let words = [particles, births, events, self.steps.sizes.speed_factor().to_bits()];
         with_error_scope(&self.buffers.own, "capacities", 0, || {
             self.buffers.own.queue.write_buffer(control, at, bytemuck::cast_slice(&words));
         })
@@ -134,7 +160,8 @@ impl GpuSimulation {
 
     /// Changes sizes. Particles stay on the device; all other buffers are new.
     pub(super) fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
-        let steps = prepare(&mut self.buffers, sizes, self.options.rounds, self.detector.as_mut())?;
+        let found = self.detectors.reserve(sizes)?;
+        let steps = StepDispatches::new(&mut self.buffers, sizes, self.options.rounds, found)?;
         let mut encoder = self.encoder();
         let alive = u64::from(self.alive);
         let halves = if sizes.has_velocity {
@@ -156,18 +183,4 @@ impl GpuSimulation {
         self.steps = steps;
         self.upload_capacities()
     }
-}
-
-/// Allocates for these sizes, in the detector first.
-pub(super) fn prepare(
-    buffers: &mut RunBuffers,
-    sizes: Sizes,
-    rounds: u32,
-    detector: Option<&mut GpuDetector>,
-) -> Result<StepDispatches, Error> {
-    let found = detector.map(|detector| {
-        detector.set_pair_capacity(sizes.pairs.max(1));
-        detector.reserve(sizes.particles)
-    });
-    StepDispatches::new(buffers, sizes, rounds, found.transpose().map_err(refused)?)
 }

@@ -63,6 +63,8 @@ impl GpuSimulation {
             capacity: sizes.particles,
             max_births: sizes.births,
             max_events: sizes.events,
+            speed_factor: sizes.speed_factor().to_bits(),
+            committed_contacts: self.totals.contacts.try_into().unwrap_or(u32::MAX),
             next_id: self.next_id,
             ..ControlHeader::default()
         };

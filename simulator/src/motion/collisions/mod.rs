@@ -32,9 +32,9 @@ use crate::model::boundary::Axis;
 use crate::model::particles::Particles;
 use crate::model::receiver::{finder, rounding};
 
-mod mover;
-mod rounds;
-mod rules;
+pub(crate) mod mover;
+pub(crate) mod rounds;
+pub(crate) mod rules;
 #[cfg(test)]
 mod tests;
 
@@ -64,7 +64,7 @@ struct Scratch {
 /// The allowance of candidates, as a fraction of the mean distance between neighbors and of the largest radius.
 const ALLOWANCE: [f64; 2] = [0.25, 0.25];
 /// The top speed of a window over the speed of the fastest particle.
-const TOP_SPEED: f64 = 1.25;
+const TOP_SPEED: f64 = 1.15;
 /// The largest number of collisions per particle and step, on average.
 const MAX_COLLISIONS: u64 = 1000;
 /// Collisions of few particles that are allowed beyond [`MAX_COLLISIONS`].

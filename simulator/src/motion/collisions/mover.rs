@@ -18,25 +18,25 @@ pub(crate) struct Flight {
 
 /// A particle in motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Mover {
+pub(crate) struct Mover {
     /// Its position at `time`, in µm, not wrapped at periodic boundaries.
-    pub(super) position: [f64; 3],
+    pub(crate) position: [f64; 3],
     /// Its clock: the fraction of the step up to which its path is known.
-    pub(super) time: f64,
+    pub(crate) time: f64,
     /// Its displacement per step, in µm.
-    pub(super) motion: [f64; 3],
+    pub(crate) motion: [f64; 3],
     /// The length of `motion`.
-    pub(super) speed: f64,
+    pub(crate) speed: f64,
     /// Its own velocity, in µm/s.
-    pub(super) own: [f64; 3],
-    pub(super) id: u32,
-    pub(super) species: u32,
-    pub(super) radius: f32,
-    pub(super) collided: bool,
+    pub(crate) own: [f64; 3],
+    pub(crate) id: u32,
+    pub(crate) species: u32,
+    pub(crate) radius: f32,
+    pub(crate) collided: bool,
 }
 
 impl Mover {
-    pub(super) fn new(particles: &Particles, at: usize, flight: &Flight) -> Self {
+    pub(crate) fn new(particles: &Particles, at: usize, flight: &Flight) -> Self {
         let position = flight.path.before.map(f64::from);
         let motion = std::array::from_fn(|k| f64::from(flight.free_end[k]) - position[k]);
         Self {
@@ -52,33 +52,33 @@ impl Mover {
         }
     }
 
-    pub(super) fn position_at(&self, time: f64) -> [f64; 3] {
+    pub(crate) fn position_at(&self, time: f64) -> [f64; 3] {
         std::array::from_fn(|k| self.position[k] + (time - self.time) * self.motion[k])
     }
 
-    pub(super) fn advance(&mut self, time: f64) {
+    pub(crate) fn advance(&mut self, time: f64) {
         self.position = self.position_at(time);
         self.time = time;
     }
 
     /// Returns the displacement to another particle at a time.
-    pub(super) fn displacement(&self, other: &Self, time: f64, boundary: &Boundary) -> [f64; 3] {
+    pub(crate) fn displacement(&self, other: &Self, time: f64, boundary: &Boundary) -> [f64; 3] {
         let [from, to] = [self, other].map(|mover| mover.position_at(time));
         std::array::from_fn(|k| boundary.axes[k].displacement_exact(to[k] - from[k]))
     }
 
     /// Returns the distance of the centers at contact, in µm.
-    pub(super) fn touch(&self, other: &Self) -> f64 {
+    pub(crate) fn touch(&self, other: &Self) -> f64 {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
     /// Returns the distance of the surfaces of two particles at a time, in µm; negative if they overlap.
-    pub(super) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
+    pub(crate) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
         length(self.displacement(other, time, boundary)) - self.touch(other)
     }
 
     /// Writes the end of its path to its flight.
-    pub(super) fn land(&self, flight: &mut Flight, domain: &Boundary) {
+    pub(crate) fn land(&self, flight: &mut Flight, domain: &Boundary) {
         let end = self.position.map(|c| c as f32);
         let after = domain.confine(end);
         let end = std::array::from_fn(|k| match domain.axes[k] {
@@ -93,10 +93,10 @@ impl Mover {
     }
 }
 
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-pub(super) fn length(a: [f64; 3]) -> f64 {
+pub(crate) fn length(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
 }

@@ -21,39 +21,39 @@
 
 use rayon::prelude::*;
 
-use super::mover::Mover;
+use super::mover::{Mover, dot};
 use super::rules::{Event, Rules};
 
 /// The largest overlap that a late hit may have by either link of a chain, in contact distances.
-pub(super) const SLACK: f64 = 1.0 / 256.0;
+pub(crate) const SLACK: f64 = 1.0 / 256.0;
 /// The least number of particles per parallel task.
 const TASK: usize = 64;
 
 /// The neighbors of every particle in the candidate list.
 #[derive(Debug, Default)]
-pub(super) struct Adjacency {
+pub(crate) struct Adjacency {
     begins: Vec<u32>,
     neighbors: Vec<u32>,
 }
 
 /// A part of a step in which the candidate list is complete.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Window<'a> {
-    pub(super) rules: &'a Rules,
-    pub(super) neighbors: &'a Adjacency,
+pub(crate) struct Window<'a> {
+    pub(crate) rules: &'a Rules,
+    pub(crate) neighbors: &'a Adjacency,
     /// Its end.
-    pub(super) horizon: f64,
+    pub(crate) horizon: f64,
     /// The largest permitted speed, in µm per step.
-    pub(super) top_speed: f64,
+    pub(crate) top_speed: f64,
     /// [`SLACK`], or 0 for the exact order.
-    pub(super) slack: f64,
+    pub(crate) slack: f64,
     /// The largest permitted number of collisions.
-    pub(super) limit: u64,
+    pub(crate) limit: u64,
 }
 
 /// The reason why a window cannot be finished.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Unfinished {
+pub(crate) enum Unfinished {
     /// A particle became faster than permitted. The speed of the fastest in that round.
     TooFast(f64),
     /// The number of collisions so far.
@@ -86,7 +86,7 @@ impl Window<'_> {
     ///
     /// # Errors
     /// [`Unfinished`], with `movers` in the middle of the window.
-    pub(super) fn run(&self, movers: &mut [Mover]) -> Result<u64, Unfinished> {
+    pub(crate) fn run(&self, movers: &mut [Mover]) -> Result<u64, Unfinished> {
         let mut agenda = self.begin(movers);
         let mut collisions = 0;
         while !agenda.active.is_empty() {
@@ -137,7 +137,7 @@ impl Window<'_> {
     }
 
     /// Returns the next event of a particle.
-    fn next_event(&self, movers: &[Mover], at: u32) -> Event {
+    pub(crate) fn next_event(&self, movers: &[Mover], at: u32) -> Event {
         let others = self.neighbors.of(at).iter();
         let events = others.filter_map(|&other| self.rules.predict(movers, [at, other]));
         events.chain(self.rules.predict_wall(movers, at)).fold(Event::NEVER, Event::earlier)
@@ -174,7 +174,13 @@ impl Window<'_> {
     }
 
     /// Returns the earliest time of all from which an event is safe, or `None` if it is not the next one of its particles.
-    fn safe_from(&self, movers: &[Mover], next: &[Event], event: &Event, earliest: f64) -> Option<f64> {
+    pub(crate) fn safe_from(
+        &self,
+        movers: &[Mover],
+        next: &[Event],
+        event: &Event,
+        earliest: f64,
+    ) -> Option<f64> {
         let own = event.particles();
         if own.iter().any(|&at| next[at as usize].compare(event).is_ne()) {
             return None;
@@ -182,7 +188,7 @@ impl Window<'_> {
         for &at in own {
             for &other in self.neighbors.of(at).iter().filter(|other| !own.contains(other)) {
                 // First by the least time at which the other one may leave its path, which is often enough.
-                if self.hit(movers, [other, at], earliest) >= event.time {
+                if self.misses(movers, [other, at], [earliest, event.time]) {
                     continue;
                 }
                 let thirds = self.neighbors.of(other).iter().filter(|third| !own.contains(third));
@@ -196,6 +202,16 @@ impl Window<'_> {
             }
         }
         Some(earliest)
+    }
+
+    /// Returns `true` if [`hit`](Self::hit) from the first time is at the second one or later, without a root.
+    fn misses(&self, movers: &[Mover], pair: [u32; 2], [from, until]: [f64; 2]) -> bool {
+        let [left, straight] = pair.map(|at| &movers[at as usize]);
+        let time = from.max(left.time).max(straight.time);
+        let d = left.displacement(straight, time, &self.rules.boundary);
+        let near = (1.0 - self.slack) * left.touch(straight);
+        let reach = near + (until - from) * (self.top_speed + straight.speed);
+        dot(d, d) >= reach * reach
     }
 
     /// Returns a lower bound of the time at which the first particle, if it leaves its path at `from` or later, hits the second
@@ -237,7 +253,7 @@ impl Agenda {
 }
 
 impl Adjacency {
-    pub(super) fn build(&mut self, pairs: &[[u32; 2]], particles: usize) {
+    pub(crate) fn build(&mut self, pairs: &[[u32; 2]], particles: usize) {
         self.begins.clear();
         self.begins.resize(particles + 1, 0);
         pairs.iter().flatten().for_each(|&at| self.begins[at as usize + 1] += 1);

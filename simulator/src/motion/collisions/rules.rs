@@ -9,11 +9,11 @@ use crate::model::{Contact, Model};
 
 /// The constants of a model's collisions.
 #[derive(Debug)]
-pub(super) struct Rules {
-    pub(super) is_elastic: bool,
-    pub(super) boundary: Boundary,
+pub(crate) struct Rules {
+    pub(crate) is_elastic: bool,
+    pub(crate) boundary: Boundary,
     /// Boundaries of the particle centers, by species.
-    pub(super) domains: Vec<Boundary>,
+    pub(crate) domains: Vec<Boundary>,
     /// Reciprocal masses, by species: of momentum, or diffusion coefficients.
     mobility: Vec<f64>,
     /// `true` for two species that react with each other, by row and column.
@@ -22,35 +22,35 @@ pub(super) struct Rules {
 
 /// A predicted event of a particle with another one or a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Event {
+pub(crate) struct Event {
     /// Infinite if no event is predicted.
-    pub(super) time: f64,
+    pub(crate) time: f64,
     /// The ids of both particles, in ascending order; of a wall [`WALL`].
     ids: [u32; 2],
     /// Their indices, in the same order.
-    pub(super) at: [u32; 2],
+    pub(crate) at: [u32; 2],
     wall: u32,
 }
 
 /// The index that stands for a wall.
-pub(super) const WALL: u32 = u32::MAX;
+pub(crate) const WALL: u32 = u32::MAX;
 /// The number of the wall of a vessel, after those of the three axes.
 const VESSEL_WALL: u32 = 6;
 
 impl Event {
-    pub(super) const NEVER: Self = Self { time: f64::INFINITY, ids: [WALL; 2], at: [WALL; 2], wall: 0 };
+    pub(crate) const NEVER: Self = Self { time: f64::INFINITY, ids: [WALL; 2], at: [WALL; 2], wall: 0 };
 
     /// Orders events by time, then by ids.
-    pub(super) fn compare(&self, other: &Self) -> Ordering {
+    pub(crate) fn compare(&self, other: &Self) -> Ordering {
         self.time.total_cmp(&other.time).then_with(|| (self.ids, self.wall).cmp(&(other.ids, other.wall)))
     }
 
-    pub(super) fn earlier(self, other: Self) -> Self {
+    pub(crate) fn earlier(self, other: Self) -> Self {
         if other.compare(&self).is_lt() { other } else { self }
     }
 
     /// Returns the indices of its particles.
-    pub(super) fn particles(&self) -> &[u32] {
+    pub(crate) fn particles(&self) -> &[u32] {
         let count = self.at.iter().filter(|&&at| at != WALL).count();
         &self.at[..count]
     }
@@ -58,7 +58,7 @@ impl Event {
 
 impl Rules {
     /// Returns the constants of a model; `None` if its particles pass through each other.
-    pub(super) fn new(model: &Model) -> Option<Self> {
+    pub(crate) fn new(model: &Model) -> Option<Self> {
         let mobility = match model.contact {
             Contact::Separate => model.species.iter().map(|species| species.diffusion).collect(),
             Contact::Elastic => model.species.iter().map(|species| 1.0 / species.mass).collect(),
@@ -81,7 +81,7 @@ impl Rules {
     }
 
     /// Returns `true` if collisions of two particles at the same time are not detected: they react, or overlap already.
-    pub(super) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
+    pub(crate) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
         let reacts = self.reacts[a.species as usize * self.mobility.len() + b.species as usize];
         // The particle of the lower id, so that the order of particles has no effect.
         let first = if a.id < b.id { a } else { b };
@@ -90,7 +90,7 @@ impl Rules {
     }
 
     /// Returns the collision of two particles after both of their clocks, if they move towards each other.
-    pub(super) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<Event> {
+    pub(crate) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<Event> {
         if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
             pair.reverse();
         }
@@ -110,7 +110,7 @@ impl Rules {
     }
 
     /// Returns the next collision of a particle with a wall.
-    pub(super) fn predict_wall(&self, movers: &[Mover], at: u32) -> Option<Event> {
+    pub(crate) fn predict_wall(&self, movers: &[Mover], at: u32) -> Option<Event> {
         let mover = &movers[at as usize];
         let domain = &self.domains[mover.species as usize];
         let Mover { position, motion, time, .. } = *mover;
@@ -135,7 +135,7 @@ impl Rules {
 
     /// Returns the particles of an event after it, in its order, and the number of collisions. The second one of a wall is the
     /// first.
-    pub(super) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
+    pub(crate) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
         let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
         let mut pair = [event.at[0], second].map(|at| movers[at as usize]);
         pair.iter_mut().for_each(|mover| mover.advance(event.time));
@@ -170,7 +170,7 @@ impl Rules {
 
     /// Exchanges momentum between two particles, the one of the lower id first. Returns `false` if they do not approach each
     /// other.
-    pub(super) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
+    pub(crate) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
         let d = a.displacement(b, a.time, &self.boundary);
         let mut shares = [a.species, b.species].map(|species| self.mobility[species as usize]);
         if shares == [0.0; 2] {

@@ -27,6 +27,8 @@ struct Control {
     capacity: u32,
     max_births: u32,
     max_events: u32,
+    // By how much the top speed of collisions exceeds the usual one.
+    speed_factor: f32,
     next_id: u32,
     born: atomic<u32>,
     // Entries of the event log with those of this step, and without.
@@ -36,6 +38,9 @@ struct Control {
     born_at: u32,
     born_id: u32,
     born_event: u32,
+    // Collisions and separated overlaps of this step, and of the last finished one.
+    contacts: atomic<u32>,
+    committed_contacts: u32,
     // The tallies of the current step, then those of all steps since the last readback.
     tallies: array<atomic<u32>>,
 }
@@ -52,6 +57,11 @@ const BIRTH_OVERFLOW: u32 = 256u;
 const PARTICLE_OVERFLOW: u32 = 512u;
 const OUT_OF_IDS: u32 = 1024u;
 const EVENT_OVERFLOW: u32 = 2048u;
+const CANDIDATE_OVERFLOW: u32 = 4096u;
+const WINDOW_ROUNDS_LEFT: u32 = 8192u;
+const WINDOWS_LEFT: u32 = 16384u;
+const TOO_FAST: u32 = 32768u;
+const TOO_MANY_NEIGHBORS: u32 = 65536u;
 
 const WORKGROUP_SIZE: u32 = 256u;
 const NOTHING: u32 = 0xffffffffu;

@@ -21,6 +21,8 @@ struct SpeciesRow {
     tumbles: u32,
     tumble_threshold: u32,
     decay_rate: f32,
+    // Reciprocal mass in collisions.
+    mobility: f32,
 }
 
 // A possible event of a particle of one species, in the order of precedence.

@@ -22,4 +22,8 @@ struct Params {
     // The displacement of Poiseuille flow on the axis of the vessel in a step.
     peak_flow: f32,
     vessel_center: vec3<f32>,
+    largest_radius: f32,
+    // 1 if particles collide, and if they exchange momentum.
+    collides: u32,
+    is_elastic: u32,
 }

@@ -24,4 +24,5 @@
 #include first_passage
 #include wall
 #include path_hit
+#include collided
 #include decay

@@ -1,51 +1,5 @@
-// The path of a particle in a step, and tests whether it hit a receiver, as in propagate.rs and path_hit.rs.
-fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> Path {
-    let random = normals(philox(vec4(id, 0u, control.step, PURPOSE_MOVE), params.key));
-    var end = before + (kind.length * random + (kind.drift + velocity * params.time_step));
-    if (params.vessel_axis == NO_VESSEL) {
-        if (kind.length > 0.0 && kind.speed == 0.0 && kind.thermal_speed == 0.0) {
-            end = reflected_at_walls(before, end, kind, id);
-        }
-        let own = select(velocity, -velocity, reversed_axes(end, kind.radius));
-        return Path(before, end, confined(end, kind.radius), own);
-    }
-    let reflected = reflect_in_vessel(before, end, params.vessel_radius - kind.radius, velocity);
-    var carried = reflected.end;
-    carried[along_vessel()] += flow_between(before, reflected.end);
-    let own = select(reflected.velocity, -reflected.velocity, reversed_axes(carried, kind.radius));
-    return Path(before, carried, confined_axes(carried, kind.radius), own);
-}
-
-fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
-    if (params.has_velocity == 0u) {
-        return vec3(0.0);
-    }
-    if (kind.tumbles != 0u) {
-        let words = philox(vec4(id, 0u, control.step, PURPOSE_TUMBLE), params.key);
-        if (words.x <= kind.tumble_threshold) {
-            return kind.speed * direction(words.y, words.z);
-        }
-    }
-    return spheres[velocity_at(at)].xyz;
-}
-
-// Returns the end of a step after reflection at the walls along which the particle drifts.
-fn reflected_at_walls(before: vec3<f32>, end: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
-    let drifts = (kind.drift != vec3(0.0)) & (params.axes == vec3(1u));
-    if (!any(drifts)) {
-        return end;
-    }
-    let words = philox(vec4(id, 0u, control.step, PURPOSE_WALL), params.key);
-    var reflected = end;
-    for (var k = 0u; k < 3u; k++) {
-        if (drifts[k]) {
-            let low = params.low[k] + kind.radius;
-            let high = params.high[k] - kind.radius;
-            reflected[k] = reflected_at_wall(low, high, vec2(before[k], end[k]), kind.length, words[k]);
-        }
-    }
-    return reflected;
-}
+// Tests whether the path of a particle hit a receiver, as in path_hit.rs.
+#include path
 
 // A hit of a path on a receiver: the time of a certain one, or heights above the surface at both ends, in units of
 // sqrt(2 D dt), from which a time is drawn.

@@ -1,0 +1,75 @@
+//! The dispatches of contact: collisions of a step, window by window, and separation of the remaining overlaps.
+
+use lazygrid::gpu::wgpu;
+
+use super::{Groups, RunBuffers, Stage};
+use crate::Error;
+use crate::gpu::kernel as k;
+use crate::gpu::kernel::Kernel;
+use crate::gpu::plan::Sizes;
+
+/// The stages of collisions. Empty if particles pass through each other.
+#[derive(Debug, Default)]
+pub(super) struct CollisionStages {
+    pub(super) begin: Vec<Stage>,
+    /// The stages of a window before the detection of candidates.
+    pub(super) before_candidates: Vec<Stage>,
+    pub(super) window: Vec<Stage>,
+    pub(super) land: Vec<Stage>,
+}
+
+/// Passes of the separation, as in `contact.rs`.
+const PASSES: u32 = 4;
+
+impl CollisionStages {
+    pub(super) fn new(
+        run: &mut RunBuffers,
+        sizes: Sizes,
+        find: impl Fn(&'static str) -> wgpu::Buffer,
+    ) -> Result<Self, Error> {
+        let mut stage = |kernel: &'static Kernel, groups: Groups, round: u32| {
+            let rounds = ["round0", "round1"];
+            run.stage(kernel, groups, |name| {
+                find(if name == "round" { rounds[round as usize % 2] } else { name })
+            })
+        };
+        let before_candidates = vec![
+            stage(&k::WINDOW_BEGIN, Groups::Fixed(1), 0)?,
+            stage(&k::WINDOW_SPHERES, Groups::Particles, 0)?,
+        ];
+        let mut window = vec![
+            stage(&k::CANDIDATES_CHECK, Groups::Fixed(1), 0)?,
+            stage(&k::NEIGHBORS_COUNT, Groups::Candidates, 0)?,
+            stage(&k::NEIGHBORS_RESERVE, Groups::Particles, 0)?,
+            stage(&k::NEIGHBORS_LIST, Groups::Candidates, 0)?,
+        ];
+        for round in 0..sizes.window_rounds {
+            for kernel in [&k::COLLISIONS_PREDICT, &k::COLLISIONS_CHOOSE, &k::COLLISIONS_APPLY] {
+                window.push(stage(kernel, Groups::Particles, round)?);
+            }
+        }
+        window.push(stage(&k::WINDOW_END, Groups::Particles, sizes.window_rounds + 1)?);
+        Ok(Self {
+            begin: vec![stage(&k::COLLISIONS_BEGIN, Groups::Particles, 0)?],
+            before_candidates,
+            window,
+            land: vec![stage(&k::COLLISIONS_LAND, Groups::Particles, 0)?],
+        })
+    }
+}
+
+/// Returns the passes of the separation.
+pub(super) fn separation_stages(
+    run: &mut RunBuffers,
+    find: impl Fn(&'static str) -> wgpu::Buffer,
+) -> Result<Vec<Stage>, Error> {
+    let mut stages = Vec::new();
+    for pass in 0..PASSES {
+        // Only the first pass counts overlaps.
+        let round = if pass == 0 { "round0" } else { "round1" };
+        let find = |name| find(if name == "round" { round } else { name });
+        stages.push(run.stage(&k::SEPARATION_PUSH, Groups::Pairs, find)?);
+        stages.push(run.stage(&k::SEPARATION_MOVE, Groups::Particles, find)?);
+    }
+    Ok(stages)
+}

@@ -1,0 +1,181 @@
+//! Texts against their metadata and Rust twins.
+
+#[path = "../../../../tests/src/reflection.rs"]
+mod reflection;
+
+use std::mem::size_of;
+
+use encase::ShaderType;
+
+use reflection::{bindings, laid_out, layout, parse, spirv, structures};
+
+use super::super::layout::{
+    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ControlHeader, DissociationRow, EventRow, MOVER_BYTES,
+    NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow, ReceiverCellsHeader, ReceiverRow,
+    SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
+};
+use super::*;
+
+#[test]
+fn metadata_matches_every_shader() {
+    for kernel in KERNELS {
+        let (module, info) = parse(kernel.name, &kernel.wgsl());
+        assert_eq!(module.entry_points.len(), 1, "{}", kernel.name);
+        assert_eq!(module.entry_points[0].name, kernel.name);
+        assert!(!spirv(kernel.name, (&module, &info)).is_empty());
+        let said: Vec<_> =
+            (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
+        assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
+        let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
+        // Models with surfaces are refused on devices with fewer bindings.
+        let most = if kernel.name == PARTICLES_MOVE_REFLECTING.name { SURFACE_BUFFERS as usize } else { 8 };
+        assert!(storage <= most, "{} binds {storage} storage buffers", kernel.name);
+    }
+}
+
+#[test]
+fn rust_structures_have_the_layout_of_the_shaders() {
+    let layouts = [
+        layout!(Params {
+            key,
+            species,
+            tallies,
+            first_reaction,
+            is_open,
+            max_iterations,
+            lists_pairs,
+            max_requeries,
+            has_velocity,
+            logs_arrivals,
+            time_step,
+            axes,
+            vessel_axis,
+            low,
+            vessel_radius,
+            high,
+            peak_flow,
+            vessel_center,
+            largest_radius,
+            collides,
+            is_elastic
+        }),
+        layout!(SpeciesRow {
+            drift,
+            length,
+            diffusion,
+            radius,
+            events_begin,
+            decays_begin,
+            events_end,
+            bend,
+            reach,
+            cell_lists,
+            speed,
+            thermal_speed,
+            tumbles,
+            tumble_threshold,
+            decay_rate,
+            mobility
+        }),
+        layout!(ReceiverCellsHeader { low, cells_per_length, counts }),
+        layout!(EventRow {
+            drift,
+            radius,
+            diffusion,
+            kind,
+            receiver,
+            threshold,
+            product,
+            tally,
+            length,
+            own,
+            unbinding,
+            share
+        }),
+        layout!(ReceiverRow { center, displacement }),
+        layout!(TrajectoryHeader { first, stride, max_displacement, cells_at, cells }),
+        layout!(OccupancyRow { receiver, radius, first, species }),
+        layout!(ReactionRow {
+            reaction,
+            next,
+            next_shell,
+            first,
+            threshold,
+            flags,
+            products,
+            radii,
+            within,
+            unbinding,
+            share,
+            first_share,
+            speeds,
+            product_speeds,
+            thermal_speeds
+        }),
+        layout!(DissociationRow {
+            threshold,
+            next,
+            tally,
+            is_within,
+            unbinding,
+            share,
+            products,
+            radii,
+            speed,
+            product_speed,
+            thermal_speed
+        }),
+    ];
+    Params::assert_uniform_compat();
+    let sizes = [
+        ("Candidate", CANDIDATE_BYTES),
+        ("Claim", CLAIM_BYTES),
+        ("Born", BORN_BYTES),
+        ("Mover", MOVER_BYTES),
+        ("NextEvent", NEXT_EVENT_BYTES),
+        ("Push", PUSH_BYTES),
+        ("Window", WINDOW_BYTES),
+    ];
+    let mut held = 0;
+    for kernel in KERNELS {
+        let (module, _) = parse(kernel.name, &kernel.wgsl());
+        for structure in structures(&module) {
+            let (name, span, members) = &structure;
+            if name == "Control" {
+                let tallies = ("tallies".to_owned(), size_of::<ControlHeader>());
+                assert_eq!(members.last(), Some(&tallies), "{}", kernel.name);
+                held += 1;
+            }
+            if let Some((_, bytes)) = sizes.iter().find(|(known, _)| known == name) {
+                assert_eq!(*span as u64, *bytes, "{name} in {}", kernel.name);
+                held += 1;
+            }
+            if let Some(rust) = layouts.iter().find(|(known, ..)| known == name) {
+                assert_eq!(&structure, rust, "in {}", kernel.name);
+                held += 1;
+            }
+        }
+    }
+    assert!(held > KERNELS.len(), "only {held} structures were compared");
+}
+
+/// `npm ci --prefix kernels/tint` installs Tint. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
+#[test]
+fn tint_accepts_every_text() {
+    let tint = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint");
+    if !tint.join("node_modules").exists() && std::env::var_os("LAZYGRID_REQUIRE_TINT").is_none() {
+        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+        {
+            eprintln!("skipped: Tint is not installed; `npm ci --prefix kernels/tint` does that");
+        }
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    for kernel in KERNELS {
+        let path = folder.path().join(kernel.name).with_extension("wgsl");
+        std::fs::write(path, kernel.wgsl()).expect("written");
+    }
+    let check = tint.join("check.mjs");
+    let run = std::process::Command::new("node").arg(check).arg(folder.path()).output().expect("node runs");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stdout));
+}

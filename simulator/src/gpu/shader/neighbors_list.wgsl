@@ -1,0 +1,43 @@
+// Lists the neighbors of each particle.
+#include control
+#include params
+#include boundary
+#include candidate
+#include window
+
+struct Lists {
+    words: array<atomic<u32>, 7>,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> near_pairs: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read> movers: array<Mover>;
+@group(0) @binding(3) var<storage, read> tags: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
+@group(0) @binding(5) var<storage, read_write> window: Window;
+@group(0) @binding(6) var<storage, read_write> next_events: array<Lists>;
+@group(0) @binding(7) var<storage, read_write> neighbors: array<u32>;
+
+#include gap
+#include near
+
+fn list(at: u32, other: u32) {
+    // The begin and count of NextEvent.
+    let begin = atomicLoad(&next_events[at].words[5]);
+    neighbors[begin + atomicAdd(&next_events[at].words[6], 1u)] = other;
+}
+
+@compute @workgroup_size(256)
+fn neighbors_list(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                  @builtin(local_invocation_index) local_index: u32) {
+    let index = global_index(group, groups, local_index);
+    if (index >= window.pairs) {
+        return;
+    }
+    let pair = near_pairs[index];
+    let mark = mark_of(pair);
+    if (mark != NOTHING) {
+        list(pair.x, pair.y | mark);
+        list(pair.y, pair.x | mark);
+    }
+}

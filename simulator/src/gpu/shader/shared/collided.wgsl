@@ -1,0 +1,12 @@
+// Replaces the end of a path by that after collisions, from collisions_land.
+fn collided(path: Path, at: u32, radius: f32) -> Path {
+    if (params.collides == 0u || moved[at].w == 0.0) {
+        return path;
+    }
+    let after = confined(moved[at].xyz, radius);
+    var velocity = path.velocity;
+    if (params.has_velocity != 0u) {
+        velocity = moved[velocity_at(at)].xyz;
+    }
+    return Path(path.before, select(after, moved[at].xyz, params.axes == vec3(2u)), after, velocity);
+}

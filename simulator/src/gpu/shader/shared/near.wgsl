@@ -1,0 +1,22 @@
+// Candidates of a window.
+
+// Returns the mark with which both particles of a candidate list each other: 0, or PASSES if they overlap and may bounce;
+// NOTHING if they do not.
+fn mark_of(pair: vec2<u32>) -> u32 {
+    let a = movers[pair.x];
+    let b = movers[pair.y];
+    let touch = a.radius + b.radius;
+    let gap = gap_at(a, b, window.now);
+    if (touch <= 0.0 || gap > 2.0 * window.allowance) {
+        return NOTHING;
+    }
+    var place = b.base + b.offset;
+    if (a.id < b.id) {
+        place = a.base + a.offset;
+    }
+    let reacts = reaction_rows[tags[pair.x].x * params.species + tags[pair.y].x].first != NOTHING;
+    if (!reacts && -gap <= 4e-6 * (abs(place.x) + abs(place.y) + abs(place.z) + touch)) {
+        return 0u;
+    }
+    return select(NOTHING, PASSES, params.is_elastic != 0u && window.now == 0.0 && gap < 0.0);
+}

@@ -1,0 +1,9 @@
+// The sum of displacements of a particle, in 64 bits, and their number.
+struct Push {
+    low: array<atomic<u32>, 3>,
+    high: array<atomic<u32>, 3>,
+    count: atomic<u32>,
+}
+
+// Units of a displacement per largest contact distance.
+const UNITS: f32 = 0x1p30;

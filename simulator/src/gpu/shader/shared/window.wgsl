@@ -1,0 +1,31 @@
+// A window of a step: the time in which the lists of neighbors are complete, as in collisions/mod.rs. Zeros at the beginning
+// of a step.
+struct Window {
+    // Particles, or 0 if the step is over or the run is halted. The detector reads this word.
+    count: u32,
+    // Its beginning and end, as fractions of the step.
+    now: f32,
+    horizon: f32,
+    // The path for which the lists suffice, the largest useful one, and the largest permitted speed.
+    allowance: f32,
+    largest_allowance: f32,
+    top_speed: f32,
+    // Pairs to read from the detector.
+    pairs: u32,
+    // Used entries of the lists.
+    listed: atomic<u32>,
+    // The bits of the largest speed.
+    fastest: atomic<u32>,
+    // The bits of the time of the earliest event, of the rounds in turn.
+    earliest: array<atomic<u32>, 2>,
+    // The box around all particles: keys that ascend from the highest coordinate down, and from the lowest up.
+    lows: array<atomic<u32>, 3>,
+    highs: array<atomic<u32>, 3>,
+}
+
+const LATER: u32 = 0x7f800000u;
+
+// Returns true if the events of a round of this parity are later than the window.
+fn is_over(source: u32) -> bool {
+    return window.count == 0u || bitcast<f32>(atomicLoad(&window.earliest[source])) > window.horizon;
+}

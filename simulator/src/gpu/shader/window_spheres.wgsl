@@ -1,0 +1,33 @@
+// Writes the spheres whose pairs are the candidates of a window.
+#include control
+#include params
+#include boundary
+#include mover
+#include window
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> window: Window;
+@group(0) @binding(2) var<storage, read> movers: array<Mover>;
+@group(0) @binding(3) var<storage, read_write> next_events: array<NextEvent>;
+@group(0) @binding(4) var<storage, read_write> inflated: array<vec4<f32>>;
+
+// A bound of the rounding error of distances, as in receiver.rs.
+fn rounding(point: vec3<f32>, distance: f32) -> f32 {
+    return 4e-6 * (abs(point.x) + abs(point.y) + abs(point.z) + distance);
+}
+
+@compute @workgroup_size(256)
+fn window_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                  @builtin(local_invocation_index) local_index: u32) {
+    let at = global_index(group, groups, local_index);
+    if (at >= window.count) {
+        return;
+    }
+    let mover = movers[at];
+    let place = confined_axes(mover.base + mover.offset, 0.0);
+    let reach = mover.radius + window.allowance;
+    inflated[at] = vec4(place, select(-1.0, reach + rounding(place, reach), mover.radius >= 0.0));
+    // All neighbors are new.
+    next_events[at].happens = 1u;
+    next_events[at].count = 0u;
+}

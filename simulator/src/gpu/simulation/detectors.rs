@@ -1,0 +1,64 @@
+//! The detectors of a run.
+
+use lazygrid::gpu::{Crossover, GpuConfig, GpuDetector, GpuOutput};
+
+use crate::Error;
+use crate::gpu::device::refused;
+use crate::gpu::dispatches::RunBuffers;
+use crate::gpu::kernel as k;
+use crate::gpu::plan::Sizes;
+use crate::model::Model;
+use crate::reaction::interactions;
+
+/// The detectors of a run, if it needs them.
+#[derive(Debug)]
+pub(super) struct Detectors {
+    /// Finds the pairs that react or overlap at the end of a step.
+    pub(super) interactions: Option<GpuDetector>,
+    /// Finds the candidates of collisions.
+    pub(super) candidates: Option<GpuDetector>,
+}
+
+/// The output of each detector.
+#[derive(Clone, Debug, Default)]
+pub(in crate::gpu) struct Found {
+    pub(in crate::gpu) interactions: Option<GpuOutput>,
+    pub(in crate::gpu) candidates: Option<GpuOutput>,
+}
+
+impl Detectors {
+    pub(super) fn new(buffers: &RunBuffers, model: &Model, sizes: Sizes) -> Result<Self, Error> {
+        // A software driver has few threads, so lists are worthwhile for fewer particles.
+        let crossover = Crossover::assumed(buffers.own.adapter.is_hardware);
+        let config = GpuConfig::default()
+            .crossover(crossover)
+            .space(model.boundary.space()?)
+            .consumer_workgroup_size(k::WORKGROUP_SIZE);
+        let new = |config| GpuDetector::new(&buffers.own.device, config).map_err(refused);
+        let table = interactions(model)?;
+        let with_table =
+            |table| new(config.clone().interactions(Some(table)).pair_capacity(sizes.pairs.max(1)));
+        let candidates = (sizes.near > 0).then(|| new(config.clone().pair_capacity(sizes.near)));
+        Ok(Self { interactions: table.map(with_table).transpose()?, candidates: candidates.transpose()? })
+    }
+
+    /// Returns both detectors.
+    pub(super) fn all(&mut self) -> impl Iterator<Item = &mut GpuDetector> {
+        self.interactions.iter_mut().chain(&mut self.candidates)
+    }
+
+    /// Allocates for these sizes.
+    pub(super) fn reserve(&mut self, sizes: Sizes) -> Result<Found, Error> {
+        let reserve = |detector: &mut Option<GpuDetector>, pairs: u32| {
+            let reserve = |detector: &mut GpuDetector| {
+                detector.set_pair_capacity(pairs.max(1));
+                detector.reserve(sizes.particles).map_err(refused)
+            };
+            detector.as_mut().map(reserve).transpose()
+        };
+        Ok(Found {
+            interactions: reserve(&mut self.interactions, sizes.pairs)?,
+            candidates: reserve(&mut self.candidates, sizes.near)?,
+        })
+    }
+}

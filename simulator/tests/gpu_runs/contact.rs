@@ -1,0 +1,183 @@
+//! Particles that collide or are separated.
+
+use std::f64::consts::PI;
+
+use lazygrid_sim::model::vessel::Vessel;
+use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species, Transmitter};
+
+use super::*;
+
+/// Spheres of diameter 1 on a lattice at a volume fraction, which move by about `length` in a step.
+fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> Model {
+    let n = edge.pow(3);
+    let side = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
+    let time_step = if contact == Contact::Elastic { length } else { length * length / 2.0 };
+    let thermal_speed = if contact == Contact::Elastic { 1.0 } else { 0.0 };
+    let diffusion = if contact == Contact::Elastic { 0.0 } else { 1.0 };
+    let kind = Species { radius: 0.5, thermal_speed, ..species("A", diffusion, [0.0; 3]) };
+    let heavy = Species { mass: 2.0, radius: 0.4, diffusion: 0.5 * diffusion, ..kind.clone() };
+    let half = side / 2.0;
+    Model {
+        time_step,
+        species: vec![kind, heavy],
+        contact,
+        boundary: Boundary::periodic([-half; 3], [half; 3]),
+        transmitters: vec![Transmitter {
+            shape: Shape::Lattice([side; 3], [edge; 3]),
+            release: vec![(0, n - n / 4), (1, n / 4)],
+            ..models::lattice([0.0; 3], &[0.0], 0, edge)
+        }],
+        ..Model::default()
+    }
+}
+
+/// The largest distance between the same particles of two states.
+fn distance(a: &Particles, b: &Particles, boundary: &Boundary) -> f32 {
+    let rows = |all: &Particles| {
+        let mut rows: Vec<_> = (0..all.len()).map(|at| (all.id[at], all.position_of(at))).collect();
+        rows.sort_by_key(|row| row.0);
+        rows
+    };
+    let (a, b) = (rows(a), rows(b));
+    assert_eq!(a.len(), b.len());
+    let apart = |(p, q): (&(u32, [f32; 3]), &(u32, [f32; 3]))| {
+        assert_eq!(p.0, q.0);
+        boundary.displacement(p.1, q.1).map(|c| c * c).iter().sum::<f32>().sqrt()
+    };
+    a.iter().zip(&b).map(apart).fold(0.0, f32::max)
+}
+
+#[test]
+fn collisions_are_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    for contact in [Contact::Separate, Contact::Elastic] {
+        for room in 0..4 {
+            let mut model = crowd(contact, 0.25, 0.15, 6);
+            let half = 4.0;
+            match room {
+                0 => {}
+                1 => model.boundary = Boundary::reflecting([-half; 3], [half; 3]),
+                2 => {
+                    let vessel = Vessel { along: 2, center: [0.0; 3], radius: 6.5 };
+                    model.boundary = Boundary { vessel: Some(vessel), ..Boundary::default() };
+                }
+                _ => model.boundary = Boundary::default(),
+            }
+            model.transmitters[0].shape = Shape::Lattice([6.6; 3], [6; 3]);
+            let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+            let mut met = 0;
+            for step in 0..4 {
+                there.run(1).expect("a step");
+                here.step().expect("a step");
+                assert_eq!(
+                    there.totals().contacts,
+                    here.state().totals.contacts,
+                    "{contact:?} {room} {step}"
+                );
+                met += there.totals().contacts;
+                let far = distance(
+                    &there.state().expect("a state").particles,
+                    &here.state().particles,
+                    &model.boundary,
+                );
+                assert!(far < 3e-4 * 4f32.powi(step), "{contact:?} {room} {step}: {far}");
+            }
+            assert!(met > 50, "{met}");
+        }
+    }
+}
+
+/// Many rounds and windows, a speed that rises: halts with more of them, and the conserved quantities.
+#[test]
+fn long_steps_keep_energy_and_leave_no_overlap() {
+    let Some(own) = device() else { return };
+    let model = crowd(Contact::Elastic, 0.3, 1.0, 5);
+    let mut there = gpu(&own, &model, 3, GpuOptions { pair_capacity: 1, ..GpuOptions::default() });
+    let energy = |state: &lazygrid_sim::State| -> f64 {
+        let all = &state.particles;
+        let square = |at: usize| -> f64 {
+            let mass = model.species[all.species[at] as usize].mass;
+            mass * all.get(at).velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>()
+        };
+        (0..all.len()).map(square).sum()
+    };
+    let before = energy(&there.state().expect("a state"));
+    there.run(3).expect("steps");
+    let state = there.state().expect("a state");
+    assert!(there.totals().contacts > 200, "{}", there.totals().contacts);
+    assert!((energy(&state) / before - 1.0).abs() < 1e-5, "{}", energy(&state) / before);
+    let all = &state.particles;
+    for a in 0..all.len() {
+        for b in 0..a {
+            let d = model.boundary.displacement(all.position_of(a), all.position_of(b));
+            let touch = all.radius[a] + all.radius[b];
+            let gap = d.map(|c| c * c).iter().sum::<f32>().sqrt() - touch;
+            assert!(gap > -0.008 * touch, "{gap}");
+        }
+    }
+}
+
+/// What was released at one point comes apart, and reactants overlap until they react.
+#[test]
+fn overlaps_are_separated_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    let mut model = crowd(Contact::Separate, 0.1, 0.02, 4);
+    model.transmitters[0].shape = Shape::Shell(0.0, 0.7);
+    model.reactions = vec![models::reaction([0, 1], [None, Some(1)], 0.9, 0.02)];
+    let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+    there.run(1).expect("a step");
+    here.step().expect("a step");
+    assert!(here.state().totals.contacts > 300);
+    assert_eq!(there.totals().contacts, here.state().totals.contacts);
+    assert_eq!(there.totals().reacted, here.state().totals.reacted);
+    let far = distance(&there.state().expect("a state").particles, &here.state().particles, &model.boundary);
+    assert!(far < 1e-4, "{far}");
+}
+
+/// The pressure of elastic spheres by their rate of collisions, as in the validation; and slower diffusion at higher fractions.
+#[test]
+fn pressure_and_diffusion_are_those_of_hard_spheres() {
+    let Some(own) = device() else { return };
+    let mut model = crowd(Contact::Elastic, 0.3, 0.25, 8);
+    model.transmitters[0].release = vec![(0, 512)];
+    let mut there = gpu(&own, &model, 3, GpuOptions::default());
+    there.run(16).expect("steps");
+    let (mut collisions, steps) = (0, 48);
+    for _ in 0..steps {
+        there.run(1).expect("a step");
+        collisions += there.totals().contacts;
+    }
+    let particles = there.state().expect("a state").particles;
+    let n = particles.len() as f64;
+    let square = |at: usize| particles.get(at).velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
+    let thermal = ((0..particles.len()).map(square).sum::<f64>() / (3.0 * n)).sqrt();
+    let rate = 2.0 * collisions as f64 / (n * f64::from(steps) * model.time_step);
+    let measured = 1.0 + PI.sqrt() / 6.0 * rate / thermal;
+    let phi = 0.3_f64;
+    let expected = (1.0 + phi + phi.powi(2) - phi.powi(3)) / (1.0 - phi).powi(3);
+    assert!((measured / expected - 1.0).abs() < 0.02, "{measured} and not {expected}");
+
+    let slowed = |packing: f64| {
+        let mut model = crowd(Contact::Separate, packing, 0.3, 6);
+        model.transmitters[0].release = vec![(0, 216)];
+        let mut there = gpu(&own, &model, 7, GpuOptions::default());
+        there.run(10).expect("steps");
+        let mut moved = vec![[0.0_f32; 3]; 216];
+        let mut last = there.state().expect("a state").particles;
+        let steps = 24;
+        for _ in 0..steps {
+            there.run(1).expect("a step");
+            let now = there.state().expect("a state").particles;
+            for at in 0..216 {
+                // States are in the order of ids.
+                let d = model.boundary.displacement(last.position_of(at), now.position_of(at));
+                (0..3).for_each(|k| moved[at][k] += d[k]);
+            }
+            last = now;
+        }
+        let square: f64 = moved.iter().flatten().map(|&c| f64::from(c).powi(2)).sum();
+        square / (216.0 * 6.0 * f64::from(steps) * model.time_step)
+    };
+    let [thin, middle, dense] = [0.1, 0.25, 0.4].map(slowed);
+    assert!(thin < 1.0 && thin > middle + 0.05 && middle > dense + 0.05, "{thin}, {middle}, {dense}");
+}
