@@ -3,13 +3,13 @@ use std::collections::HashMap;
 use encase::ShaderType;
 use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuOutput, Outcome, wgpu};
 
+use super::detectors::Found;
 use super::device::{buffer, encoded, filled, refused, with_error_scope};
 use super::kernel::{self as k, Kernel};
 use super::layout::{ControlHeader, ReceiverCellsHeader, ReceiverRow, TrajectoryHeader, WINDOW_BYTES};
 use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::receiver_cells::ReceiverCells;
 use super::receiver_trajectory::ReceiverTrajectory;
-use super::simulation::detectors::Found;
 use super::tables::Tables;
 use crate::Error;
 
@@ -309,22 +309,6 @@ impl StepDispatches {
         particles: u32,
     ) {
         self.encode(encoder, burst.into_iter().chain(&self.begin), particles);
-    }
-
-    /// Records the beginning of collisions.
-    pub(super) fn encode_collisions(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
-        encoder.clear_buffer(self.buffer("window"), 0, None);
-        self.encode(encoder, &self.collisions.begin, particles);
-    }
-
-    /// Records the beginning of a window, up to the spheres for the detection of candidates.
-    pub(super) fn encode_window(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
-        self.encode(encoder, &self.collisions.before_candidates, particles);
-    }
-
-    /// Records the events of a window.
-    pub(super) fn encode_rounds(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
-        self.encode(encoder, &self.collisions.window, particles);
     }
 
     /// Records the motion of all particles.

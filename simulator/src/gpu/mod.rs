@@ -10,6 +10,7 @@
 //!
 //! The host computes bursts and the positions of receivers in advance and uploads them with the steps.
 
+mod detectors;
 mod device;
 mod dispatches;
 mod kernel;

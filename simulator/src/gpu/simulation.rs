@@ -2,6 +2,7 @@
 
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
+use super::detectors::Detectors;
 use super::device::{filled, read, refused, with_error_scope};
 use super::dispatches::{Groups, RunBuffers, Stage, StepDispatches};
 use super::kernel as k;
@@ -19,12 +20,10 @@ use crate::release::Released;
 use crate::release::origins::{Arrival, Origins};
 use crate::{Error, State, Totals};
 
-pub(super) mod detectors;
 mod events;
 mod overflow;
 mod receivers;
 mod transfer;
-use detectors::Detectors;
 use transfer::{columns, velocities};
 
 /// A run whose particles are on a GPU.
@@ -123,7 +122,7 @@ impl GpuSimulation {
             window_rounds: FIRST_WINDOW_ROUNDS,
             speed_doublings: 0,
         };
-        let mut detectors = Detectors::new(&buffers, &model, sizes)?;
+        let mut detectors = Detectors::new(&buffers.own, &model, sizes)?;
         let steps = StepDispatches::new(&mut buffers, sizes, options.rounds, detectors.reserve(sizes)?)?;
         // Moving receivers are listed for each of their paths.
         let moves = model.receivers.iter().any(crate::Receiver::moves);

@@ -11,12 +11,12 @@ mod vessels;
 use adapter::or_skip;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
 
+use super::detectors::Found;
 use super::device::{buffer, filled, read};
 use super::dispatches::{Groups, RunBuffers, StepDispatches};
 use super::kernel::{self as k, expand};
 use super::layout::{CLAIM_BYTES, ControlHeader};
 use super::plan::Sizes;
-use super::simulation::detectors::Found;
 use super::tables::Tables;
 use crate::random::gaussian;
 use crate::random::philox::{Key, Purpose, philox};

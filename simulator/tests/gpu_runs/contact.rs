@@ -40,11 +40,12 @@ fn distance(a: &Particles, b: &Particles, boundary: &Boundary) -> f32 {
     };
     let (a, b) = (rows(a), rows(b));
     assert_eq!(a.len(), b.len());
-    let apart = |(p, q): (&(u32, [f32; 3]), &(u32, [f32; 3]))| {
-        assert_eq!(p.0, q.0);
-        boundary.displacement(p.1, q.1).map(|c| c * c).iter().sum::<f32>().sqrt()
-    };
-    a.iter().zip(&b).map(apart).fold(0.0, f32::max)
+    let mut farthest = 0.0;
+    for ((id, p), (other, q)) in a.into_iter().zip(b) {
+        assert_eq!(id, other);
+        farthest = f32::max(farthest, boundary.displacement(p, q).map(|c| c * c).iter().sum::<f32>().sqrt());
+    }
+    farthest
 }
 
 #[test]
@@ -168,10 +169,10 @@ fn pressure_and_diffusion_are_those_of_hard_spheres() {
         for _ in 0..steps {
             there.run(1).expect("a step");
             let now = there.state().expect("a state").particles;
-            for at in 0..216 {
+            for (at, moved) in moved.iter_mut().enumerate() {
                 // States are in the order of ids.
                 let d = model.boundary.displacement(last.position_of(at), now.position_of(at));
-                (0..3).for_each(|k| moved[at][k] += d[k]);
+                (0..3).for_each(|k| moved[k] += d[k]);
             }
             last = now;
         }

@@ -2,7 +2,7 @@
 
 use lazygrid::gpu::wgpu;
 
-use super::{Groups, RunBuffers, Stage};
+use super::{Groups, RunBuffers, Stage, StepDispatches};
 use crate::Error;
 use crate::gpu::kernel as k;
 use crate::gpu::kernel::Kernel;
@@ -55,6 +55,24 @@ impl CollisionStages {
             window,
             land: vec![stage(&k::COLLISIONS_LAND, Groups::Particles, 0)?],
         })
+    }
+}
+
+impl StepDispatches {
+    /// Records the beginning of collisions.
+    pub(super) fn encode_collisions(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        encoder.clear_buffer(self.buffer("window"), 0, None);
+        self.encode(encoder, &self.collisions.begin, particles);
+    }
+
+    /// Records the beginning of a window, up to the spheres for the detection of candidates.
+    pub(super) fn encode_window(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        self.encode(encoder, &self.collisions.before_candidates, particles);
+    }
+
+    /// Records the events of a window.
+    pub(super) fn encode_rounds(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        self.encode(encoder, &self.collisions.window, particles);
     }
 }
 

@@ -44,9 +44,9 @@ fn crowd(contact: Contact, axis: Axis) -> Model {
 fn movers(model: &Model, case: u32) -> Vec<[u32; MOVER]> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
-        let species = (words[3] % 4 == 0) as usize;
+        let species = usize::from(words[3].is_multiple_of(4));
         let place = [k % 5, k / 5 % 5, k / 25].map(|c| 1.1 * (c as f32 + 0.5));
-        let jitter = |c: usize| if k % 9 == 0 { 0.3 } else { 0.08 } * (open_unit(words[c]) - 0.5);
+        let jitter = |c: usize| if k.is_multiple_of(9) { 0.3 } else { 0.08 } * (open_unit(words[c]) - 0.5);
         let [u, v, w] = gaussian::normals(philox([k, case, 1, 0], [1, 2])).map(|c| 0.6 * c);
         let mobility = match model.contact {
             Contact::Elastic => 1.0 / model.species[species].mass,

@@ -47,7 +47,7 @@ fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
         let motion = normals(philox([k, case, 1, 0], [1, 2])).map(|c| speed * f64::from(c));
-        let species = u32::from(words[3] % 4 == 0);
+        let species = u32::from(words[3].is_multiple_of(4));
         let place = [k % edge, k / edge % edge, k / edge / edge];
         let shift = |c: usize| 0.08 * (f64::from(open_unit(words[c])) - 0.5);
         Mover {

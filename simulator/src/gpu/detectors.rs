@@ -1,10 +1,9 @@
 //! The detectors of a run.
 
-use lazygrid::gpu::{Crossover, GpuConfig, GpuDetector, GpuOutput};
+use lazygrid::gpu::{Crossover, GpuConfig, GpuDetector, GpuDevice, GpuOutput};
 
 use crate::Error;
 use crate::gpu::device::refused;
-use crate::gpu::dispatches::RunBuffers;
 use crate::gpu::kernel as k;
 use crate::gpu::plan::Sizes;
 use crate::model::Model;
@@ -21,20 +20,20 @@ pub(super) struct Detectors {
 
 /// The output of each detector.
 #[derive(Clone, Debug, Default)]
-pub(in crate::gpu) struct Found {
-    pub(in crate::gpu) interactions: Option<GpuOutput>,
-    pub(in crate::gpu) candidates: Option<GpuOutput>,
+pub(super) struct Found {
+    pub(super) interactions: Option<GpuOutput>,
+    pub(super) candidates: Option<GpuOutput>,
 }
 
 impl Detectors {
-    pub(super) fn new(buffers: &RunBuffers, model: &Model, sizes: Sizes) -> Result<Self, Error> {
+    pub(super) fn new(own: &GpuDevice, model: &Model, sizes: Sizes) -> Result<Self, Error> {
         // A software driver has few threads, so lists are worthwhile for fewer particles.
-        let crossover = Crossover::assumed(buffers.own.adapter.is_hardware);
+        let crossover = Crossover::assumed(own.adapter.is_hardware);
         let config = GpuConfig::default()
             .crossover(crossover)
             .space(model.boundary.space()?)
             .consumer_workgroup_size(k::WORKGROUP_SIZE);
-        let new = |config| GpuDetector::new(&buffers.own.device, config).map_err(refused);
+        let new = |config| GpuDetector::new(&own.device, config).map_err(refused);
         let table = interactions(model)?;
         let with_table =
             |table| new(config.clone().interactions(Some(table)).pair_capacity(sizes.pairs.max(1)));
