@@ -60,18 +60,18 @@ impl CollisionStages {
 
 impl StepDispatches {
     /// Records the beginning of collisions.
-    pub(super) fn encode_collisions(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+    pub(in crate::gpu) fn encode_collisions(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         encoder.clear_buffer(self.buffer("window"), 0, None);
         self.encode(encoder, &self.collisions.begin, particles);
     }
 
     /// Records the beginning of a window, up to the spheres for the detection of candidates.
-    pub(super) fn encode_window(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+    pub(in crate::gpu) fn encode_window(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         self.encode(encoder, &self.collisions.before_candidates, particles);
     }
 
     /// Records the events of a window.
-    pub(super) fn encode_rounds(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+    pub(in crate::gpu) fn encode_rounds(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         self.encode(encoder, &self.collisions.window, particles);
     }
 }
