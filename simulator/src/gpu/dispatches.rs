@@ -51,7 +51,7 @@ pub(super) enum Groups {
     Particles,
     /// One thread per pair, from the detector's dispatch arguments.
     Pairs,
-    /// The same for candidates of collisions.
+    /// One thread per candidate of collisions.
     Candidates,
 }
 

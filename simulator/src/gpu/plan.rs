@@ -60,7 +60,7 @@ pub(super) struct Sizes {
     /// Recorded windows of a step, and rounds of a window.
     pub(super) windows: u32,
     pub(super) window_rounds: u32,
-    /// How often the top speed of collisions was doubled.
+    /// Doublings of the top speed of collisions.
     pub(super) speed_doublings: u32,
 }
 

@@ -118,7 +118,7 @@ fn long_steps_keep_energy_and_leave_no_overlap() {
     }
 }
 
-/// What was released at one point comes apart, and reactants overlap until they react.
+/// Particles released at one point come apart, and reactants overlap until they react.
 #[test]
 fn overlaps_are_separated_as_on_the_cpu() {
     let Some(own) = device() else { return };

@@ -20,9 +20,9 @@ const MAX_ITERATIONS: u32 = 60000u;
 var<private> iterations: u32;
 
 // Returns a lower bound of the time at which a particle that leaves its path at `time` or later hits one that does not.
-fn hit(left: Mover, straight: Mover, time: f32) -> f32 {
-    let gap = gap_at(left, straight, max(time, max(left.time, straight.time))) + SLACK * (left.radius + straight.radius);
-    return time + max(gap, 0.0) / (window.top_speed + length(straight.motion));
+fn hit(left: Mover, steady: Mover, time: f32) -> f32 {
+    let gap = gap_at(left, steady, max(time, max(left.time, steady.time))) + SLACK * (left.radius + steady.radius);
+    return time + max(gap, 0.0) / (window.top_speed + length(steady.motion));
 }
 
 // Returns a lower bound of the time at which a particle leaves its path, unless a particle of the pair hits it.

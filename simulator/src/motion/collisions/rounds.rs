@@ -206,11 +206,11 @@ impl Window<'_> {
 
     /// Returns `true` if [`hit`](Self::hit) from the first time is at the second one or later, without a root.
     fn misses(&self, movers: &[Mover], pair: [u32; 2], [from, until]: [f64; 2]) -> bool {
-        let [left, straight] = pair.map(|at| &movers[at as usize]);
-        let time = from.max(left.time).max(straight.time);
-        let d = left.displacement(straight, time, &self.rules.boundary);
-        let near = (1.0 - self.slack) * left.touch(straight);
-        let reach = near + (until - from) * (self.top_speed + straight.speed);
+        let [left, steady] = pair.map(|at| &movers[at as usize]);
+        let time = from.max(left.time).max(steady.time);
+        let d = left.displacement(steady, time, &self.rules.boundary);
+        let near = (1.0 - self.slack) * left.touch(steady);
+        let reach = near + (until - from) * (self.top_speed + steady.speed);
         dot(d, d) >= reach * reach
     }
 
@@ -220,10 +220,10 @@ impl Window<'_> {
         if from == f64::INFINITY {
             return from;
         }
-        let [left, straight] = pair.map(|at| &movers[at as usize]);
-        let time = from.max(left.time).max(straight.time);
-        let gap = left.gap(straight, time, &self.rules.boundary) + self.slack * left.touch(straight);
-        from + gap.max(0.0) / (self.top_speed + straight.speed)
+        let [left, steady] = pair.map(|at| &movers[at as usize]);
+        let time = from.max(left.time).max(steady.time);
+        let gap = left.gap(steady, time, &self.rules.boundary) + self.slack * left.touch(steady);
+        from + gap.max(0.0) / (self.top_speed + steady.speed)
     }
 }
 

@@ -27,7 +27,7 @@ struct Control {
     capacity: u32,
     max_births: u32,
     max_events: u32,
-    // By how much the top speed of collisions exceeds the usual one.
+    // The factor of the top speed of collisions, usually 1.
     speed_factor: f32,
     next_id: u32,
     born: atomic<u32>,
