@@ -6,6 +6,9 @@ pub mod gpu_results;
 pub mod kernels;
 pub mod measure;
 pub mod peers;
+mod species_scene;
+
+pub use species_scene::SpeciesScene;
 
 /// The commit of the build, marked `with changes` if its sources had changed; `unknown` without git or outside a clone.
 pub const COMMIT: &str = env!("LAZYGRID_COMMIT");

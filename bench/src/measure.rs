@@ -10,11 +10,12 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Backend, Config, Detector, Pair, PhaseTime, Sphere, gpu};
+use lazygrid::{Backend, Config, Detector, Pair, PhaseTime, Sphere, Spheres, gpu};
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+use crate::SpeciesScene;
 use lazygrid_io::scenes::Scene;
 
 pub use options::Options;
@@ -84,7 +85,15 @@ impl ContenderFactory {
 
     /// A lazygrid detector that lists pairs.
     pub fn list(name: impl Into<String>, config: Config) -> Self {
-        Self::new(name, move || Ok(List(Detector::new(config.clone())?)))
+        Self::new(name, move || Ok(List { detector: Detector::new(config.clone())?, species: None }))
+    }
+
+    /// A lazygrid detector that lists the pairs of a scene of species.
+    pub fn list_by_species(name: impl Into<String>, config: Config, scene: SpeciesScene) -> Self {
+        Self::new(name, move || {
+            let detector = Detector::new(config.clone().interactions(scene.table()?))?;
+            Ok(List { detector, species: Some((scene, Vec::new())) })
+        })
     }
 
     /// A lazygrid detector that only counts pairs.
@@ -98,26 +107,42 @@ impl ContenderFactory {
     }
 }
 
-struct List(Detector);
+struct List {
+    detector: Detector,
+    /// The species of the spheres of the next call.
+    species: Option<(SpeciesScene, Vec<u32>)>,
+}
 
 impl PairFinder for List {
+    fn prepare(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
+        if let Some((scene, species)) = &mut self.species {
+            *species = scene.species(spheres.len());
+        }
+        Ok(())
+    }
+
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        Ok(Found::Pairs(self.0.pairs(spheres)?))
+        let all = Spheres::from(spheres);
+        let all = match &self.species {
+            None => all,
+            Some((_, species)) => all.with_species(species)?,
+        };
+        Ok(Found::Pairs(self.detector.pairs(all)?))
     }
 
     fn phases(&self) -> Vec<PhaseTime> {
-        self.0.report().phases
+        self.detector.report().phases
     }
 
     fn gpu_time(&self) -> Option<Duration> {
-        let report = self.0.report();
+        let report = self.detector.report();
         let on_device = |phase: &&PhaseTime| gpu::GpuPhase::ALL.iter().any(|p| p.name() == phase.name);
         let times: Vec<Duration> = report.phases.iter().filter(on_device).map(|p| p.time).collect();
         (report.backend == Backend::Gpu && !times.is_empty()).then(|| times.iter().sum())
     }
 
     fn note(&self) -> String {
-        self.0.report().algorithm.to_string()
+        self.detector.report().algorithm.to_string()
     }
 }
 

@@ -48,6 +48,7 @@ fn smallest_figures_are_right() {
         "threads",
         "memory",
         "point",
+        "species",
     ] {
         let of_figure = || rows.iter().filter(|row| row["figure"] == figure);
         assert!(of_figure().any(|row| row["status"] == "ok"), "nothing was measured for {figure}");

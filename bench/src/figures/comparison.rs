@@ -28,6 +28,7 @@ pub(super) struct Unavailable(&'static str);
 impl Unavailable {
     #[cfg(not(feature = "bullet"))]
     pub(super) const BULLET: Self = Self("not built in; build with --features bullet");
+    pub(super) const SPECIES: Self = Self("searches all spheres alike");
     pub(super) const LAMMPS: Self = Self("set LAZYGRID_LAMMPS_LIB to the path of liblammps.so");
 
     pub(super) fn factory(self, name: String) -> ContenderFactory {
@@ -85,7 +86,7 @@ impl<'a> Comparison<'a> {
             let mut run = ContenderRun::new(point, contender);
             match left_out(contender) {
                 Some(reason) => run.leave(Status::LeftOut, reason),
-                None => match (contender.factory(point.scene, point.n, point.step_length()).make)() {
+                None => match (point.factory(contender).make)() {
                     Ok(search) => run.search = Some(search),
                     Err(error) => run.fail(error.as_ref()),
                 },
@@ -123,7 +124,7 @@ impl<'a> Comparison<'a> {
         }
         self.frames += 1;
         if self.runs.iter().any(|run| run.last.is_some()) {
-            let reference = Reference::of(spheres)?;
+            let reference = Reference::of(spheres, self.point.species())?;
             self.runs.iter_mut().for_each(|run| run.verify(&reference, spheres));
         }
         Ok(())

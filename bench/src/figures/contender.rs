@@ -5,6 +5,7 @@ use lazygrid::{Algorithm, Backend, Config, Order, Simd, Skin};
 use lazygrid_check::{DetectorVariant, TargetDevice};
 
 use super::comparison::Unavailable;
+use crate::SpeciesScene;
 use crate::measure::ContenderFactory;
 use crate::peers::{cell_list, lammps, octree, parry, sweep_and_prune, verlet};
 use lazygrid_io::scenes::Scene;
@@ -47,6 +48,15 @@ impl Contender {
     /// A GPU algorithm with default settings.
     pub fn gpu(algorithm: Algorithm) -> Self {
         Self::Lazygrid(DetectorVariant::new(algorithm, TargetDevice::Gpu { subgroups: true }))
+    }
+
+    /// Creates the factory of searches by species.
+    pub(super) fn by_species(self, scene: SpeciesScene) -> ContenderFactory {
+        let name = self.to_string();
+        match self {
+            Self::Lazygrid(variant) => ContenderFactory::list_by_species(name, config(variant), scene),
+            _ => Unavailable::SPECIES.factory(name),
+        }
     }
 
     /// Creates the factory of searches for `n` spheres of a scene that move by `step_length` radii per step.

@@ -36,11 +36,13 @@ pub enum Figure {
     Memory,
     /// All spheres at one point.
     Point,
+    /// Species of which most never pair.
+    Species,
 }
 
 impl Figure {
     /// All figures in the order of the report.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::F3a,
         Self::F3b,
         Self::F4,
@@ -54,6 +56,7 @@ impl Figure {
         Self::Threads,
         Self::Memory,
         Self::Point,
+        Self::Species,
     ];
 
     /// The name on the command line.
@@ -72,6 +75,7 @@ impl Figure {
             Self::Threads => "threads",
             Self::Memory => "memory",
             Self::Point => "point",
+            Self::Species => "species",
         }
     }
 

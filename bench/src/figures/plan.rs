@@ -1,10 +1,12 @@
 //! The scenes, numbers of spheres, engines and runs of each figure.
 
-use lazygrid::{Algorithm, Simd};
+use lazygrid::{Algorithm, Simd, Sphere};
 use lazygrid_check::{DetectorVariant, TargetDevice};
 use serde::{Deserialize, Serialize};
 
 use super::{Contender, Figure};
+use crate::SpeciesScene;
+use crate::measure::ContenderFactory;
 use lazygrid_io::scenes::{Scene, Transceivers};
 
 /// The size of the figures.
@@ -43,6 +45,8 @@ pub struct Settings {
 pub(super) enum SceneUpdate {
     /// Each run has a new sample of the scene.
     Fresh,
+    /// Each run has a new sample of a scene of species, in place of the point's.
+    Species(SpeciesScene),
     /// Each sphere moves by a fraction of its radius.
     Steps {
         part: f32,
@@ -82,15 +86,33 @@ impl DataPoint {
     pub(super) fn name(&self) -> String {
         match self.scene {
             Scene::Transceivers(Transceivers { count, ratio }) => format!("{count}-transceivers-x{ratio}"),
-            scene => scene.name().to_owned(),
+            scene => self.species().map_or(scene.name(), SpeciesScene::name).to_owned(),
         }
+    }
+
+    /// The scene of species, if it has one.
+    pub(super) fn species(&self) -> Option<SpeciesScene> {
+        if let SceneUpdate::Species(scene) = self.update { Some(scene) } else { None }
+    }
+
+    /// The factory of a contender's searches.
+    pub(super) fn factory(&self, contender: Contender) -> ContenderFactory {
+        match self.species() {
+            None => contender.factory(self.scene, self.n, self.step_length()),
+            Some(scene) => contender.by_species(scene),
+        }
+    }
+
+    /// A sample of the scene.
+    pub(super) fn sample(&self, seed: u64) -> Vec<Sphere> {
+        self.species().map_or_else(|| self.scene.spheres(self.n, seed), |scene| scene.spheres(self.n, seed))
     }
 
     pub(super) fn kind(&self) -> String {
         match (self.figure, self.scene) {
             (Figure::Transceivers, Scene::Transceivers(of)) => format!("transceivers-x{}", of.ratio),
             (Figure::SizeRatio, Scene::Transceivers(of)) => format!("{}-transceivers", of.count),
-            (_, scene) => scene.name().to_owned(),
+            _ => self.name(),
         }
     }
 
@@ -149,6 +171,7 @@ impl Settings {
     fn updates(&self, figure: Figure, n: usize) -> Vec<SceneUpdate> {
         match figure {
             Figure::F3a | Figure::F3b | Figure::Point => vec![SceneUpdate::Fresh],
+            Figure::Species => SpeciesScene::ALL.map(SceneUpdate::Species).into(),
             Figure::F5a | Figure::F5b => {
                 vec![SceneUpdate::Simulated { steps: self.steps_of_a_burst(figure, n) }]
             }
@@ -188,7 +211,7 @@ impl Settings {
 
     fn scenes(&self, figure: Figure) -> Vec<Scene> {
         match figure {
-            Figure::F3a | Figure::StepLength => vec![Scene::Equal],
+            Figure::F3a | Figure::StepLength | Figure::Species => vec![Scene::Equal],
             Figure::F3b => vec![Scene::FiveSizes],
             Figure::F4 | Figure::Threads => vec![Scene::Equal, Scene::FiveSizes],
             Figure::F5a | Figure::F5b => vec![Scene::Burst],
@@ -218,7 +241,7 @@ impl Settings {
             (RunScale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
             (RunScale::Quick, F5a) => &[20_000],
             (RunScale::Quick, F5b) => &[1000, 10_000],
-            (RunScale::Quick, Tau | Ratio | Transceivers | SizeRatio | StepLength) => &[20_000],
+            (RunScale::Quick, Tau | Ratio | Transceivers | SizeRatio | StepLength | Species) => &[20_000],
             (RunScale::Quick, Threads | Memory) => &[100_000],
             (RunScale::Quick, Point) => &[100, 1000],
             (RunScale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
@@ -226,6 +249,7 @@ impl Settings {
             (RunScale::Full, F5a) => &[500_000],
             (RunScale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
             (RunScale::Full, Tau | Ratio | Transceivers | SizeRatio | StepLength) => &[100_000],
+            (RunScale::Full, Species) => &[10_000, 100_000],
             (RunScale::Full, Threads) => &[10_000, 100_000, 1_000_000],
             // Building trees for a million spheres takes minutes, and each engine does so in its own process.
             (RunScale::Full, Memory) => &[100_000],
@@ -274,6 +298,10 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
             let cpu = [Contender::cpu(Algorithm::Auto, None), Contender::Octree, Contender::SortAndSweep];
             gpu.into_iter().chain(cpu).collect()
+        }
+        Figure::Species => {
+            let cpu = Algorithm::CPU.iter().map(|&a| Contender::cpu(a, None));
+            cpu.chain([Contender::gpu(Algorithm::CellList)]).collect()
         }
         Figure::Tau => [4, 8, 16, 32, 64, 128, 256, 512, 1024]
             .map(|tau| {

@@ -4,11 +4,12 @@ use std::error::Error;
 
 use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
 
+use crate::SpeciesScene;
 use crate::measure::{ContenderFactory, Digest, Found};
 use crate::peers::cell_list;
 
-/// Above this number of spheres, the reference is the plain cell list, which is checked against the naive detector
-/// below it.
+/// Above this number of spheres without species, the reference is the plain cell list, which is checked
+/// against the naive detector below it.
 const NAIVE_REFERENCE: usize = 20_000;
 
 /// The reference pairs of some spheres.
@@ -19,17 +20,20 @@ pub(super) struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// Finds the pairs with a new search.
+    /// Finds the pairs with a new search, for a scene of species by its interactions.
     ///
     /// # Errors
     /// Fails if that search fails.
-    pub(super) fn of(spheres: &'a [Sphere]) -> Result<Self, Box<dyn Error>> {
-        let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-        let contender = match spheres.len() {
-            ..=NAIVE_REFERENCE => ContenderFactory::list("naive", naive.order(Order::Unordered)),
-            _ => cell_list::incremental(),
+    pub(super) fn of(spheres: &'a [Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
+        let naive =
+            Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive).order(Order::Unordered);
+        let contender = match (species, spheres.len()) {
+            (Some(scene), _) => ContenderFactory::list_by_species("naive", naive, scene),
+            (None, ..=NAIVE_REFERENCE) => ContenderFactory::list("naive", naive),
+            (None, _) => cell_list::incremental(),
         };
         let mut search = (contender.make)()?;
+        search.prepare(spheres)?;
         let found = search.run(spheres)?;
         let digest = Digest::of(&found);
         let pairs = match found {
@@ -106,7 +110,7 @@ mod tests {
     #[test]
     fn only_tangent_pairs_may_differ() {
         let spheres = row();
-        let reference = Reference::of(&spheres).expect("valid spheres");
+        let reference = Reference::of(&spheres, None).expect("valid spheres");
         let of = |pairs: &[(u32, u32)]| pairs.iter().map(|&(i, j)| Pair::new(i, j)).collect::<Vec<_>>();
         assert_eq!(reference.pairs, of(&[(2, 3)]));
         assert_eq!(reference.tangent(&of(&[(2, 3)])), Ok(0));
@@ -125,7 +129,7 @@ mod tests {
     #[test]
     fn missing_pair_is_wrong() {
         let spheres = [0.0, 1.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
-        let reference = Reference::of(&spheres).expect("valid spheres");
+        let reference = Reference::of(&spheres, None).expect("valid spheres");
         let verdict = reference.tangent(&[]);
         assert_eq!(verdict, Err("wrong answer: 0 pairs, expected 1: 1 missing".to_owned()));
         let empty = Digest::of(&Found::Pairs(&[]));

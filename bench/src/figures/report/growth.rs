@@ -1,4 +1,4 @@
-//! Figures 3a and 3b, and all spheres at one point: time against the number of spheres.
+//! Figures 3a and 3b, all spheres at one point, and species: time against the number of spheres.
 
 use std::error::Error;
 
@@ -8,6 +8,7 @@ use super::super::figure::Figure;
 use super::super::fit::exponent;
 use super::super::row::{Row, Status};
 use super::table::{Column, best_of_columns, by_engine, by_size, engines, find, gpu_times, mean};
+use crate::SpeciesScene;
 use lazygrid_report::number::{count, time};
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
@@ -28,6 +29,25 @@ pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Sect
     tables.extend((!equal.is_empty()).then(|| beside_equal(rows, &equal, &columns)));
     tables.extend(phases(rows));
     Ok(Section { title: title.to_owned(), text: vec![text.to_owned()], plots, tables, notes: vec![] })
+}
+
+/// The section of species: a table of each scene.
+pub(super) fn species(rows: &[&Row]) -> Section {
+    let table = |scene: SpeciesScene| {
+        let own: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene.name()).collect();
+        let table = means(&own, &by_size(&own));
+        Table { caption: format!("{}: {}", scene.name(), table.caption), ..table }
+    };
+    let text = "Spheres of equal size. `rare-partner`: a burst of one species, with one sphere in a thousand of its only \
+                partner; `enzymes`: one among 25 substrate molecules each, all within a few diameters; `target`: one in a \
+                crowd of its only partner; `ring`: four species that each pair with two others, 5 % filling; `all-pair`: \
+                the same, all of which pair.";
+    Section {
+        title: "Species that rarely pair".to_owned(),
+        text: vec![text.to_owned()],
+        tables: SpeciesScene::ALL.map(table).into(),
+        ..Section::default()
+    }
 }
 
 const fn heading(figure: Figure) -> (&'static str, &'static str) {

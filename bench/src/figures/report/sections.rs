@@ -29,6 +29,7 @@ pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
             Figure::Transceivers | Figure::SizeRatio => transceivers::section(figure, &rows)?,
             Figure::Tau | Figure::Ratio | Figure::Threads => sweeps::section(figure, &rows)?,
             Figure::Memory => sweeps::memory(&rows),
+            Figure::Species => growth::species(&rows),
         };
         section.notes.extend(remarks(&rows));
         sections.push(section);
@@ -65,7 +66,7 @@ fn environment(results: &Results) -> Section {
     };
     let mut text = vec![
         "Every answer was compared with the reference, by number of pairs and a checksum of the set, before its time \
-         counted: naive up to 20 000 spheres, above that the plain cell list, which shares no code with the detectors. \
+         counted: naive with species and up to 20 000 spheres, above that the plain cell list, which shares no code with the detectors. \
          Engines take turns on the same spheres, a warm-up is dropped, and times run until the pairs are in host \
          memory, in any order. All engines give exact pairs; only pairs within 4 ulp of tangency may fall either way on \
          a GPU, as the contract says, and where one did it is said."

@@ -1,0 +1,79 @@
+//! Scenes of species of which most never pair.
+
+use lazygrid::{Interaction, Interactions, Sphere};
+use lazygrid_io::scenes::Scene;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, UnitBall};
+
+/// A scene of species.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpeciesScene {
+    /// A burst of one species, with one sphere in a thousand of its only partner.
+    RarePartner,
+    /// One enzyme among 25 substrate molecules each, all nearly at one point.
+    Enzymes,
+    /// One target in a crowd of its only partner.
+    Target,
+    /// Four species that each pair with two others; uniform.
+    Ring,
+    /// Four species that all pair; uniform.
+    AllPair,
+}
+
+impl SpeciesScene {
+    /// All scenes.
+    pub const ALL: [Self; 5] = [Self::RarePartner, Self::Enzymes, Self::Target, Self::Ring, Self::AllPair];
+
+    /// The name in lower case with hyphens.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::RarePartner => "rare-partner",
+            Self::Enzymes => "enzymes",
+            Self::Target => "target",
+            Self::Ring => "ring",
+            Self::AllPair => "all-pair",
+        }
+    }
+
+    /// `n` spheres; the same for the same seed.
+    pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
+        let (extent, radius) = match self {
+            Self::RarePartner => (0.5, 0.05),
+            Self::Enzymes => (0.05, 0.005),
+            Self::Target => (7.0, 0.5),
+            Self::Ring | Self::AllPair => return Scene::Equal.spheres(n, seed),
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut center = || UnitBall.sample(&mut random).map(|x: f32| extent * x);
+        (0..n).map(|_| Sphere::new(center(), radius)).collect()
+    }
+
+    /// The species of `n` spheres.
+    pub fn species(self, n: usize) -> Vec<u32> {
+        let species = |k: usize| match self {
+            Self::RarePartner => u32::from(k % 1000 == 999),
+            Self::Enzymes => u32::from(k % 26 > 0),
+            Self::Target => u32::from(k > 0),
+            Self::Ring | Self::AllPair => k as u32 % 4,
+        };
+        (0..n).map(species).collect()
+    }
+
+    /// The interactions.
+    ///
+    /// # Errors
+    /// [`lazygrid::Error::OutOfMemory`].
+    pub fn table(self) -> Result<Interactions, lazygrid::Error> {
+        let (count, pairs): (_, &[(u32, u32)]) = match self {
+            Self::RarePartner | Self::Enzymes | Self::Target => (2, &[(0, 1)]),
+            Self::Ring => (4, &[(0, 1), (1, 2), (2, 3), (0, 3)]),
+            Self::AllPair => return Ok(Interactions::new(4, Interaction::Touch)?),
+        };
+        let mut table = Interactions::new(count, Interaction::Never)?;
+        for &(a, b) in pairs {
+            table.set(a, b, Interaction::Touch)?;
+        }
+        Ok(table)
+    }
+}
