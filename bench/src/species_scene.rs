@@ -53,7 +53,7 @@ impl SpeciesScene {
     pub fn species(self, n: usize) -> Vec<u32> {
         let species = |k: usize| match self {
             Self::RarePartner => u32::from(k % 1000 == 999),
-            Self::Enzymes => u32::from(k % 26 > 0),
+            Self::Enzymes => u32::from(!k.is_multiple_of(26)),
             Self::Target => u32::from(k > 0),
             Self::Ring | Self::AllPair => k as u32 % 4,
         };
