@@ -5,7 +5,7 @@ use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid::{Space, Sphere};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::kernel::Variant;
-use lazygrid_kernels::layout::{Bounds, Grid, SearchParams, SortCounts};
+use lazygrid_kernels::layout::{Bounds, ColumnLayout, Grid, SearchParams, SortCounts};
 
 use super::support::{KernelError, SIZES, ordered, same, variants};
 use crate::device::{download, download_one, run, upload, upload_one};
@@ -83,6 +83,53 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
             let same_place = center == [found[0], found[1], found[2]] && found[3] == sphere.radius;
             same(|| format!("{sphere:?} in {lengths:?} at {center:?}: {found:?}"), &same_place, &true)?;
         }
+    }
+    Ok(())
+}
+
+/// Checks that spheres are read from where their columns have them, and that none is written above the given number
+/// or the capacity.
+///
+/// # Errors
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
+    const ROOM: usize = 700;
+    const UNWRITTEN: [u32; 4] = [7; 4];
+    let mut random = Random(0);
+    for (given, most) in [(0_u32, 10_u32), (255, 700), (256, 257), (700, 700), (701, 700)] {
+        let layout = ColumnLayout {
+            first: [0; 4].map(|_: u32| random.below(9) as u32),
+            stride: [1, 9, 0, 3].map(|stride: u32| stride + random.below(2) as u32),
+        };
+        let columns = layout.bytes(ROOM as u32).map(|bytes| -> Vec<u32> {
+            (0..bytes / 4).map(|_| 0x3f80_0000 + random.below(1 << 22) as u32).collect()
+        });
+        let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
+        let (described, source) = (upload(own, &[layout])?, upload(own, &[given])?);
+        let [x, y, z, r] = columns.each_ref().map(|column| upload(own, column));
+        let (x, y, z, r) = (x?, y?, z?, r?);
+        let rows = upload(own, &[UNWRITTEN; ROOM])?;
+        let bound = [
+            ("params", &call),
+            ("columns", &described),
+            ("count_source", &source),
+            ("x", &x),
+            ("y", &y),
+            ("z", &z),
+            ("r", &r),
+            ("rows", &rows),
+        ];
+        run(own, &k::SPHERES_INTERLEAVE, Variant::default(), ROOM.div_ceil(256) as u32, &bound)?;
+        let number = |column: usize, sphere: usize| {
+            columns[column][layout.first[column] as usize + sphere * layout.stride[column] as usize]
+        };
+        let written = given.min(most) as usize;
+        let row = |sphere| {
+            if sphere < written { [0, 1, 2, 3].map(|column| number(column, sphere)) } else { UNWRITTEN }
+        };
+        let expected: Vec<[u32; 4]> = (0..ROOM).map(row).collect();
+        let found = download::<[u32; 4]>(own, &rows, ROOM)?;
+        same(|| format!("{given} spheres of {most} in {layout:?}"), &found, &expected)?;
     }
     Ok(())
 }

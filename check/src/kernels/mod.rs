@@ -42,9 +42,10 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
 /// All checks, in the order in which a call runs the kernels.
-pub const CHECKS: [KernelCheck; 35] = [
+pub const CHECKS: [KernelCheck; 36] = [
     one("subgroup probe", &["subgroup_probe"], |own, _| probe::subgroup_probe(own)),
     one("start of a call", &["call_begin"], |own, _| call::call_begin(own)),
+    one("rows from columns", &["spheres_interleave"], |own, _| call::spheres_interleave(own)),
     one("wrapped coordinates", &["spheres_wrap"], |own, _| call::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| call::bounds_reduce(own)),
     one("grid", &["grid_configure"], |own, _| grid::grid_configure(own)),
