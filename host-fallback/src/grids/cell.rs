@@ -77,8 +77,10 @@ fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     ids: Vec<u32>,
-    /// The spheres of two groups of a cell, or twice those of one group.
-    cells: Vec<[Starts; 2]>,
+    /// The spheres of one group of a cell.
+    cells: Vec<Starts>,
+    /// The spheres of two groups of a cell.
+    meetings: Vec<[Starts; 2]>,
     /// The spheres of each group of a cell.
     groups: Vec<Starts>,
     columns: Columns,
@@ -95,7 +97,7 @@ impl Batch {
             return Ok(());
         }
         if grouping.count() == 1 {
-            try_push(&mut self.cells, [starts(run.iter(), self.ids.len()); 2], "a batch of cells")?;
+            try_push(&mut self.cells, starts(run.iter(), self.ids.len()), "a batch of cells")?;
             return try_extend(&mut self.ids, run.iter().map(CellMember::id), "a batch of cells");
         }
         self.groups.clear();
@@ -106,8 +108,13 @@ impl Batch {
         }
         for (a, b) in grouping.meetings() {
             let both = [self.groups[a], self.groups[b]];
-            if both.iter().all(|starts| starts[0] < starts[MASKS]) {
-                try_push(&mut self.cells, both, "a batch of cells")?;
+            if both.iter().any(|starts| starts[0] == starts[MASKS]) {
+                continue;
+            }
+            if a == b {
+                try_push(&mut self.cells, both[0], "a batch of cells")?;
+            } else {
+                try_push(&mut self.meetings, both, "a batch of cells")?;
             }
         }
         Ok(())
@@ -116,9 +123,7 @@ impl Batch {
     /// The most bytes held for `entries` entries of one group: ids, columns, and the starts of cells of two, whose capacity is
     /// doubled.
     pub(crate) fn memory_for(entries: u64) -> u64 {
-        with_growth((4 + Columns::BYTES_PER_SPHERE) * entries)
-            + 2 * size_of::<Starts>() as u64 * entries
-            + 4096
+        with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -130,11 +135,12 @@ impl Batch {
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
-        let Self { ids, cells, columns, .. } = self;
+        let Self { ids, cells, meetings, columns, .. } = self;
         columns.gather(&input.test, ids.iter().copied())?;
-        input.run(Cells { columns, test: &input.test, cells, sink });
+        input.run(Cells { columns, test: &input.test, cells, meetings, sink });
         ids.clear();
         cells.clear();
+        meetings.clear();
         Ok(())
     }
 }
@@ -142,30 +148,45 @@ impl Batch {
 struct Cells<'c, S> {
     columns: &'c Columns,
     test: &'c PairTest<'c>,
-    cells: &'c [[Starts; 2]],
+    cells: &'c [Starts],
+    meetings: &'c [[Starts; 2]],
     sink: &'c mut S,
+}
+
+impl<S: Sink> Cells<'_, S> {
+    /// Compares the spheres of a group with those of the same or of another one.
+    #[inline(always)]
+    fn compare<V: SimdWidth>(
+        &mut self,
+        vector: V,
+        [of, with]: [&Starts; 2],
+        partners: &[&[MaskRange]; MASKS],
+    ) {
+        for (corner_mask, partners) in partners.iter().enumerate() {
+            for at in range(of, (corner_mask, corner_mask + 1)) {
+                for &masks in *partners {
+                    // The spheres of a second group follow those of the first.
+                    let run = range(with, masks);
+                    let run = run.start.max(at + 1)..run.end;
+                    if !run.is_empty() {
+                        scan(vector, (self.columns, self.test), at, run, self.sink);
+                    }
+                }
+            }
+        }
+    }
 }
 
 impl<S: Sink> SimdTask for Cells<'_, S> {
     type Result = ();
 
     #[inline(always)]
-    fn run<V: SimdWidth>(self, vector: V) {
-        let Self { columns, test, cells, sink } = self;
-        for [of, with] in cells {
-            let partners = if of == with { &LATER_PARTNERS } else { &ALL_PARTNERS };
-            for (corner_mask, partners) in partners.iter().enumerate() {
-                for at in range(of, (corner_mask, corner_mask + 1)) {
-                    for &masks in *partners {
-                        // The spheres of a second group follow those of the first.
-                        let run = range(with, masks);
-                        let run = run.start.max(at + 1)..run.end;
-                        if !run.is_empty() {
-                            scan(vector, (columns, test), at, run, sink);
-                        }
-                    }
-                }
-            }
+    fn run<V: SimdWidth>(mut self, vector: V) {
+        for of in self.cells {
+            self.compare(vector, [of, of], &LATER_PARTNERS);
+        }
+        for [of, with] in self.meetings {
+            self.compare(vector, [of, with], &ALL_PARTNERS);
         }
     }
 }
