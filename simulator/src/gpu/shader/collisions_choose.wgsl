@@ -45,7 +45,10 @@ fn is_safe(at: u32, pair: vec2<u32>, time: f32, earliest: f32) -> bool {
     let mover = movers[at];
     let begin = next_events[at].begin;
     let end = begin + next_events[at].count;
-    for (var k = begin; k < end && iterations < MAX_ITERATIONS; k++) {
+    for (var k = begin; k < end; k++) {
+        if (iterations >= MAX_ITERATIONS) {
+            return false;
+        }
         let other = neighbors[k];
         iterations += 1u;
         if ((other & PASSES) != 0u || other == pair.x || other == pair.y || hit(movers[other], mover, earliest) >= time) {

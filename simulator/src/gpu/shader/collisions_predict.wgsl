@@ -43,7 +43,8 @@ fn predict(at: u32) -> f32 {
     // The overlapping neighbor of the lowest id that has not bounced.
     var bounce = NOTHING;
     var bounce_id = NOTHING;
-    for (var k = next.begin; k < next.begin + next.count; k++) {
+    let end = next.begin + next.count;
+    for (var k = next.begin; k < end; k++) {
         let other = neighbors[k] & ~PASSES;
         if ((neighbors[k] & PASSES) != 0u) {
             let id = movers[other].id;

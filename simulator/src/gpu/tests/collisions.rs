@@ -264,16 +264,16 @@ fn rounds_are_those_of_the_cpu() {
 fn separation_is_that_of_the_cpu() {
     let Some(own) = device() else { return };
     let model = crowd(Contact::Separate, Axis::Reflecting { low: 0.0, high: 5.5 });
-    let words = movers(&model, 3);
-    let n = words.len() as u32;
+    let uploaded = movers(&model, 3);
+    let n = uploaded.len() as u32;
     let mut particles = Particles::default();
-    for mover in words.iter().map(on_cpu) {
+    for mover in uploaded.iter().map(on_cpu) {
         let Mover { position, radius, species, id, .. } = mover;
         // Closer together, so that many overlap.
         let position = position.map(|c| 0.5 * c as f32 + 1.0);
         particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
     }
-    let mut device = Device::new(&own, &model, &words);
+    let mut device = Device::new(&own, &model, &uploaded);
     let moved: Vec<[f32; 4]> = (0..n as usize)
         .map(|at| {
             let [x, y, z] = particles.position_of(at);
