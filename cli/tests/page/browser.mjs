@@ -8,7 +8,7 @@ import { spawn } from "node:child_process";
 import { writeFileSync } from "node:fs";
 
 const [chromium, profile, url, width, height, until, screenshot] = process.argv.slice(2);
-const TIMEOUT = 300_000;
+const TIMEOUT = 600_000;
 const browser = spawn(chromium, [
   "--headless=new", "--no-sandbox", "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--disable-background-networking",
   "--hide-scrollbars", "--force-device-scale-factor=1", `--window-size=${width},${height}`, `--user-data-dir=${profile}`,
