@@ -36,6 +36,7 @@ pub(crate) struct Frame {
     species: Option<Py<PyArray1<u32>>>,
     /// An id per sphere, of shape ``(n,)``, where ids were asked for.
     ids: Option<Py<PyArray1<i64>>>,
+    /// The names of the species, by id.
     names: Vec<String>,
     /// The simulator's number of the time step, where the file has one.
     step: Option<i64>,
