@@ -98,11 +98,11 @@ pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     let mut random = Random(0);
     for (given, most) in [(0_u32, 10_u32), (255, 700), (256, 257), (700, 700), (701, 700)] {
         let layout = ColumnLayout {
-            first: [0; 4].map(|_: u32| random.below(9) as u32),
-            stride: [1, 9, 0, 3].map(|stride: u32| stride + random.below(2) as u32),
+            first: [0; 4].map(|_: u32| random.below(9)),
+            stride: [1, 9, 0, 3].map(|stride: u32| stride + random.below(2)),
         };
         let columns = layout.bytes(ROOM as u32).map(|bytes| -> Vec<u32> {
-            (0..bytes / 4).map(|_| 0x3f80_0000 + random.below(1 << 22) as u32).collect()
+            (0..bytes / 4).map(|_| 0x3f80_0000 + random.below(1 << 22)).collect()
         });
         let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
         let (described, source) = (upload(own, &[layout])?, upload(own, &[given])?);
