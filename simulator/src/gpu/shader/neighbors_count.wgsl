@@ -1,23 +1,4 @@
 // Counts the neighbors of each particle.
-#include control
-#include params
-#include boundary
-#include candidate
-#include window
-
-struct Counts {
-    words: array<atomic<u32>, 7>,
-}
-
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> near_pairs: array<vec2<u32>>;
-@group(0) @binding(2) var<storage, read> movers: array<Mover>;
-@group(0) @binding(3) var<storage, read> tags: array<vec2<u32>>;
-@group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
-@group(0) @binding(5) var<storage, read_write> window: Window;
-@group(0) @binding(6) var<storage, read_write> next_events: array<Counts>;
-
-#include gap
 #include near
 
 @compute @workgroup_size(256)

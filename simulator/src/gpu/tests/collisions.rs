@@ -11,6 +11,7 @@ use crate::model::particles::{Particle, Particles};
 use crate::motion::collisions::mover::{Mover, length};
 use crate::motion::collisions::rounds::{Adjacency, SLACK, Window};
 use crate::motion::collisions::rules::{Event, Rules};
+use crate::motion::collisions::tests::model;
 use crate::motion::contact::Contacts;
 use crate::random::philox::open_unit;
 
@@ -23,21 +24,7 @@ const HORIZON: f32 = 0.9;
 const TOP_SPEED: f32 = 4.0;
 
 fn crowd(contact: Contact, axis: Axis) -> Model {
-    let kind = |radius, diffusion, mass| Species {
-        name: "A".into(),
-        radius,
-        diffusion,
-        mass,
-        thermal_speed: 1.0,
-        ..Species::default()
-    };
-    Model {
-        time_step: 0.5,
-        species: vec![kind(0.5, 1.0, 1.0), kind(0.3, 3.0, 0.5)],
-        contact,
-        boundary: Boundary { axes: [axis; 3], vessel: None },
-        ..Model::default()
-    }
+    Model { time_step: 0.5, ..model(contact, axis) }
 }
 
 /// Spheres on a jittered lattice of 5 × 5 × 5 sites, some of which overlap, by words of the device.

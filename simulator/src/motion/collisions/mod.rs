@@ -36,7 +36,7 @@ pub(crate) mod mover;
 pub(crate) mod rounds;
 pub(crate) mod rules;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub(crate) use mover::Flight;
 use mover::{Mover, dot};

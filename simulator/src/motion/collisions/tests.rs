@@ -24,7 +24,7 @@ fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon
     }
 }
 
-fn model(contact: Contact, axis: Axis) -> Model {
+pub(crate) fn model(contact: Contact, axis: Axis) -> Model {
     let kind = |radius, diffusion, mass| Species {
         name: "A".into(),
         radius,

@@ -1,4 +1,24 @@
-// Candidates of a window.
+// The bindings of kernels that list neighbors, and the candidates of a window.
+#include control
+#include params
+#include boundary
+#include candidate
+#include window
+
+// NextEvent by words, whose counts grow while lists are made.
+struct Lists {
+    words: array<atomic<u32>, 7>,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> near_pairs: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read> movers: array<Mover>;
+@group(0) @binding(3) var<storage, read> tags: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
+@group(0) @binding(5) var<storage, read_write> window: Window;
+@group(0) @binding(6) var<storage, read_write> next_events: array<Lists>;
+
+#include gap
 
 // Returns the mark with which both particles of a candidate list each other: 0, or PASSES if they overlap and may bounce;
 // NOTHING if they do not.
