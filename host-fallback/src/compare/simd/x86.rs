@@ -141,6 +141,46 @@ unsafe fn minimum_image_touching(
     masks
 }
 
+/// The methods that AVX2 and FMA suffice for, which each width here proves.
+macro_rules! methods_of_avx2 {
+    () => {
+        #[inline(always)]
+        fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+            // SAFETY: `self` proves FMA.
+            unsafe { touching(rows, pairs) }
+        }
+
+        #[inline(always)]
+        fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+            // SAFETY: `self` proves AVX2.
+            unsafe { cell(axes, center, offset) }
+        }
+
+        #[inline(always)]
+        fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]) {
+            // SAFETY: `self` proves FMA.
+            unsafe { x86_rows::add_to_bounds(bounds, row) }
+        }
+
+        #[inline(always)]
+        fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
+            // SAFETY: `self` proves AVX2.
+            unsafe { x86_rows::map_to_frame::<PERIODIC>(map, row) }
+        }
+
+        #[inline(always)]
+        fn squared_displacement<const PERIODIC: bool>(
+            self,
+            now: Xyzr,
+            then: Xyzr,
+            lengths: &[f32; 4],
+        ) -> f32 {
+            // SAFETY: `self` proves AVX2, hence SSE3.
+            unsafe { x86_rows::squared_displacement::<PERIODIC>(now, then, lengths) }
+        }
+    };
+}
+
 impl SimdWidth for Avx512 {
     const LANES: usize = 16;
     type Query = [__m512; 4];
@@ -184,35 +224,7 @@ impl SimdWidth for Avx512 {
         }
     }
 
-    #[inline(always)]
-    fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
-        // SAFETY: `self` proves FMA.
-        unsafe { touching(rows, pairs) }
-    }
-
-    #[inline(always)]
-    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
-        // SAFETY: `self` proves AVX2.
-        unsafe { cell(axes, center, offset) }
-    }
-
-    #[inline(always)]
-    fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]) {
-        // SAFETY: `self` proves FMA.
-        unsafe { x86_rows::add_to_bounds(bounds, row) }
-    }
-
-    #[inline(always)]
-    fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
-        // SAFETY: `self` proves AVX2.
-        unsafe { x86_rows::map_to_frame::<PERIODIC>(map, row) }
-    }
-
-    #[inline(always)]
-    fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
-        // SAFETY: `self` proves AVX2, hence SSE3.
-        unsafe { x86_rows::squared_displacement::<PERIODIC>(now, then, lengths) }
-    }
+    methods_of_avx2!();
 
     #[inline(always)]
     fn find_neighbor_runs(
@@ -337,35 +349,7 @@ impl SimdWidth for Avx2 {
         }
     }
 
-    #[inline(always)]
-    fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
-        // SAFETY: `self` proves FMA.
-        unsafe { touching(rows, pairs) }
-    }
-
-    #[inline(always)]
-    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
-        // SAFETY: `self` proves AVX2.
-        unsafe { cell(axes, center, offset) }
-    }
-
-    #[inline(always)]
-    fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]) {
-        // SAFETY: `self` proves FMA.
-        unsafe { x86_rows::add_to_bounds(bounds, row) }
-    }
-
-    #[inline(always)]
-    fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
-        // SAFETY: `self` proves AVX2.
-        unsafe { x86_rows::map_to_frame::<PERIODIC>(map, row) }
-    }
-
-    #[inline(always)]
-    fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
-        // SAFETY: `self` proves AVX2, hence SSE3.
-        unsafe { x86_rows::squared_displacement::<PERIODIC>(now, then, lengths) }
-    }
+    methods_of_avx2!();
 
     #[inline(always)]
     fn find_neighbor_runs(
