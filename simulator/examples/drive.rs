@@ -1,5 +1,4 @@
-//! A relay node, driven from Rust: it counts the molecules of a far transmitter and forwards each bit with molecules of
-//! its own.
+//! A relay node: it counts the molecules of a far transmitter and forwards each bit with its own.
 //!
 //! `cargo run --release -p lazygrid-sim --example drive`
 

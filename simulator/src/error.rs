@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// The reason for which a model was refused or a run ended.
+/// An invalid model, or the end of a run.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -12,34 +12,34 @@ pub enum Error {
     Scenario {
         /// The file.
         path: PathBuf,
-        /// The line; the first is 1.
+        /// Line, from 1.
         line: usize,
         /// The key on that line.
         key: String,
-        /// The fault and the valid values.
+        /// Fault and valid values.
         message: String,
     },
     /// A model that cannot be run.
     #[error("{0}")]
     Model(String),
-    /// More particles than ids can name.
+    /// Ids are used up.
     #[error(
         "particle ids are used up: {released} particles were released or came of others, and ids have 32 bits; release \
          fewer, or end the run before"
     )]
     OutOfIds {
-        /// The number that there would have been.
+        /// Particles that the run would have released.
         released: u64,
     },
     /// The system refused memory for more particles.
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
-        /// The number that there would have been.
+        /// Particles that the run would have had.
         particles: u64,
-        /// The bytes of one of their columns.
+        /// Bytes of one column.
         bytes: u64,
     },
-    /// The system refused memory for candidates of reactions.
+    /// The system refused memory for reaction candidates.
     #[error(
         "no memory for {candidates} pairs that may react: {bytes} bytes were refused; release fewer particles, or run fewer \
          replicas at once (--threads)"
@@ -47,10 +47,10 @@ pub enum Error {
     OutOfCandidateMemory {
         /// The number of candidates.
         candidates: u64,
-        /// Their bytes.
+        /// Their size.
         bytes: u64,
     },
-    /// The particles of a step would not fit into the available memory.
+    /// The particles of a step exceed the available memory.
     #[error(
         "{particles} particles need {needed} bytes of memory or more, and {available} bytes are available ({limit}); release \
          fewer particles, run fewer replicas at once (--threads), or raise the limit"
@@ -58,19 +58,19 @@ pub enum Error {
     TooLittleMemory {
         /// The number of particles.
         particles: u64,
-        /// The bytes that they need.
+        /// Required bytes.
         needed: u64,
-        /// The bytes that are available.
+        /// Available bytes.
         available: u64,
-        /// The limit that leaves them.
+        /// Limit that determines `available`.
         limit: &'static str,
     },
-    /// The detector refused the particles, or found more pairs than fit.
+    /// The detector refused the particles, or found too many pairs.
     #[error("step {step}: {source}")]
     Step {
-        /// The step, counted from 0.
+        /// Step, from 0.
         step: u32,
-        /// The message of the detector.
+        /// Error of the detector.
         source: lazygrid::Error,
     },
     #[error(
@@ -78,82 +78,82 @@ pub enum Error {
     )]
     /// Particles collided too often in a step.
     Collisions {
-        /// The step, counted from 0.
+        /// Step, from 0.
         step: u32,
         /// The number of particles.
         particles: u64,
-        /// The number of collisions at which the step was given up.
+        /// Collisions at which the step stopped.
         collisions: u64,
     },
-    /// The detector could not be made.
+    /// The detector could not be created.
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
-    /// A model with something that the GPU back end cannot do.
+    /// The GPU backend cannot run a part of the model.
     #[error("the GPU back end cannot do {what}; choose the CPU")]
     NotOnGpu {
-        /// The refused part of the model, and its owner.
+        /// Refused part and its owner.
         what: String,
     },
-    /// A model with something that a run over several ranks cannot do.
+    /// Ranks cannot run a part of the model.
     #[error("a run over ranks cannot do {what}; run it in one process, with `lazygrid simulate`")]
     NotOverRanks {
-        /// The refused part of the model.
+        /// Refused part.
         what: String,
     },
-    /// Particles went beyond the range of numbers on the GPU.
+    /// Positions became non-finite on the GPU.
     #[error(
         "step {step}: {particles} particles are at no finite place; shorten the time step or weaken the drift"
     )]
     NotFinite {
-        /// The step, counted from 0.
+        /// Step, from 0.
         step: u32,
-        /// Their number.
+        /// Number of such particles.
         particles: u64,
     },
-    /// Arrow files were asked for, and this build has no writer of them.
+    /// The build has no Arrow writer.
     #[error("this build cannot write Arrow files; build it with --features arrow, or take the log as CSV")]
     NoArrow,
-    /// The threads that were asked for could not be started.
+    /// Threads could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]
     Threads {
-        /// The requested number.
+        /// Requested threads.
         threads: usize,
-        /// The message of the system.
+        /// System message.
         reason: String,
     },
-    /// The system refused to read a file.
+    /// A file cannot be read.
     #[error("{}: cannot read: {source}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
-        /// The message of the system.
+        /// System error.
         source: io::Error,
     },
-    /// The system refused to create or write a file, such as on a full disk.
+    /// A file cannot be written.
     #[error("{}: cannot write: {source}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// The message of the system.
+        /// System error.
         source: io::Error,
     },
-    /// One of several replicas could not be done.
+    /// A replica failed.
     #[error("replica {replica}: {source}")]
     Replica {
-        /// The number of the replica, counted from 0.
+        /// Replica, from 0.
         replica: u32,
         /// The reason.
         source: Box<Error>,
     },
-    /// A combination of a sweep that is no valid scenario, or a run of it that failed.
+    /// A point of a sweep failed, or is no valid scenario.
     #[error("{values}: {source}")]
     SweepPoint {
-        /// The keys and their values.
+        /// Keys and values.
         values: String,
         /// The cause.
         source: Box<Error>,
     },
-    /// A checkpoint of another version of the layout.
+    /// A checkpoint of another layout version.
     #[error(
         "{}: the checkpoint has version {found} and this build reads version {expected}; resume it with the build that \
          wrote it, or start over with --overwrite in place of --resume",
@@ -162,12 +162,12 @@ pub enum Error {
     CheckpointVersion {
         /// The file.
         path: PathBuf,
-        /// The version of the file.
+        /// Version of the file.
         found: u32,
-        /// The version that this build reads.
+        /// Version that this build reads.
         expected: u32,
     },
-    /// A file that a run was to resume from and that is not as it was written. The run has changed no file.
+    /// A damaged file of a run to resume. No file was changed.
     #[error(
         "{}: the file is damaged: {damage}; restore it from a copy, or start over with --overwrite in place of --resume",
         path.display()
@@ -175,54 +175,54 @@ pub enum Error {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// The difference from the file that was written.
+        /// Damage.
         damage: Damage,
     },
-    /// A checkpoint of another run, such as one of another scenario.
+    /// A checkpoint of another run, such as of another scenario.
     #[error("{}: {message}", path.display())]
     Checkpoint {
         /// The file.
         path: PathBuf,
-        /// The reason for which the run cannot be resumed from it.
+        /// Mismatch.
         message: String,
     },
 }
 
-/// The difference of a damaged file from the file that was written.
+/// A difference between a damaged file and the written one.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Damage {
-    /// The first line is not that of such a file.
+    /// Wrong first line.
     #[error("it does not begin with the line '{expected}'")]
     Header {
-        /// The line that it must begin with.
+        /// Required beginning of the line.
         expected: String,
     },
-    /// The file has another length, or is shorter than the part of it that the checkpoint names.
+    /// Wrong length, or shorter than the checkpoint records.
     #[error("it has {found} bytes instead of {expected}")]
     Length {
-        /// The length of the file.
+        /// Length of the file.
         found: u64,
-        /// The length that was written.
+        /// Recorded length.
         expected: u64,
     },
-    /// The bytes are not those that were written.
+    /// Wrong checksum.
     #[error("its checksum is {found:016x} instead of {expected:016x}")]
     Checksum {
-        /// The checksum of the bytes.
+        /// Checksum of the bytes.
         found: u64,
-        /// The checksum that was written.
+        /// Recorded checksum.
         expected: u64,
     },
-    /// The file is whole, and is not the one that the checkpoint names.
+    /// The file is whole, but the checkpoint names another.
     #[error("it belongs to another checkpoint, since its checksum is {found:016x} and not {expected:016x}")]
     Foreign {
-        /// The checksum of the file.
+        /// Checksum of the file.
         found: u64,
-        /// The checksum in the checkpoint.
+        /// Checksum in the checkpoint.
         expected: u64,
     },
-    /// The checksum is right, and the content makes no sense.
+    /// A right checksum over invalid content.
     #[error("its content cannot be decoded ({0})")]
     Content(String),
 }

@@ -1,15 +1,13 @@
-//! A reference simulator of molecular communication: particles (carriers) that diffuse, react and collide. It shows how
-//! to build a reaction–diffusion simulator on [`lazygrid`] and uses only its public API.
+//! A reference simulator of molecular communication, and an example of a reaction–diffusion simulator on
+//! [`lazygrid`]'s public API.
 //!
-//! A [`Model`] describes the system and a [`Simulation`] advances it step by step. The outcome for each particle or
-//! pair is a pure function of its columns, the seed and the step; random numbers come from a counter-based generator
-//! ([`random::philox`]). A run therefore depends on its seed alone, not on threads, the order of particles or the
-//! detection algorithm.
+//! A [`Model`] describes the system and a [`Simulation`] advances it. The outcome for each particle or pair is a pure
+//! function of its columns, the seed and the step, with counter-based random numbers ([`random::philox`]). A run
+//! therefore depends on its seed alone, not on threads, the order of particles or the detection algorithm.
 //!
-//! `gpu` runs the simulation on a GPU, an [`AnySimulation`] on either backend, and [`ranks`] distributes a run over
-//! several processes.
+//! `gpu` runs on a GPU, an [`AnySimulation`] on either backend, and [`ranks`] over several processes.
 //!
-//! Lengths are in µm and times in s throughout.
+//! Lengths are in µm, times in s.
 //!
 //! ```
 //! use lazygrid::Algorithm;

@@ -1,4 +1,4 @@
-//! The bit errors of a receiver that counts arrivals.
+//! Bit errors of a receiver.
 
 use crate::columns::column_of;
 use crate::interval::wilson;
@@ -17,14 +17,14 @@ pub enum Detector {
     Arrivals,
     /// The largest momentary count.
     Peak,
-    /// The sum of the squares of the momentary counts.
+    /// Sum of the squares of the momentary counts.
     Energy,
-    /// The sum of the momentary counts.
+    /// Sum of the momentary counts.
     Strength,
 }
 
 impl Detector {
-    /// The detectors of a receiver with a momentary count.
+    /// Detectors of receivers with a momentary count.
     pub const MOMENTARY: [Self; 3] = [Self::Peak, Self::Energy, Self::Strength];
 
     /// Returns the name in tables.
@@ -37,7 +37,6 @@ impl Detector {
         }
     }
 
-    /// Returns the quantity of the counts of a slot.
     fn of(self, counts: impl Iterator<Item = u64>) -> u64 {
         match self {
             Self::Peak => counts.max().unwrap_or(0),
@@ -60,8 +59,8 @@ pub struct ReplicaFiles {
 
 /// Bit errors at a receiver that observes the sent species in each slot, from any transmitter.
 ///
-/// On–off and concentration shift keying use thresholds: a slot with at least a threshold of arrivals has the next higher
-/// level. Molecule shift keying uses the species with the most arrivals; ties go to the first species of the burst.
+/// On–off and concentration shift keying: a slot at or above a threshold has the next higher level. Molecule shift
+/// keying: the species with the most arrivals, the first of equal ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BitErrors {
     /// Index of the transmitter in the model.
@@ -70,28 +69,26 @@ pub struct BitErrors {
     pub receiver: usize,
     /// The observed quantity.
     pub detector: Detector,
-    /// The number of steps from a symbol to the start of its slot.
+    /// Steps from a symbol to the start of its slot.
     pub delay: u32,
-    /// The number of all bits.
+    /// Number of bits.
     pub bits: u64,
-    /// The number of bits that were 1.
+    /// Number of bits that were 1.
     pub ones: u64,
     decision: DetectionRule,
-    /// Bits of a symbol.
     width: u32,
-    /// The observation of each slot, by replica.
+    /// Observation of each slot, by replica.
     slots: Vec<Vec<SymbolObservation>>,
 }
 
-/// The rule that decides which symbol was received.
 #[derive(Clone, Debug, PartialEq)]
 enum DetectionRule {
-    /// Decides by the number of arrivals; symbols from the lowest level to the highest.
+    /// Symbols from the lowest level to the highest.
     Level(Vec<u32>),
     Species,
 }
 
-/// A sent symbol and its observation: the number of arrivals, or the symbol of most of them.
+/// A sent symbol and its observation: arrivals, or the symbol with the most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct SymbolObservation {
     sent: u32,
@@ -99,7 +96,7 @@ struct SymbolObservation {
 }
 
 impl BitErrors {
-    /// Creates an empty statistic of the message of a transmitter at a receiver of a model.
+    /// Creates the statistic of a transmitter's message at a receiver, without replicas.
     pub fn new(
         model: &Model,
         message: &Message,
@@ -121,7 +118,7 @@ impl BitErrors {
         Self { transmitter, receiver, detector, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
     }
 
-    /// Adds a replica, with the slots of this delay.
+    /// Adds a replica.
     pub fn add(&mut self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
@@ -134,7 +131,7 @@ impl BitErrors {
                 }
                 DetectionRule::Species => {
                     let own = |entry: usize| self.detector.of(counts.iter().map(|entries| entries[entry]));
-                    // Of several the first.
+                    // The first of equal ones.
                     (0..entries).rev().max_by_key(|&entry| own(entry)).unwrap_or(0) as u64
                 }
             };
@@ -147,7 +144,7 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// Returns the counts of each slot by entry of the burst: one list of arrivals, or a list for each row of the series.
+    /// Returns the counts of each slot by entry of the burst: one list of arrivals, or a list per row of the series.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
         if self.detector == Detector::Arrivals {
@@ -172,7 +169,7 @@ impl BitErrors {
         counts
     }
 
-    /// Returns the thresholds at which the number of errors may change, if one threshold decides.
+    /// Returns the thresholds at which the errors may change, for a single threshold.
     pub fn steps(&self) -> Vec<u64> {
         let mut seen: Vec<u64> = self.slots.iter().flatten().map(|slot| slot.seen + 1).chain([0]).collect();
         seen.sort_unstable();
@@ -188,7 +185,7 @@ impl BitErrors {
         }
     }
 
-    /// Returns the largest number of arrivals in a slot, if thresholds decide.
+    /// Returns the most arrivals in a slot, if thresholds decide.
     pub fn most(&self) -> u64 {
         self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
     }
@@ -216,7 +213,7 @@ impl BitErrors {
         let mut seen: Vec<SymbolObservation> = self.slots.iter().flatten().copied().collect();
         seen.sort_unstable_by_key(|slot| slot.seen);
         let numbers: Vec<&[SymbolObservation]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
-        // Indexed by rank of the threshold and level: the fewest errors of all higher levels.
+        // By rank of the threshold and level: the fewest errors of all higher levels.
         let mut fewest = vec![vec![0_u64; symbols.len()]; numbers.len() + 1];
         let errors = |slots: &[SymbolObservation], level: usize| -> u64 {
             slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()
@@ -241,12 +238,12 @@ impl BitErrors {
         thresholds
     }
 
-    /// Returns the 95 % interval of the error rate if `wrong` bits are wrong. Errors of successive bits are taken as independent.
+    /// Returns the 95 % interval of the rate of `wrong` errors, as if errors of successive bits were independent.
     pub fn interval(&self, wrong: u64) -> [f64; 2] {
         wilson(wrong, self.bits)
     }
 
-    /// Returns the names of the transmitter, the receiver and the detector: `tx to rx by peak`.
+    /// Returns the name, such as `tx to rx by peak`.
     pub fn name(&self, model: &Model) -> String {
         let [from, to] = [&model.transmitters[self.transmitter].name, &model.receivers[self.receiver].name];
         match self.detector {
@@ -255,7 +252,7 @@ impl BitErrors {
         }
     }
 
-    /// Returns the bit error rate with these thresholds, or NaN without bits.
+    /// Returns the lowest bit error rate, or NaN without bits.
     pub fn least(&self) -> f64 {
         self.at(&self.best()).1 as f64 / self.bits as f64
     }
@@ -304,7 +301,7 @@ mod tests {
 
     #[test]
     fn momentary_counts_are_detected_by_peak_energy_and_strength() {
-        // The bits 1 0 1 1 in slots of 10 steps from step 5; two rows in each.
+        // Bits 1 0 1 1 in slots of 10 steps from step 5, two rows each.
         let mut model = model();
         model.receivers[0].kind = lazygrid_sim::ReceiverKind::Transparent;
         let counts = [9, 2, 5, 6, 4, 3, 7, 1, 0];
@@ -316,7 +313,6 @@ mod tests {
         };
         let files = ReplicaFiles { seed: 1, log: Log::default(), series };
         let (_, message) = messages(&model).next().unwrap();
-        // The first row is that of the release and belongs to no slot: 2 5, 6 4, 3 7, 1 0.
         for (detector, seen) in [
             (Detector::Peak, [5, 6, 7, 1]),
             (Detector::Energy, [29, 52, 58, 1]),
@@ -329,7 +325,6 @@ mod tests {
                 seen,
                 "{detector:?}"
             );
-            // The 0 is seen as more than two of the ones.
             assert_eq!((errors.best(), errors.at(&errors.best()).1), (vec![0], 1), "{detector:?}");
             let mut steps: Vec<u64> = seen.iter().map(|seen| seen + 1).chain([0]).collect();
             steps.sort_unstable();
@@ -349,11 +344,10 @@ mod tests {
         let mut errors = of(&model(), 0);
         errors.add(&files(sent), &model(), &slots(100));
         let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(&[threshold]).1).collect();
-        // 0 is read as 1 up to a threshold of 3; then the last 1 as 0, the middle one at or above 5, the first at or
-        // above 7.
+        // 0 is read as 1 up to a threshold of 3; the last 1 as 0 above 4, the middle one above 5, the first above 7.
         assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
         assert_eq!((errors.bits, errors.ones, errors.most(), errors.best()), (4, 3, 6, vec![0]));
-        // Another replica in which nothing is late has a best threshold without errors of its own.
+        // The other replica has a threshold without errors.
         errors.add(&files(log(&[(0, 0, 6), (2, 2, 4), (3, 3, 5)])), &model(), &slots(100));
         let (rates, all) = errors.at(&[4]);
         assert_eq!((rates.mean(), rates.standard_error(), all), (0.125, Some(0.125), 1));
@@ -368,7 +362,6 @@ mod tests {
         assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
         let mut errors = of(&model, 10);
         errors.add(&files(log(&[(0, 1, 6), (2, 3, 4)])), &model, &late);
-        // The last 1 arrives after all slots.
         assert_eq!(
             (errors.at(&[1]).1, errors.at(&[5]).1, errors.at(&[0]).1, errors.least()),
             (1, 2, 1, 0.25)
@@ -385,7 +378,7 @@ mod tests {
         assert_eq!((errors.bits, errors.ones, errors.thresholds()), (12, 6, 3));
         assert_eq!((errors.best(), errors.at(&[2, 7, 10]).1), (vec![2, 7, 10], 0));
         assert_eq!((errors.at(&[7, 7, 10]).1, errors.at(&[2, 7, 8]).1), (2, 1));
-        // All slots read as 0: one wrong bit per 1.
+        // One wrong bit per 1.
         assert_eq!(errors.at(&[99, 99, 99]).1, 6);
         assert_eq!(errors.at(&[99, 99, 99]).0.mean(), 0.5);
     }
@@ -414,7 +407,6 @@ mod tests {
         let counts: [&[usize]; 5] = [&[1, 3], &[5, 4, 0, 4], &[0, 4, 3], &[0, 0, 0, 2], &[7, 0, 0, 7]];
         errors.add(&files(arrivals(&counts)), &model, &slots);
         assert_eq!((errors.bits, errors.thresholds(), errors.best()), (10, 0, vec![]));
-        // 2 for 0 and 3 for 1: a bit each.
         assert_eq!((errors.at(&[]).1, errors.least()), (2, 0.2));
     }
 }

@@ -11,13 +11,13 @@ use lazygrid_sim::Model;
 use lazygrid_sim::model::message::Message;
 use lazygrid_sim::random::philox::Key;
 
-/// The count of a receiver by the time since the beginning of a slot and by the symbol of the slot, over slots and replicas. Arrivals
-/// are counted from the last row at or before the beginning.
+/// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals count
+/// from the last row at or before the beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
     /// The link.
     pub link: Link,
-    /// The statistics by symbol and by the number of steps since the beginning of the slot.
+    /// Statistics by symbol and steps since the beginning of the slot.
     pub symbols: BTreeMap<u32, BTreeMap<u32, IntegerStats>>,
 }
 
@@ -32,7 +32,7 @@ impl CountsBySymbol {
         self.symbols.values().flat_map(BTreeMap::values).any(|sample| sample.mean() > 0.0)
     }
 
-    /// Adds a replica with this seed, with slots that begin with their symbols.
+    /// Adds a replica, with slots that begin with their symbols.
     pub fn add(
         &mut self,
         series: &Series,
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn slots_of_a_symbol_are_averaged_over_its_own() {
-        // The bits 1 0 1 1 in slots of 10 steps from step 5; a row every 5 steps.
+        // Bits 1 0 1 1 in slots of 10 steps from step 5; a row every 5 steps.
         let mut model = model();
         let counts = [0, 1, 4, 6, 6, 6, 10, 12, 13, 15];
         let series = Series {
@@ -83,12 +83,11 @@ mod tests {
             };
             own.symbols.iter().map(|(&symbol, times)| (symbol, means(times))).collect::<Vec<_>>()
         };
-        // Arrivals since the beginning: 0 3 5, 0 4 6, 0 1 3 after a 1, and 0 0 0 after the 0.
+        // Arrivals since the beginning: 0 3 5, 0 4 6, 0 1 3 after a 1; 0 0 0 after the 0.
         let after_one = |a, b, c| vec![(0, a, 3), (5, b, 3), (10, c, 3)];
         let expected =
             [(0, vec![(0, 0.0, 1), (5, 0.0, 1), (10, 0.0, 1)]), (1, after_one(0.0, 8.0 / 3.0, 14.0 / 3.0))];
         assert_eq!(by_symbol(&model), expected);
-        // Momentary counts are taken as they are.
         model.receivers[0].kind = ReceiverKind::Transparent;
         let expected =
             [(0, vec![(0, 6.0, 1), (5, 6.0, 1), (10, 6.0, 1)]), (1, after_one(19.0 / 3.0, 9.0, 11.0))];

@@ -13,16 +13,17 @@ use crate::symbols::{Interference, SymbolSlots, messages};
 use lazygrid_sim::model::message::Message;
 use lazygrid_sim::{Error, Model};
 
-/// The results of one run or of several replicas. Responses, interference and the errors of absorbing receivers need logged arrivals.
+/// The statistics of one or several replicas. Responses, interference and the errors of absorbing receivers need
+/// logged arrivals.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
-    /// Impulse responses of all links with arrivals.
+    /// Impulse responses of links with arrivals.
     pub responses: Vec<Response>,
     /// Interference on the links with messages.
     pub interference: Vec<Interference>,
-    /// Bit errors of all messages at all receivers, by each of their detectors, for several delays of the slots.
+    /// Bit errors by message, receiver, detector and delay of the slots.
     pub bit_errors: Vec<BitErrors>,
-    /// Counts of all receivers within slots, by the symbol that was sent.
+    /// Counts of receivers within slots, by sent symbol.
     pub by_symbol: Vec<CountsBySymbol>,
 }
 
@@ -30,14 +31,14 @@ pub struct Channels {
 const BINS: u32 = 100;
 /// Bins of a symbol.
 const PER_SYMBOL: f64 = 20.0;
-/// Symbols covered by a response, and slots of interference.
+/// Symbols of a response, and slots of interference.
 const SYMBOLS: usize = 8;
 
 impl Channels {
-    /// Reads the logs of runs of `steps` steps, each given by its seed and its directory.
+    /// Reads the logs of runs of `steps` steps, each as its seed and directory.
     ///
     /// # Errors
-    /// The same as [`Log::read`].
+    /// As [`Log::read`].
     pub fn of<'a>(
         model: &Model,
         steps: u32,
@@ -57,7 +58,6 @@ impl Channels {
         Ok(channels)
     }
 
-    /// Returns the statistics of a model without replicas.
     fn empty(model: &Model, steps: u32) -> Self {
         let mut channels = Self::default();
         let link_message = |link: Link| messages(model).find(|&(place, _)| place == link.transmitter);
@@ -97,7 +97,6 @@ impl Channels {
         channels
     }
 
-    /// Adds a replica.
     fn add(&mut self, files: &ReplicaFiles, model: &Model, steps: u32) {
         let (log, rows) = (&files.log, &files.series.steps);
         let sent: Vec<_> = messages(model)
@@ -131,7 +130,7 @@ impl Channels {
         }
     }
 
-    /// Returns of each message, receiver and detector the errors at the delay that makes the fewest, the first of several.
+    /// Returns the errors of each message, receiver and detector at the first delay with the fewest.
     pub fn least_errors(&self) -> impl Iterator<Item = &BitErrors> {
         let same = |a: &BitErrors, b: &BitErrors| {
             (a.transmitter, a.receiver, a.detector) == (b.transmitter, b.receiver, b.detector)
@@ -141,8 +140,8 @@ impl Channels {
             .filter_map(|all| all.iter().min_by(|a, b| a.least().total_cmp(&b.least())))
     }
 
-    /// Writes the impulse responses: the part of the particles that arrives, or is inside, in each bin after the release, the
-    /// cumulative part of arrivals, and their standard errors.
+    /// Writes the impulse responses: the fraction of particles that arrives, or is inside, in each bin after the
+    /// release, its sum over arrivals, and standard errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -165,7 +164,7 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the fraction of the particles that arrives in each slot after the release.
+    /// Writes the fraction of particles that arrives in each slot after the release.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -180,9 +179,8 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the bit errors: number of errors, number of bits, error rate and its 95 % interval for each detector and delay of the
-    /// slots. A single threshold of arrivals takes every value, one of another detector those at which errors may change; several
-    /// thresholds take the values with the fewest errors.
+    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. One threshold of arrivals takes
+    /// every value, of another detector those at which errors may change; several take those with the fewest errors.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -214,7 +212,7 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the counts by symbol: the mean over slots and replicas at each time since the beginning of a slot.
+    /// Writes the mean count over slots and replicas, by symbol and time within the slot.
     ///
     /// # Errors
     /// Fails if the writer fails.
@@ -235,7 +233,7 @@ impl Channels {
     }
 }
 
-/// Returns the delays of slots after symbols, in steps: multiples of a quarter of a symbol, up to two symbols.
+/// Returns delays of slots in steps: multiples of a quarter symbol, up to two symbols.
 fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     let quarter = message.symbol_time / time_step / 4.0;
     let mut delays: Vec<u32> = (0..=8).map(|k| (f64::from(k) * quarter).round() as u32).collect();
@@ -262,7 +260,6 @@ fn names(link: Link, model: &Model) -> String {
     format!("{transmitter},{receiver},{species}")
 }
 
-/// Formats thresholds as one field.
 pub fn spaced(thresholds: &[u64]) -> String {
     thresholds.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
 }

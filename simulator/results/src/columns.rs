@@ -1,19 +1,19 @@
-//! Groups of the counts of a series that belong into one plot.
+//! Groups of counts that share a plot.
 
 use lazygrid_sim::Model;
 
 /// Counts of one kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnGroup {
-    /// The name, also of files.
+    /// Name, also of files.
     pub name: &'static str,
     /// The title of the axis.
     pub axis: &'static str,
-    /// The indices of the counts in a row; see [`names`](lazygrid_sim::series::names).
+    /// Indices of the counts in a row; see [`names`](lazygrid_sim::series::names).
     pub columns: Vec<usize>,
 }
 
-/// Returns the groups of the counts of a model: arrivals grow, whereas particles inside a receiver or bound to it are momentary.
+/// Returns the groups of a model: arrivals grow; counts inside or bound are momentary.
 pub fn groups(model: &Model) -> [ColumnGroup; 5] {
     let species = model.species.len();
     let reactions = species + model.reactions.len() + model.decays.len();

@@ -1,9 +1,9 @@
 //! Confidence intervals of probabilities.
 
-/// The quantile of the normal distribution for 95 %.
+/// The normal quantile for 95 %.
 const Z: f64 = 1.959_963_984_540_054;
 
-/// Returns the 95 % Wilson interval of a probability of which `hits` of `trials` independent trials are a sample. Without hits its
+/// Returns the 95 % Wilson interval of a probability after `hits` of `trials` independent trials. Without hits its
 /// upper end is z²/(n + z²).
 pub fn wilson(hits: u64, trials: u64) -> [f64; 2] {
     if trials == 0 {
@@ -13,7 +13,7 @@ pub fn wilson(hits: u64, trials: u64) -> [f64; 2] {
     let middle = part + Z * Z / (2.0 * n);
     let half = Z * (part * (1.0 - part) / n + Z * Z / (4.0 * n * n)).sqrt();
     let [low, high] = [middle - half, middle + half].map(|end| end / (1.0 + Z * Z / n));
-    // Exact at both ends, where rounding would leave a little.
+    // Rounding would leave a little at both ends.
     [if hits == 0 { 0.0 } else { low }, if hits == trials { 1.0 } else { high }]
 }
 
@@ -21,7 +21,7 @@ pub fn wilson(hits: u64, trials: u64) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// The interval holds the probabilities p for which (p̂ − p)² ≤ z²·p(1 − p)/n.
+    /// The ends solve (p̂ − p)² = z²·p(1 − p)/n.
     #[test]
     fn ends_solve_the_equation_of_the_score_test() {
         for trials in [1, 10, 192, 100_000] {
@@ -35,7 +35,6 @@ mod tests {
                 }
             }
         }
-        // None of 192 is not 0 ± 0.
         let [low, high] = wilson(0, 192);
         assert_eq!(low, 0.0);
         assert!((high - 0.019_615).abs() < 1e-5, "{high}");

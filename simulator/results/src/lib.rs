@@ -1,5 +1,5 @@
-//! Results of simulations from the files that runs write: means over replicas, impulse responses, interference, bit
-//! errors, and an animation.
+//! Results of simulations from the files of runs: means over replicas, impulse responses, interference, bit errors,
+//! and animations.
 //!
 //! Lengths are in µm and times in s, as in [`lazygrid_sim`].
 

@@ -1,18 +1,18 @@
-//! The log of arrivals and releases of a run.
+//! The log of a run.
 
 use std::path::Path;
 
 use lazygrid_sim::table::{TableReader, TableRow};
 use lazygrid_sim::{Error, Model, Receiver};
 
-/// The released and the arrived particles of a run, in the order of steps.
+/// Arrivals and releases of a run, in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     /// Arrivals.
     pub arrivals: Vec<Arrived>,
     /// Releases.
     pub releases: Vec<Released>,
-    /// Particles inside receivers, or bound to them, at each row of the series.
+    /// Particles inside or bound to receivers, at each row of the series.
     pub inside: Vec<Inside>,
 }
 
@@ -25,7 +25,7 @@ pub struct Arrived {
     pub receiver: usize,
     /// Species on arrival.
     pub species: usize,
-    /// Index of the transmitter and completed steps at its release; `None` for particles that the caller placed.
+    /// Transmitter index and completed steps at its release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
 }
 
@@ -38,9 +38,9 @@ pub struct Inside {
     pub receiver: usize,
     /// The species.
     pub species: usize,
-    /// Index of the transmitter and completed steps at the release; `None` for particles that the caller placed.
+    /// Transmitter index and completed steps at the release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
-    /// Their number.
+    /// Number of particles.
     pub count: u64,
 }
 
@@ -53,12 +53,12 @@ pub struct Released {
     pub transmitter: usize,
     /// The species.
     pub species: usize,
-    /// Their number.
+    /// Number of particles.
     pub count: u64,
 }
 
 impl Log {
-    /// Reads the log in the directory of a run of this model.
+    /// Reads the log of a run of this model.
     ///
     /// # Errors
     /// [`Error::Read`] if a file cannot be read or is damaged.
@@ -112,7 +112,6 @@ struct Names<'a> {
 }
 
 impl Names<'_> {
-    /// Returns the origin in a field with a transmitter and in the next one with a time.
     fn origin(
         &self,
         line: &TableRow<'_>,
@@ -127,7 +126,6 @@ impl Names<'_> {
     }
 }
 
-/// Returns the index of the name in a field.
 fn place(names: &[&str], line: &TableRow<'_>, column: usize) -> Result<usize, Error> {
     let name = line.field(column);
     names

@@ -7,7 +7,7 @@ use crate::series::Series;
 use lazygrid_sim::run::replicas::{ReplicaResults, Replicas};
 use lazygrid_sim::{Error, write_atomically};
 
-/// Statistics of whole numbers as exact sums, which do not depend on the order of additions.
+/// Exact statistics of integers, independent of the order of additions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IntegerStats {
     count: u64,
@@ -34,7 +34,7 @@ impl IntegerStats {
         self.sum as f64 / self.count as f64
     }
 
-    /// Returns the standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` for fewer than two values.
+    /// Returns the standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` below two values.
     pub fn standard_error(&self) -> Option<f64> {
         let n = u128::from(self.count);
         let spread = n.saturating_mul(self.squares).saturating_sub(self.sum.saturating_mul(self.sum));
@@ -77,7 +77,8 @@ impl RunningStats {
         if self.count == 0 { f64::NAN } else { self.mean }
     }
 
-    /// Returns the standard error of the mean; `None` for fewer than two values.
+    /// Returns the standard error of the mean; `None` below two values.
+    /// D 62 70
     pub fn standard_error(&self) -> Option<f64> {
         let n = self.count as f64;
         (self.count > 1).then(|| (self.spread / (n - 1.0) / n).sqrt())
@@ -87,21 +88,21 @@ impl RunningStats {
 /// The series of several replicas, summed row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
-    /// The names of the counts.
+    /// Names of the counts.
     pub names: Vec<String>,
     /// Completed steps, by row.
     pub steps: Vec<u32>,
     /// Time in s, by row.
     pub times: Vec<f64>,
-    /// The statistics of each count, row after row.
+    /// Statistics of each count, row after row.
     pub samples: Vec<IntegerStats>,
     /// The number of replicas.
     pub replicas: u64,
 }
 
 impl MeanSeries {
-    /// Averages the series of the replicas that are done and writes `mean.csv`. Removes those from `results.done` whose series
-    /// does not end with the last row of the scenario.
+    /// Averages the series of finished replicas and writes `mean.csv`. Removes from `results.done` replicas whose
+    /// series misses the scenario's last row.
     ///
     /// # Errors
     /// [`Error::Read`] and [`Error::Write`] if a series cannot be read or the table cannot be written.
@@ -125,7 +126,7 @@ impl MeanSeries {
     /// Adds the series of a replica.
     ///
     /// # Errors
-    /// [`Error::Read`] with `path` if its columns or steps differ from those of previous replicas.
+    /// [`Error::Read`] with `path` if its columns or steps differ from previous replicas.
     pub fn add(&mut self, series: &Series, path: &Path) -> Result<(), Error> {
         if self.replicas == 0 {
             self.names.clone_from(&series.names);
@@ -149,7 +150,7 @@ impl MeanSeries {
         &self.samples[row * width..][..width]
     }
 
-    /// Writes step, time, number of replicas, and the mean and standard error of each count; the error is empty for one
+    /// Writes step, time, replicas, and the mean and standard error of each count; the error is empty for one
     /// replica.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Impulse responses: the part of the released particles that arrives, by the time since the release.
+//! Impulse responses: the fraction of released particles that arrives, by time since the release.
 
 use crate::log::Log;
 use crate::mean::RunningStats;
@@ -38,23 +38,23 @@ impl Link {
         own().filter(move |release| species.contains(&release.species))
     }
 
-    /// Returns `true` if a release counts: of the species that arrives if the transmitter releases it, else of any species.
+    /// Returns `true` if a release counts: of the arriving species if the transmitter releases it, else of any.
     fn is_from(self, log: &Log, species: usize) -> bool {
         let own = |s: usize| log.releases.iter().any(|r| r.transmitter == self.transmitter && r.species == s);
         species == self.species || !own(self.species)
     }
 }
 
-/// The part of the particles that arrives within each bin after their release, or that is inside the receiver then.
+/// The fraction of particles that arrives, or is inside, in each bin after their release.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
     /// The link.
     pub link: Link,
     /// Steps of a bin.
     pub width: u32,
-    /// The part of each bin, over replicas.
+    /// Fraction of each bin, over replicas.
     pub parts: Vec<RunningStats>,
-    /// The part up to the end of each bin, over replicas; empty for receivers with a momentary count.
+    /// Fraction up to the end of each bin, over replicas; empty for momentary counts.
     pub cumulative: Vec<RunningStats>,
 }
 
@@ -65,8 +65,7 @@ impl Response {
         Self { link, width, parts: none.clone(), cumulative: none }
     }
 
-    /// Adds a replica of which `rows` are the steps of the series. In each bin, the part inside a receiver with a momentary count is
-    /// the mean over these rows.
+    /// Adds a replica whose series has these `rows` (steps). A bin's fraction inside is the mean over its rows.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32]) {
         self.cumulative.clear();
         let Self { link, width, .. } = *self;
@@ -91,7 +90,7 @@ impl Response {
             .for_each(|(part, (inside, released))| part.add(*inside as f64 / *released as f64));
     }
 
-    /// Adds a replica of `steps` steps. A release counts in the bins that end before the run does.
+    /// Adds a replica of `steps` steps. A release counts in bins that end before the run.
     pub fn add(&mut self, log: &Log, steps: u32) {
         let Self { link, width, .. } = *self;
         let bins = self.parts.len();
@@ -182,7 +181,7 @@ mod tests {
         let mut response = Response::new(LINK, 4, 3);
         response.add_momentary(&log, &[0, 2, 4, 6, 8, 10, 12]);
         let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
-        // Rows at 0 and 2, 8 and 10: 4 + 5 of 40; at 4, 6 and 12: 2 + 3 + 1 of 30; at 8 and 10: none of 20.
+        // Rows at 0, 2, 8, 10: 4 + 5 of 40; at 4, 6, 12: 2 + 3 + 1 of 30; at 8, 10: none of 20.
         assert_eq!(parts, [9.0 / 40.0, 6.0 / 30.0, 0.0]);
         assert!(response.cumulative.is_empty());
     }

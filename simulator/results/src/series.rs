@@ -8,7 +8,7 @@ use lazygrid_sim::table::TableReader;
 /// The rows of a `series.csv`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// The names of the counts; see [`names`](lazygrid_sim::series::names).
+    /// Names of the counts; see [`names`](lazygrid_sim::series::names).
     pub names: Vec<String>,
     /// Completed steps, by row.
     pub steps: Vec<u32>,
@@ -22,7 +22,7 @@ impl Series {
     /// Reads a series.
     ///
     /// # Errors
-    /// [`Error::Read`] if the file cannot be read or is not a series, with the line.
+    /// [`Error::Read`] with the line if the file cannot be read or is not a series.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let mut rows = TableReader::open(path, "step,time,")?;
         let mut series = Self { names: rows.header().iter().skip(2).cloned().collect(), ..Self::default() };
@@ -42,7 +42,7 @@ impl Series {
         &self.counts[row * width..][..width]
     }
 
-    /// The counts of a column, row after row.
+    /// The counts of a column.
     pub fn column(&self, column: usize) -> impl Iterator<Item = u64> + '_ {
         self.counts.iter().skip(column).step_by(self.names.len().max(1)).copied()
     }

@@ -1,4 +1,4 @@
-//! The table of a sweep: a row for each point, with the results of its replicas.
+//! The table of a sweep.
 
 use std::io::{self, Write};
 
@@ -16,11 +16,11 @@ pub struct SweepResult {
     pub name: String,
     /// The mean over replicas, or the rate of all bits.
     pub value: f64,
-    /// One standard error below and above the mean, or the 95 % interval of a bit error rate; `None` for one replica.
+    /// One standard error around the mean, or the 95 % interval of a bit error rate; `None` for one replica.
     pub bounds: Option<[f64; 2]>,
 }
 
-/// The group of the error rates, which belong on a logarithmic axis.
+/// The group of the error rates, for logarithmic axes.
 pub const BIT_ERRORS: &str = "bit errors";
 
 /// A point of a sweep.
@@ -28,15 +28,15 @@ pub const BIT_ERRORS: &str = "bit errors";
 pub struct SweepRow {
     /// The values of the swept keys.
     pub values: Vec<String>,
-    /// The number of replicas that are done.
+    /// Number of finished replicas.
     pub replicas: u64,
     /// The results.
     pub results: Vec<SweepResult>,
 }
 
 impl SweepRow {
-    /// Returns the results of a point: the last row of the series, and of each link the part that has arrived, the time of the peak
-    /// of the response, the late part of a symbol's arrivals, and the lowest bit error rate of all delays and thresholds.
+    /// Returns the results of a point: the last row of the series; by link the fraction that arrived, the peak time
+    /// of the response, the late fraction, and the lowest bit error rate.
     pub fn new(values: Vec<String>, model: &Model, mean: &MeanSeries, channels: &Channels) -> Self {
         let mut row = Self { values, replicas: mean.replicas, results: Vec::new() };
         if let Some(last) = mean.steps.len().checked_sub(1) {
@@ -85,8 +85,7 @@ impl SweepRow {
     }
 }
 
-/// Writes a table: the values of each point, the number of replicas, and each result with its bounds. A result that a point does not
-/// have is empty.
+/// Writes a row per point: its values, replicas, and each result with its bounds. Missing results are empty.
 ///
 /// # Errors
 /// Fails if the writer fails.

@@ -7,15 +7,15 @@ use lazygrid_sim::model::message::Message;
 use lazygrid_sim::release::time::step_of;
 use lazygrid_sim::{Model, Schedule};
 
-/// The complete slots of a message: from each symbol to the next one, with a delay.
+/// The complete slots of a message, from symbol to symbol, with a delay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SymbolSlots {
-    /// The first step of each slot, and the end of the last slot.
+    /// First step of each slot, and the end of the last slot.
     pub(crate) bounds: Vec<u32>,
 }
 
 impl SymbolSlots {
-    /// Returns the slots that begin `delay` steps after the symbols of a message, in a run of `steps` steps.
+    /// Returns the slots that begin `delay` steps after the symbols, in a run of `steps` steps.
     pub fn new(message: &Message, time_step: f64, delay: u32, steps: u32) -> Self {
         let begin = |k: u32| step_of(message.time_of(k), time_step).unwrap_or(u32::MAX).saturating_add(delay);
         let bounds = (0..=message.symbols.len()).map(begin).take_while(|&step| step <= steps).collect();
@@ -37,13 +37,13 @@ impl SymbolSlots {
         (1..=self.len()).contains(&after).then(|| after - 1)
     }
 
-    /// Returns the slot of a particle that arrives in the step that ends after `step` steps.
+    /// Returns the slot of an arrival in the step that ends after `step` steps.
     pub(crate) fn of_arrival(&self, step: u32) -> Option<usize> {
         self.of_release(step.checked_sub(1)?)
     }
 }
 
-/// Returns the transmitters that send messages, with their indices.
+/// Returns transmitters with messages, with their indices.
 pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     model.transmitters.iter().enumerate().filter_map(|(place, transmitter)| match &transmitter.schedule {
         Schedule::Message(message) => Some((place, message)),
@@ -51,20 +51,20 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     })
 }
 
-/// Inter-symbol interference: the part of a symbol's particles that arrives, or is inside on average, in its own slot, in the next one and so on, over
-/// replicas.
+/// Inter-symbol interference: the fraction of a symbol's particles that arrives, or is inside on average, in its own
+/// slot, the next one and so on, over replicas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
     /// The link.
     pub link: Link,
-    /// The part that arrives, by the number of slots since the release.
+    /// Fraction that arrives, by slots since the release.
     pub by_lag: Vec<RunningStats>,
-    /// The part of these arrivals that comes after the symbol's own slot.
+    /// Fraction of arrivals after the symbol's own slot.
     pub late: RunningStats,
 }
 
 impl Interference {
-    /// Creates an empty statistic of `lags` slots.
+    /// Creates a statistic of `lags` slots.
     pub fn new(link: Link, lags: usize) -> Self {
         Self { link, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }
@@ -89,8 +89,8 @@ impl Interference {
         self.add_parts(arrived.into_iter().enumerate().map(|(lag, arrived)| (arrived, seen(lag))));
     }
 
-    /// Adds a replica at a receiver with a momentary count, of which `rows` are the steps of the series: the mean part of a symbol's
-    /// particles that is inside during a slot.
+    /// Adds a replica at a receiver with a momentary count whose series has these `rows` (steps): the mean fraction
+    /// inside during a slot.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32], slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, log, slots);
@@ -110,7 +110,7 @@ impl Interference {
         self.add_parts(inside.into_iter().zip(seen));
     }
 
-    /// Adds the part of each lag: a count, and the number of which it is a part.
+    /// Adds a count and its total per lag.
     fn add_parts(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
         let mut parts = Vec::new();
         for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
@@ -124,7 +124,6 @@ impl Interference {
     }
 }
 
-/// Returns the number of particles that are released in each slot.
 fn released(link: Link, log: &Log, slots: &SymbolSlots) -> Vec<u64> {
     let mut released = vec![0_u64; slots.len()];
     for release in link.releases(log) {
@@ -170,7 +169,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A log with the given number of arrivals, by slot of the symbol and slot of arrival.
+    /// A log of arrivals by slot of the symbol and slot of arrival.
     pub(crate) fn log(arrivals: &[(usize, usize, usize)]) -> Log {
         let begin = |slot: usize| 5 + 10 * slot as u32;
         let arrived = |&(from, to, count): &(usize, usize, usize)| {
@@ -211,7 +210,7 @@ pub(crate) mod tests {
 
     #[test]
     fn interference_inside_is_a_mean_over_rows() {
-        // A row in the middle of each slot, and one at its end: slots begin at 5, 15, 25 and 35.
+        // A row in the middle and at the end of each slot; slots begin at 5, 15, 25, 35.
         let rows = [10, 15, 20, 25, 30, 35, 40, 45];
         let inside =
             |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
@@ -228,13 +227,13 @@ pub(crate) mod tests {
         let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 3);
         interference.add_momentary(&log, &rows, &slots(100));
         let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
-        // Three bursts of 10 with two rows in their own slots, two with a next slot, one with another one.
+        // Bursts of 10: six rows in their own slots, four in the next, two in the one after.
         assert_eq!(parts, [10.0 / 60.0, 4.0 / 40.0, 2.0 / 20.0]);
     }
 
     #[test]
     fn interference_goes_by_slots_from_the_release() {
-        // Of 10 each: 6, 4, 5 in their own slots, 2 and 1 in the next ones, 1 after that.
+        // In their own slots 6, 4, 5 of 10; in the next 2 and 1; then 1.
         let log = log(&[(0, 0, 6), (0, 1, 2), (0, 2, 1), (2, 2, 4), (2, 3, 1), (3, 3, 5)]);
         let link = Link { transmitter: 0, receiver: 0, species: 0 };
         let mut interference = Interference::new(link, 4);

@@ -1,5 +1,3 @@
-//! The detectors of a run.
-
 use lazygrid::gpu::{Crossover, GpuConfig, GpuDetector, GpuDevice, GpuOutput};
 
 use crate::Error;
@@ -9,16 +7,15 @@ use crate::gpu::plan::Sizes;
 use crate::model::Model;
 use crate::reaction::interactions;
 
-/// The detectors of a run, if it needs them.
+/// A run's detectors, if it needs them.
 #[derive(Debug)]
 pub(super) struct Detectors {
-    /// Finds the pairs that react or overlap at the end of a step.
+    /// For pairs that react or overlap at the end of a step.
     pub(super) interactions: Option<GpuDetector>,
-    /// Finds the candidates of collisions.
+    /// For candidates of collisions.
     pub(super) candidates: Option<GpuDetector>,
 }
 
-/// The output of each detector.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     pub(super) interactions: Option<GpuOutput>,
@@ -27,7 +24,7 @@ pub(super) struct Found {
 
 impl Detectors {
     pub(super) fn new(own: &GpuDevice, model: &Model, sizes: Sizes) -> Result<Self, Error> {
-        // A software driver has few threads, so lists are worthwhile for fewer particles.
+        // A software driver has few threads, so lists pay off for fewer particles.
         let crossover = Crossover::assumed(own.adapter.is_hardware);
         let config = GpuConfig::default()
             .crossover(crossover)
@@ -41,12 +38,10 @@ impl Detectors {
         Ok(Self { interactions: table.map(with_table).transpose()?, candidates: candidates.transpose()? })
     }
 
-    /// Returns both detectors.
     pub(super) fn all(&mut self) -> impl Iterator<Item = &mut GpuDetector> {
         self.interactions.iter_mut().chain(&mut self.candidates)
     }
 
-    /// Allocates for these sizes.
     pub(super) fn reserve(&mut self, sizes: Sizes) -> Result<Found, Error> {
         let reserve = |detector: &mut Option<GpuDetector>, pairs: u32| {
             let reserve = |detector: &mut GpuDetector| {

@@ -6,7 +6,7 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 
 use crate::Error;
 
-/// The longest wait for the device. Submissions are sized to take far less.
+/// Submissions are sized to take far less.
 const TIMEOUT: Duration = Duration::from_secs(600);
 
 pub(super) fn refused(error: lazygrid::Error) -> Error {
@@ -22,10 +22,10 @@ pub(super) fn with_error_scope<T>(
     own.with_error_scope(what, bytes, work).map_err(refused)
 }
 
-/// Returns a buffer that kernels read and write, usable for copies both ways.
+/// Returns a buffer for kernels and for copies both ways.
 pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
     use wgpu::BufferUsages as Usage;
-    // An empty table is still bound, with space for one row.
+    // An empty table is still bound, with space for a row.
     let size = if bytes == 0 { 64 } else { bytes.next_multiple_of(16) };
     let usage = Usage::STORAGE | Usage::UNIFORM | Usage::COPY_SRC | Usage::COPY_DST;
     // A buffer above the uniform limit is never bound as a uniform.
@@ -51,7 +51,7 @@ pub(super) fn filled<T: ShaderType + WriteInto>(
     Ok(made)
 }
 
-/// Submits `encoder`, copies the beginnings of `parts` to a staging buffer and waits for them.
+/// Submits `encoder` and reads the beginnings of `parts`.
 pub(super) fn read(
     own: &GpuDevice,
     mut encoder: wgpu::CommandEncoder,
@@ -75,7 +75,7 @@ pub(super) fn read(
     with_error_scope(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
     let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
-    // The receiver may be gone after a failed wait. A lost device may only show here.
+    // The receiver may be gone after a failed wait.
     let done = move |result| drop(tell.send(result));
     with_error_scope(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
@@ -83,7 +83,7 @@ pub(super) fn read(
         wgpu::PollError::Timeout => refused(lazygrid::Error::Timeout { seconds: TIMEOUT.as_secs() }),
         other => lost(other.to_string()),
     })?;
-    // Another thread that polls the device may deliver the answer slightly later.
+    // Another polling thread may deliver the answer slightly later.
     let mapped = answer.recv_timeout(TIMEOUT).map_err(|_| lost("no answer to a readback".to_owned()))?;
     mapped.map_err(|error| lost(error.to_string()))?;
     let view = staging.slice(..).get_mapped_range().map_err(|error| lost(error.to_string()))?;

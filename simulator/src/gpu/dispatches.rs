@@ -21,17 +21,14 @@ pub(super) struct RunBuffers {
     pub(super) own: GpuDevice,
     pub(super) limits: DeviceLimits,
     counts_inside: bool,
-    /// `true` if some surfaces reflect particles.
     reflects: bool,
-    /// Number of receivers if some have receptors, else 0.
+    /// Receivers if some have receptors, else 0.
     receptors: u32,
     dissociates: bool,
     reacts: bool,
-    /// `true` if overlaps are separated.
     separates: bool,
-    /// The most searches for surfaces per particle and step.
+    /// Most searches for surfaces per particle and step.
     pub(super) max_requeries: u32,
-    /// Offset in bytes of the lists of receivers.
     cells_at: u64,
     buffers: HashMap<&'static str, wgpu::Buffer>,
     pipelines: HashMap<&'static str, (wgpu::ComputePipeline, wgpu::BindGroupLayout)>,
@@ -49,9 +46,7 @@ pub(super) enum Groups {
     Fixed(u32),
     Items(u32),
     Particles,
-    /// One thread per pair, from the detector's dispatch arguments.
     Pairs,
-    /// One thread per candidate of collisions.
     Candidates,
 }
 
@@ -146,8 +141,8 @@ impl RunBuffers {
     ) -> Result<Stage, Error> {
         if !self.pipelines.contains_key(kernel.name) {
             let accesses = kernel.bindings.iter().map(|&(_, access)| access);
-            // SAFETY: the kernel is one of this crate. `kernels/tests/loops.rs` checks that each loop of these texts has a
-            // counter that approaches a limit by steps that cannot pass it, or clears a bit at each iteration.
+            // SAFETY: the kernel is one of this crate. `kernels/tests/loops.rs` checks that each loop of these texts
+            // has a counter that approaches a limit by steps that cannot pass it, or clears a bit at each iteration.
             let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl()) }.map_err(refused)?;
             self.pipelines.insert(kernel.name, made);
         }
@@ -178,7 +173,6 @@ pub(super) struct StepDispatches {
     matching: Vec<Stage>,
     separation: Vec<Stage>,
     after: Vec<Stage>,
-    /// Counts particles inside transparent receivers, if there are any.
     census: Option<Stage>,
 }
 
@@ -206,7 +200,7 @@ const SIZED: [&str; 20] = [
 ];
 
 impl StepDispatches {
-    /// Allocates and binds, after the detector has allocated for these sizes.
+    /// Allocates and binds, after the detector's allocation for these sizes.
     pub(super) fn new(run: &mut RunBuffers, sizes: Sizes, rounds: u32, found: Found) -> Result<Self, Error> {
         let mut buffers = run.buffers.clone();
         for name in SIZED {
@@ -227,7 +221,7 @@ impl StepDispatches {
         }
         let output_order = if order.is_some() { "cell_order" } else { "same_order" };
         buffers.insert("output_order", buffers[output_order].clone());
-        // Without an order, no kernel reads it.
+        // Bound but not read.
         buffers.insert("order", order.unwrap_or_else(|| buffers["species_rows"].clone()));
         let (limits, counts_inside) = (run.limits, run.counts_inside);
         let (reflects, receptors, dissociates) = (run.reflects, run.receptors, run.dissociates);
@@ -292,7 +286,7 @@ impl StepDispatches {
         &self.buffers[name]
     }
 
-    /// Returns `true` if the stages are bound to these buffers of the detector.
+    /// Returns `true` if the stages are bound to these detector buffers.
     pub(super) fn are_bound_to(&self, found: &Found) -> bool {
         let is_bound = |found: &GpuOutput| {
             let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
@@ -311,7 +305,6 @@ impl StepDispatches {
         self.encode(encoder, burst.into_iter().chain(&self.begin), particles);
     }
 
-    /// Records the motion of all particles.
     pub(super) fn encode_motion(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         self.encode(encoder, self.collisions.land.iter().chain(&self.before), particles);
     }
@@ -363,7 +356,7 @@ impl StepDispatches {
     }
 }
 
-/// Returns the buffer of a binding of the matching, whose two lists swap every round.
+/// Names a binding of the matching, whose two lists swap every round.
 fn alternating(name: &'static str, source: u32) -> &'static str {
     match (name, source) {
         ("round", 0) => "round0",

@@ -1,4 +1,4 @@
-//! The kernels: their WGSL and bindings. No function calls a device.
+//! Kernels: WGSL and bindings, without a device.
 
 use lazygrid::gpu::Access;
 use lazygrid::gpu::Access::{Read, ReadWrite as Write, Uniform};
@@ -11,7 +11,7 @@ pub(super) const WORKGROUP_SIZE: u32 = 256;
 #[derive(Debug)]
 pub(super) struct Kernel {
     pub(super) name: &'static str,
-    /// Names and accesses; the index is the binding number in group 0.
+    /// Names and accesses, by binding number in group 0.
     pub(super) bindings: &'static [(&'static str, Access)],
     source: &'static str,
 }
@@ -33,7 +33,6 @@ kernels! {
         Uniform "burst", Write "control", Read "burst_spheres", Read "burst_tags", Write "spheres", Write "tags",
         Uniform "params",
     ];
-    /// Begins a step.
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
     PARTICLES_MOVE = "particles_move" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
@@ -44,58 +43,45 @@ kernels! {
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
     ];
-    /// Begins the collisions of a step.
     COLLISIONS_BEGIN = "collisions_begin" [
         Uniform "params", Write "control", Read "spheres", Read "tags", Read "species_rows", Write "movers",
         Write "next_events", Write "window",
     ];
-    /// Begins a window of a step.
     WINDOW_BEGIN = "window_begin" [Uniform "params", Write "control", Write "window"];
-    /// Writes the spheres whose pairs are candidates.
     WINDOW_SPHERES = "window_spheres" [
         Uniform "params", Write "window", Read "movers", Write "next_events", Write "inflated",
     ];
-    /// Takes over the candidates, or halts the run.
+    /// Accepts the candidates, or halts the run.
     CANDIDATES_CHECK = "candidates_check" [Write "control", Write "window", Write "near_outcome"];
-    /// Counts neighbors.
     NEIGHBORS_COUNT = "neighbors_count" [
         Uniform "params", Read "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
         Write "next_events",
     ];
-    /// Reserves lists of neighbors.
     NEIGHBORS_RESERVE = "neighbors_reserve" [Write "control", Write "window", Write "next_events"];
-    /// Lists neighbors.
     NEIGHBORS_LIST = "neighbors_list" [
         Uniform "params", Read "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
         Write "next_events", Write "neighbors",
     ];
-    /// Predicts next events.
     COLLISIONS_PREDICT = "collisions_predict" [
         Uniform "params", Uniform "round", Write "window", Read "movers", Write "next_events", Read "neighbors",
     ];
-    /// Chooses the events of a round.
     COLLISIONS_CHOOSE = "collisions_choose" [
         Uniform "params", Uniform "round", Write "control", Write "window", Read "movers", Write "next_events",
         Read "neighbors",
     ];
-    /// Applies the events of a round.
     COLLISIONS_APPLY = "collisions_apply" [
         Uniform "params", Uniform "round", Write "control", Write "window", Write "movers", Write "next_events",
     ];
-    /// Ends a window.
     WINDOW_END = "window_end" [
         Uniform "params", Uniform "round", Write "control", Write "window", Write "movers",
     ];
-    /// Writes the ends of paths with collisions.
     COLLISIONS_LAND = "collisions_land" [
         Uniform "params", Write "control", Write "window", Read "movers", Read "next_events", Write "moved",
     ];
-    /// Sums the displacements that overlaps ask for.
     SEPARATION_PUSH = "separation_push" [
         Uniform "params", Uniform "round", Write "control", Read "pairs", Read "moved", Read "species", Read "tags",
         Write "claims", Read "species_rows", Write "pushes",
     ];
-    /// Moves overlapping particles.
     SEPARATION_MOVE = "separation_move" [Uniform "params", Write "control", Write "moved", Write "pushes"];
     RECEPTORS_RESET = "receptors_reset" [Write "receptors"];
     RECEPTORS_COUNT_BOUND = "receptors_count_bound" [Write "control", Read "spheres", Read "event_rows", Write "receptors"];
@@ -106,7 +92,7 @@ kernels! {
     RECEPTORS_SELECT = "receptors_select" [
         Write "control", Read "tags", Read "event_rows", Write "claims", Write "receptors", Read "requesters", Write "moved",
     ];
-    /// Takes over the detector's result, or halts the run.
+    /// Accepts the detector's result, or halts the run.
     DETECTOR_CHECK = "detector_check" [Uniform "params", Write "control", Write "outcome"];
     REACTIONS_SAMPLE = "reactions_sample" [
         Uniform "params", Write "control", Read "pairs", Read "moved", Read "species", Read "tags", Read "reaction_rows",
@@ -197,7 +183,6 @@ const SHARED: &[(&str, &str)] = &[
 ];
 
 impl Kernel {
-    /// Returns the complete text.
     pub(super) fn wgsl(&self) -> String {
         expand(self.source)
     }

@@ -1,7 +1,5 @@
-//! Rust twins of the structures in shaders. A test compares sizes and offsets.
-//!
-//! `repr(C)` keeps members in order, which the test needs. [`ControlHeader`] is read back as bytes: it consists of
-//! words, which have one layout on both sides.
+//! Rust twins of shader structures. A test compares sizes and offsets, so members stay in order by `repr(C)`.
+//! [`ControlHeader`] is read back as words, which have one layout on both sides.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -16,21 +14,16 @@ pub(super) struct Params {
     pub(super) first_reaction: u32,
     pub(super) is_open: u32,
     pub(super) max_iterations: u32,
-    /// `true` if pairs are listed, and not only counted.
     pub(super) lists_pairs: u32,
     pub(super) max_requeries: u32,
     pub(super) has_velocity: u32,
     pub(super) logs_arrivals: u32,
-    /// Time step in s.
     pub(super) time_step: f32,
-    /// The boundary of each axis: 0 open, 1 reflecting, 2 periodic.
     pub(super) axes: UVec3,
-    /// 1 plus the axis of the vessel; 0 without a vessel.
     pub(super) vessel_axis: u32,
     pub(super) low: Vec3,
     pub(super) vessel_radius: f32,
     pub(super) high: Vec3,
-    /// The displacement of Poiseuille flow on the axis of the vessel in a step.
     pub(super) peak_flow: f32,
     pub(super) vessel_center: Vec3,
     pub(super) largest_radius: f32,
@@ -49,17 +42,13 @@ pub(super) struct SpeciesRow {
     pub(super) decays_begin: u32,
     pub(super) events_end: u32,
     pub(super) bend: f32,
-    /// Receivers within this distance are listed.
     pub(super) reach: f32,
-    /// Index among the species with lists of receivers, or [`NOTHING`].
     pub(super) cell_lists: u32,
     pub(super) speed: f32,
     pub(super) thermal_speed: f32,
-    /// 1 if a swimmer tumbles at words up to `tumble_threshold`.
     pub(super) tumbles: u32,
     pub(super) tumble_threshold: u32,
     pub(super) decay_rate: f32,
-    /// Reciprocal mass in collisions.
     pub(super) mobility: f32,
 }
 
@@ -77,7 +66,7 @@ pub(super) struct EventRow {
     pub(super) length: f32,
     pub(super) own: f32,
     pub(super) unbinding: f32,
-    /// The fraction of the decay rate up to this channel.
+    /// Fraction of the decay rate up to this channel.
     pub(super) share: f32,
 }
 
@@ -98,7 +87,6 @@ pub(super) struct ReceiverRow {
     pub(super) displacement: Vec3,
 }
 
-/// The cells with lists of receivers; zero cells if there are no lists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct ReceiverCellsHeader {
@@ -107,14 +95,12 @@ pub(super) struct ReceiverCellsHeader {
     pub(super) counts: UVec3,
 }
 
-/// The steps for which the positions of receivers are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct TrajectoryHeader {
     pub(super) first: u32,
     pub(super) stride: u32,
     pub(super) max_displacement: f32,
-    /// The first row, of 16 bytes, of the lists of receivers.
     pub(super) cells_at: u32,
     pub(super) cells: ReceiverCellsHeader,
 }
@@ -128,7 +114,6 @@ pub(super) struct ReceptorRow {
     pub(super) first: u32,
 }
 
-/// A species in a transparent receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct OccupancyRow {
@@ -138,17 +123,12 @@ pub(super) struct OccupancyRow {
     pub(super) species: u32,
 }
 
-/// A reaction of two species. The table begins with the first row of each pair of species; further reactions of a pair follow
-/// after all of these.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct ReactionRow {
     pub(super) reaction: u32,
-    /// The row to try if the draw does not select this one, or [`NOTHING`].
     pub(super) next: u32,
-    /// The row to try if the pair is farther apart than `within`, or [`NOTHING`].
     pub(super) next_shell: u32,
-    /// Species of the first reactant, or [`NOTHING`].
     pub(super) first: u32,
     pub(super) threshold: u32,
     pub(super) flags: u32,
@@ -163,16 +143,12 @@ pub(super) struct ReactionRow {
     pub(super) thermal_speeds: Vec2,
 }
 
-/// A dissociation channel. The table begins with the first channel of each species; further ones follow after all of these.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct DissociationRow {
     pub(super) threshold: u32,
-    /// The next channel of the species, or [`NOTHING`].
     pub(super) next: u32,
-    /// [`NOTHING`] if the species does not dissociate.
     pub(super) tally: u32,
-    /// 1 if the products are anywhere within the unbinding radius.
     pub(super) is_within: u32,
     pub(super) unbinding: f32,
     pub(super) share: f32,
@@ -184,7 +160,7 @@ pub(super) struct DissociationRow {
 }
 
 impl ReactionRow {
-    /// The detector's cutoff is larger than `within`.
+    /// The detector's cutoff exceeds `within`.
     pub(super) const NARROWER: u32 = 4;
     pub(super) const APART: u32 = 8;
 }
@@ -212,7 +188,6 @@ pub(super) struct ControlHeader {
     pub(super) capacity: u32,
     pub(super) max_births: u32,
     pub(super) max_events: u32,
-    /// The bits of an `f32`.
     pub(super) speed_factor: u32,
     pub(super) next_id: u32,
     pub(super) born: u32,
@@ -244,7 +219,7 @@ impl ControlHeader {
     pub(super) const TOO_FAST: u32 = 32768;
     pub(super) const TOO_MANY_NEIGHBORS: u32 = 65536;
 
-    /// The reason of a halt, or 0: the lowest bit, which does not depend on the order of threads.
+    /// The reason of a halt, or 0: the lowest bit, independent of the order of threads.
     pub(super) fn reason(&self) -> u32 {
         self.halted & self.halted.wrapping_neg()
     }
@@ -262,11 +237,7 @@ pub(super) const CANDIDATE_BYTES: u64 = 24;
 pub(super) const CLAIM_BYTES: u64 = 32;
 pub(super) const BORN_BYTES: u64 = 32;
 pub(super) const EVENT_BYTES: u64 = 16;
-/// Bytes of a particle in motion.
 pub(super) const MOVER_BYTES: u64 = 64;
-/// Bytes of a next event.
 pub(super) const NEXT_EVENT_BYTES: u64 = 28;
-/// Bytes of the displacements that overlaps ask of a particle.
 pub(super) const PUSH_BYTES: u64 = 28;
-/// Bytes of the state of a window.
 pub(super) const WINDOW_BYTES: u64 = 68;

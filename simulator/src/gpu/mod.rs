@@ -1,14 +1,14 @@
-//! The simulation on the GPU: particles, random numbers and reactions stay on the device between readbacks.
+//! The simulation on the GPU. Particles stay on the device between readbacks.
 //!
-//! One encoder records many steps, each of which moves the particles, finds their pairs with a
-//! [`lazygrid::gpu::GpuDetector`], and consumes the pairs in place. Random numbers, rules and the matching are those of
-//! the CPU. Where a device rounds differently, runs diverge and only their statistics agree.
+//! One encoder records many steps. Each moves the particles, finds their pairs with a [`lazygrid::gpu::GpuDetector`],
+//! and consumes the pairs in place. Random numbers, rules and the matching are those of the CPU; runs diverge only by
+//! the device's rounding.
 //!
-//! A step is a transaction: it reads particles from one set of buffers and writes them back at its end. If a capacity
-//! is exceeded, the device *halts* before that, and later recorded steps do nothing. The host sees the flag at the next
-//! readback, enlarges the capacity and repeats that step. No event is lost or applied twice.
+//! A step is a transaction from one set of buffers to another. If a capacity is exceeded, the device *halts* before
+//! the write, and later recorded steps do nothing. The host reads the flag, enlarges the capacity and repeats the
+//! step. No event is lost or applied twice.
 //!
-//! The host computes bursts and the positions of receivers in advance and uploads them with the steps.
+//! The host computes bursts and receiver positions in advance.
 
 mod detectors;
 mod device;

@@ -8,19 +8,19 @@ use super::layout::{
     BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, EVENT_BYTES, MOVER_BYTES, NEXT_EVENT_BYTES, PUSH_BYTES,
 };
 
-/// The options of a run on a device. They do not change results.
+/// Options of a run on a device, without effect on results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Initial capacity for pairs; it grows when a step finds more. Default: 2¹⁶.
+    /// Initial capacity for pairs; it grows on demand. Default: 2¹⁶.
     pub pair_capacity: u32,
-    /// Matching rounds by the whole device, before one workgroup does the rest. They increase if that workgroup cannot
-    /// finish. Default: 3.
+    /// Matching rounds by the whole device, before one workgroup does the rest; they increase if it cannot finish.
+    /// Default: 3.
     pub rounds: u32,
-    /// Initial capacity for second products of dissociations in a step; it grows when a step has more. Default: 2¹².
+    /// Initial capacity for second products of dissociations in a step; it grows on demand. Default: 2¹².
     pub birth_capacity: u32,
-    /// Initial capacity for arrivals between two readbacks; it grows when a step has more. Default: 2¹⁶.
+    /// Initial capacity for arrivals between readbacks; it grows on demand. Default: 2¹⁶.
     pub event_capacity: u32,
-    /// The most loop iterations of that workgroup's threads, up to 60,000. Default: 60,000.
+    /// Most loop iterations of that workgroup's threads, up to 60,000. Default: 60,000.
     pub max_iterations: u32,
 }
 
@@ -38,14 +38,14 @@ impl Default for GpuOptions {
 
 /// Software drivers end loops after 65,535 iterations without an error.
 pub(super) const MAX_LOOP_ITERATIONS: u32 = 60_000;
-/// Capacity of the log, and so the most steps between two readbacks.
+/// Capacity of the log: the most steps between readbacks.
 pub(super) const LOG_ROWS: u32 = 1024;
 /// Enough to fill today's largest devices.
 const ROUND_GROUPS: u32 = 1024;
-/// The most candidates of one thread in a round, at about twenty loop iterations each.
+/// At about twenty loop iterations each.
 const CANDIDATES_PER_THREAD: u32 = 2048;
 
-/// The most second products of dissociations in a step: one workgroup sorts them.
+/// One workgroup sorts the second products of a step.
 pub(super) const MAX_BIRTHS: u32 = 1 << 19;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,18 +55,15 @@ pub(super) struct Sizes {
     pub(super) births: u32,
     pub(super) events: u32,
     pub(super) has_velocity: bool,
-    /// Capacity for candidates of collisions; 0 if particles pass through each other.
+    /// Capacity for candidates of collisions; 0 without collisions.
     pub(super) near: u32,
-    /// Recorded windows of a step, and rounds of a window.
+    /// Recorded windows per step, and rounds per window.
     pub(super) windows: u32,
     pub(super) window_rounds: u32,
-    /// Doublings of the top speed of collisions.
     pub(super) speed_doublings: u32,
 }
 
 impl Sizes {
-    /// Returns the bytes of a buffer.
-    ///
     /// # Errors
     /// [`Error::LimitExceeded`] if the device cannot bind it.
     pub(super) fn bytes(self, name: &'static str, limits: &DeviceLimits) -> Result<u64, Error> {
@@ -98,7 +95,7 @@ impl Sizes {
         Ok(needed)
     }
 
-    /// Returns by how much the top speed of collisions exceeds the usual one.
+    /// Returns the top speed of collisions over the usual one.
     pub(super) fn speed_factor(self) -> f32 {
         2f32.powi(self.speed_doublings as i32)
     }
@@ -118,13 +115,13 @@ pub(super) fn groups_for(items: u32, limits: &DeviceLimits) -> [u32; 2] {
     [groups.div_ceil(rows), rows]
 }
 
-/// Returns the steps between two readbacks, such that no tally exceeds 32 bits if each particle counts at most `counts`
+/// Returns the steps between readbacks for which no tally exceeds 32 bits, if each particle counts at most `counts`
 /// times per step.
 pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
     (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }
 
-/// Returns a capacity for `needed` particles, with a reserve so that growth is rare.
+/// Returns a capacity for `needed` particles, with a reserve.
 pub(super) fn grown(needed: u32) -> u32 {
     needed.saturating_add(needed / 4).max(WORKGROUP_SIZE)
 }

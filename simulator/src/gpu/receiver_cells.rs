@@ -1,9 +1,8 @@
 //! Lists of the receivers that a particle may hit, by cell.
 //!
-//! The host knows the positions of receivers in advance and searches two sets with the detector: cells, inflated by the
-//! displacement of particles in a step, and receivers, inflated by their displacements while the lists are valid. Lists
-//! keep the order of the receivers, so the result is that of a loop over all receivers. Particles with a larger
-//! displacement, and species without lists, use that loop.
+//! The host searches two sets: cells, inflated by the displacement of particles in a step, and receivers, inflated by
+//! their displacements while the lists are valid. Lists keep the order of receivers, so the result is that of a loop
+//! over all. Particles with a larger displacement, and species without lists, use that loop.
 
 use glam::{UVec3, Vec3};
 use lazygrid::Sphere;
@@ -12,19 +11,19 @@ use super::layout::{EventRow, NOTHING, ReceiverCellsHeader, SpeciesRow};
 use crate::model::receiver::{finder, rounding};
 use crate::{Axis, Boundary, Error};
 
-/// The number of receivers of a species at or above which they are listed. A loop over fewer is faster than a list.
+/// A loop over fewer receivers is faster than a list.
 pub(super) const MIN_LISTED_RECEIVERS: u32 = 4;
-/// The number of cells, as a multiple of the listed receivers of a species, and its limit.
+/// Cells, as a multiple of a species' listed receivers, and their limit.
 const CELL_LIMITS: [usize; 2] = [8, 1 << 16];
-/// Capacity for list entries, as a multiple of the same.
+/// Capacity for entries, as a multiple of listed receivers.
 const ENTRIES_PER_RECEIVER: usize = 24;
-/// The number of particle steps per receiver at or above which building lists is worthwhile.
+/// Particle steps per receiver at or above which building lists pays off.
 const MIN_STEPS_PER_RECEIVER: u64 = 64;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ReceiverCells {
     pub(super) head: ReceiverCellsHeader,
-    /// For each species with lists: the beginning of each cell's list, and the end of the last one. Then the lists.
+    /// By species: the beginning of each cell's list and the end of the last, then the lists.
     pub(super) words: Vec<u32>,
 }
 
@@ -50,7 +49,7 @@ impl ReceiverCellsBuilder {
         self.species_rows.len() * (2 * self.max_cells + 1) + ENTRIES_PER_RECEIVER * self.receivers()
     }
 
-    /// Returns `true` if lists for this number of particle steps are worthwhile.
+    /// Returns `true` if lists for this number of particle steps pay off.
     pub(super) fn is_worthwhile(&self, steps: u64) -> bool {
         !self.species_rows.is_empty() && steps >= MIN_STEPS_PER_RECEIVER * self.receivers() as u64
     }
@@ -63,8 +62,8 @@ impl ReceiverCellsBuilder {
         self.species_rows.iter().map(|kind| self.events_of(kind).len()).sum()
     }
 
-    /// Builds the lists for receivers that begin at `centers`, stay within `displacements` of them, and move by at most
-    /// `max_displacement` in a step. Returns no lists if numbers are too large for cells.
+    /// Builds lists for receivers that begin at `centers`, stay within `displacements` of them, and move by at most
+    /// `max_displacement` in a step; none if numbers are too large for cells.
     ///
     /// # Errors
     /// Fails if the detector fails.
@@ -127,9 +126,9 @@ struct Cells {
     cells: [u32; 3],
 }
 
-/// The smallest box, in µm, next to which values that devices flush to zero are negligible.
+/// In µm. A smaller box would make flushed-to-zero values matter.
 const MIN_BOX: f64 = 1e-20;
-/// A bound of the rounding of cell coordinates, relative to the coordinates and lengths of the box.
+/// Bound of the rounding of cell coordinates, relative to the box.
 const ROUNDING: f64 = 1e-6;
 
 impl Cells {
@@ -186,7 +185,7 @@ impl Cells {
             && (2.0 * last.radius).is_finite()
     }
 
-    /// Returns the sphere that particles of a cell can reach, including the rounding of cell coordinates.
+    /// Returns the sphere that particles of a cell can reach, rounding included.
     fn sphere(&self, at: usize, reach: f32) -> Sphere {
         let [x, y, _] = self.cells.map(|count| count as usize);
         let place = [at % x, at / x % y, at / x / y];
@@ -222,7 +221,7 @@ mod tests {
         [x, y, z]
     }
 
-    /// Returns the list of a point, as `receiver_cells.wgsl` finds it; `None` for a loop over all receivers.
+    /// Returns the list of a point, as `receiver_cells.wgsl` finds it; `None` means all receivers.
     fn list_of(
         receiver_cells: &ReceiverCells,
         kind: &SpeciesRow,
@@ -304,7 +303,6 @@ mod tests {
         }
     }
 
-    /// Receivers within reach of every point reduce the number of cells; entries stay within their capacity.
     #[test]
     fn lists_of_ubiquitous_receivers_stay_within_capacity() {
         let event_rows = vec![EventRow { radius: 3.0, ..EventRow::default() }; 5_000];

@@ -1,4 +1,4 @@
-//! The positions of receivers in the next steps, which the host computes because receivers move independently.
+//! Positions of receivers in the next steps, computed by the host because receivers move independently.
 
 use super::layout::{ReceiverRow, TrajectoryHeader};
 use super::plan::LOG_ROWS;
@@ -9,13 +9,13 @@ use crate::random::philox::Key;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReceiverTrajectory {
     pub(super) head: TrajectoryHeader,
-    /// Indexed by step, then by receiver; a single step if no receiver moves.
+    /// By step, then receiver; one step if no receiver moves.
     pub(super) rows: Vec<ReceiverRow>,
     centers: Vec<Vec<[f32; 3]>>,
     pub(super) max_displacements: Vec<f32>,
 }
 
-/// Bytes of the table of positions, unless one step needs more.
+/// Limit of the table, unless one step needs more.
 const TABLE_BYTES: u64 = 4 << 20;
 const ROW_BYTES: u64 = 32;
 

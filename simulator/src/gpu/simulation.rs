@@ -1,4 +1,4 @@
-//! A run on the device, step by step.
+//! A run on the device.
 
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
@@ -26,16 +26,16 @@ mod receivers;
 mod transfer;
 use transfer::{columns, velocities};
 
-/// A run whose particles are on a GPU.
+/// A run on a GPU.
 ///
-/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation); each can resume a run of the other.
+/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation), for resuming on either backend.
 #[derive(Debug)]
 pub struct GpuSimulation {
     model: Model,
     key: Key,
     decays: Decays,
     tallies: Tallies,
-    /// The most events of a particle in a step that one tally counts.
+    /// Most events of a particle in a step that one tally counts.
     max_counts: u32,
     dissociates: bool,
     bound_species: Vec<BoundSpecies>,
@@ -50,7 +50,7 @@ pub struct GpuSimulation {
     steps: StepDispatches,
     /// Particles at the last readback.
     alive: u32,
-    /// Particles released since then, not yet on the device.
+    /// Released since then, not yet on the device.
     due: Particles,
     step: u32,
     next_id: u32,
@@ -66,22 +66,22 @@ struct Burst {
     released: Released,
 }
 
-/// With random priorities, the number of rounds grows as the logarithm of the number of candidates.
+/// With random priorities, rounds grow as the logarithm of the candidates.
 const MAX_ROUNDS: u32 = 512;
 /// In moved particles: far below the limit of watchdogs.
 const MAX_SUBMITTED_WORK: u32 = 1 << 24;
 const MAX_SUBMITTED_STEPS: u32 = 64;
-/// The most steps between two readbacks if particles collide: a halted run wastes those after the halt.
+/// With collisions, steps after a halt are wasted.
 const MAX_STEPS_WITH_COLLISIONS: u32 = 16;
-/// Rounds of a window before the first halt for lack of them.
+/// Rounds of a window before the first halt.
 const FIRST_WINDOW_ROUNDS: u32 = 8;
 
 impl GpuSimulation {
     /// Begins a run on a device.
     ///
     /// # Errors
-    /// [`Error::Model`] for an invalid model, [`Error::NotOnGpu`] for a part of it without kernels, and [`Error::Detection`] if
-    /// the device fails or has too little memory.
+    /// [`Error::Model`] for an invalid model, [`Error::NotOnGpu`] for parts without kernels, and [`Error::Detection`]
+    /// if the device fails or has too little memory.
     pub fn new(model: Model, seed: u64, device: GpuDevice, options: GpuOptions) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, device, options, &state)
@@ -90,7 +90,7 @@ impl GpuSimulation {
     /// Resumes a run from a state of the same model and seed.
     ///
     /// # Errors
-    /// The same as [`new`](Self::new).
+    /// As [`new`](Self::new).
     pub fn resume(
         model: Model,
         seed: u64,
@@ -162,43 +162,42 @@ impl GpuSimulation {
         Ok(simulation)
     }
 
-    /// The model.
+    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// The number of steps done.
+    /// Returns the finished steps.
     pub fn step_count(&self) -> u32 {
         self.step
     }
 
-    /// The time that has passed, in s.
+    /// Returns the elapsed time, in s.
     pub fn time(&self) -> f64 {
         f64::from(self.step) * self.model.time_step
     }
 
-    /// The seed of the run.
+    /// Returns the seed.
     pub fn seed(&self) -> u64 {
         self.key.seed()
     }
 
-    /// The counts.
+    /// Returns the counts.
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
 
-    /// The pairs that the detector found in each step of the last [`run`](Self::run).
+    /// Returns the pairs found in each step of the last [`run`](Self::run).
     pub fn pairs_by_step(&self) -> &[u64] {
         &self.pairs
     }
 
-    /// The particles that arrived in the last [`run`](Self::run), in the order of steps and ids, in a model that logs
-    /// arrivals.
+    /// Returns the arrivals of the last [`run`](Self::run) by step and id, in a model that logs arrivals.
     pub fn arrivals(&self) -> &[Arrival] {
         &self.arrivals
     }
 
-    /// The counts of each receiver by species: arrivals so far, or the number inside a transparent receiver.
+    /// Returns the counts of each receiver by species: arrivals so far, or the number inside.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
             ReceiverKind::Transparent => {
@@ -210,11 +209,11 @@ impl GpuSimulation {
         self.model.receivers.iter().enumerate().map(says).collect()
     }
 
-    /// Runs `steps` steps. The host reads back at their end, and at least every 1,024 steps.
+    /// Runs `steps` steps. The host reads back at their end and at least every 1,024 steps.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] if pairs or particles exceed the capacity of the device.
-    /// The run is then at the beginning of the step that failed.
+    /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] if pairs or particles exceed the device's
+    /// capacity. The run is then at the beginning of the failed step.
     pub fn run(&mut self, steps: u32) -> Result<(), Error> {
         self.pairs.clear();
         self.arrivals.clear();
@@ -310,7 +309,6 @@ impl GpuSimulation {
         self.readback(encoder, particles, bursts)
     }
 
-    /// Records the collisions of a step, window by window.
     fn encode_collisions(&mut self, encoder: &mut wgpu::CommandEncoder, particles: u32) -> Result<(), Error> {
         let Some(detector) = &mut self.detectors.candidates else { return Ok(()) };
         self.steps.encode_collisions(encoder, particles);
@@ -399,7 +397,7 @@ impl GpuSimulation {
     fn add_tallies(&mut self, counts: &[u32]) {
         let Self { model, tallies, totals, .. } = self;
         let count = |at: usize| u64::from(counts[at]);
-        // A species may appear and disappear between readbacks; only the final count cannot be negative.
+        // A species may appear and disappear between readbacks; only the final count is never negative.
         let present = &mut totals.present;
         let mut turn = |from: Option<u32>, to: Option<u32>, count: u64| {
             if let Some(from) = from {

@@ -1,4 +1,4 @@
-//! A model as the tables that kernels read. Pure functions.
+//! A model as the tables of kernels.
 
 use super::layout::{
     DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
@@ -30,7 +30,7 @@ pub(super) struct Tables {
     pub(super) tallies: Tallies,
 }
 
-/// The layout of tallies: arrivals by receiver and species, then decays, then reactions.
+/// Layout of tallies: arrivals by receiver and species, decays, reactions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,
@@ -57,11 +57,11 @@ impl Tallies {
     }
 }
 
-/// The most decays of a particle in a step, as in `decay.wgsl`.
+/// As in `decay.wgsl`.
 const MAX_DECAYS: u32 = 64;
-/// With a mean of 16, more than [`MAX_DECAYS`] have a probability of 10⁻¹⁷.
+/// At a mean of 16, [`MAX_DECAYS`] is exceeded with a probability of 10⁻¹⁷.
 const MAX_DECAY_RATE: f64 = 16.0;
-/// The most receivers whose index a particle that arrives can carry, as in `decay.wgsl`.
+/// Most receivers that an arriving particle can name, as in `decay.wgsl`.
 const MAX_LOGGED_RECEIVERS: usize = (1 << 17) - 2;
 
 fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
@@ -118,17 +118,17 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     Ok(())
 }
 
-/// The most receivers and species that one thread visits in a step: software drivers end loops after 65,535 iterations.
+/// Most receivers and species of a thread and step: software drivers end loops after 65,535 iterations.
 const MAX_SEEN: usize = 60_000;
-/// Lower if surfaces reflect, as a thread then visits receivers twice.
+/// Surfaces make a thread visit receivers twice.
 const MAX_SEEN_REFLECTING: usize = 25_000;
-/// Loop iterations of a thread near surfaces, its additional iterations per search, and the most reflections in a step.
+/// Loop iterations of a thread near surfaces, additional ones per search, and most reflections in a step.
 const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Returns the most searches for surfaces by a particle in a step. A particle searches again if moving surfaces pushed
-/// it beyond the searched region.
+/// Returns the most searches for surfaces by a particle in a step. It searches again if moving surfaces push it
+/// beyond the region.
 fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
@@ -139,7 +139,7 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
     let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
-    // Receptors take one workgroup per receiver.
+    // Receptors take a workgroup per receiver.
     let visits = seen.max(model.receivers.len());
     match visits > most {
         true => Err(Error::NotOnGpu {
@@ -149,17 +149,17 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     }
 }
 
-/// Bounds of the displacement of a species in a step apart from diffusion.
+/// Bounds of a species' displacement in a step apart from diffusion.
 struct Carried {
     /// Plug flow and drift, in µm.
     drift: [f32; 3],
-    /// Poiseuille flow along the vessel, and own velocity in any direction, in µm.
+    /// Poiseuille flow, and own velocity in any direction, in µm.
     flow: f32,
     own: f32,
     diffusion: f32,
 }
 
-/// Velocities of thermal particles exceed this many standard deviations once in 10⁹ draws of a component.
+/// In standard deviations; a component exceeds it once in 10⁹ draws.
 const MAX_THERMAL: f32 = 6.0;
 
 impl Carried {
@@ -182,8 +182,8 @@ impl Carried {
         self.drift.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own
     }
 
-    /// Returns `true` if the ends of a step do not decide whether a receiver was hit: drift may carry a diffusing
-    /// particle past it, or a line may involve a wall or another image.
+    /// Returns `true` if the ends of a step do not decide on a hit: drift may carry a diffusing particle past the
+    /// receiver, or a line may involve a wall or another image.
     fn drifts_past(&self, receiver: &Receiver, model: &Model) -> bool {
         let (time_step, boundary) = (model.time_step, &model.boundary);
         let own = receiver.velocity.map(|v| (v * time_step) as f32);
@@ -258,7 +258,7 @@ impl Tables {
     }
 }
 
-/// A species that the receptors of a receiver bind, with the index of that event.
+/// A species that a receiver's receptors bind, with that event's index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BoundSpecies {
     pub(super) species: u32,
@@ -368,7 +368,8 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
     (species_rows, event_rows)
 }
 
-/// Returns the distance that all but one in ten million particles stay within in a step, plus the reach of receivers.
+/// Returns the distance that all but one in ten million particles stay within in a step, plus three displacements of
+/// a receiver.
 fn reach(step: &SpeciesStep, carried: &Carried) -> f32 {
     1.01 * (6.0 * step.length + carried.length()) + step.bend
 }
@@ -379,7 +380,6 @@ fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<Ev
     let own = |reactivity: f64| (reactivity * time_step / length) as f32;
     let of_kind = |kind| EventRow { kind, length: length as f32, ..EventRow::default() };
     Some(match receiver.kind {
-        // Walls are refused.
         ReceiverKind::Transparent | ReceiverKind::Wall(_) => return None,
         ReceiverKind::Absorbing => of_kind(EventRow::ABSORBING),
         ReceiverKind::Endpoint => of_kind(EventRow::ENDPOINT),
@@ -399,7 +399,7 @@ fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<Ev
     })
 }
 
-/// Returns the largest word whose number in (0, 1), converted as on the CPU, is below a probability.
+/// Returns the largest word whose number in (0, 1), as on the CPU, is below a probability.
 fn below(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0 - 0.5).ceil().clamp(0.0, 4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)

@@ -1,5 +1,4 @@
-//! Kernels against the functions of the CPU. Tests are skipped with a message if there is no adapter, unless
-//! `LAZYGRID_REQUIRE_GPU` is set.
+//! Kernels against the CPU. Skipped without an adapter, unless `LAZYGRID_REQUIRE_GPU` is set.
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
@@ -107,7 +106,7 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     }
 }
 
-/// Equal diffusion, so that reactants meet halfway; A + A uses up both, A + B the first, B + B the second.
+/// Equal diffusion: reactants meet halfway. A + A uses up both, A + B the first, B + B the second.
 fn model() -> Model {
     let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
     let reaction = |reactants: [u32; 2], products| Reaction {
@@ -158,7 +157,7 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
     all
 }
 
-/// Runs the matching on the device. Returns the reason of a halt, and each particle's reaction, as the product's position.
+/// Runs the matching. Returns the reason of a halt, and each particle's reaction, as the product's position.
 fn matched(
     own: &GpuDevice,
     all: &[ReactionCandidate],
@@ -237,7 +236,6 @@ fn written(own: &GpuDevice, name: &'static str, bytes: &[u8]) -> wgpu::Buffer {
     made
 }
 
-/// Removed, consumed and transformed particles are compacted in the given order; those of a halted run do not change.
 #[test]
 fn survivors_are_compacted_in_output_order() {
     let Some(own) = device() else { return };

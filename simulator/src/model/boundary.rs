@@ -11,7 +11,7 @@ pub enum Axis {
     /// Unbounded.
     #[default]
     Open,
-    /// Walls at both coordinates, in µm. A sphere whose surface crosses a wall is reflected.
+    /// Walls at both coordinates, in µm; they reflect surfaces of spheres.
     Reflecting {
         /// The lower wall.
         low: f32,
@@ -28,7 +28,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Returns the interval for the centers of spheres of this radius, whose surfaces stay between the walls.
+    /// Returns the interval for centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         match self {
@@ -42,7 +42,7 @@ impl Axis {
     pub fn confine(self, x: f32) -> f32 {
         match self {
             Self::Open => x,
-            // Coordinates inside the box are unchanged, bit for bit.
+            // Coordinates inside are unchanged, bit for bit.
             Self::Reflecting { low, high } if x >= low && x <= high => x,
             Self::Periodic { low, high } if x >= low && x < high => x,
             Self::Reflecting { low, high } => {
@@ -58,7 +58,7 @@ impl Axis {
         }
     }
 
-    /// Returns `true` if reflections reverse the direction of motion of a particle that would end at `x` without walls.
+    /// Returns `true` if reflections reverse a particle that would end at `x` without walls.
     #[inline(always)]
     pub fn turns(self, x: f32) -> bool {
         match self {
@@ -70,19 +70,19 @@ impl Axis {
         }
     }
 
-    /// Returns [`offset`](Self::offset), computed in `f64`.
+    /// Returns [`displacement`](Self::displacement) in `f64`.
     pub(crate) fn displacement_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
                 let length = f64::from(high - low);
-                // The nearest image is mostly the same one, and a quotient takes long.
+                // Mostly the same image, and a quotient takes long.
                 if 2.0 * d.abs() < length { d } else { d - length * (d / length).round() }
             }
             _ => d,
         }
     }
 
-    /// Returns the minimum image of a coordinate difference `d`.
+    /// Returns the minimum image of a difference `d`.
     #[inline(always)]
     pub fn displacement(self, d: f32) -> f32 {
         match self {
@@ -95,7 +95,7 @@ impl Axis {
     }
 }
 
-/// Reduces a displacement modulo `2 * length`; results above `length` lie on the return path.
+/// Reduces a displacement modulo `2 * length`; results above `length` are on the return path.
 #[inline(always)]
 fn round_trip(way: f32, length: f32) -> f32 {
     way - 2.0 * length * (way / (2.0 * length)).floor()
@@ -106,7 +106,7 @@ fn round_trip(way: f32, length: f32) -> f32 {
 pub struct Boundary {
     /// Boundaries along x, y and z.
     pub axes: [Axis; 3],
-    /// A vessel around all particles. The axes across it must be open.
+    /// Vessel around all particles. Axes across it must be open.
     pub vessel: Option<Vessel>,
 }
 
@@ -140,7 +140,7 @@ impl Boundary {
         Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)
     }
 
-    /// Returns the boundary for the centers of spheres of this radius, whose surfaces stay between the walls.
+    /// Returns the boundary for centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(&self, radius: f32) -> Self {
         Self {
@@ -149,8 +149,7 @@ impl Boundary {
         }
     }
 
-    /// Returns the first direction in which a sphere of this radius does not fit between the walls or into the vessel,
-    /// and the width there.
+    /// Returns the first direction in which a sphere of this radius does not fit, and the width there.
     pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
         let inset = self.inset(radius);
         let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));

@@ -1,4 +1,4 @@
-//! Messages: bits encoded as symbols, and symbols as bursts.
+//! Messages: bits as symbols, symbols as bursts.
 
 use crate::random::philox::{Key, Purpose};
 use crate::release::time::step_of;
@@ -10,22 +10,22 @@ pub struct Message {
     pub start: f64,
     /// Time between symbols, in s.
     pub symbol_time: f64,
-    /// The symbols.
+    /// Symbols.
     pub symbols: Symbols,
-    /// The modulation that maps symbols to bursts.
+    /// Mapping of symbols to bursts.
     pub modulation: Modulation,
 }
 
-/// The symbols of a message, numbered from 0.
+/// The symbols of a message, from 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Symbols {
-    /// A given sequence.
+    /// Given sequence.
     Given(Vec<u32>),
-    /// Uniformly random symbols, drawn with the seed of the run.
+    /// Uniformly random, drawn with the seed of the run.
     Random {
         /// Number of symbols.
         count: u32,
-        /// Number of distinct symbols, a power of two.
+        /// Distinct symbols, a power of two.
         alphabet: u32,
     },
 }
@@ -48,16 +48,16 @@ impl Symbols {
 /// The mapping of symbols to bursts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Modulation {
-    /// On–off keying: 1 sends a burst, 0 sends nothing.
+    /// On–off keying: 1 sends a burst, 0 nothing.
     OnOff,
-    /// Concentration shift keying: each symbol scales the burst by a factor.
+    /// Concentration shift keying: a factor of the burst per symbol.
     Concentration(Vec<f64>),
-    /// Molecule shift keying: each symbol selects one species entry of the burst.
+    /// Molecule shift keying: an entry of the burst per symbol.
     Molecule,
 }
 
 impl Modulation {
-    /// Returns the number of distinct symbols, for a burst of `entries` species entries.
+    /// Returns the number of distinct symbols for a burst of `entries` entries.
     pub fn alphabet(&self, entries: usize) -> usize {
         match self {
             Self::OnOff => 2,
@@ -66,7 +66,7 @@ impl Modulation {
         }
     }
 
-    /// Returns the number of particles of each species released for a symbol.
+    /// Returns the particles released for a symbol, by species.
     pub fn burst(&self, symbol: u32, release: &[(u32, u32)]) -> Vec<(u32, u32)> {
         match self {
             Self::OnOff => {
@@ -87,7 +87,7 @@ impl Modulation {
         }
     }
 
-    /// Returns the mean fraction of each entry that a symbol releases, if all symbols are equally likely.
+    /// Returns the mean released fraction of each entry over equally likely symbols.
     pub(crate) fn mean(&self, entries: usize) -> f64 {
         match self {
             Self::OnOff => 0.5,
@@ -103,7 +103,7 @@ impl Message {
         self.start + f64::from(k) * self.symbol_time
     }
 
-    /// Returns symbol `k` of the transmitter with index `place` in the model.
+    /// Returns symbol `k` of the model's transmitter `place`.
     pub fn symbol(&self, k: u32, place: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],

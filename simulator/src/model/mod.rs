@@ -1,4 +1,4 @@
-//! The model of a simulation, as plain data. Lengths are in µm and times in s, or any other consistent pair of units.
+//! The model as plain data. Lengths are in µm and times in s, or any other consistent pair of units.
 
 pub mod boundary;
 pub mod message;
@@ -18,7 +18,7 @@ use crate::model::transmitter::Transmitter;
 pub struct Model {
     /// Time step Δt, in s.
     pub time_step: f64,
-    /// Species of particles. Other parts of the model refer to them by index.
+    /// Species, to which other parts refer by index.
     pub species: Vec<Species>,
     /// Reactions of two particles.
     pub reactions: Vec<Reaction>,
@@ -26,7 +26,7 @@ pub struct Model {
     pub decays: Vec<Decay>,
     /// Sources of particles.
     pub transmitters: Vec<Transmitter>,
-    /// Spheres that count, absorb, bind or reflect particles.
+    /// Receivers of particles.
     pub receivers: Vec<Receiver>,
     /// Walls, periodic boundaries and the vessel.
     pub boundary: Boundary,
@@ -34,14 +34,14 @@ pub struct Model {
     pub flow: Option<Flow>,
     /// Treatment of overlapping particles that do not react.
     pub contact: Contact,
-    /// If `true`, records each arrival at a receiver, with the transmitter that released the particle.
+    /// Records each arrival, with the transmitter that released the particle, if `true`.
     pub logs_arrivals: bool,
 }
 
 /// A species of particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Species {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Radius in µm.
     pub radius: f32,
@@ -49,13 +49,13 @@ pub struct Species {
     pub diffusion: f64,
     /// Drift velocity in µm/s.
     pub drift: [f64; 3],
-    /// Mass. Only ratios matter, and only for elastic contact.
+    /// Mass, for elastic contact; only ratios matter.
     pub mass: f64,
-    /// Standard deviation of each component of the velocity at release, in µm/s.
+    /// Standard deviation of each velocity component at release, in µm/s.
     pub thermal_speed: f64,
-    /// Run speed of a swimmer, in µm/s. Between tumbles and reflections it swims along a line.
+    /// Run speed of a swimmer, in µm/s, along a line between tumbles and reflections.
     pub speed: f64,
-    /// Rate at which a swimmer tumbles, that is, takes a random direction, in 1/s.
+    /// Rate at which a swimmer takes a random direction, in 1/s.
     pub tumble_rate: f64,
 }
 
@@ -66,25 +66,25 @@ impl Species {
     }
 }
 
-/// A flow that carries particles along.
+/// Flow that carries particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Flow {
     /// Uniform velocity, in µm/s.
     Plug([f64; 3]),
     /// Parabolic profile along a vessel: v(r) = 2v(1 − r²/R²), with the mean v.
     Poiseuille {
-        /// Mean velocity over the cross-section, in µm/s.
+        /// Mean velocity v, in µm/s.
         mean: f64,
     },
 }
 
 /// A bimolecular reaction of two particles within the binding radius.
 ///
-/// Products take the positions and ids of their reactants, in order. A reactant that is also its own product is not
+/// Products take the positions and ids of their reactants, in order. A reactant that is its own product is not
 /// consumed: it keeps its position and may react with several partners in one step.
 ///
-/// Several reactions of the same reactants are channels. In each step, a pair undergoes at most one of the channels
-/// whose binding radius contains it, according to their probabilities.
+/// Several reactions of the same reactants are channels. A pair undergoes at most one per step, by their
+/// probabilities, of those whose binding radius contains it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
     /// Name in output, as in `A + B -> C`.
@@ -93,20 +93,20 @@ pub struct Reaction {
     pub reactants: [u32; 2],
     /// Species of the products; `None` removes the reactant.
     pub products: [Option<u32>; 2],
-    /// Largest distance between the centers at which the pair can react, in µm.
+    /// Largest center distance at which the pair can react, in µm.
     pub binding_radius: f32,
-    /// Distance at which two products are placed, in µm.
+    /// Distance of two products, in µm.
     pub unbinding_radius: f32,
-    /// Probability or rate at which a pair within the binding radius reacts.
+    /// Probability or rate within the binding radius.
     pub chance: ReactionRate,
 }
 
-/// The probability or rate at which a pair within the binding radius reacts.
+/// The probability or rate of a reaction within the binding radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReactionRate {
-    /// Probability per step, independent of the time step.
+    /// Probability per step.
     PerStep(f64),
-    /// Rate λ in 1/s: the probability per step is 1 − exp(−λΔt) if no other event competes.
+    /// Rate λ in 1/s: a probability of 1 − exp(−λΔt) per step without competing events.
     PerTime(f64),
 }
 
@@ -116,16 +116,16 @@ impl Default for ReactionRate {
     }
 }
 
-/// A unimolecular reaction: a particle turns into up to two products, or disappears.
+/// A unimolecular reaction into up to two products.
 ///
-/// The first product keeps the position and id of the reactant. The second product gets a new id.
+/// The first product keeps the position and id. The second gets a new id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decay {
     /// Name in output, as in `A -> B`.
     pub name: String,
     /// Species of the reactant.
     pub reactant: u32,
-    /// Species of the products. A second product requires a first.
+    /// Species of the products; a second requires a first.
     pub products: [Option<u32>; 2],
     /// Placement of two products.
     pub unbinding: Unbinding,
@@ -140,14 +140,13 @@ impl Decay {
     }
 }
 
-/// The placement of two products of a decay: in opposite random directions from the reactant. The product that diffuses
-/// faster is placed further away.
+/// Placement of two products in opposite random directions from the reactant; the faster one goes further.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unbinding {
     /// At this distance, in µm.
     Apart(f32),
-    /// With a distance vector uniform in a ball of this radius, in µm. This is the inverse of a reaction that is
-    /// equally likely anywhere within the ball.
+    /// Distance vector uniform in a ball of this radius, in µm: the inverse of a reaction that is equally likely
+    /// anywhere in the ball.
     Within(f32),
 }
 
@@ -157,17 +156,17 @@ impl Default for Unbinding {
     }
 }
 
-/// The treatment of particles that overlap and do not react.
+/// Treatment of overlapping particles that do not react.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Contact {
-    /// Overlaps are neither searched nor resolved.
+    /// Neither searched nor resolved.
     #[default]
     Ignore,
-    /// Overlaps are counted.
+    /// Counted.
     Count,
-    /// Particles collide on their paths as hard spheres that diffuse, and remaining overlaps are separated.
+    /// Hard diffusing spheres collide on their paths; remaining overlaps are separated.
     Separate,
-    /// Particles collide on their paths and exchange momentum as smooth elastic spheres.
+    /// Smooth elastic spheres collide on their paths and exchange momentum.
     Elastic,
 }
 
@@ -199,8 +198,7 @@ impl Model {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
-    /// Returns the first particle's fraction of the displacement between two particles, in proportion to their
-    /// diffusion.
+    /// Returns the first particle's fraction of a displacement between two, by their diffusion.
     pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }

@@ -1,7 +1,6 @@
-//! A run as a single page that plays it in three dimensions, in any browser with WebGL 2, without a network.
+//! A run as one page that plays it in three dimensions in any browser with WebGL 2.
 //!
-//! The page holds the scene, from the model and the series, and the positions of each frame as 16 bits of the frame's
-//! extent per coordinate, in base64.
+//! Positions have 16 bits per coordinate, relative to the frame's extent, in base64.
 
 mod scene;
 
@@ -34,10 +33,6 @@ pub fn write(run: &Run) -> Result<(), Error> {
     write_atomically(&path, |out| page(out, (&run.scenario.model, &run.title()), &frames, &series))
 }
 
-/// Writes the page of a run that recorded its frames.
-///
-/// # Errors
-/// Fails if the reader or the writer fails.
 fn page(
     out: &mut impl Write,
     (model, title): (&Model, &str),
@@ -77,7 +72,7 @@ fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::R
     Ok(after)
 }
 
-/// Drops particles of species that other frames thin out.
+/// Drops particles of species that later frames thin out.
 fn thinned(mut frame: Frame, shift: u32) -> Frame {
     frame.rows.retain(|row| is_drawn(row.id, shift));
     frame.rows.sort_unstable_by_key(|row| (row.species, row.id));

@@ -1,4 +1,3 @@
-
 const element = (id) => document.getElementById(id);
 const made = (tag, parent, set = {}) => parent.appendChild(Object.assign(document.createElement(tag), set));
 const shown = (number) => Number(number.toPrecision(4)).toString();
@@ -8,7 +7,7 @@ function placesOf(at) {
   if (!decoded.has(at)) {
     const text = atob(element(`frame-${at}`).textContent), bytes = new Uint8Array(text.length);
     for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
-    // At most a few hundred megabytes.
+    // Bounds the cache to 300 MB.
     if (decoded.size * bytes.length > 3e8) decoded.clear();
     decoded.set(at, bytes);
   }

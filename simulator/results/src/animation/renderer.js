@@ -82,8 +82,8 @@ function program(gl, [vertex, fragment]) {
   return { made, places };
 }
 
-// A surface of revolution about the first axis. Each corner of `outline` has its position along the axis, its distance
-// from it, and its normal.
+// A surface of revolution about the first axis. A corner of `outline` has a position on the axis, a distance from it,
+// and a normal.
 function revolved(outline, along, turns = 48) {
   const points = [], turned = (v) => (along === 0 ? v : along === 1 ? [v[2], v[0], v[1]] : [v[1], v[2], v[0]]);
   const corner = ([x, r, nx, nr], k) => {
@@ -154,7 +154,6 @@ function walls(scene) {
     for (const u of [0, 1])
       for (const v of [0, 1]) {
         const [one, two] = [(axis + 1) % 3, (axis + 2) % 3];
-        // Edges between two walls.
         if (!room[one] || !room[two]) continue;
         for (const end of [0, 1]) {
           const point = [0, 0, 0];
@@ -167,7 +166,6 @@ function walls(scene) {
   return lines;
 }
 
-// Turns, zooms and projects.
 class Camera {
   constructor({ center, radius }) {
     Object.assign(this, { center: [...center], reach: radius, distance: 2.3 * radius, turn: 0.7, tilt: 0.45 });
@@ -278,7 +276,7 @@ class Stage {
     const { center, moves } = this.scene.transceivers[k];
     return moves === undefined ? center : this.frame.centers[moves];
   }
-  // The position of a point on the page, or nothing for a point on the far side of the camera.
+  // The position of a point on the page, or nothing if the camera looks away from it.
   place([x, y, z]) {
     const apply = (m, v) => [0, 1, 2, 3].map((k) => m[k] * v[0] + m[4 + k] * v[1] + m[8 + k] * v[2] + m[12 + k] * v[3]);
     const [cx, cy, , w] = apply(this.projection, apply(this.view, [x, y, z, 1]));

@@ -10,11 +10,9 @@ pub(crate) struct Scene {
     title: String,
     note: String,
     species: Vec<SpeciesStyle>,
-    /// The walls of each axis, if any.
     walls: [Option<[f32; 2]>; 3],
     vessel: Option<Tube>,
     transceivers: Vec<Transceiver>,
-    /// The point that the camera looks at.
     view: View,
     frames: Vec<FrameSummary>,
     times: Vec<f64>,
@@ -49,7 +47,7 @@ struct Transceiver {
     name: String,
     role: &'static str,
     center: [f32; 3],
-    /// The index of its center in the list of each frame, if it moves.
+    /// Index of its center in the list of each frame, if it moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     moves: Option<usize>,
     shape: Solid,
@@ -88,11 +86,11 @@ struct Line {
     counts: Vec<u64>,
 }
 
-/// The most rows of the series on a page.
+/// Most rows of the series on a page.
 const ROWS: usize = 1000;
 /// Particles per frame that determine the view.
 const SEEN: usize = 500;
-/// The fraction of these particles that the view contains.
+/// Fraction of [`SEEN`] that the view contains.
 const IN_SIGHT: f64 = 0.8;
 
 impl Scene {
@@ -187,7 +185,7 @@ impl Scene {
         if self.view.radius <= 0.0 || !self.view.radius.is_finite() {
             self.view.radius = 1.0;
         }
-        // Shapes without extent are visible, too.
+        // Shapes without extent stay visible.
         let least = self.view.radius / 80.0;
         for transceiver in &mut self.transceivers {
             transceiver.shape.size = transceiver.shape.size.map(|half| half.max(least));
@@ -196,7 +194,7 @@ impl Scene {
     }
 }
 
-/// Encodes the positions of a frame with 16 bits per coordinate.
+/// Encodes positions as 16 bits per coordinate.
 pub(crate) fn places(frame: &Frame) -> Vec<u8> {
     let (low, size) = extent(frame);
     let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };

@@ -1,4 +1,4 @@
-//! The dispatches of contact: collisions of a step, window by window, and separation of the remaining overlaps.
+//! Dispatches of contact: collisions, window by window, and separation of remaining overlaps.
 
 use lazygrid::gpu::wgpu;
 
@@ -8,17 +8,17 @@ use crate::gpu::kernel as k;
 use crate::gpu::kernel::Kernel;
 use crate::gpu::plan::Sizes;
 
-/// The stages of collisions. Empty if particles pass through each other.
+/// Empty if particles pass through each other.
 #[derive(Debug, Default)]
 pub(super) struct CollisionStages {
     pub(super) begin: Vec<Stage>,
-    /// The stages of a window before the detection of candidates.
+    /// Stages before the candidates of a window.
     pub(super) before_candidates: Vec<Stage>,
     pub(super) window: Vec<Stage>,
     pub(super) land: Vec<Stage>,
 }
 
-/// Passes of the separation, as in `contact.rs`.
+/// As in `contact.rs`.
 const PASSES: u32 = 4;
 
 impl CollisionStages {
@@ -59,13 +59,12 @@ impl CollisionStages {
 }
 
 impl StepDispatches {
-    /// Records the beginning of collisions.
     pub(in crate::gpu) fn encode_collisions(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         encoder.clear_buffer(self.buffer("window"), 0, None);
         self.encode(encoder, &self.collisions.begin, particles);
     }
 
-    /// Records the beginning of a window, up to the spheres for the detection of candidates.
+    /// Records a window up to the spheres for its candidates.
     pub(in crate::gpu) fn encode_window(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         self.encode(encoder, &self.collisions.before_candidates, particles);
     }
@@ -76,7 +75,6 @@ impl StepDispatches {
     }
 }
 
-/// Returns the passes of the separation.
 pub(super) fn separation_stages(
     run: &mut RunBuffers,
     find: impl Fn(&'static str) -> wgpu::Buffer,

@@ -27,7 +27,7 @@ fn metadata_matches_every_shader() {
             (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
         assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
         let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
-        // Models with surfaces are refused on devices with fewer bindings.
+        // Devices with fewer bindings refuse models with surfaces.
         let most = if kernel.name == PARTICLES_MOVE_REFLECTING.name { SURFACE_BUFFERS as usize } else { 8 };
         assert!(storage <= most, "{} binds {storage} storage buffers", kernel.name);
     }
@@ -159,7 +159,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
     assert!(held > KERNELS.len(), "only {held} structures were compared");
 }
 
-/// `npm ci --prefix kernels/tint` installs Tint. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
+/// Needs `npm ci --prefix kernels/tint`; skipped without Tint unless `LAZYGRID_REQUIRE_TINT` is set.
 #[test]
 fn tint_accepts_every_text() {
     let tint = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint");

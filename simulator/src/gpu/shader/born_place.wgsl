@@ -1,4 +1,4 @@
-// Appends the second products of dissociations after the survivors, with ids in the order of those of their parents.
+// Appends the second products of dissociations after the survivors, with ids in the order of their parents' ids.
 #include control
 #include params
 #include born

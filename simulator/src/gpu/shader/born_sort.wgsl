@@ -1,5 +1,5 @@
-// Sorts the second products of dissociations by the ids of their parents, which determine their own ids. A stable radix
-// sort by one workgroup; an even number of passes leaves the result in place of the input.
+// Sorts second products by the ids of their parents, which determine their own ids. A stable radix sort by one
+// workgroup, in an even number of passes.
 #include control
 #include running_sum
 
@@ -11,7 +11,7 @@ const DIGIT_BITS: u32 = 3u;
 const DIGITS: u32 = 8u;
 
 var<workgroup> sizes: vec2<u32>;
-// Indexed by digit and thread: the number of keys, then the index of the next one.
+// By digit and thread: the number of keys, then the index of the next one.
 var<workgroup> digits: array<u32, 2048>;
 
 fn key_at(pass_number: u32, k: u32) -> vec2<u32> {

@@ -1,4 +1,4 @@
-// Takes over the candidates of a window from the detector, or halts the run.
+// Accepts the candidates of a window, or halts the run.
 #include control
 #include window
 

@@ -1,4 +1,4 @@
-// Applies the events of a round, as in collisions/rules.rs. No two of them have a particle in common.
+// Applies the events of a round, as in collisions/rules.rs. No two share a particle.
 #include control
 #include params
 #include boundary
@@ -38,7 +38,7 @@ fn reflect_at_wall(mover: Mover, wall: u32) -> Mover {
     return reflected;
 }
 
-// Exchanges momentum between two particles that approach each other. Returns true if their paths change.
+// Exchanges momentum of approaching particles. Returns true if their paths change.
 fn collide(at: u32, partner: u32, time: f32) -> bool {
     var a = advanced(at, time);
     var b = advanced(partner, time);

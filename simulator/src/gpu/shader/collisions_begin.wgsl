@@ -1,4 +1,4 @@
-// Begins the collisions of a step: every particle in motion, the fastest, and the box around all.
+// Begins the collisions of a step: all movers, the fastest, and the box around all.
 #include control
 #include params
 #include philox
@@ -44,7 +44,7 @@ fn collisions_begin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         let across = reflect_in_vessel(before.xyz, end, params.vessel_radius - kind.radius, velocity).end;
         end[along_vessel()] += flow_between(before.xyz, across);
     }
-    // Bound particles have a negative radius and no place in space.
+    // Bound particles have a negative radius and no position.
     let is_free = before.w >= 0.0;
     let motion = select(vec3(0.0), end - before.xyz, is_free);
     movers[at] = Mover(before.xyz, tag.y, vec3(0.0), 0.0, motion, before.w, velocity, kind.mobility);

@@ -1,4 +1,4 @@
-// Chooses the events that happen in this round: the next one of both particles, and safe; see collisions/rounds.rs.
+// Chooses the events of this round: the next one of both particles, and safe; see collisions/rounds.rs.
 #include control
 #include params
 #include boundary
@@ -14,18 +14,19 @@
 @group(0) @binding(5) var<storage, read_write> next_events: array<NextEvent>;
 @group(0) @binding(6) var<storage, read> neighbors: array<u32>;
 
-// The most loop iterations of a thread.
+// Most loop iterations of a thread.
 const MAX_ITERATIONS: u32 = 60000u;
 
 var<private> iterations: u32;
 
-// Returns a lower bound of the time at which a particle that leaves its path at `time` or later hits one that does not.
+// Returns a lower bound of the time at which a particle that leaves its path at `time` or later hits one that does
+// not.
 fn hit(left: Mover, steady: Mover, time: f32) -> f32 {
     let gap = gap_at(left, steady, max(time, max(left.time, steady.time))) + SLACK * (left.radius + steady.radius);
     return time + max(gap, 0.0) / (window.top_speed + length(steady.motion));
 }
 
-// Returns a lower bound of the time at which a particle leaves its path, unless a particle of the pair hits it.
+// Returns a lower bound of the time at which a particle leaves its path, unless one of the pair hits it.
 fn leaves(other: u32, pair: vec2<u32>, earliest: f32) -> f32 {
     let mover = movers[other];
     let next = next_events[other];

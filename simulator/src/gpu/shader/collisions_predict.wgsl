@@ -1,4 +1,4 @@
-// Predicts the next event of each particle that changed or has neighbors that changed, and finds the earliest of all.
+// Predicts the next event of each particle that changed, or whose neighbors did, and finds the earliest.
 #include control
 #include params
 #include boundary
@@ -17,7 +17,7 @@
 
 var<workgroup> earliest: atomic<u32>;
 
-// Returns true if an event comes before another one of the same particle.
+// Returns true if an event precedes another of the same particle.
 fn is_before(time: f32, partner: u32, now: NextEvent) -> bool {
     if (time != now.time) {
         return time < now.time;

@@ -1,5 +1,4 @@
-// Takes over the detector's result. If the detector could not finish, the run halts before this step has changed
-// any particle.
+// Accepts the detector's result, or halts the run before the step changes a particle.
 #include control
 #include params
 

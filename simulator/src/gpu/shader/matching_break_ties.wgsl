@@ -1,2 +1,2 @@
-// Breaks ties between equal priorities by the particles' ids.
+// Breaks ties between equal priorities by ids.
 #include matching_stage break_ties

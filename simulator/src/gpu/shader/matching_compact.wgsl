@@ -1,4 +1,4 @@
-// Begins a round of the matching: compacts the remaining candidates and clears the claims of the previous round.
+// Begins a round: compacts the remaining candidates and clears the claims.
 #include control
 #include candidate
 #include round

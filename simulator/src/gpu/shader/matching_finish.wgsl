@@ -1,5 +1,5 @@
-// Runs all remaining rounds in one workgroup, which can synchronize with itself. If the candidates are too many for one
-// invocation's loops, the run halts and the host repeats the step with more rounds before this kernel.
+// Runs the remaining rounds in one workgroup, which can synchronize. If its loops would be too long, the run halts
+// and the host repeats the step with more rounds before this kernel.
 #include control
 #include params
 #include philox
@@ -21,10 +21,10 @@
 #include claims
 #include apply_reaction
 
-// Per candidate of a thread and round: four visits, one of them with a draw of ten rounds.
+// Per candidate and round: four visits, one with a draw of ten rounds.
 const ITERATIONS_PER_CANDIDATE: u32 = 32u;
 
-// The number of free candidates. Entries alternate: one is cleared while threads still read the other.
+// Free candidates. Entries alternate: one is cleared while threads read the other.
 var<workgroup> free: array<atomic<u32>, 2>;
 var<workgroup> candidate_count: u32;
 

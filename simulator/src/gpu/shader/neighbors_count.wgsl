@@ -10,7 +10,6 @@ fn neighbors_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     }
     let pair = near_pairs[index];
     if (mark_of(pair) != NOTHING) {
-        // The count of NextEvent.
         atomicAdd(&next_events[pair.x].words[6], 1u);
         atomicAdd(&next_events[pair.y].words[6], 1u);
     }

@@ -1,4 +1,4 @@
-// Reserves the list of each particle. Their order in memory does not matter.
+// Reserves the list of each particle, in any order.
 #include control
 #include mover
 #include window
@@ -9,7 +9,7 @@
 
 #include running_sum
 
-// The most neighbors of a particle, for which loops end on software drivers.
+// Most neighbors of a particle for which loops end on software drivers.
 const MAX_NEIGHBORS: u32 = 50000u;
 
 var<workgroup> first: u32;

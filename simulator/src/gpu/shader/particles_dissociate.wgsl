@@ -1,5 +1,5 @@
-// Dissociates particles that did not react in this step; see dissociation.rs. The first product replaces the particle;
-// born_place assigns ids to second products.
+// Dissociates particles that did not react in this step; see dissociation.rs. The first product replaces the
+// particle; born_place assigns ids to second ones.
 #include control
 #include params
 #include philox
@@ -9,13 +9,13 @@
 #include candidate
 #include born
 
-// A dissociation channel. The table begins with the first channel of each species; further ones follow after all of these.
+// The table begins with the first channel of each species; further ones follow.
 struct DissociationRow {
     threshold: u32,
     next: u32,
     // NOTHING if the species does not dissociate.
     tally: u32,
-    // 1 if the products are anywhere within the unbinding radius, 0 if they are at that distance.
+    // 1 if the products are anywhere within the unbinding radius, 0 if at that distance.
     is_within: u32,
     unbinding: f32,
     share: f32,

@@ -1,5 +1,4 @@
-// Moves every particle independently if some surfaces reflect or adsorb. Later kernels decide which of the particles that
-// reach receptors bind.
+// Moves particles if some surfaces reflect or adsorb. Later kernels decide which particles that reach receptors bind.
 #include particles_move
 #include candidate
 #include receptor
@@ -17,7 +16,7 @@ fn free_receptors(receiver: u32) -> u32 {
     return count - min(count, atomicLoad(&receptors[receiver].bound));
 }
 
-// Returns true if a particle that reached a surface adsorbs; `word` is its draw.
+// Returns true if a particle at a surface adsorbs; `word` is its draw.
 fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     if (event.kind == PER_STEP) {
         return word <= event.threshold;
@@ -29,7 +28,7 @@ fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     return unit_32(word) < adsorption_probability(surface_of(own, event.length, event.radius), a, b);
 }
 
-// Requests a receptor, with the direction from the center to the point of contact.
+// Requests a receptor, with the direction from the center to the contact.
 fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank: u32) {
     let out = minimum_image(touching - center);
     let distance = length(out);
@@ -41,7 +40,7 @@ fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank
     atomicStore(&claims[at].is_taken, REQUESTED);
 }
 
-// The step of a bound particle: it stays bound, or unbinds to some height above its receptor.
+// The step of a bound particle: it stays, or unbinds to some height above its receptor.
 fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     let event = event_rows[event_of_bound(bound)];
     // Detailed balance: the reverse reaction sees one more free receptor.
@@ -56,14 +55,13 @@ fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     let away = above + 4e-6 * (abs(center.x) + abs(center.y) + abs(center.z) + above);
     let place = confined(center + away * bound.xyz, kind.radius);
     if (signed_distance(event.radius, center, place) < 0.0) {
-        // Walls leave no space for it.
         return bound;
     }
     atomicSub(&control.tallies[event.tally], 1u);
     return vec4(place, kind.radius);
 }
 
-// The path on which a particle may hit a receiver: the original one if the receiver reflected it first.
+// The path on which a particle may hit a receiver: the original one if that receiver reflected it first.
 fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
     if (reflected.first == receiver) {
         return path;

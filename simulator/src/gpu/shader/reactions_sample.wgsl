@@ -1,4 +1,4 @@
-// Samples the pairs that react. The order of the candidates does not matter.
+// Samples the pairs that react, in any order.
 #include control
 #include params
 #include philox
@@ -32,7 +32,7 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     let apart = dot(d, d);
     let own = vec2(tags[pair.x].y, tags[pair.y].y);
     let words = philox(vec4(min(own.x, own.y), max(own.x, own.y), control.step, PURPOSE_PAIR), params.key);
-    // The innermost shell that contains the pair, then the reaction of it that the draw selects. Each row is visited once.
+    // The innermost shell that contains the pair, then the drawn reaction of it.
     for (var k = 0u; k < arrayLength(&reaction_rows); k++) {
         if (row == NOTHING) {
             break;

@@ -1,4 +1,4 @@
-// Counts the particles of each species inside transparent receivers, before each readback.
+// Counts particles by species inside transparent receivers, before each readback.
 #include control
 #include params
 #include boundary
@@ -24,7 +24,6 @@ struct OccupancyRow {
 fn receivers_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                    @builtin(local_invocation_index) local_index: u32) {
     let at = global_index(group, groups, local_index);
-    // A bound particle is inside no receiver.
     if (at >= control.alive || spheres[at].w < 0.0) {
         return;
     }

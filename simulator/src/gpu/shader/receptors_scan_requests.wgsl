@@ -1,4 +1,4 @@
-// Computes the beginning of each receiver's requests in the list of all requests.
+// Computes the beginning of each receiver's requests in the common list.
 #include control
 #include receptor
 #include running_sum

@@ -1,5 +1,5 @@
-// Binds the particles that request a receiver's receptors: if free receptors are too few, those with the lowest ranks,
-// then ids. One workgroup per receiver.
+// Binds particles to a receiver's free receptors: if too few, those with the lowest ranks, then ids. One workgroup
+// per receiver.
 #include control
 #include candidate
 #include event_rows
@@ -17,9 +17,9 @@ const DIGITS: u32 = 8u;
 
 // Requests, free receptors, and the beginning of the receiver's list.
 var<workgroup> numbers: vec3<u32>;
-// A histogram of the next digit, over requests with the known digits of the threshold key.
+// Histogram of the next digit, over requests with the known digits of the threshold key.
 var<workgroup> digits: array<atomic<u32>, 256>;
-// The known digits of the threshold key, and the number of accepted requests with those digits.
+// Known digits of the threshold key, and the accepted requests with those digits.
 var<workgroup> known: vec3<u32>;
 
 fn key_of(at: u32) -> vec2<u32> {
@@ -30,7 +30,7 @@ fn is_up_to(key: vec2<u32>, last: vec2<u32>) -> bool {
     return key.x < last.x || (key.x == last.x && key.y <= last.y);
 }
 
-// Returns the largest accepted key, found digit by digit from the highest digit.
+// Returns the largest accepted key, digit by digit from the highest.
 fn last_key(requests: u32, free: u32, first: u32, local_index: u32) -> vec2<u32> {
     if (local_index == 0u) {
         known = vec3(0u, 0u, free);

@@ -1,4 +1,4 @@
-// Moves particles by the mean of the displacements that overlaps asked of them.
+// Moves particles by the mean of the displacements that overlaps ask for.
 #include control
 #include params
 #include boundary
@@ -9,7 +9,7 @@
 @group(0) @binding(2) var<storage, read_write> moved: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> pushes: array<Push>;
 
-// Returns the value of a signed number of two words. Its magnitude is converted, so that small negative ones keep their digits.
+// Converts a signed number of two words by its magnitude, so that small negative ones keep their digits.
 fn value_of(low: u32, high: u32) -> f32 {
     if (high < 0x80000000u) {
         return f32(high) * 0x1p32 + f32(low);

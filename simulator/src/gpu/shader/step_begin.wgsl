@@ -1,4 +1,4 @@
-// Begins a step: sets its number of particles and resets its counters. A halted run has steps without particles.
+// Begins a step: sets its particle count and resets counters. Steps of a halted run have no particles.
 #include control
 #include params
 

@@ -1,5 +1,4 @@
-// Computes the first output index of each workgroup, after the number of particles of the step. Then commits the step to
-// the counts.
+// Computes the first output index of each workgroup. Then commits the step to the counts.
 #include control
 #include params
 #include running_sum
@@ -9,7 +8,7 @@
 @group(0) @binding(2) var<storage, read_write> sums: array<u32>;
 @group(0) @binding(3) var<storage, read_write> log: array<vec2<u32>>;
 
-// The largest id of the next new particle.
+// Largest id of a new particle.
 const MAX_ID: u32 = 0xfffffffeu;
 
 var<workgroup> group_halted: u32;
@@ -53,7 +52,7 @@ fn commit(survivors: u32) {
     control.logged += 1u;
 }
 
-// Returns true if the run is halted. The result is uniform, because sums need the whole workgroup.
+// Returns true if the run is halted, uniformly: sums need the whole workgroup.
 fn is_halted(local_index: u32) -> bool {
     if (local_index == 0u) {
         group_halted = atomicLoad(&control.halted);

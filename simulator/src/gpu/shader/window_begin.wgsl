@@ -1,4 +1,4 @@
-// Begins a window: its end, and the allowance of its lists, as in collisions/mod.rs. No particles if the step is over.
+// Begins a window: its end and the allowance of its lists, as in collisions/mod.rs. No particles if the step is over.
 #include control
 #include params
 #include window
@@ -10,12 +10,12 @@
 const ALLOWANCE: f32 = 0.25;
 const TOP_SPEED: f32 = 1.15;
 
-// The coordinate of a key of collisions_begin.
+// Inverse of collisions_begin's key.
 fn coordinate(key: u32) -> f32 {
     return bitcast<f32>(select(~key, key & 0x7fffffffu, (key & 0x80000000u) != 0u));
 }
 
-// Returns the largest useful allowance: more would only add candidates.
+// Returns the largest useful allowance.
 fn largest_allowance() -> f32 {
     let largest = params.largest_radius;
     var volume = 1.0;
@@ -44,7 +44,6 @@ fn window_begin() {
     window.count = 0u;
     window.pairs = 0u;
     if (atomicLoad(&control.halted) != 0u || control.count == 0u || window.now >= 1.0 || !moves) {
-        // Without motion the step is over.
         if (!moves) {
             window.horizon = 1.0;
         }

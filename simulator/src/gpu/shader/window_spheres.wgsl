@@ -11,7 +11,7 @@
 @group(0) @binding(3) var<storage, read_write> next_events: array<NextEvent>;
 @group(0) @binding(4) var<storage, read_write> inflated: array<vec4<f32>>;
 
-// A bound of the rounding error of distances, as in receiver.rs.
+// Bound of the rounding error of distances, as in receiver.rs.
 fn rounding(point: vec3<f32>, distance: f32) -> f32 {
     return 4e-6 * (abs(point.x) + abs(point.y) + abs(point.z) + distance);
 }

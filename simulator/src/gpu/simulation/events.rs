@@ -1,4 +1,4 @@
-//! The event log and the record of finished steps: arrivals, ids of second products of dissociations, and releases.
+//! The event log: arrivals, second products of dissociations, and releases.
 
 use super::{Burst, GpuSimulation};
 use crate::Error;
@@ -7,12 +7,11 @@ use crate::gpu::layout::{ControlHeader, EVENT_BYTES, NOTHING};
 use crate::model::particles::Particles;
 use crate::release::origins::{Arrival, Origin};
 
-/// The step, then receiver, species and id of an arrival, or [`NOTHING`], the rank and the parent's id of a second
-/// product.
+/// Step, then receiver, species and id of an arrival, or [`NOTHING`], rank and parent's id of a second product.
 pub(super) type Entry = [u32; 4];
 
 impl GpuSimulation {
-    /// Entries by step, then second products by rank and arrivals by id.
+    /// By step; second products by rank, then arrivals by id.
     pub(super) fn read_events(&self, count: u32) -> Result<Vec<Entry>, Error> {
         if count == 0 {
             return Ok(Vec::new());
@@ -27,7 +26,7 @@ impl GpuSimulation {
         Ok(entries)
     }
 
-    /// Records the steps up to `head.done`: ids of second products and released particles, their origins, and arrivals.
+    /// Records the steps up to `head.done`: births, releases, origins and arrivals.
     pub(super) fn record_steps(
         &mut self,
         bursts: &[Burst],
@@ -61,7 +60,7 @@ impl GpuSimulation {
         Ok(())
     }
 
-    /// Records a release. The particles released after the last step are not on the device yet.
+    /// Records a release. Particles released after the last step are not on the device yet.
     fn record_release(&mut self, burst: Option<&Burst>, step: u32, is_last: bool) -> Result<(), Error> {
         if self.model.logs_arrivals {
             let mut first = self.next_id;

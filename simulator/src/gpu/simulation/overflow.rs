@@ -9,11 +9,10 @@ use crate::gpu::dispatches::StepDispatches;
 use crate::gpu::layout::ControlHeader;
 use crate::gpu::plan::{MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown};
 
-/// The most surfaces near one particle, as in `reflection.wgsl`.
+/// As in `reflection.wgsl`.
 const NEAR: u64 = 16;
-/// The most requests for the receptors of one receiver in a step, as in `receptors_scan_requests.wgsl`.
+/// As in `receptors_scan_requests.wgsl`.
 const MAX_REQUESTS: u64 = 1 << 20;
-/// The most recorded rounds of collisions in a step.
 const MAX_COLLISION_ROUNDS: u64 = 1 << 13;
 
 impl GpuSimulation {
@@ -114,7 +113,7 @@ impl GpuSimulation {
             ControlHeader::OUT_OF_IDS => {
                 return Err(Error::OutOfIds { released: u64::from(self.next_id) + head.missing() });
             }
-            // A readback empties the log, so it overflows only if the arrivals of one step exceed it.
+            // A readback empties the log, so only the arrivals of one step can overflow it.
             ControlHeader::EVENT_OVERFLOW => {
                 sizes.events = sizes.events.max(grown(head.missing().min(u32::MAX.into()) as u32));
             }
@@ -158,7 +157,7 @@ impl GpuSimulation {
         })
     }
 
-    /// Changes sizes. Particles stay on the device; all other buffers are new.
+    /// Changes sizes. Only particles stay on the device.
     pub(super) fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
         let found = self.detectors.reserve(sizes)?;
         let steps = StepDispatches::new(&mut self.buffers, sizes, self.options.rounds, found)?;

@@ -1,4 +1,4 @@
-//! Upload and download of particles, including bound ones.
+//! Upload and download of particles.
 
 use super::GpuSimulation;
 use crate::gpu::device::{read, with_error_scope};
@@ -7,12 +7,10 @@ use crate::model::particles::{Particle, Particles};
 use crate::motion::binding::Bound;
 use crate::{Error, State};
 
-/// The radius of a particle bound by the first event; see `receptor.wgsl`.
+/// See `receptor.wgsl`.
 const BOUND_RADIUS: f32 = -2.0;
 
 impl GpuSimulation {
-    /// Downloads the particles and all other state.
-    ///
     /// # Errors
     /// [`Error::Detection`] if the device fails.
     pub fn state(&self) -> Result<State, Error> {
@@ -28,7 +26,7 @@ impl GpuSimulation {
             false => vec![[0.0; 4]; spheres.len()],
         };
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
-        // The device keeps them in the order of cells, which depends on the scheduling of threads.
+        // The device's order depends on the scheduling of threads.
         let mut rows: Vec<_> = spheres.into_iter().zip(velocities).zip(tags).collect();
         rows.sort_unstable_by_key(|&(_, [_, id])| id);
         let (mut particles, mut bound) = (Particles::default(), Vec::new());

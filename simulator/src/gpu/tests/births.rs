@@ -1,5 +1,3 @@
-//! Second products of dissociations: sorted by the ids of their parents, and appended with ids of their own.
-
 use super::*;
 use crate::Decay;
 

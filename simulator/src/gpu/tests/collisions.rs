@@ -1,4 +1,4 @@
-//! The kernels of collisions and separation against the functions of the CPU.
+//! Collisions and separation against the CPU.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,6 @@ use crate::motion::collisions::tests::model;
 use crate::motion::contact::Contacts;
 use crate::random::philox::open_unit;
 
-/// Words of the state of a window, of a particle in motion, and of a next event.
 const WINDOW: usize = WINDOW_BYTES as usize / 4;
 const MOVER: usize = MOVER_BYTES as usize / 4;
 const NEXT: usize = NEXT_EVENT_BYTES as usize / 4;
@@ -27,7 +26,7 @@ fn crowd(contact: Contact, axis: Axis) -> Model {
     Model { time_step: 0.5, ..model(contact, axis) }
 }
 
-/// Spheres on a jittered lattice of 5 × 5 × 5 sites, some of which overlap, by words of the device.
+/// Spheres on a jittered lattice of 5 × 5 × 5 sites, some overlapping.
 fn movers(model: &Model, case: u32) -> Vec<[u32; MOVER]> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
@@ -67,7 +66,6 @@ fn on_cpu(words: &[u32; MOVER]) -> Mover {
     }
 }
 
-/// The buffers of a window.
 struct Device {
     own: GpuDevice,
     run: RunBuffers,
@@ -103,7 +101,6 @@ impl Device {
         Self { own: own.clone(), run, buffers: buffers.into() }
     }
 
-    /// Runs a kernel with a thread per item.
     fn run(&mut self, kernel: &'static Kernel, items: u32, round: u32) {
         let groups = items.div_ceil(k::WORKGROUP_SIZE);
         let shared: HashMap<&str, wgpu::Buffer> = ["params", "control", "reaction_rows", "species_rows"]
@@ -127,7 +124,7 @@ impl Device {
         bytemuck::pod_collect_to_vec(&bytes[0])
     }
 
-    /// Lists the neighbors. Returns them by particle, in ascending order.
+    /// Lists the neighbors by particle, in ascending order.
     fn list(&mut self, n: u32) -> Vec<Vec<u32>> {
         let pairs = n * (n - 1) / 2;
         self.run(&k::NEIGHBORS_COUNT, pairs, 0);
@@ -176,7 +173,7 @@ fn neighbors_are_those_of_the_cpu() {
     }
 }
 
-/// Every kernel of a round, for several rounds: each begins with the state that the device has.
+/// Each round begins with the device's state.
 #[test]
 fn rounds_are_those_of_the_cpu() {
     let Some(own) = device() else { return };
@@ -256,7 +253,6 @@ fn separation_is_that_of_the_cpu() {
     let mut particles = Particles::default();
     for mover in uploaded.iter().map(on_cpu) {
         let Mover { position, radius, species, id, .. } = mover;
-        // Closer together, so that many overlap.
         let position = position.map(|c| 0.5 * c as f32 + 1.0);
         particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
     }

@@ -1,4 +1,4 @@
-//! The kernels of surfaces against the functions of the CPU.
+//! Surfaces against the CPU.
 
 use std::collections::HashMap;
 
@@ -51,7 +51,7 @@ fn adsorption_and_unbinding_equal_those_of_the_cpu() {
     assert!(others <= 4, "{others} of 12 288 heights are others");
 }
 
-/// The text of three reflecting spheres as private variables, and the paths of particles near them.
+/// Three reflecting spheres as private variables, and paths near them.
 fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let receiver =
         |center, radius| Receiver { center, radius, kind: ReceiverKind::Reflecting, ..Receiver::default() };
@@ -141,7 +141,7 @@ var<private> receiver_rows: array<vec4<u32>, 6>;
     }
 }
 
-/// Receptors of three receivers and their occupied ones: enough for all requests, for some, and for none.
+/// Receptors and occupied ones: enough for all requests, for some, for none.
 const RECEPTORS: [[u32; 2]; 3] = [[5_000, 100], [900, 7], [40, 40]];
 
 #[derive(Default)]
@@ -152,7 +152,7 @@ struct Crowd {
     coming: [u32; 3],
 }
 
-/// Returns particles with few ranks, so that ids decide. One in four does nothing; the free others request a receptor.
+/// Few ranks, so that ids decide. One in four does nothing; the other free ones request a receptor.
 fn crowd(count: u32) -> Crowd {
     let mut crowd = Crowd::default();
     let mut holding = [0; 3];
@@ -180,7 +180,6 @@ fn id_of(at: u32) -> u32 {
     (at * 37 + 11) % 1_000_003
 }
 
-/// The result of the kernels: particles, claims, occupied receptors, tallies, and removed particles.
 struct Chosen {
     moved: Vec<[f32; 4]>,
     claims: Vec<[u32; 8]>,
@@ -230,7 +229,6 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     };
     let begin = recorded(&[(&k::RECEPTORS_RESET, 1), (&k::RECEPTORS_COUNT_BOUND, all)]);
     own.queue.submit([begin.finish()]);
-    // particles_move_reflecting counts these.
     for (k, bids) in crowd.coming.iter().enumerate() {
         own.queue.write_buffer(&made["receptors"], 16 * k as u64 + 8, bytemuck::bytes_of(bids));
     }
@@ -276,7 +274,7 @@ fn lowest_ranks_bind_to_free_receptors() {
     for event in events {
         let (at, Event::Bound { receiver, .. }) = (event.at() as usize, event) else { continue };
         let direction = f32::from_bits(claims[at][4]);
-        // Numbers so small may be taken for zero.
+        // Devices may flush such numbers to zero.
         let is_bound = moved[at][3] == -2.0 - *receiver as f32 && (moved[at][0] - direction).abs() < 1e-30;
         assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
     }

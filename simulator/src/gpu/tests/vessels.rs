@@ -1,4 +1,4 @@
-//! Reflections in vessels against the function of the CPU, which computes in `f64`.
+//! Reflections in vessels against the CPU, which computes in `f64`.
 
 use super::*;
 use crate::Vessel;
@@ -33,7 +33,7 @@ fn paths_in_vessels_are_those_of_the_cpu() {
             reflected += u32::from(expected != end);
             let expected = if k % 2 == 1 { velocity } else { expected };
             let found = [x, y, z].map(f32::from_bits);
-            // A path that touches the wall almost in parallel has many reflections and amplifies rounding.
+            // A path almost parallel to the wall has many reflections and amplifies rounding.
             others += u32::from(!found.into_iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3));
         }
         assert!(reflected > count / 2, "{reflected}");

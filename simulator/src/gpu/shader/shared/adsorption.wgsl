@@ -4,8 +4,8 @@ const ROOT_PI: f32 = 1.7724538509055159;
 const FAR: f32 = 5.0;
 const TRIALS: u32 = 1000u;
 
-// exp(x * x) * erfc(x) for x >= 0, with a relative error of 1e-6: 2 / (2 + x) times the exponential of a polynomial in
-// (2 - x) / (2 + x), interpolated at the zeros of a Chebyshev polynomial with an error of 1e-8.
+// exp(x * x) * erfc(x) for x >= 0, with a relative error of 1e-6: 2 / (2 + x) times the exponential of a polynomial
+// in (2 - x) / (2 + x), interpolated at the zeros of a Chebyshev polynomial.
 fn erfcx(x: f32) -> f32 {
     let u = (2.0 - x) / (2.0 + x);
     let high = 0.0017940662500077753 + u * (-0.0022887652400513936 + u * (-0.0002279109663083645
@@ -15,7 +15,7 @@ fn erfcx(x: f32) -> f32 {
     return 2.0 / (2.0 + x) * exp(low);
 }
 
-// A reactive surface: kappa sqrt(dt / D), the same with the effect of curvature, sqrt(D dt), and the radius.
+// A reactive surface: kappa sqrt(dt / D), then with the effect of curvature, sqrt(D dt), and the radius.
 struct Surface {
     own: f32,
     all: f32,
@@ -27,12 +27,12 @@ fn surface_of(own: f32, length: f32, radius: f32) -> Surface {
     return Surface(own, own + length / radius, length, radius);
 }
 
-// The adsorption probability of a path that reaches a plane, given the sum of both distances from it.
+// The adsorption probability of a path that reaches a plane, by the sum of both distances.
 fn on_plane(surface: Surface, distances: f32) -> f32 {
     return min(ROOT_PI * surface.own * erfcx(surface.all + distances / (2.0 * surface.length)), 1.0);
 }
 
-// The adsorption probability of a path that reaches the sphere, between two heights above its surface, negative inside.
+// The adsorption probability of a path that reaches the sphere, between two heights, negative inside.
 fn adsorption_probability(surface: Surface, a: f32, b: f32) -> f32 {
     let before = surface.radius + a;
     let after = surface.radius + b;
@@ -70,7 +70,7 @@ fn mean_of(x: f32) -> f32 {
         - x * (0.08597174606442003 - x * (0.041666666666666664 - x * (0.01910483245876 - x * high)))))));
 }
 
-// The fraction of the flux to a reactive surface that it adsorbs, as adsorbed particles are missing near it.
+// The adsorbed fraction of the flux: adsorbed particles are missing near the surface.
 fn effective_part(surface: Surface) -> f32 {
     if (surface.own <= 0.0) {
         return 0.0;
@@ -100,14 +100,14 @@ fn unit_of(draws: ptr<function, Draws>) -> f32 {
     return unit_32(word_of(draws));
 }
 
-// Draws the height above the surface at the end of the step in which a particle unbinds.
+// Draws the height at the end of the step in which a particle unbinds.
 fn height_after(surface: Surface, draws: ptr<function, Draws>) -> f32 {
     let scale = 2.0 * surface.length;
     let most = taken_from(surface.all, 0.0) * (1.0 + FAR * scale / surface.radius);
     var height = 0.0;
     for (var trial = 0u; trial < TRIALS; trial++) {
         let far = sqrt(-ln(unit_of(draws)));
-        // An angle of at most a right angle: cosines of devices may be wrong in the fourth digit.
+        // At most a right angle: cosines of devices may be wrong in the fourth digit.
         let y = far * cos_sin(word_of(draws) >> 2u).x;
         let u = unit_of(draws);
         height = y * scale;

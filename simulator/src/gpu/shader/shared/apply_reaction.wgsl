@@ -11,8 +11,8 @@ fn apply_if_best(index: u32) {
     react(candidate, rule);
 }
 
-// Records the outcome at each consumed reactant; see reactions.rs. Positions are read from a buffer that no reaction
-// writes, so a catalyst can take part in several reactions.
+// Records the outcome at each consumed reactant. No reaction writes the positions that this reads, so a catalyst can
+// take part in several.
 fn react(candidate: Candidate, rule: ReactionRow) {
     let first = moved[candidate.at.x].xyz;
     let meeting = first + rule.share * minimum_image(moved[candidate.at.y].xyz - first);

@@ -1,47 +1,47 @@
-// The state of the run on the device. The detector reads the number of particles in the first word.
+// The state of the run. The detector reads the particle count in the first word.
 struct Control {
     count: u32,
-    // Particles at the beginning of the step, without those of a burst.
+    // Particles at the beginning of the step, without bursts.
     alive: u32,
     incoming: u32,
-    // The reasons why the run is halted, as bits that several threads may set.
+    // Reasons of a halt, as bits that several threads may set.
     halted: atomic<u32>,
     step: u32,
     done: u32,
     logged: u32,
-    // Particles that pair with nothing: removed in this step by a receiver or a decay, or bound.
+    // Particles that pair with nothing: bound, or removed in this step by a receiver or a decay.
     removed: atomic<u32>,
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // The needed capacity: entries of the detector's grid, pairs, particles, the number of non-finite particles, or the
-    // blocks and tiles of the detector's search of crowded cells.
+    // The needed capacity: entries of the detector's grid, pairs, particles, non-finite particles, or blocks and
+    // tiles of the detector's search of crowded cells.
     missing_lo: u32,
     missing_hi: u32,
-    // The most surfaces near a particle that exceeded NEAR, and the most requests that exceeded MAX_REQUESTS.
+    // Most surfaces near a particle above NEAR, and most requests above MAX_REQUESTS.
     near_surfaces: atomic<u32>,
     requests: atomic<u32>,
-    // Remaining candidates of the matching, in either list.
+    // Remaining matching candidates, in either list.
     left: array<atomic<u32>, 2>,
-    // Capacities for particles, second products of a step, and entries of the event log.
+    // Capacities for particles, second products, and log entries.
     capacity: u32,
     max_births: u32,
     max_events: u32,
-    // The factor of the top speed of collisions, usually 1.
+    // Factor of the top speed of collisions, usually 1.
     speed_factor: f32,
     next_id: u32,
     born: atomic<u32>,
-    // Entries of the event log with those of this step, and without.
+    // Log entries with this step's, and without.
     events: atomic<u32>,
     committed_events: u32,
-    // Second products of this step: output index, id, and entry of the event log.
+    // Second products of this step: output index, id, and log entry.
     born_at: u32,
     born_id: u32,
     born_event: u32,
     // Collisions and separated overlaps of this step, and of the last finished one.
     contacts: atomic<u32>,
     committed_contacts: u32,
-    // The tallies of the current step, then those of all steps since the last readback.
+    // Tallies of this step, then of all steps since the last readback.
     tallies: array<atomic<u32>>,
 }
 

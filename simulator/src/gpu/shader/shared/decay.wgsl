@@ -1,4 +1,4 @@
-// A particle after its own step. A removed particle has a radius of -1 until the end of the step, or less if a receiver
+// A particle after its own step. A removed one has a radius of -1 until the end of the step, or less if a receiver
 // removed it, which the radius names.
 struct Moved {
     sphere: vec4<f32>,
@@ -6,16 +6,16 @@ struct Moved {
     velocity: vec3<f32>,
 }
 
-// The most decays of a particle in a step. Models that may exceed it are refused.
+// Models that may exceed it are refused.
 const MAX_DECAYS: u32 = 64u;
 const ARRIVAL_UNIT: f32 = 0x1p-17;
 
-// The radius of a particle that a receiver removed, which log_arrival reads.
+// The radius of a particle that a receiver removed; log_arrival reads it.
 fn radius_of_arrived(receiver: u32) -> f32 {
     return -1.0 - f32(receiver + 1u) * ARRIVAL_UNIT;
 }
 
-// 1 - exp(-x), by its series where the difference would cancel.
+// 1 - exp(-x), without cancellation.
 fn probability_within(x: f32) -> f32 {
     if (x > 0.1) {
         return 1.0 - exp(-x);
@@ -23,7 +23,7 @@ fn probability_within(x: f32) -> f32 {
     return x * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))));
 }
 
-// -ln(1 - x), by its series where the difference would cancel.
+// -ln(1 - x), without cancellation.
 fn minus_ln_of_rest(x: f32) -> f32 {
     if (x > 0.1) {
         return -ln(1.0 - x);
@@ -31,7 +31,7 @@ fn minus_ln_of_rest(x: f32) -> f32 {
     return x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 3.0 + x * (1.0 / 4.0 + x * (1.0 / 5.0 + x * (1.0 / 6.0))))));
 }
 
-// The part of `left` steps after which a decay happened, given that one did; `rate` is the number expected in a step.
+// The part of `left` steps after which a decay happened, given that one did; `rate` is per step.
 fn decay_time(rate: f32, left: f32, word: u32) -> f32 {
     return min(minus_ln_of_rest(unit_32(word) * probability_within(rate * left)) / rate, left);
 }
@@ -60,7 +60,7 @@ fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
     return NOTHING;
 }
 
-// Decays a particle that had no other event, and its products for the rest of the step; see decay.rs.
+// Decays a particle without another event, and its products for the rest of the step; see decay.rs.
 fn decay(moved: Moved, id: u32) -> Moved {
     var here = moved;
     var kind = species_rows[here.species];

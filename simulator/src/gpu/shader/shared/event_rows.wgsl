@@ -4,28 +4,28 @@ struct SpeciesRow {
     length: f32,
     diffusion: f32,
     radius: f32,
-    // Its rows in the table of events: receivers, then decays.
+    // First row in the table of events: receivers, then decays.
     events_begin: u32,
     decays_begin: u32,
     events_end: u32,
-    // Bound of the distance of a diffusive path from the line between its ends, near a receiver that diffuses as well.
+    // Bound of the distance of a path from the line between its ends, near a diffusing receiver.
     bend: f32,
-    // Bound of the displacement in a step for almost all particles, to which three displacements of a receiver are added.
-    // Receivers within that distance are listed.
+    // Bound of the displacement of almost all particles, plus three displacements of a receiver. Receivers within it
+    // are listed.
     reach: f32,
-    // Index among the species with lists of receivers, or NOTHING.
+    // Index among species with lists of receivers, or NOTHING.
     cell_lists: u32,
     speed: f32,
     thermal_speed: f32,
-    // The largest word at which a swimmer tumbles, if it does.
+    // Largest word at which a swimmer tumbles.
     tumbles: u32,
     tumble_threshold: u32,
     decay_rate: f32,
-    // Reciprocal mass in collisions.
+    // Reciprocal mass.
     mobility: f32,
 }
 
-// A possible event of a particle of one species, in the order of precedence.
+// A possible event of a species' particle, in the order of precedence.
 struct EventRow {
     drift: vec3<f32>,
     radius: f32,
@@ -33,21 +33,21 @@ struct EventRow {
     diffusion: f32,
     kind: u32,
     receiver: u32,
-    // The largest word at which the particle decays or adsorbs.
+    // Largest word at which the particle decays or adsorbs.
     threshold: u32,
     product: u32,
     tally: u32,
     // sqrt(D dt) of particle and receiver together.
     length: f32,
-    // Reactivity of a surface or of one free receptor, scaled as in adsorption.rs: kappa sqrt(dt / D).
+    // Reactivity of a surface or of a free receptor: kappa sqrt(dt / D).
     own: f32,
-    // Expected unbinding events of a bound particle per step.
+    // Expected unbinding events per step.
     unbinding: f32,
-    // The fraction of the decay rate up to this channel.
+    // Fraction of the decay rate up to this channel.
     share: f32,
 }
 
-// The center of a receiver at the beginning of a step, and its displacement in the step.
+// A receiver's center at the beginning of a step, and its displacement.
 struct ReceiverRow {
     center: vec3<f32>,
     displacement: vec3<f32>,
@@ -64,16 +64,16 @@ struct TrajectoryHeader {
     first: u32,
     // Rows of a step; 0 if all receivers rest.
     stride: u32,
-    // The largest displacement of a receiver in a step.
+    // Largest displacement of a receiver in a step.
     max_displacement: f32,
-    // The first row of the lists of receivers.
+    // First row of the lists of receivers.
     cells_at: u32,
     cells: ReceiverCellsHeader,
 }
 
 struct Path {
     before: vec3<f32>,
-    // Its end without walls and periodic images.
+    // End without walls and periodic images.
     end: vec3<f32>,
     after: vec3<f32>,
     velocity: vec3<f32>,
@@ -82,7 +82,7 @@ struct Path {
 const ABSORBING: u32 = 0u;
 const ENDPOINT: u32 = 1u;
 const REFLECTING: u32 = 2u;
-// Kinds of adsorption: by a reactivity, by a probability per step, and by receptors.
+// Adsorption: by reactivity, by probability per step, by receptors.
 const PARTIAL: u32 = 3u;
 const PER_STEP: u32 = 4u;
 const RECEPTORS: u32 = 5u;

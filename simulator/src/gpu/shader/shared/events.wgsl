@@ -1,6 +1,6 @@
 // Prediction of events, as in collisions/rules.rs.
 
-// Returns the time of the collision of two particles after both of their clocks, or NEVER; the lower id is first.
+// Returns the collision time of two particles after both clocks, or NEVER; the lower id is first.
 fn collision_time(a: Mover, b: Mover) -> f32 {
     let now = max(a.time, b.time);
     let d = displacement_at(a, b, now);
@@ -9,7 +9,7 @@ fn collision_time(a: Mover, b: Mover) -> f32 {
     let speed = dot(relative, relative);
     let square = dot(d, d);
     let touch = a.radius + b.radius;
-    // Rounding decides on the sign of a grazing approach; without the threshold it could recur.
+    // Rounding decides the sign of a grazing approach; without the threshold it could recur.
     if (approach <= GRAZING * sqrt(speed * square)) {
         return NEVER;
     }
@@ -36,7 +36,6 @@ struct WallHit {
     wall: u32,
 }
 
-// Returns the next hit of a particle on a wall.
 fn wall_hit(mover: Mover) -> WallHit {
     var hit = WallHit(NEVER, NOTHING);
     let place = mover.base + mover.offset;

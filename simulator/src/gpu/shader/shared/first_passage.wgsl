@@ -1,9 +1,9 @@
-// The probability that a diffusing path reaches a sphere, and the time at which it does, as in path_hit.rs.
+// The probability and time at which a diffusing path reaches a sphere, as in path_hit.rs.
 
-// Beyond this exponent the probability is below the smallest random number.
+// Beyond it the probability is below the smallest random number.
 const NEVER: f32 = 17.0;
 
-// Returns 1 - exp(-x) for x at or above 0, to a few units in the last place.
+// 1 - exp(-x) for x >= 0, to a few units in the last place.
 fn one_minus_exp(x: f32) -> f32 {
     if (x < 0.125) {
         return x * (1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0)))));
@@ -11,7 +11,7 @@ fn one_minus_exp(x: f32) -> f32 {
     return 1.0 - exp(-x);
 }
 
-// Returns the probability that a path reaches a sphere between the heights a and b above its surface, with b above 0.
+// Returns the probability that a path reaches a sphere between heights a and b > 0.
 fn hit_probability(radius: f32, a: f32, b: f32, diffusion: f32) -> f32 {
     let exponent = a * b / diffusion;
     if (exponent >= NEVER) {
@@ -21,8 +21,8 @@ fn hit_probability(radius: f32, a: f32, b: f32, diffusion: f32) -> f32 {
     return exp(-exponent) * one_minus_exp(image) / one_minus_exp(exponent + image);
 }
 
-// Returns the fraction of a step at which a path first reaches the surface, between heights in units of sqrt(2 D dt), from a
-// normal and a uniform number.
+// Returns the fraction of a step of the first passage, by heights in units of sqrt(2 D dt), a normal and a uniform
+// number.
 fn first_passage(heights: vec2<f32>, normal: f32, uniform: f32) -> f32 {
     let a = heights.x;
     let b = abs(heights.y);

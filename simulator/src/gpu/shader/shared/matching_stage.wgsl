@@ -1,4 +1,4 @@
-// A stage of the matching for the remaining candidates. The argument is the function of one candidate.
+// A matching stage; the argument is the function of one candidate.
 #include control
 #include candidate
 #include round

@@ -1,11 +1,11 @@
-// The bindings of kernels that list neighbors, and the candidates of a window.
+// Bindings of kernels that list neighbors.
 #include control
 #include params
 #include boundary
 #include candidate
 #include window
 
-// NextEvent by words, whose counts grow while lists are made.
+// NextEvent by words; counts grow while lists are made.
 struct Lists {
     words: array<atomic<u32>, 7>,
 }
@@ -20,8 +20,7 @@ struct Lists {
 
 #include gap
 
-// Returns the mark with which both particles of a candidate list each other: 0, or PASSES if they overlap and may bounce;
-// NOTHING if they do not.
+// Returns the mark of a candidate pair: 0, PASSES if they overlap and may bounce, or NOTHING if no neighbors.
 fn mark_of(pair: vec2<u32>) -> u32 {
     let a = movers[pair.x];
     let b = movers[pair.y];

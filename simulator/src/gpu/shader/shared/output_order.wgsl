@@ -1,7 +1,6 @@
-// The order of particles after a step: the order of the detector's cells, in which neighbors in space are neighbors in
-// memory, or the order before the step.
+// The order of particles after a step: that of the detector's cells, which keeps neighbors close in memory, or the
+// previous order.
 struct OutputOrder {
-    // 1 if the detector provides the order of its cells.
     is_cell_order: u32,
 }
 

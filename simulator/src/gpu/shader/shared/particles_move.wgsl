@@ -1,4 +1,3 @@
-// The bindings and functions of both kernels that move particles.
 #include control
 #include params
 #include philox

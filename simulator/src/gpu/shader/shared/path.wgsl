@@ -1,6 +1,5 @@
 // The path of a particle in a step, as in propagate.rs.
 
-// Returns the end of a step without walls and flow.
 fn free_end_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
     let random = normals(philox(vec4(id, 0u, control.step, PURPOSE_MOVE), params.key));
     return before + (kind.length * random + (kind.drift + velocity * params.time_step));
@@ -35,7 +34,7 @@ fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
     return spheres[velocity_at(at)].xyz;
 }
 
-// Returns the end of a step after reflection at the walls along which the particle drifts.
+// Returns the end of a step after reflection at walls along which the particle drifts.
 fn reflected_at_walls(before: vec3<f32>, end: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
     let drifts = (kind.drift != vec3(0.0)) & (params.axes == vec3(1u));
     if (!any(drifts)) {

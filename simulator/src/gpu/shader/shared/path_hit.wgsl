@@ -1,8 +1,7 @@
-// Tests whether the path of a particle hit a receiver, as in path_hit.rs.
+// Hits of a particle's path on receivers, as in path_hit.rs.
 #include path
 
-// A hit of a path on a receiver: the time of a certain one, or heights above the surface at both ends, in units of
-// sqrt(2 D dt), from which a time is drawn.
+// A hit: a certain time, or heights at both ends in units of sqrt(2 D dt), from which a time is drawn.
 struct Hit {
     is_hit: bool,
     is_drawn: bool,
@@ -14,7 +13,7 @@ fn hit_at(is_hit: bool, time: f32) -> Hit {
     return Hit(is_hit, false, time, vec2(0.0));
 }
 
-// Returns the fraction of a path along a line at which it enters the sphere, in the frame of the sphere; above 1 if it does not.
+// Returns the fraction of a line at which it enters the sphere, in its frame; above 1 if it does not.
 fn entry_time(event: EventRow, receiver: ReceiverRow, path: Path) -> f32 {
     let start = minimum_image(path.before - receiver.center);
     let displacement = path.end - path.before - receiver.displacement;
@@ -52,7 +51,6 @@ fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, own_diffusion: f32
     return Hit(is_hit, true, 0.0, vec2(a, b) / sqrt(2.0 * diffusion));
 }
 
-// Returns the fraction of the step at which a path first hit a receiver.
 fn time_of(hit: Hit, receiver: u32, id: u32) -> f32 {
     if (!hit.is_drawn) {
         return hit.time;
@@ -61,7 +59,7 @@ fn time_of(hit: Hit, receiver: u32, id: u32) -> f32 {
     return first_passage(hit.heights, normals(words).x, open_unit(words.z));
 }
 
-// Returns true if a hit on a receiver comes before the first one so far, of the event at first.
+// Returns true if a hit precedes the first one so far, of the event at first.
 fn is_earlier(hit: Hit, receiver: u32, first_hit: Hit, first: u32, id: u32) -> bool {
     if (first == NOTHING) {
         return true;

@@ -1,4 +1,4 @@
-// The sum of displacements of a particle, in 64 bits, and their number.
+// The sum of a particle's displacements, in 64 bits, and their number.
 struct Push {
     low: array<atomic<u32>, 3>,
     high: array<atomic<u32>, 3>,

@@ -1,17 +1,17 @@
 // Reflection of paths off spheres, as in reflection.rs.
 
-// A sphere near a particle, relative to the beginning of the particle's path.
+// A sphere near a particle, relative to the path's beginning.
 struct Obstacle {
     offset: vec3<f32>,
     radius: f32,
     displacement: vec3<f32>,
-    // Its drift in a step, in whose frame velocities are reflected.
+    // Drift in a step; velocities are reflected in its frame.
     drift: vec3<f32>,
     receiver: u32,
 }
 
-// A reflected path: its end, the confined end, the receiver of the first reflection or NOTHING, its length, and the
-// particle's own velocity at its end.
+// A reflected path: its end, the confined end, the first reflecting receiver or NOTHING, its length, and the
+// particle's velocity at the end.
 struct ReflectedPath {
     end: vec3<f32>,
     after: vec3<f32>,
@@ -20,16 +20,16 @@ struct ReflectedPath {
     velocity: vec3<f32>,
 }
 
-// The most spheres and images of spheres near one particle; the run halts if there are more.
+// Most spheres and images near a particle; the run halts above it.
 const NEAR: u32 = 16u;
-// The most reflections in one step; a particle stops at the last one.
+// Most reflections in a step; a particle stops at the last.
 const BOUNCES: u32 = 64u;
-// A bound of the factor by which rounding lengthens a path.
+// Bound of the factor by which rounding lengthens a path.
 const ROUNDING_FACTOR: f32 = 1.00001;
 
 var<private> near: array<Obstacle, NEAR>;
 var<private> near_count: u32;
-// True if the path left the region of the listed spheres after all searches; the run halts then as well.
+// True if the path left the region of the listed spheres after all searches; the run halts.
 var<private> left_region: bool;
 
 fn add_obstacle(obstacle: Obstacle, reach: f32) {
@@ -67,13 +67,13 @@ fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach:
     }
 }
 
-// Returns the time until the particle hits the obstacle; more than a step if it does not. The particle is outside.
+// Returns the time until the particle, which is outside, hits the obstacle; above a step if it does not.
 fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement: vec3<f32>) -> f32 {
     let out = obstacle.offset + traveled - time * obstacle.displacement;
     let relative = displacement - obstacle.displacement;
     let distance = length(out);
     let b = dot(out, relative);
-    // Rounding may have left the particle slightly inside.
+    // Rounding may have left the particle inside.
     let c = max((distance - obstacle.radius) * (distance + obstacle.radius), 0.0);
     let root = b * b - dot(relative, relative) * c;
     if (b >= 0.0 || root < 0.0) {
@@ -114,7 +114,7 @@ struct FollowedPath {
     displacement: vec3<f32>,
     length: f32,
     first: u32,
-    // The displacement of the particle's own velocity in a step.
+    // Displacement of the particle's own velocity.
     velocity: vec3<f32>,
 }
 
@@ -154,11 +154,11 @@ fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     var found = FollowedPath(vec3(0.0), length(displacement), NOTHING, vec3(0.0));
     left_region = true;
     for (var query = 0u; query < params.max_requeries; query++) {
-        // A sphere that moves towards the particle accelerates it by at most twice its own speed.
+        // A sphere that approaches accelerates the particle by at most twice its own speed.
         let reach = ROUNDING_FACTOR * found.length + 3.0 * trajectory.max_displacement;
         search_surfaces(kind, path, displacement, reach);
         found = follow(displacement, path.velocity * params.time_step, min(near_count, NEAR));
-        // A moving sphere may have pushed the particle beyond the region of the search.
+        // A moving sphere may push the particle beyond the searched region.
         if (trajectory.max_displacement == 0.0 || found.length + trajectory.max_displacement <= reach) {
             left_region = false;
             break;

@@ -1,6 +1,6 @@
 // Velocities of particles, as in release/mod.rs and simulation.rs.
 const PURPOSE_VELOCITY: u32 = 2u;
-// Draws of a particle for this purpose: after a change of species, and after unbinding.
+// Draws for this purpose: after a change of species, and after unbinding.
 const VELOCITY_OF_PRODUCT: u32 = 1u;
 const VELOCITY_OF_UNBOUND: u32 = 2u;
 
@@ -12,7 +12,7 @@ fn drawn_velocity(speed: f32, thermal_speed: f32, id: u32, draw: u32) -> vec3<f3
     return thermal_speed * normals(words);
 }
 
-// Returns the velocity after a change of species. Particles keep their direction if both species swim.
+// Returns the velocity after a change of species; swimmers keep their direction.
 fn converted_velocity(velocity: vec3<f32>, from_speed: f32, to_speed: f32, to_thermal: f32, id: u32) -> vec3<f32> {
     if (from_speed == to_speed) {
         return velocity;

@@ -1,13 +1,13 @@
-// A vessel of circular cross-section, as in vessel.rs, in f32.
+// A circular vessel, as in vessel.rs, in f32.
 const NO_VESSEL: u32 = 0u;
 
 fn along_vessel() -> u32 {
     return params.vessel_axis - 1u;
 }
 
-// The most reflections of one step; a particle stops at the last one.
+// Most reflections of a step; a particle stops at the last.
 const VESSEL_REFLECTIONS: u32 = 64u;
-// A point that rounding left outside moves towards the axis by this fraction, then twice as much each time.
+// A point that rounding left outside moves towards the axis by this fraction, doubled each time.
 const SHRINK: f32 = 2e-7;
 const SHRINK_STEPS: u32 = 15u;
 
@@ -19,13 +19,13 @@ fn second_across() -> u32 {
     return (along_vessel() + 2u) % 3u;
 }
 
-// Returns the two coordinates of a point across the vessel, from its axis.
+// Returns the coordinates of a point across the vessel, from its axis.
 fn across_vessel(p: vec3<f32>) -> vec2<f32> {
     let d = p - params.vessel_center;
     return vec2(d[first_across()], d[second_across()]);
 }
 
-// Moves a point to the given coordinates across the vessel, but no farther from the axis than `radius`.
+// Moves a point to coordinates across the vessel, at most `radius` from the axis.
 fn placed_across(p: vec3<f32>, across: vec2<f32>, radius: f32) -> vec3<f32> {
     var q = p;
     var shrink = 0.0;
@@ -40,7 +40,7 @@ fn placed_across(p: vec3<f32>, across: vec2<f32>, radius: f32) -> vec3<f32> {
     return q;
 }
 
-// Reflects a point beyond the wall at the wall. A point far beyond it goes to the axis.
+// Reflects a point at the wall. A point far beyond it goes to the axis.
 fn confined_in_vessel(p: vec3<f32>, radius: f32) -> vec3<f32> {
     let across = across_vessel(p);
     let distance = length(across);
@@ -56,7 +56,6 @@ struct VesselPath {
     velocity: vec3<f32>,
 }
 
-// Follows a path across the vessel from reflection to reflection.
 fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: vec3<f32>) -> VesselPath {
     let to = across_vessel(end);
     if (length(to) <= radius) {
@@ -64,11 +63,11 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
     }
     var at = across_vessel(before);
     var displacement = to - at;
-    // Rounding may have left the particle slightly outside.
+    // Rounding may have left the particle outside.
     at /= max(length(at) / radius, 1.0);
     var across = vec2(velocity[first_across()], velocity[second_across()]);
     for (var k = 0u; k < VESSEL_REFLECTIONS; k++) {
-        // The later solution of |at + t displacement| = radius, without cancellation.
+        // The later root of |at + t displacement| = radius, without cancellation.
         let distance = length(at);
         let a = dot(displacement, displacement);
         let b = dot(at, displacement);
@@ -98,7 +97,7 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
     return VesselPath(placed_across(end, at, radius), turned);
 }
 
-// The displacement by Poiseuille flow between two points: the mean of both ends, to second order in the time step.
+// Displacement by Poiseuille flow: the mean of both ends, to second order in the time step.
 fn flow_between(before: vec3<f32>, end: vec3<f32>) -> f32 {
     let r = vec2(length(across_vessel(before)), length(across_vessel(end))) / params.vessel_radius;
     return params.peak_flow * 0.5 * ((1.0 - r.x * r.x) + (1.0 - r.y * r.y));

@@ -1,9 +1,9 @@
-// A window of a step: the time in which the lists of neighbors are complete, as in collisions/mod.rs. Zeros at the beginning
-// of a step.
+// The part of a step in which the neighbor lists are complete, as in collisions/mod.rs. Zeros at the beginning of a
+// step.
 struct Window {
     // Particles, or 0 if the step is over or the run is halted. The detector reads this word.
     count: u32,
-    // Its beginning and end, as fractions of the step.
+    // Beginning and end, as fractions of the step.
     now: f32,
     horizon: f32,
     // The path for which the lists suffice, the largest useful one, and the largest permitted speed.
@@ -12,13 +12,13 @@ struct Window {
     top_speed: f32,
     // Pairs to read from the detector.
     pairs: u32,
-    // Used entries of the lists.
+    // Used list entries.
     listed: atomic<u32>,
-    // The bits of the largest speed.
+    // Bits of the largest speed.
     fastest: atomic<u32>,
-    // The bits of the time of the earliest event, of the rounds in turn.
+    // Bits of the earliest event's time, by parity of the round.
     earliest: array<atomic<u32>, 2>,
-    // The box around all particles: keys that ascend from the highest coordinate down, and from the lowest up.
+    // Box around all particles, as keys that ascend from the highest coordinate down, and from the lowest up.
     lows: array<atomic<u32>, 3>,
     highs: array<atomic<u32>, 3>,
 }
