@@ -1,5 +1,5 @@
-//! A simulator that lives on the GPU: its device, its buffers, its encoder. A compute pass of its own consumes the
-//! pairs and counts the contacts of each sphere, without a readback.
+//! A simulation that stays on the GPU: a compute pass counts the contacts of each sphere from the detected pairs,
+//! without readback.
 //!
 //! `cargo run --release -p lazygrid --example embedded`
 
@@ -13,7 +13,7 @@ use lazygrid::gpu::{
 
 const SPHERES: u32 = 100_000;
 
-/// One thread per written pair, dispatched by the arguments that the detector left.
+/// One thread per pair, dispatched with the arguments that the detector writes.
 const CONSUMER: &str = "
     @group(0) @binding(0) var<storage, read> outcome: array<u32>;
     @group(0) @binding(1) var<storage, read> pairs: array<vec2<u32>>;
@@ -23,7 +23,7 @@ const CONSUMER: &str = "
     fn consume(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                @builtin(local_invocation_index) lane: u32) {
         let index = (group.x + group.y * groups.x) * 256u + lane;
-        // The low word of the count; a result beyond 32 bits or the buffer raises the overflow flag.
+        // The low word of the count; results beyond 32 bits or the buffer raise the overflow flag.
         if (index < min(outcome[0], arrayLength(&pairs))) {
             let pair = pairs[index];
             atomicAdd(&contacts[pair.x], 1u);
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         cache: None,
     });
 
-    // Probes the adapter once, so that detectors may use its subgroup operations.
+    // Without this probe of the adapter detectors use no subgroup operations.
     let _ = GpuDevice::from_wgpu(&device, &queue);
     let mut detector = GpuDetector::new(&device, GpuConfig::default())?;
     let GpuOutput { pairs, outcome, .. } = detector.reserve(SPHERES)?;
@@ -57,7 +57,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         entries: &[entry(0, &outcome), entry(1, &pairs), entry(2, &contacts)],
     });
 
-    // One encoder, one submission: detection and its consumer.
     let mut encoder = device.create_command_encoder(&Default::default());
     detector.encode(&mut encoder, &GpuSpheres::new(&spheres, SPHERES))?;
     {
@@ -91,7 +90,7 @@ fn simulator_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn Error>> {
     Ok(pollster::block_on(adapter.request_device(&descriptor))?)
 }
 
-/// Equal spheres that fill a twentieth of a cube, at pseudorandom positions.
+/// Equal spheres at pseudorandom positions that fill 5 % of a cube.
 fn simulator_spheres(device: &wgpu::Device, queue: &wgpu::Queue) -> wgpu::Buffer {
     let edge = (f64::from(SPHERES) * 4.19 * 0.125 / 0.05).cbrt() as f32;
     let spheres: Vec<Sphere> =

@@ -1,4 +1,4 @@
-//! A periodic box: coordinates may leave it, pairs across its boundary are found, and so are neighbors of each sphere.
+//! A periodic box: pairs and neighbors across its boundary, from coordinates that need not be wrapped.
 //!
 //! `cargo run --release -p lazygrid --example periodic`
 
@@ -9,7 +9,6 @@ use lazygrid::glam::Vec3;
 use lazygrid::{Config, Detector, Space, Sphere};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Periodic along x and y, unbounded along z.
     let slab = Space::periodic([Some(10.0), Some(10.0), None])?;
     let mut detector = Detector::new(Config::default().space(slab))?;
 
@@ -26,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 writeln!(stdout(), "step {step}: {k} and {other} are {distance:.2} apart")?;
             }
         }
-        // Twice round the box and a little further: coordinates need not be wrapped.
+        // Two box lengths and a little further.
         spheres[2].center += Vec3::new(20.0 + 2.0, 0.0, 0.0);
     }
     writeln!(

@@ -1,5 +1,5 @@
-//! A loop on the GPU: every step moves the spheres in a compute pass, detects their overlaps, and adds the count to a
-//! total there. The host only records and submits; one number comes back at the end.
+//! A loop on the GPU: every step moves the spheres, detects overlaps and adds their count to a total, which the host
+//! reads at the end.
 //!
 //! `cargo run --release -p lazygrid --example service [SPHERES] [STEPS]`
 
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SoftwareAdapter, wgpu};
 
-/// Moves every sphere along a direction of its own and keeps it in the unit box.
+/// Moves every sphere and keeps it in the unit box.
 const MOVE: &str = "
     @group(0) @binding(0) var<storage, read_write> spheres: array<vec4<f32>>;
 

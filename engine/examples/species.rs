@@ -1,4 +1,4 @@
-//! Species: a table of the pairs that react, with their distances. Other pairs are never reported.
+//! Species: a table of the pairs that react, with their distances.
 //!
 //! `cargo run --release -p lazygrid --example species`
 
@@ -19,7 +19,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     reactions.set(SALT, SALT, Interaction::Touch)?;
     let mut detector = Detector::new(Config::default().interactions(reactions))?;
 
-    // Columns are read in place.
     let x = [0.0, 0.15, 0.3, 5.0, 5.3, 5.35];
     let (y, z) = ([0.0; 6], [0.0; 6]);
     let radius = [0.0, 0.0, 0.0, 0.2, 0.2, 0.1];

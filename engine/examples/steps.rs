@@ -1,4 +1,4 @@
-//! Particles that move on the CPU, and the overlapping pairs at every step.
+//! Particles that move on the CPU, with the overlapping pairs of every step.
 //!
 //! `cargo run --release -p lazygrid --example steps [SPHERES] [STEPS]`
 
@@ -13,17 +13,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let count = numbers.next().transpose()?.unwrap_or(10_000);
     let steps = numbers.next().transpose()?.unwrap_or(10);
 
-    // On a square lattice 2.1 apart, radii from 0.25 to 1, each with a velocity of its own.
+    // A square lattice with spacing 2.1, radii from 0.25 to 1.
     let row = (count as f64).sqrt().ceil() as usize;
     let place = |k: usize| Vec3::new((k % row) as f32, (k / row) as f32, 0.0) * 2.1;
     let mut spheres: Vec<Sphere> =
         (0..count).map(|k| Sphere::new(place(k), 0.25 * (1 + k % 4) as f32)).collect();
     let velocity = |k: usize| Vec3::new((k % 7) as f32 - 3.0, (k % 11) as f32 - 5.0, 0.0) * 0.1;
 
-    // One detector for the whole run keeps its buffers and chooses the algorithm per call.
+    // The detector is created once, because it reuses its buffers.
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
     for step in 0..steps {
-        // Sorted by `i`, then `j`, with i < j, and the same from run to run.
+        // Sorted by `i`, then `j`, with i < j.
         let pairs = detector.pairs(&spheres)?;
         let deepest = pairs.iter().map(|pair| {
             let [a, b] = [pair.i, pair.j].map(|k| spheres[k as usize]);

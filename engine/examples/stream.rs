@@ -1,4 +1,4 @@
-//! Streaming: more pairs than fit into memory, in chunks of bounded size, with an early stop.
+//! Streams more pairs than fit into memory, in bounded chunks, with an early stop.
 //!
 //! `cargo run --release -p lazygrid --example stream [SPHERES]`
 
@@ -10,15 +10,15 @@ use lazygrid::{Config, Detector, Order, Sphere};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let count = std::env::args().nth(1).map_or(Ok(5000), |text| text.parse::<usize>())?;
-    // A burst: all spheres at one point, hence n(n-1)/2 pairs.
+    // All spheres at one point: n(n-1)/2 pairs.
     let burst: Vec<Sphere> = vec![Sphere::new([0.0; 3], 1.0); count];
 
-    // Unordered chunks cost the least. In canonical order the stream as a whole is sorted.
+    // Unordered chunks are the fastest.
     let mut detector = Detector::new(Config::default().order(Order::Unordered))?;
     let found = detector.count(&burst)?;
     writeln!(stdout(), "{count} spheres have {found} pairs, a list of {} MB", found * 8 / 1_000_000)?;
 
-    // The degree of each sphere, without a list of pairs anywhere.
+    // The degree of each sphere, without a list of pairs.
     let mut degree = vec![0_u32; burst.len()];
     let handed = detector.stream(&burst, 10_000, |chunk| {
         for pair in chunk {

@@ -1,4 +1,4 @@
-//! The interface of a [`Detector`](crate::Detector) to the backends that search.
+//! The interface between a [`Detector`](crate::Detector) and its backends.
 
 use std::fmt::Debug;
 
@@ -22,5 +22,4 @@ impl DetectorBackend for HostBackend {
     }
 }
 
-/// Finds pairs on the backend of a detector.
 pub(crate) type BackendFinder = PairFinder<Box<dyn DetectorBackend>>;

@@ -1,5 +1,5 @@
-//! Choice of the backend, and of the algorithm on a GPU, as pure functions with a reason. The CPU path's own choice is
-//! in `lazygrid_host::algorithm_choice`.
+//! The choice of the backend, and of the algorithm on a GPU, as pure functions that also return the reason.
+//! `lazygrid_host::algorithm_choice` chooses on the CPU.
 
 #[cfg(feature = "gpu")]
 use lazygrid_host::SkinCosts;
@@ -15,9 +15,6 @@ use crate::{Backend, Error};
 pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 
 /// Returns the requested backend. Naming an adapter implies `Gpu`.
-///
-/// # Errors
-/// [`Error::AdapterOnCpu`] for the CPU and an adapter.
 #[cfg(feature = "gpu")]
 pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
     match (asked, adapter) {
@@ -27,12 +24,12 @@ pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Re
     }
 }
 
-/// Returns the device to run on with the reason, or `None` for the CPU. `open` returns a device with its name; its
-/// argument permits a software adapter. It is called only if a GPU could run.
+/// Returns the device and the reason, or `None` for the CPU. Calls `open` only if a GPU could run; the argument of
+/// `open` permits a software adapter.
 ///
 /// # Errors
-/// [`Error::NotOnBackend`] for an algorithm that the backend lacks; [`Error::GpuUnavailable`] if only a GPU can run the
-/// algorithm, or a GPU is requested, and none can be opened.
+/// [`Error::NotOnBackend`] if the backend lacks the algorithm; [`Error::GpuUnavailable`] if a required GPU cannot be
+/// opened.
 pub(crate) fn backend<D>(
     asked: Backend,
     algorithm: Algorithm,
@@ -70,7 +67,7 @@ pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
     asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }
 
-/// Returns the backend of a call for spheres in the host's memory, and the reason.
+/// Returns the backend for spheres in host memory, and the reason.
 #[cfg(feature = "gpu")]
 pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String) {
     let AdapterProfile { device_from, how, .. } = *known;
@@ -80,8 +77,7 @@ pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String
     }
 }
 
-/// Returns the algorithm of a call on a GPU, and the reason. The arguments are the numbers of spheres, of spheres in
-/// the first of two sets, and of size classes.
+/// Returns the algorithm on a GPU, and the reason.
 #[cfg(feature = "gpu")]
 pub(crate) fn algorithm(
     asked: Algorithm,
@@ -94,7 +90,7 @@ pub(crate) fn algorithm(
     let at = crossover.of(classes);
     if let Some(split) = split {
         let [a, b] = [split, spheres - split].map(u64::from);
-        // At the crossover, the grid costs as much per sphere as comparing the sphere with half of `at` spheres.
+        // At the crossover, the grid costs as much per sphere as testing it against `at / 2` spheres.
         let is_few = 2 * a * b < (a + b) * u64::from(at);
         let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (LARGE_INPUT_ALGORITHM, "many") };
         return (chosen, format!("{chosen}: {a} times {b} comparisons are {few} ({known})"));
@@ -105,7 +101,6 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
 }
 
-/// Returns the reason for which a call on a GPU cannot use a candidate list, or `Ok`.
 #[cfg(feature = "gpu")]
 pub(crate) fn can_use_skin(
     asked: Algorithm,
@@ -191,7 +186,6 @@ mod tests {
         assert_eq!(resolve_backend(Backend::Gpu, Some(&card)), Ok(Backend::Gpu));
         let refused = resolve_backend(Backend::Cpu, Some(&card)).expect_err("a contradiction").to_string();
         assert!(refused.contains("card") && refused.contains("cpu"), "{refused}");
-        // The missing GPU is not the cause of the failure.
         let unknown =
             Error::UnknownAdapter { requested: String::new(), matches: 0, available: String::new() };
         let open = |_| Err::<(String, ()), _>(unknown.clone());
@@ -283,7 +277,7 @@ mod tests {
     #[test]
     fn candidates() {
         use Algorithm::{Auto, CellList, LazyGrid, Naive};
-        // A call's fixed cost equals the saving for a thousand spheres.
+        // The fixed cost of a call equals the saving for a thousand spheres.
         let costs = SkinCosts {
             search_ns: 11.0,
             levels_ns: 0.0,
@@ -339,7 +333,6 @@ mod tests {
         assert!(assumed.crossover == Crossover::SOFTWARE && assumed.skin == SOFTWARE_SKIN_COSTS);
         assert_eq!(per_call(1_000_000_000, &assumed).0, Backend::Cpu);
         let current = [4, 5].map(|naive_below| measured("Card", "driver 1", version, naive_below));
-        // The latest calibration counts.
         let last = profile_of(&[&others[..], &current].concat(), &adapter);
         assert!(last.crossover.naive_below == 5 && last.skin.call_ns == 5.0, "{last:?}");
         assert_eq!((last.radix_sort_from, last.device_from), (5000, 50));

@@ -12,7 +12,7 @@ use crate::gpu::costs::Calibration;
 use crate::gpu::device::AdapterId;
 use crate::{Order, Skin};
 
-/// The configuration of a [`Detector`](crate::Detector). The default suits almost all programs.
+/// The configuration of a [`Detector`](crate::Detector). The defaults suit almost all programs.
 ///
 /// ```
 /// # use lazygrid::{Algorithm, Config, Order};
@@ -25,7 +25,7 @@ pub struct Config {
     pub(crate) adapter: Option<AdapterId>,
     pub(crate) settings: Settings,
     #[cfg(feature = "gpu")]
-    /// τ and cell ratio as requested; else each backend has its own.
+    /// `None`: the backend's own value, as for the cell ratio.
     pub(crate) tau: Option<u32>,
     #[cfg(feature = "gpu")]
     pub(crate) cell_ratio: Option<f32>,
@@ -37,7 +37,6 @@ pub struct Config {
 
 impl Config {
     #[cfg(feature = "gpu")]
-    /// The valid values of [`cell_ratio`](Self::cell_ratio).
     pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
 
     /// The backend to run on. Default: [`Backend::Auto`].
@@ -46,14 +45,9 @@ impl Config {
         self
     }
 
-    /// Selects one of several GPUs: by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its
-    /// name that no other adapter has. Naming an adapter implies [`Backend::Gpu`] and permits a software adapter.
-    /// Default: the best adapter, discrete before integrated.
-    ///
-    /// ```
-    /// # use lazygrid::Config;
-    /// let config = Config::default().adapter("nvidia");
-    /// ```
+    /// Selects a GPU by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its name that no other
+    /// adapter has. Implies [`Backend::Gpu`] and permits a software adapter. Default: the best adapter, discrete before
+    /// integrated.
     #[cfg(feature = "gpu")]
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
         self.adapter = Some(adapter.into());
@@ -66,8 +60,8 @@ impl Config {
         self
     }
 
-    /// Measurements of GPUs, by which `Auto` chooses. Those of other adapters are ignored; of several of one adapter
-    /// the last counts. Default: none, and crossover and costs are assumed.
+    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; for one adapter the last
+    /// entry counts. Default: none; crossover and costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
@@ -80,20 +74,20 @@ impl Config {
         self
     }
 
-    /// Threads of the CPU path, in a pool of its own. Default: the rayon pool of the caller.
+    /// The number of CPU threads, in a pool of the detector's own. Default: the rayon pool of the caller.
     pub fn threads(mut self, threads: usize) -> Self {
         self.settings.threads = Some(threads);
         self
     }
 
-    /// The widest vector code of the CPU path, if the processor has it. Default: the widest.
+    /// The widest vector instructions to use on the CPU. Default: the widest available.
     pub fn simd(mut self, simd: Simd) -> Self {
         self.settings.simd = simd;
         self
     }
 
-    /// τ: the number of smaller spheres above which a cell is refined (paper, section 3.2). Default: [`Settings::TAU`]
-    /// on the CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU, from measured sweeps.
+    /// τ: cells with more than τ smaller spheres are refined (paper, section 3.2). Default: [`Settings::TAU`] on the
+    /// CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU.
     pub fn tau(mut self, tau: u32) -> Self {
         #[cfg(feature = "gpu")]
         {
@@ -105,7 +99,7 @@ impl Config {
 
     /// Cell size of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU raises values below 1.5
     /// to 1.5. Default: [`Settings::CELL_RATIO`] on the CPU,
-    /// [`GpuConfig::CELL_RATIO`](crate::gpu::GpuConfig::CELL_RATIO) on the GPU, from measured sweeps.
+    /// [`GpuConfig::CELL_RATIO`](crate::gpu::GpuConfig::CELL_RATIO) on the GPU.
     pub fn cell_ratio(mut self, ratio: f32) -> Self {
         #[cfg(feature = "gpu")]
         {
@@ -115,52 +109,47 @@ impl Config {
         self
     }
 
-    /// The most pairs a list may hold; more give an error with the exact number. Default: 2²⁹ (4 GiB).
-    /// Counting and streaming have no limit.
+    /// The most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB). Counting and streaming
+    /// have no limit.
     pub fn max_pairs(mut self, max_pairs: u64) -> Self {
         self.settings.max_pairs = max_pairs;
         self
     }
 
-    /// Sets the table of interactions: the species that pair, and their distances. Spheres must then carry species ids.
-    /// `None` removes a table. Default: none, and all spheres that touch pair.
+    /// Sets the interaction table: species that pair, and their distances. Spheres must then carry species ids. `None`
+    /// removes the table. Default: none; all touching spheres pair.
     pub fn interactions(mut self, interactions: impl Into<Option<Interactions>>) -> Self {
         self.settings.interactions = interactions.into();
         self
     }
 
-    /// Sets a flag that cancels searches on the CPU, such as for Ctrl-C. While it is true, searches return
-    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except while spheres are sorted or pairs are
-    /// put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
+    /// Sets a flag that cancels CPU searches, for example on Ctrl-C. While it is `true`, searches return
+    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting. It does not affect the
+    /// GPU; see [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);
         self
     }
 
-    /// The time limit of a call on the GPU, after which it fails with
-    /// [`Error::Timeout`](crate::Error::Timeout). Default: ten minutes.
+    /// The time limit of a GPU call, after which it returns [`Error::Timeout`](crate::Error::Timeout). Default: ten
+    /// minutes.
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {
         self.timeout = Some(timeout);
         self
     }
 
-    /// Sets whether the detector keeps a candidate list from call to call, which pays if spheres move little and never
-    /// changes an answer. Default: [`Skin::Auto`]. On the GPU the list stays there, and [`Skin::Auto`] uses the costs
-    /// of the adapter; see [`calibration`](Self::calibration).
-    ///
-    /// ```
-    /// # use lazygrid::{Config, Skin};
-    /// let config = Config::default().skin(Skin::Off);
-    /// ```
+    /// Sets the skin of the candidate list (Verlet list) kept between calls. A list pays if spheres move little;
+    /// results do not change. Default: [`Skin::Auto`], which uses the adapter's costs on the GPU; see
+    /// [`calibration`](Self::calibration).
     pub fn skin(mut self, skin: Skin) -> Self {
         self.settings.skin = skin;
         self
     }
 
-    /// Sets the space of the spheres. Default: [`Space::UNBOUNDED`]. The GPU decides pairs within 4 ulp of exact
-    /// tangency either way, relative to the squared distance at which they pair, and within 5 ulp in a periodic space.
-    /// In a triclinic space the host decides in `f64`, and a count reads all candidates back.
+    /// Sets the space of the spheres. Default: [`Space::UNBOUNDED`]. On the GPU, pairs within 4 ulp of tangency
+    /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way. In a triclinic space the host
+    /// decides in `f64`, and a count reads all candidates back.
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

@@ -11,9 +11,9 @@ use crate::geometry::Geometry;
 use crate::gpu::{AutoBackend, GpuBackend, GpuDevice, SoftwareAdapter};
 use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 
-/// Returns all pairs of overlapping spheres, in canonical order, with default settings.
+/// Returns all overlapping pairs in canonical order, with default settings.
 ///
-/// For more than one call keep a [`Detector`].
+/// Programs with more than one call should keep a [`Detector`].
 ///
 /// # Errors
 /// See [`Detector::pairs`].
@@ -23,7 +23,7 @@ pub fn detect<'a>(query: impl Into<Query<'a>>) -> Result<Vec<Pair>, Error> {
     Ok(detector.into_pairs())
 }
 
-/// Finds overlapping pairs, call after call, in buffers that survive between calls.
+/// Finds overlapping pairs and reuses its buffers between calls.
 #[derive(Debug)]
 pub struct Detector {
     finder: BackendFinder,
@@ -63,23 +63,21 @@ fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
 }
 
 impl Detector {
-    /// Creates a detector. The backend is chosen here and logged; with [`Backend::Auto`](crate::Backend::Auto) on a
-    /// machine with a GPU each call chooses.
+    /// Creates a detector and logs its backend. With [`Backend::Auto`](crate::Backend::Auto) and a GPU, each call
+    /// chooses.
     ///
     /// # Errors
-    /// [`Error::GpuUnavailable`] if the GPU is requested by name and cannot be used; [`Error::NotOnBackend`] if the
-    /// algorithm does not run on the backend; [`Error::InvalidSetting`] for a setting outside its range;
-    /// [`Error::UnknownAdapter`] for an unknown adapter.
+    /// [`Error::GpuUnavailable`] if a requested GPU cannot be used; [`Error::NotOnBackend`] if the backend lacks the
+    /// algorithm; [`Error::InvalidSetting`]; [`Error::UnknownAdapter`].
     pub fn new(config: Config) -> Result<Self, Error> {
         let (finder, backend_reason) = finder(config)?;
         log::info!("{backend_reason}");
         Ok(Self { finder, backend_reason, geometry: Box::default() })
     }
 
-    /// Returns the overlapping pairs, each once, in the configured order. The slice lives until the next call.
+    /// Returns the overlapping pairs, each once, in the configured order.
     ///
-    /// For two sets, only pairs across them count: `i` is an index of the first set, `j` of the second. On the CPU, the
-    /// cell list and naive compare spheres of different sets only.
+    /// For two sets, only pairs across them count: `i` is an index of the first set, `j` of the second.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, Pair, Sphere};
@@ -93,16 +91,16 @@ impl Detector {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Input`] for spheres that are not finite, negative radii or unknown species, naming the first, and with
-    /// [`InputError::SecondSet`](crate::InputError::SecondSet) for those of a second set;
-    /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
-    /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
+    /// [`Error::Input`] names the first invalid sphere, in [`InputError::SecondSet`](crate::InputError::SecondSet) if
+    /// it is in the second set; [`Error::TooManyPairs`] above [`Config::max_pairs`], with the exact number;
+    /// [`Error::OutOfMemory`]. On a GPU also [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`],
+    /// [`Error::DeviceLost`] and [`Error::Timeout`].
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
         self.finder().pairs(query)
     }
 
-    /// Returns the pairs as neighbor lists: for every sphere all that overlap it, ascending, each pair in both lists.
-    /// Of two sets, every sphere of the first set lists its neighbors in the second.
+    /// Returns the neighbors of every sphere, ascending; each pair is in both lists. For two sets, every sphere of the
+    /// first set lists its neighbors in the second.
     ///
     /// # Errors
     /// See [`pairs`](Self::pairs).
@@ -113,10 +111,9 @@ impl Detector {
     /// Returns neighbor lists with the shifts, vectors and distances that `options` request.
     ///
     /// Other searches consider the minimum image only. This search finds all images within the cutoff, also in a box
-    /// smaller than the cutoff, where a sphere may be the neighbor of its own images. Excluded pairs, and spheres of
-    /// one group, are omitted with all their images. `i` and `j` are neighbors at shift `S` if the vector `v = (cⱼ −
-    /// cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is no longer than their cutoff, as in the contact test of a pair, in `f64` on any
-    /// backend. The order is canonical.
+    /// smaller than the cutoff, where a sphere may neighbor its own images. Exclusions apply to all images. `i` and `j`
+    /// are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is at most their cutoff long, in `f64` on
+    /// any backend. The order is canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
@@ -131,9 +128,9 @@ impl Detector {
     /// ```
     ///
     /// # Errors
-    /// See [`pairs`](Self::pairs); [`Config::max_pairs`] also limits the pairs of a sphere and an image that are
-    /// examined. [`InputError::Images`](crate::InputError::Images) and [`InputError::Shift`](crate::InputError::Shift)
-    /// for cutoffs and coordinates that are too large for the box.
+    /// See [`pairs`](Self::pairs); [`Config::max_pairs`] also limits the examined pairs of a sphere and an image.
+    /// [`InputError::Images`](crate::InputError::Images) and [`InputError::Shift`](crate::InputError::Shift) for
+    /// cutoffs or coordinates too large for the box.
     pub fn neighbor_list<'a>(
         &mut self,
         query: impl Into<Query<'a>>,
@@ -142,21 +139,21 @@ impl Detector {
         self.geometry.neighbor_list(&mut self.finder, &query.into(), options)
     }
 
-    /// Counts the pairs. Needs no memory for them, so any number can be counted.
+    /// Returns the number of pairs, without storing them.
     ///
     /// # Errors
-    /// See [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
+    /// See [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
         self.finder().count(query)
     }
 
-    /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns their number. Memory stays bounded
-    /// for any number of pairs. `consume` may stop the search with `ControlFlow::Break`.
+    /// Passes the pairs to `consume` in chunks of at most `chunk` pairs, in bounded memory, and returns their number.
+    /// `consume` may stop the search with `ControlFlow::Break`.
     ///
-    /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs then
-    /// costs one further search per that many pairs. Unordered chunks come as they are found, one at a time, and with
-    /// several threads from a thread of their own. Searching threads may wait for `consume`, so it must not wait for
-    /// work of the same rayon pool. A search by a detector with a pool of its own is fine.
+    /// In canonical order the whole stream is sorted; each further [`Config::max_pairs`] pairs then cost one more
+    /// search. Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for work of
+    /// the same rayon pool, because searching threads may wait for it. A search by a detector with its own pool is
+    /// allowed.
     ///
     /// # Errors
     /// See [`count`](Self::count).
@@ -185,22 +182,22 @@ impl Detector {
         &mut self.finder
     }
 
-    /// Estimates the bytes that this detector holds for `spheres` spheres, besides the result. On the CPU the estimate
-    /// is an upper bound for one set of rows or columns in `f32`; two sets, spheres in `f64` and strided ones are
-    /// copied, which takes up to 23 bytes more each, and neighbor lists take memory in proportion to the neighbors. At
-    /// most [`MAX_SPHERES`](crate::MAX_SPHERES) spheres count.
+    /// Estimates the bytes that this detector holds for `spheres` spheres (at most
+    /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound for one set in `f32`
+    /// rows or columns. Two sets, `f64` and strided input are copied: up to 23 bytes more per sphere. Neighbor lists
+    /// take memory in proportion to the neighbors.
     ///
-    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes candidates: on the CPU 96 per sphere, 768
-    /// bytes, the most that are kept; few scenes have more than ten.
+    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes candidates: on the CPU 96 per sphere (768
+    /// bytes), the maximum; few scenes exceed ten.
     ///
-    /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the most on one level. Spheres of many sizes
-    /// that crowd together may have more: ten sizes at one point have about 44 each. A call that needs more allocates
-    /// them, 16 bytes each, and later estimates count them.
+    /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the maximum on one level. Crowded spheres of
+    /// many sizes may need more: ten sizes at one point have about 44 each. Such a call allocates 16 bytes per further
+    /// entry, and later estimates include them.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         self.finder.backend().memory_for(spheres.min(MAX_SPHERES))
     }
 
-    /// Returns the list of [`pairs`](Self::pairs) without a copy, if that was the last call.
+    /// Returns the list of the last call, if that was [`pairs`](Self::pairs), without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
         self.finder.into_pairs()
     }

@@ -13,13 +13,13 @@ use crate::{Error, Report};
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,
     images: PeriodicImages,
-    /// Finds the pairs of spheres and images, on the CPU because pairs are decided in `f64`.
+    /// On the CPU, because pairs are decided in `f64`.
     image_search: Option<HostDetector>,
     report: Option<Report>,
 }
 
 impl Geometry {
-    /// Finds the pairs of a query with all images within the cutoff, and builds their list.
+    /// Finds the pairs of a query with all images within the cutoff.
     pub(crate) fn neighbor_list(
         &mut self,
         engine: &mut BackendFinder,
@@ -80,7 +80,6 @@ fn contact<'a>(query: &'a Query<'a>, settings: &'a Settings) -> ContactTest<'a> 
     ContactTest { query, space: &settings.space, table: settings.interactions.as_ref() }
 }
 
-/// The settings of the search between spheres and images, in unbounded space.
 fn among_images(settings: &Settings) -> Settings {
     Settings {
         algorithm: Algorithm::Auto,

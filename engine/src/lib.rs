@@ -12,7 +12,7 @@
 //! # Ok::<(), lazygrid::Error>(())
 //! ```
 //!
-//! A simulation keeps one [`Detector`], whose buffers survive from step to step:
+//! A simulation keeps one [`Detector`], which reuses its buffers:
 //!
 //! ```
 //! use lazygrid::{Config, Detector, Sphere};
@@ -30,17 +30,12 @@
 //!
 //! # Features
 //!
-//! `gpu`, on by default: the GPU path, [`gpu`] and what [`Config`] says about it. Without it no wgpu is compiled, and
-//! [`Backend::Auto`] is the CPU.
+//! `gpu`, on by default: the GPU path, [`gpu`]. Without it wgpu is not compiled, and [`Backend::Auto`] is the CPU.
 //!
 //! # On the GPU
 //!
-//! A simulation that lives on the GPU hands over its own device, encoder and buffers: see [`gpu`] and the examples
-//! `embedded` and `service`.
-//!
-//! # Inside
-//!
-//! Data flows one way: spheres → choice → plan → detector → pairs. ARCHITECTURE.md says which file does what.
+//! A simulation on the GPU passes its own device, encoder and buffers: see [`gpu`] and the examples `embedded` and
+//! `service`.
 
 // Links to the GPU path would be broken without it.
 #![cfg_attr(not(feature = "gpu"), allow(rustdoc::broken_intra_doc_links))]

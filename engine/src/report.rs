@@ -19,12 +19,12 @@ pub struct Report {
     pub algorithm: Algorithm,
     /// The reason for this backend and this algorithm.
     pub reason: String,
-    /// The planned cost of the call on the GPU; `None` on the CPU, and if the call was answered from a candidate list.
+    /// The planned cost on the GPU; `None` on the CPU, or if a candidate list answered the call.
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::CallCost>,
-    /// The candidate list that answered the call; `None` if the call searched.
+    /// The candidate list, if it answered the call.
     pub candidates: Option<CandidateListStats>,
-    /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.
+    /// Time of each phase in execution order, summed over the submissions of a call.
     pub phases: Vec<PhaseTime>,
 }
 

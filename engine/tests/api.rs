@@ -1,5 +1,4 @@
-//! The public API as programs use it: a signature, a name or a marker that changes fails to compile here. Little of it
-//! is run.
+//! The public API as programs use it: a changed signature, name or marker fails to compile.
 
 use std::error::Error as StdError;
 use std::fmt::{Debug, Display};

@@ -18,7 +18,6 @@ fn the_gpu_by_name_is_refused() {
     let refused = |config: Config| Detector::new(config).expect_err("there is no GPU path");
     let gpu = refused(Config::default().backend(Backend::Gpu));
     assert!(matches!(&gpu, Error::GpuUnavailable { reason } if reason.contains("feature `gpu`")), "{gpu}");
-    // An algorithm that only GPUs have is no reason to run another.
     let lazy = refused(Config::default().algorithm(Algorithm::LazyGrid));
     assert!(matches!(lazy, Error::GpuUnavailable { .. }), "{lazy}");
     let algorithm = Algorithm::LazyGrid;

@@ -1,5 +1,3 @@
-//! The configuration of GPU detectors.
-
 use lazygrid_kernels::kernel::WORKGROUP_SIZE;
 use lazygrid_kernels::layout::ColumnLayout;
 use lazygrid_kernels::{Algorithm, Interactions, Space};
@@ -30,18 +28,18 @@ pub struct GpuConfig {
 }
 
 impl GpuConfig {
-    /// `Auto` or one of [`Algorithm::GPU`]. Default: `Auto`, decided by the number of spheres that a call may have.
+    /// `Auto` or one of [`Algorithm::GPU`]. Default: `Auto`, by the largest number of spheres of a call.
     pub fn algorithm(self, algorithm: Algorithm) -> Self {
         Self { algorithm, ..self }
     }
 
-    /// The number of spheres below which `Auto` tests all pairs; see [`calibrate`](super::calibrate). Radii that are on the
-    /// GPU count as one size class. Default: [`Crossover::HARDWARE`].
+    /// The number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. Radii on
+    /// the GPU count as one size class. Default: [`Crossover::HARDWARE`].
     pub fn crossover(self, crossover: Crossover) -> Self {
         Self { crossover, ..self }
     }
 
-    /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
+    /// The capacity of the output in pairs; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
     pub fn pair_capacity(self, pair_capacity: u32) -> Self {
         Self { pair_capacity, ..self }
     }
@@ -51,87 +49,84 @@ impl GpuConfig {
         Self { cell_ratio, ..self }
     }
 
-    /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only if they are more than this (Stroobant
-    /// et al., section 3.2). Default: [`GpuConfig::TAU`].
+    /// τ: LazyGrid refines cells with more than τ smaller spheres (Stroobant et al., section 3.2). Default:
+    /// [`GpuConfig::TAU`].
     pub fn tau(self, tau: u32) -> Self {
         Self { tau, ..self }
     }
 
-    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting. Default:
-    /// [`Calibration::RADIX_SORT_FROM`]; [`calibrate`](super::calibrate) measures it.
+    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting;
+    /// [`calibrate`](super::calibrate) measures it. Default: [`Calibration::RADIX_SORT_FROM`].
     pub fn radix_sort_from(self, radix_sort_from: u32) -> Self {
         Self { radix_sort_from, ..self }
     }
 
-    /// The species that pair, with their distances, which are rounded to `f32` as all numbers on the GPU. Default: none, all
-    /// spheres that touch are pairs.
+    /// The species that pair, with their distances, rounded to `f32`. Default: none; all touching spheres pair.
     pub fn interactions(self, interactions: impl Into<Option<Interactions>>) -> Self {
         Self { interactions: interactions.into(), ..self }
     }
 
-    /// The space of the spheres, not [triclinic](Space::triclinic). Its lengths are rounded to `f32`. Default:
-    /// [`Space::UNBOUNDED`]. In a periodic space spheres are first wrapped into a copy, 16 bytes each; pairs within 5
-    /// ulp of exact tangency, relative to the squared cutoff, may fall either way. In unbounded space it is 4 ulp.
+    /// The space of the spheres, not [triclinic](Space::triclinic), with lengths rounded to `f32`. Default:
+    /// [`Space::UNBOUNDED`]. A periodic space costs a wrapped copy, 16 bytes per sphere. Pairs within 5 ulp of tangency
+    /// (4 in unbounded space), relative to the squared cutoff, may fall either way.
     pub fn space(self, space: Space) -> Self {
         Self { space, ..self }
     }
 
-    /// The layout of spheres in four arrays of `f32`, which calls then pass as [`GpuSpheres::from_columns`]. They are first
-    /// copied to rows, in one more dispatch and 16 bytes per sphere. A [`GpuSession`](super::GpuSession) does without.
-    /// Default: `None`, rows of `x, y, z, r`.
+    /// The layout of spheres in four `f32` arrays, passed by [`GpuSpheres::from_columns`]. A further dispatch copies
+    /// them to rows, 16 bytes per sphere. A [`GpuSession`](super::GpuSession) ignores it. Default: `None`, rows of `x,
+    /// y, z, r`.
     pub fn columns(self, columns: impl Into<Option<ColumnLayout>>) -> Self {
         Self { columns: columns.into(), ..self }
     }
 
-    /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
+    /// Threads per workgroup of the indirectly dispatched consumer. Default: 256.
     pub fn consumer_workgroup_size(self, consumer_workgroup_size: u32) -> Self {
         Self { consumer_workgroup_size, ..self }
     }
 
-    /// Sets whether pairs of the cell list hold positions in the order of its cells ([`CellOrder`](super::CellOrder))
-    /// instead of input indices, for consumers of the sorted spheres. [`Outcome::pairs_in_cell_order`] reports which,
-    /// as other algorithms have no such order. Windows always use input indices, and so does a
-    /// [`GpuSession`](super::GpuSession). Default: no.
+    /// Sets if pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)) instead of
+    /// input indices. [`Outcome::pairs_in_cell_order`] tells if they do: other algorithms, windows and a
+    /// [`GpuSession`](super::GpuSession) always use input indices. Default: no.
     pub fn pairs_in_cell_order(self, pairs_in_cell_order: bool) -> Self {
         Self { pairs_in_cell_order, ..self }
     }
 
-    /// Sets whether subgroup operations are used if the device was made with them. Default: yes.
+    /// Sets if the subgroup operations of the device are used. Default: yes.
     pub fn subgroups(self, subgroups: bool) -> Self {
         Self { subgroups, ..self }
     }
 
-    /// Sets whether phases are timed if the device was made with timestamp queries. A call is one pass if the device writes
-    /// timestamps inside passes ([`optional_features`](super::optional_features)); otherwise each phase has a pass of its
-    /// own, which costs some microseconds. Default: no.
+    /// Sets if phases are timed on a device with timestamp queries. Without timestamps inside passes
+    /// ([`optional_features`](super::optional_features)) each phase has its own pass, which costs some microseconds.
+    /// Default: no.
     pub fn timestamps(self, timestamps: bool) -> Self {
         Self { timestamps, ..self }
     }
 
-    /// Sets the largest number of distance tests of one dispatch, so that no driver's watchdog ends it. A longer search
-    /// is divided into several dispatches ([`CallCost::parts`](super::CallCost::parts)). Default: the tests of 200 ms, at
-    /// 2.5·10¹⁰ tests/s for a GPU with memory of its own, 2.5·10⁹ for one without and 5·10⁸ for a software adapter; no
-    /// GPU has confirmed these rates. A [`Detector`](crate::Detector) uses the measured rate if it has a
-    /// [`Calibration`].
+    /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
+    /// dispatches ([`CallCost::parts`](super::CallCost::parts)). Default: the tests of 200 ms, at 2.5·10¹⁰ tests/s for
+    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; no GPU has confirmed these
+    /// rates. A [`Detector`](crate::Detector) uses the measured rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }
 
-    /// Sets the number of recorded parts of the search of crowded cells. The size of this search is known to the device
-    /// only. If it exceeds [`max_tests_per_dispatch`](Self::max_tests_per_dispatch) in each recorded part, the outcome
-    /// has [`Outcome::OVERFLOW_WORK`]. Parts without work cost some microseconds each. Default: 1. A
-    /// [`GpuSession`](super::GpuSession) records further parts by itself.
+    /// Sets the recorded parts of the search of crowded cells, whose size only the device knows. If it exceeds
+    /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch) per part, the outcome has [`Outcome::OVERFLOW_WORK`].
+    /// Parts without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts
+    /// itself.
     pub fn deferred_parts(self, parts: u32) -> Self {
         Self { deferred_parts: parts, ..self }
     }
 }
 
 impl GpuConfig {
-    /// The default of τ. On Mesa's llvmpipe, 100 000 spheres of five sizes take the same time at any τ of 32 or more,
-    /// and a burst of ten sizes is fastest near 128 (`cargo bench -p lazygrid-bench --bench parameter_sweep --
-    /// --backend gpu --what tau`). Other devices may differ.
+    /// The default of τ. On Mesa's llvmpipe, 100 000 spheres of five sizes take the same time at any τ of 32 or more; a
+    /// burst of ten sizes is fastest near 128 (`cargo bench -p lazygrid-bench --bench parameter_sweep -- --backend gpu
+    /// --what tau`).
     pub const TAU: u32 = 64;
-    /// The default cell ratio: on llvmpipe the best for five sizes; for equal ones, 3 is better by a tenth.
+    /// The default cell ratio: on llvmpipe the best for five sizes; for equal spheres 3 is a tenth better.
     pub const CELL_RATIO: f32 = 2.0;
     /// The smallest cell ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_CELL_RATIO: f32 = 1.5;
@@ -179,7 +174,6 @@ pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
     check_algorithm(settings.algorithm)
 }
 
-/// Rejects algorithms without kernels.
 pub(in crate::gpu) fn check_algorithm(algorithm: Algorithm) -> Result<(), Error> {
     match algorithm {
         Algorithm::Auto => Ok(()),

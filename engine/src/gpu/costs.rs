@@ -6,42 +6,41 @@ use super::device::AdapterSummary;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Crossover {
-    /// For equal radii.
+    /// The number for equal radii.
     pub naive_below: u32,
-    /// The number of further spheres for every further size class (radii of another binary exponent).
+    /// The increase per further size class (radii of another binary exponent).
     pub per_class: u32,
 }
 
 impl Crossover {
-    /// Creates the crossover of a device on which testing all pairs is faster below `naive_below` spheres of equal radii, and
-    /// `per_class` more for every further size class.
+    /// Creates a crossover of `naive_below` spheres of equal radii, and `per_class` more per further size class.
     pub const fn new(naive_below: u32, per_class: u32) -> Self {
         Self { naive_below, per_class }
     }
 
-    /// The assumption for a GPU that was not measured: the paper's 10⁴ on its card (section 4).
+    /// The assumption for an unmeasured GPU: 10⁴, as on the paper's card (section 4).
     pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
     /// The assumption for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
     pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
 
-    /// The assumption for an adapter that was not measured.
+    /// The assumption for an unmeasured adapter.
     pub const fn assumed(is_hardware: bool) -> Self {
         if is_hardware { Self::HARDWARE } else { Self::SOFTWARE }
     }
 
-    /// The largest crossover that can be measured: twice the number of spheres in the largest scene of
-    /// [`calibrate`](super::calibrate).
+    /// The largest measurable crossover: twice the spheres of the largest scene of [`calibrate`](super::calibrate).
     pub const MOST: u32 = 1 << 18;
 
-    /// The crossover for spheres of this number of size classes; at most [`Crossover::MOST`], as all pairs of many more take minutes.
+    /// The crossover for `classes` size classes; at most [`Crossover::MOST`], because all pairs of many more take
+    /// minutes.
     pub fn of(self, classes: usize) -> u32 {
         let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
         self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)
     }
 }
 
-/// The measurements by which `Auto` chooses, valid for one adapter, driver and version of this library. The application
-/// keeps them and passes them to [`Config::calibration`](crate::Config::calibration).
+/// The measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores
+/// them and passes them to [`Config::calibration`](crate::Config::calibration).
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
@@ -51,46 +50,42 @@ pub struct Calibration {
     pub driver: String,
     /// The version of this library.
     pub version: String,
-    /// The number of spheres at which all pairs and the cell list cost the same.
+    /// The crossover between all pairs and the cell list.
     pub crossover: Crossover,
-    /// The number of spheres at or above which a cell list is sorted by radix; see
-    /// [`GpuConfig::radix_sort_from`](super::GpuConfig::radix_sort_from).
+    /// The number of spheres at or above which a cell list is sorted by radix.
     pub radix_sort_from: u32,
     /// The costs of calls with and without a candidate list.
     pub skin: SkinCosts,
-    /// The number of spheres in the host's memory at or above which this device is faster than the CPU with a thread
-    /// per processor; [`u32::MAX`] if it never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
+    /// The number of spheres in host memory at or above which this device is faster than the CPU with all threads;
+    /// [`u32::MAX`] if it never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
     pub device_from: u32,
-    /// Distance tests of the device per second, by which long searches are divided into dispatches of at most 200 ms.
+    /// Distance tests per second, by which long searches are divided into dispatches of at most 200 ms.
     pub tests_per_second: f64,
 }
 
 impl Calibration {
-    /// The assumption for a GPU with memory of its own: the rate at which candidates are tested, bound by memory. No
-    /// GPU has confirmed it.
+    /// The assumption for a discrete GPU: the memory-bound rate of candidate tests. No GPU has confirmed it.
     pub const TESTS_PER_SECOND: f64 = 2.5e10;
-    /// The assumption for a GPU that shares the memory of the CPU. No GPU has confirmed it.
+    /// The assumption for an integrated GPU. No GPU has confirmed it.
     pub const INTEGRATED_TESTS_PER_SECOND: f64 = 2.5e9;
     /// The assumption for a software adapter.
     pub const SOFTWARE_TESTS_PER_SECOND: f64 = 5e8;
 
-    /// The assumption for a GPU with memory of its own: a round trip with spheres from the host takes about 0.15 ms, in
-    /// which a CPU thread finds the pairs of some 4000 spheres. No GPU has confirmed it.
+    /// The assumption for a discrete GPU: a round trip takes about 0.15 ms, in which a CPU thread finds the pairs of
+    /// some 4000 spheres. No GPU has confirmed it.
     pub const DEVICE_FROM: u32 = 4096;
-    /// The assumption for a GPU that shares the memory of the CPU: it has a tenth of the arithmetic. No GPU has
-    /// confirmed it.
+    /// The assumption for an integrated GPU, which has a tenth of the arithmetic. No GPU has confirmed it.
     pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
 
-    /// The assumption for a GPU: counters no longer fit the caches of large GPUs. Not measured through this library;
-    /// with CUDA on an H200 both sorts are equal at a million spheres, and counting is 2.6 times as fast at a hundred
-    /// thousand.
+    /// The assumption for a GPU: more counters do not fit the caches of large GPUs. With CUDA on an H200 both sorts are
+    /// equal at a million spheres, and counting is 2.6 times as fast at a hundred thousand; not measured through this
+    /// library.
     pub const RADIX_SORT_FROM: u32 = 1 << 19;
-    /// The assumption for a software adapter: on Mesa's llvmpipe on two cores counting is faster at a million spheres
+    /// The assumption for a software adapter: on llvmpipe with two cores counting is faster at a million spheres
     /// (`cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
     pub const SOFTWARE_RADIX_SORT_FROM: u32 = 1 << 20;
 
-    /// Creates the calibration of an adapter, as an application has kept it. `driver` is the driver with its version,
-    /// `version` that of this library.
+    /// Creates the calibration of an adapter. `driver` includes the driver's version; `version` is the library's.
     pub fn new(
         [adapter, driver, version]: [String; 3],
         crossover: Crossover,
@@ -102,12 +97,11 @@ impl Calibration {
         Self { adapter, driver, version, crossover, radix_sort_from, skin, device_from, tests_per_second }
     }
 
-    /// Sets the measured distance tests per second, which must be positive.
+    /// Sets the measured distance tests per second, a positive number.
     pub fn with_tests_per_second(self, tests_per_second: f64) -> Self {
         Self { tests_per_second, ..self }
     }
 
-    /// Returns the assumed distance tests per second of a device.
     pub(crate) const fn assumed_tests_per_second(is_hardware: bool, is_integrated: bool) -> f64 {
         match (is_hardware, is_integrated) {
             (false, _) => Self::SOFTWARE_TESTS_PER_SECOND,
@@ -116,7 +110,7 @@ impl Calibration {
         }
     }
 
-    /// Returns `true` if it was measured on this adapter, with this driver and by this version.
+    /// Returns `true` if this adapter, driver and library version were measured.
     pub fn is_of(&self, adapter: &AdapterSummary) -> bool {
         let current = (adapter.name.as_str(), adapter.driver.as_str(), env!("CARGO_PKG_VERSION"));
         (self.adapter.as_str(), self.driver.as_str(), self.version.as_str()) == current
@@ -129,9 +123,7 @@ pub(crate) struct AdapterProfile {
     pub(crate) radix_sort_from: u32,
     pub(crate) skin: SkinCosts,
     pub(crate) device_from: u32,
-    /// Distance tests per second.
     pub(crate) tests_per_second: f64,
-    /// The source of these numbers, for reports.
     pub(crate) how: &'static str,
 }
 
@@ -161,7 +153,7 @@ impl AdapterProfile {
     }
 }
 
-/// Returns the costs of an adapter, by calibrations or by assumption.
+/// Returns the measured or assumed costs of an adapter.
 pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary) -> AdapterProfile {
     let same = |known: &&Calibration| known.is_of(adapter);
     match calibrations.iter().rev().find(same) {
@@ -179,9 +171,8 @@ pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary)
     }
 }
 
-/// The assumption for a GPU: the bytes that kernels move at 10¹² bytes/s, of which a search moves 210 per sphere by its
-/// plan, and 100 more per pair. A call has six more dispatches of 2 µs, and fourteen indirect ones of 3 µs more. No GPU
-/// has confirmed it.
+/// The assumption for a GPU at 10¹² bytes/s: a search moves 210 bytes per sphere by its plan, and 100 more per pair. A
+/// call has six more dispatches of 2 µs, and fourteen indirect ones of 3 µs more. No GPU has confirmed it.
 pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     search_ns: 0.21,
     levels_ns: 0.0,
@@ -192,7 +183,7 @@ pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     call_ns: 54_000.0,
 };
 
-/// The assumption for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
+/// The assumption for a software adapter: `lazygrid calibrate` for llvmpipe on two cores, rounded.
 pub(crate) const SOFTWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     search_ns: 900.0,
     levels_ns: 0.0,

@@ -1,8 +1,8 @@
 //! The GPU engine: wgpu on Vulkan, Metal or DirectX 12, with hardware or in software.
 //!
-//! [`GpuDetector`] records into a caller's encoder: spheres in GPU buffers in, pairs in GPU buffers out, without
-//! submit, poll or readback. [`RadixSort`] and [`PrefixScan`] are its building blocks. [`GpuSession`] carries spheres
-//! and pairs between host and device. [`CallCost`] is the cost of a call in advance.
+//! [`GpuDetector`] records into a caller's encoder, from GPU buffers to GPU buffers, without submit, poll or readback.
+//! [`GpuSession`] transfers spheres and pairs between host and device. [`CallCost`] is the cost of a call in advance.
+//! [`RadixSort`] and [`PrefixScan`] are building blocks.
 
 mod backend;
 mod calibration;

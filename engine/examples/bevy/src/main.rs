@@ -1,7 +1,7 @@
-//! Particles that live in Bevy's render world, colored by the number of their contacts.
+//! Particles in Bevy's render world, colored by their number of contacts.
 //!
-//! Particles move, their contacts are found and counted, and all are drawn, in one command encoder of Bevy: nothing is
-//! read back. lazygrid reads positions and radii in place, from an array of structures.
+//! One command encoder of Bevy moves the particles, finds their contacts and draws them, without readback. lazygrid
+//! reads positions and radii in place, from an array of structures.
 //!
 //! `cargo run --release` in this folder, with the Rust release that Bevy 0.20 needs.
 
@@ -13,7 +13,7 @@ use bevy::render::{RenderApp, RenderStartup};
 use lazygrid::gpu::{ColumnLayout, GpuConfig, GpuDetector, GpuDevice, GpuOutput, GpuSpheres, Outcome, wgpu};
 
 const PARTICLES: u32 = 20_000;
-/// Words of a particle, as in `particles.wgsl`: position, radius, velocity and one that is unused.
+/// `u32` words per particle, as in `particles.wgsl`: position, radius, velocity, padding.
 const WORDS: u32 = 8;
 
 fn main() {
@@ -21,11 +21,10 @@ fn main() {
 }
 
 fn spawn_camera(mut commands: Commands) {
-    // Without multisampling, as the pipeline has none.
     commands.spawn((Camera2d, Msaa::Off));
 }
 
-/// Draws particles and their contacts after other objects of a 2D camera.
+/// Draws particles and their contacts.
 struct Contacts;
 
 impl Plugin for Contacts {
@@ -38,7 +37,6 @@ impl Plugin for Contacts {
     }
 }
 
-/// The particles on the device, and what works on them.
 #[derive(Resource)]
 struct Scene {
     detector: GpuDetector,
@@ -47,13 +45,13 @@ struct Scene {
     shader: wgpu::ShaderModule,
     mover: wgpu::ComputePipeline,
     counter: wgpu::ComputePipeline,
-    /// The pipeline of the format of the view, created when it is first drawn.
+    /// Created for the view's format by the first frame.
     drawer: Option<(wgpu::TextureFormat, wgpu::RenderPipeline)>,
 }
 
 fn prepare(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>) -> Result {
     let device = device.wgpu_device();
-    // Probes the adapter once, so that the detector may use its subgroup operations.
+    // Without this probe of the adapter detectors use no subgroup operations.
     let _ = GpuDevice::from_wgpu(device, &queue);
     let layout = ColumnLayout { first: [0, 1, 2, 3], stride: [WORDS; 4] };
     let detector = GpuDetector::new(device, GpuConfig::default().columns(layout))?;
@@ -93,7 +91,6 @@ fn draw(view: ViewQuery<&ViewTarget>, scene: Option<ResMut<Scene>>, mut context:
 }
 
 impl Scene {
-    /// Records a step: motion, detection, and the count of contacts.
     fn step(&mut self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder) -> Result {
         {
             let mut pass = encoder.begin_compute_pass(&Default::default());
@@ -133,7 +130,6 @@ impl Scene {
     }
 }
 
-/// Returns the pipeline that draws a disk for each particle.
 fn drawer(
     device: &wgpu::Device,
     shader: &wgpu::ShaderModule,
@@ -179,7 +175,7 @@ fn buffer(device: &wgpu::Device, label: &str, size: u64) -> wgpu::Buffer {
     })
 }
 
-/// A particle in the box, by a hash of its index.
+/// Returns a particle at a pseudorandom position in the box.
 fn particle(index: u32) -> [f32; WORDS as usize] {
     let unit = |k: u32| {
         let k = (8 * index + k).wrapping_mul(0x9e37_79b9);

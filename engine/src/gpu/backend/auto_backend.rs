@@ -10,7 +10,7 @@ use crate::gpu::device::GpuDevice;
 use crate::report::Report;
 use crate::{Backend, Error, choice};
 
-/// The CPU and a device. Each call runs where it is expected to be answered earlier, by the number of its spheres.
+/// The CPU and a device. The number of spheres decides which of them runs a call.
 #[derive(Debug)]
 pub(crate) struct AutoBackend {
     host: HostBackend,

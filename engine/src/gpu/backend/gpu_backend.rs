@@ -98,7 +98,7 @@ impl DetectorBackend for GpuBackend {
 
     fn memory_for(&self, spheres: u64) -> u64 {
         let session = &self.device.search.session;
-        // More spheres are searched in slabs; an excess beyond that is refused when it is tried.
+        // More spheres are searched in slabs.
         let keeps = self.skin_controller.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
         let memory = |n| if keeps { session.memory_with_candidates(n) } else { session.memory_for(n) };
         let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
@@ -187,7 +187,7 @@ struct Device {
 }
 
 impl Device {
-    /// Returns the search in frames, created by the first call that needs it.
+    /// Returns the search in frames, which the first call creates.
     fn framed<'d>(
         framed: &'d mut Option<Box<Self>>,
         unframed: &Self,
@@ -204,14 +204,14 @@ impl Device {
     }
 }
 
-/// The table with which a device searches. In a frame spheres have the effective radius of their species: they are
-/// candidates if they touch and their species ever pair.
+/// Returns the table of the device's search. In a frame spheres have the effective radius of their species; they are
+/// candidates if they touch and their species can pair.
 fn searched_table(settings: &Settings, is_framed: bool) -> Result<Option<Interactions>, Error> {
     let Some(table) = &settings.interactions else { return Ok(None) };
     Ok(Some(if is_framed { table.contact_only()? } else { table.clone() }))
 }
 
-/// A space as a device searches it, periodic along the same axes as that of every frame.
+/// Returns a space with the periodic axes of every frame.
 fn searched_space(space: &Space) -> Space {
     let lengths = match space.triclinic_cell() {
         None => space.lengths_f32(),

@@ -1,27 +1,22 @@
-//! Choice of the skin for calls on the GPU, by the CPU path's tuner with the costs of the device.
+//! The choice of the skin on the GPU, by the CPU path's tuner with the costs of the device.
 
 use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinCosts, SkinTuner};
 
 use super::slab_search::SearchRequest;
 use crate::Error;
 
-/// A proposed skin within these factors of the current one does not replace it, because a replacement rebuilds the
-/// list.
+/// A proposed skin within these factors of the current one is ignored, because a change rebuilds the list.
 const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 
 #[derive(Debug, Default)]
 pub(super) struct SkinController {
     tuner: SkinTuner,
     skin: Option<f32>,
-    /// `true` if the candidate list served the last call.
     is_served: bool,
 }
 
 impl SkinController {
     /// Returns the skin of the next call.
-    ///
-    /// # Errors
-    /// See [`SkinTuner::skin`].
     pub(super) fn next(
         &mut self,
         request: &SearchRequest<'_>,
@@ -40,12 +35,11 @@ impl SkinController {
         Ok(self.skin)
     }
 
-    /// Discards all observations.
     pub(super) fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// Records a call: its candidate list if it used one, and the age and used fraction of the list before.
+    /// Records a call: its candidate list, if any, and the age and used fraction of the list before.
     pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, went: (u32, f32)) {
         self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
         match kept {
@@ -72,8 +66,8 @@ mod tests {
     use super::*;
     use crate::gpu::costs::SOFTWARE_SKIN_COSTS;
 
-    /// Calls of spheres on a lattice that all move by `step` along. Returns the numbers of served calls and of
-    /// rebuilds. `fits` says if there is capacity.
+    /// Simulates calls with a lattice that moves by `step`; returns the numbers of served calls and of rebuilds. `fits`
+    /// is `true` if the list has capacity.
     fn follow(controller: &mut SkinController, calls: u32, step: f32, fits: bool) -> (u32, u32) {
         let n = 8000_usize;
         let costs = SOFTWARE_SKIN_COSTS;
@@ -117,7 +111,6 @@ mod tests {
             (0.0, true, 190..=200, 0..=3),
             (0.002, true, 180..=200, 1..=16),
             (0.6, true, 0..=20, 0..=12),
-            // After a list that does not fit, some calls search without one.
             (0.002, false, 0..=0, 1..=7),
         ] {
             let (served, found) = follow(&mut SkinController::default(), 200, step, fits);

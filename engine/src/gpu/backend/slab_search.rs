@@ -16,7 +16,6 @@ pub(super) struct SearchRequest<'a> {
     pub(super) interactions: Option<&'a Interactions>,
     pub(super) space: Space,
     pub(super) algorithm: Algorithm,
-    /// The exact filter that the host applies after readback.
     pub(super) filter: Option<(&'a PairFilter<'a>, &'a Team)>,
 }
 
@@ -34,7 +33,7 @@ pub(super) struct SlabSearch {
     pub(super) session: GpuSession,
     slab: Slab,
     pub(super) timings: Vec<PhaseTime>,
-    /// Slabs of the last call; 1 for an undivided one.
+    /// Slabs of the last call; 1 if it was undivided.
     pub(super) slabs: usize,
     found: Vec<Pair>,
 }
@@ -83,7 +82,7 @@ impl SlabSearch {
     /// Puts the pairs into `list`, unordered.
     ///
     /// # Errors
-    /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
+    /// [`Error::TooManyPairs`] above `limit`, with the exact number.
     pub(super) fn list(
         &mut self,
         request: &SearchRequest<'_>,
@@ -101,7 +100,6 @@ impl SlabSearch {
         }
     }
 
-    /// Stores all pairs that the device finds in `list`.
     fn list_found(
         &mut self,
         request: &SearchRequest<'_>,
@@ -150,7 +148,7 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Lists pairs without ever holding more than fit.
+    /// Lists pairs in parts of bounded size.
     fn list_in_parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -178,10 +176,6 @@ impl SlabSearch {
         }
     }
 
-    /// Counts the pairs.
-    ///
-    /// # Errors
-    /// Fails if the device fails.
     pub(super) fn count(&mut self, request: &SearchRequest<'_>) -> Result<u64, Error> {
         if request.has_no_pairs() {
             return Ok(0);
@@ -213,11 +207,8 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// Hands the pairs over in parts: with `in_order` such that smaller indices ascend from part to part. Parts then
-    /// have at most that many pairs, unless a single sphere, or the output of the device, has more.
-    ///
-    /// # Errors
-    /// Fails if the device fails.
+    /// Passes the pairs to `consume` in parts, with `in_order` by ascending smaller index. Such parts have at most that
+    /// many pairs, unless one sphere, or the output of the device, has more.
     pub(super) fn parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -244,7 +235,7 @@ impl SlabSearch {
         }
     }
 
-    /// Hands over the pairs of slab after slab whose smaller index is in `range`.
+    /// Passes on the pairs with a smaller index in `range`, slab by slab.
     fn slab_by_slab(
         &mut self,
         (request, input, slabs): Cut<'_>,
@@ -273,8 +264,8 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Passes all pairs to `consume`, smaller indices ascending from part to part. If the pairs are more than `most`,
-    /// this counts the pairs of each sphere first and then searches the slabs for one range of indices after another.
+    /// Passes all pairs to `consume` by ascending smaller index. More than `most` pairs are first counted per sphere,
+    /// then searched for one range of indices after another.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,
@@ -323,7 +314,6 @@ impl SlabSearch {
         request.spheres.len() as u64 <= self.session.most_spheres()
     }
 
-    /// Divides a call into slabs.
     fn cut<'a>(&mut self, request: &SearchRequest<'a>) -> Result<Option<(SlabInput<'a>, Slabs)>, Error> {
         self.timings.clear();
         self.slabs = 1;
@@ -350,7 +340,6 @@ impl SlabSearch {
         let call = self.session.call(request.algorithm);
         let call = match request.split {
             None => call,
-            // Candidate lists are for one set.
             Some(split) => QueuedCall { split, keeps: false, ..call },
         };
         let ticket = self.session.begin_as(call, request.spheres)?;
@@ -358,8 +347,8 @@ impl SlabSearch {
         Ok(ticket)
     }
 
-    /// Gathers and begins a slab, for pairs whose smaller index is in `range`; `None` if it can have none. It keeps no
-    /// candidates, as the session's next call is another slab.
+    /// Gathers and begins a slab for pairs with a smaller index in `range`; `None` if it cannot have any. It keeps no
+    /// candidates, because the session's next call is another slab.
     fn begin_slab(
         &mut self,
         (slabs, number): (&Slabs, usize),
@@ -390,14 +379,12 @@ impl SlabSearch {
     }
 }
 
-/// Removes the pairs that the filter rejects, on the threads of the host.
 fn refine(pairs: &mut Vec<Pair>, (filter, team): (&PairFilter<'_>, &Team)) {
     let refined = team.pass(pairs.len(), |executor| {
         filter.retain(pairs, executor);
         Ok(())
     });
     if refined.is_err() {
-        // The system refuses threads.
         filter.retain(pairs, Executor::Caller);
     }
 }

@@ -1,14 +1,14 @@
-//! Decomposition of a call with more spheres than a device can bind into slabs, without a device.
+//! Division of a call with more spheres than a device can bind into slabs.
 //!
-//! Space is cut across one axis. A slab *owns* the spheres whose lower end is in it. Its *ghosts* are the spheres that
-//! reach into it from before.
+//! Slabs divide one axis. A slab *owns* the spheres whose lower end it contains. Its *ghosts* are the spheres that
+//! extend into it from below.
 //!
-//! A slab can also be gathered for a *range* of indices: then only pairs whose smaller index is in the range are found.
-//! Spheres of smaller indices are omitted, spheres of the range come first, and the window of the search ends with
-//! them. Pairs of two ghosts are dropped, because the slab that owns one of the two finds them as well.
+//! For a *range* of indices, only pairs whose smaller index is in the range are found. Spheres of smaller indices are
+//! omitted, spheres of the range come first, and the search window ends with them. Pairs of two ghosts are dropped,
+//! because the slab that owns one of the two finds them as well.
 //!
 //! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
-//! are omitted, so that the first set precedes the second within a slab too.
+//! are omitted, so the first set also comes first in a slab.
 
 use std::ops::Range;
 
@@ -18,10 +18,10 @@ use crate::Error;
 
 const SAMPLE: usize = 1 << 14;
 const EDGES: usize = 1 << 10;
-/// The fraction of the radius, and of a periodic length, by which ends are moved outwards: more than rounding, or the 4
-/// ulp of a GPU, can hide.
+/// The fraction of the radius, and of a periodic length, that ends are moved outwards: more than the rounding error and
+/// the 4 ulp of a GPU.
 const MARGIN: f64 = 1.0 / (1 << 20) as f64;
-/// An axis is good enough if at most one in this many spheres is a ghost.
+/// An axis is accepted if at most one in 16 spheres is a ghost.
 const FEW: usize = 16;
 
 #[derive(Debug)]
@@ -39,19 +39,18 @@ pub(crate) struct Slabs {
     slabs: Vec<(f64, usize)>,
 }
 
-/// The spheres of a slab, in buffers that are reused.
+/// The spheres of a slab, in reused buffers.
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
     /// Owned spheres of the range, ghosts of the range, other owned spheres, other ghosts.
     spheres: Vec<Sphere>,
     species: Vec<u32>,
-    /// The index of each sphere in the whole call.
     indices: Vec<u32>,
-    /// The indices of the second, third and fourth of these groups, while they are gathered.
+    /// The indices of groups two to four during gathering.
     later: [Vec<u32>; 3],
     /// The ends of the first three groups.
     ends: [u32; 3],
-    /// `true` if the first two of these groups are the first set, and the others the second.
+    /// `true` if the first two groups are the first set.
     has_two_sets: bool,
 }
 
@@ -66,13 +65,13 @@ impl<'a> SlabInput<'a> {
         Self { split, ..self }
     }
 
-    /// The part of `range` that may have smaller indices of pairs.
+    /// Returns the part of `range` that can contain smaller indices of pairs.
     fn first_indices(&self, range: &Range<u32>) -> Range<u32> {
         if self.split == 0 { range.clone() } else { range.start..range.end.min(self.split) }
     }
 
-    /// Both ends of a sphere along an axis; on a periodic one the lower end is in the box and the upper one may be
-    /// beyond.
+    /// Returns both ends of a sphere. On a periodic axis the lower end is wrapped, the upper one may be outside the
+    /// box.
     fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
         let Sphere { center, radius } = self.spheres.get(k);
         let radius = match self.spheres.species() {
@@ -98,7 +97,7 @@ impl<'a> SlabInput<'a> {
         self.space.lengths()[axis]
     }
 
-    /// Positions to cut this axis at, with about equal numbers of spheres between; the first is before all.
+    /// Returns cut positions with about equal numbers of spheres between them; the first is before all spheres.
     fn edges(&self, axis: usize) -> Vec<f64> {
         let step = (self.spheres.len() / SAMPLE).max(1);
         let mut begins: Vec<f64> =
@@ -110,12 +109,12 @@ impl<'a> SlabInput<'a> {
         edges
     }
 
-    /// Slabs across an axis with at most `most` spheres each, and the number of ghosts; `None` if no cut does that.
+    /// Returns slabs across `axis` with at most `most` spheres each, and the number of ghosts; `None` if no cut exists.
     fn cut(&self, axis: usize, most: usize) -> Option<(Slabs, usize)> {
         let edges = self.edges(axis);
         let period = self.period(axis);
         let mut owned = vec![0_usize; edges.len()];
-        // Ghosts for a slab that begins at an edge, as differences from edge to edge.
+        // Number of ghosts per edge, as differences between edges.
         let mut lent = vec![0_isize; edges.len() + 1];
         let slot = |end: f64| edges.partition_point(|&edge| edge <= end) - 1;
         let mut widest = 0.0_f64;
@@ -154,7 +153,7 @@ impl<'a> SlabInput<'a> {
 }
 
 impl Slabs {
-    /// Cuts a call into slabs of at most `most` spheres, across the axis with the fewest ghosts; `None` if too many
+    /// Cuts a call into slabs of at most `most` spheres across the axis with the fewest ghosts; `None` if too many
     /// spheres overlap.
     pub(crate) fn new(input: &SlabInput<'_>, most: usize) -> Option<Self> {
         let mut best: Option<(Self, usize)> = None;
@@ -175,10 +174,7 @@ impl Slabs {
         self.slabs.len()
     }
 
-    /// Gathers the spheres of slab `k`, for pairs whose smaller index is in `range`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Gathers the spheres of slab `k`, for pairs with a smaller index in `range`.
     pub(crate) fn gather(
         &self,
         number: usize,
@@ -233,16 +229,12 @@ impl Slabs {
 }
 
 impl Slab {
-    /// Returns the spheres of the slab.
-    ///
-    /// # Errors
-    /// See [`Spheres::with_species`].
     pub(crate) fn spheres(&self) -> Result<Spheres<'_>, Error> {
         let spheres = Spheres::from(&self.spheres);
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
     }
 
-    /// The number of its spheres of the first of two sets; 0 for one set. Not 0 for two sets unless the
+    /// The number of spheres in the first of two sets; 0 for one set. For two sets it is 0 only if the
     /// [window](Self::window) is empty.
     pub(crate) fn split(&self) -> u32 {
         if self.has_two_sets { self.ends[1] } else { 0 }
@@ -250,11 +242,11 @@ impl Slab {
 
     pub(crate) fn window(&self) -> Range<u32> {
         let [owned, of_range, _] = self.ends;
-        // Without other spheres, no pair of two ghosts belongs to this slab.
+        // Without other spheres, this slab owns no pair of two ghosts.
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Replaces the indices of pairs by those of the whole call, and drops pairs of two ghosts.
+    /// Restores the indices of the whole call, and drops pairs of two ghosts.
     pub(crate) fn name(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);
@@ -301,7 +293,7 @@ mod tests {
         input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
     }
 
-    /// Asserts that slabs of `most` spheres find every pair once, in one go and range by range.
+    /// Asserts that slabs of `most` spheres find every pair once, as a whole and range by range.
     fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
         let all = 0..input.spheres.len();
         let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));

@@ -22,7 +22,7 @@ fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
     GpuDevice::from_wgpu(&device, &queue)
 }
 
-/// Among them a giant that reaches through all slabs.
+/// A giant sphere extends through all slabs.
 #[test]
 fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
     let Some(gpu) = device_or_skip() else { return };
@@ -90,7 +90,7 @@ fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
     detector.stream(all, 1 << 16, &mut keep).expect("streamed");
     streamed.sort_unstable();
     assert!(streamed == expected);
-    // All at one point cannot be cut.
+    // Coincident spheres cannot be cut.
     let crowd = vec![Sphere::new([0.0; 3], 1.0); 600_000];
     let refused = detector.count(&crowd).expect_err("too many");
     assert!(refused.to_string().contains("overlaps too much"), "{refused}");
@@ -108,7 +108,6 @@ fn a_report_says_why_one_level_had_to_do() {
     assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
 }
 
-/// Spheres that move little, then far, then rest.
 #[test]
 fn a_skin_of_its_own_choice_never_shows() {
     let Some(gpu) = device_or_skip() else { return };

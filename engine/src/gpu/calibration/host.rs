@@ -12,10 +12,8 @@ use crate::gpu::costs::Crossover;
 use crate::gpu::device::GpuDevice;
 use crate::gpu::session::GpuSession;
 
-/// Larger scenes are not tried if a call takes longer than this.
 const LONG: Duration = Duration::from_millis(50);
 
-/// [`u32::MAX`] if the device is never faster.
 pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from: u32) -> Result<u32, Error> {
     let config = GpuConfig::default().crossover(crossover).radix_sort_from(radix_sort_from).timestamps(true);
     let mut session = GpuSession::new(gpu.clone(), config)?;

@@ -6,9 +6,8 @@ use crate::Error;
 use crate::gpu::session::GpuSession;
 
 pub(super) const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
-/// The fastest round counts, since a disturbance only adds time.
+/// The fastest round counts, because disturbances only add time.
 pub(super) const ROUNDS: usize = 7;
-/// The grid is clearly faster when it takes less than this part of the time.
 pub(super) const CLEARLY: f64 = 0.7;
 const DENSITY: f32 = 0.05;
 
@@ -19,8 +18,8 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     Ok(start.elapsed())
 }
 
-/// Returns the least times of two algorithms for scenes of each size, until the second is clearly faster or `goes_on`
-/// returns `false`.
+/// Returns the least times of two algorithms per scene size, until the second is clearly faster or `goes_on` returns
+/// `false`.
 pub(super) fn race(
     (sizes, classes): (&[u32], usize),
     rounds: usize,
@@ -45,10 +44,10 @@ pub(super) fn race(
     Ok(samples)
 }
 
-/// Returns the number of spheres at which the second algorithm overtakes the first, interpolated in logarithms. Returns
-/// the first size if the second is always faster, and twice the last size, at most `most`, if it never is.
+/// Returns the number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the
+/// first size if the second always wins, twice the last size (at most `most`) if it never does.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
-    // The lead of the first algorithm, a power of the number of spheres between two samples.
+    // Between two samples the lead is a power of the number of spheres.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {
         (second.as_secs_f64().max(1e-9) / first.as_secs_f64().max(1e-9)).ln()
     };
@@ -60,11 +59,10 @@ pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     };
     let (here, there) = (lead(&samples[last]), lead(next));
     let [from, to] = [&samples[last], next].map(|sample| f64::from(sample.0).ln());
-    // Both are finite and of opposite sign, or the second is zero.
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
 
-/// Returns evenly spread spheres of radii 1, 1/2, 1/4, … in turn that fill this fraction of a cube.
+/// Returns evenly spread spheres of radii 1, 1/2, 1/4, … in turn that fill the fraction `density` of a cube.
 pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();

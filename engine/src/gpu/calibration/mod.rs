@@ -1,5 +1,5 @@
 //! Calibration of a device: the numbers of spheres at which the grid overtakes all pairs, the radix sort overtakes
-//! counting and the device overtakes the CPU, and the costs of candidate lists.
+//! counting and the device overtakes the CPU; and the costs of candidate lists.
 
 mod host;
 mod measure;
@@ -18,10 +18,10 @@ use crate::Error;
 use crate::choice::LARGE_INPUT_ALGORITHM;
 use measure::{ROUNDS, SIZES, crossing, race, time};
 
-/// Equal radii, and as in the paper's figure 3b.
+/// Equal radii, and the classes of the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
-/// A measurement of the crossover: the fastest of some calls, upload and readback of the count included.
+/// A measurement of the crossover: the fastest of several calls, with upload and readback of the count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrossoverSample {
@@ -31,12 +31,12 @@ pub struct CrossoverSample {
     pub spheres: u32,
     /// Time of all pairs.
     pub naive: Duration,
-    /// Time of the grid that `Auto` takes for many spheres.
+    /// Time of the grid that `Auto` uses for many spheres.
     pub grid: Duration,
 }
 
-/// Measures the crossovers and the costs of candidate lists on this device, in some seconds at most. `seen` gets each
-/// sample of the crossover of all pairs and the grid.
+/// Measures the crossovers and the costs of candidate lists on this device, within seconds. `seen` receives each sample
+/// of the crossover between all pairs and the grid.
 ///
 /// # Errors
 /// Fails if the device fails.
@@ -73,8 +73,8 @@ fn session(gpu: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
     GpuSession::new(gpu.clone(), GpuConfig::default().algorithm(algorithm).timestamps(true))
 }
 
-/// Returns the distance tests per second of the naive search, by the difference of the last and the first sample; `None`
-/// if it cannot be told from the cost of a submission.
+/// Returns the distance tests per second of the naive search, from the difference of the last and the first sample;
+/// `None` if the submission cost hides it.
 fn naive_rate(samples: &[(u32, [Duration; 2])]) -> Option<f64> {
     let (first, last) = (samples.first()?, samples.last()?);
     let tests = |(spheres, _): &(u32, [Duration; 2])| f64::from(*spheres).powi(2) / 2.0;

@@ -9,11 +9,11 @@ use crate::gpu::config::GpuConfig;
 use crate::gpu::device::GpuDevice;
 use crate::gpu::session::GpuSession;
 
-/// Spheres of the scenes, until a search takes clearly longer than its submission.
+/// Sizes to try until a search takes clearly longer than its submission.
 const SIZES: [u32; 4] = [1 << 14, 1 << 16, 1 << 18, 1 << 20];
 const FEW: u32 = 256;
 const ROUNDS: usize = 7;
-/// Filled fractions of space, overlaps counted twice: spheres have no partners in the first, some in the second.
+/// Filled fractions of space: almost no overlaps, and some.
 const DENSITIES: [f32; 2] = [0.05, 1.0];
 /// In radii; the first has hardly more candidates than pairs.
 const SKINS: [f32; 2] = [0.05, 1.0];
@@ -21,7 +21,7 @@ const SKINS: [f32; 2] = [0.05, 1.0];
 #[derive(Clone, Copy, Debug)]
 struct TimedCall {
     nanoseconds: f64,
-    /// Pairs per sphere, and candidates.
+    /// Per sphere, as the candidates.
     pairs: f64,
     candidates: f64,
 }
@@ -29,12 +29,12 @@ struct TimedCall {
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     spheres: f64,
-    /// Searches of few spheres: without and with a candidate list.
+    /// Searches of few spheres, without and with a candidate list.
     few: [TimedCall; 2],
     searched: [TimedCall; 2],
-    /// Calls answered from candidates, with either skin.
+    /// Calls answered from candidates, per skin.
     served: [TimedCall; 2],
-    /// A call that rebuilds the list, with the wider skin.
+    /// A rebuild with the wider skin.
     found: TimedCall,
 }
 
@@ -70,7 +70,6 @@ fn measure_with(gpu: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
 
 fn worked_out(calls: &Calls) -> SkinCosts {
     let Calls { spheres, few, searched, served, found } = calls;
-    // The cost of a submission is not part of the cost per sphere.
     let each = |call: &TimedCall, few: &TimedCall| (call.nanoseconds - few.nanoseconds) / spheres;
     let slope = |[a, b]: &[TimedCall; 2], of: fn(&TimedCall) -> f64| {
         ((b.nanoseconds - a.nanoseconds) / spheres / (of(b) - of(a)).max(1e-3)).max(0.0)
@@ -102,7 +101,6 @@ fn session(gpu: &GpuDevice, skin: Option<f32>) -> Result<GpuSession, Error> {
     Ok(session)
 }
 
-/// Searches spheres at rest, after one call that builds the candidate list if a skin is set.
 fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Error> {
     time(session, spheres)?;
     let mut least = Duration::MAX;

@@ -17,7 +17,7 @@ const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
 const ROUNDS: usize = 3;
 const LONG: Duration = Duration::from_millis(50);
 
-/// If counting is faster for the largest scene, the result is at least the assumption for such an adapter.
+/// Counting may be faster for the largest scene; the result is then at least the assumed value.
 pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
     let mut sessions = [session(gpu, u32::MAX)?, session(gpu, 0)?];
     let times = |scene: &[Sphere]| {
@@ -41,7 +41,7 @@ fn session(gpu: &GpuDevice, radix_sort_from: u32) -> Result<GpuSession, Error> {
     GpuSession::new(gpu.clone(), settings)
 }
 
-/// The time by the device's own clock if it has one, because the upload may take longer.
+/// Uses the device's clock if it has one, because the upload may take longer.
 fn busy(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
     let whole = time(session, spheres)?;
     let is_phase = |name: &str| GpuPhase::ALL.iter().any(|phase| phase.name() == name);

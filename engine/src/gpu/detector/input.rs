@@ -1,4 +1,4 @@
-//! The input of a [`GpuDetector`]: a configuration once, spheres at every call.
+//! The input of a [`GpuDetector`].
 
 use std::ops::Range;
 
@@ -20,7 +20,7 @@ pub enum SphereCount<'a> {
     Buffer {
         /// The buffer.
         buffer: &'a wgpu::Buffer,
-        /// The most it may say; more set [`Outcome::OVERFLOW_SPHERES`] in the overflow flag.
+        /// The largest number; more set [`Outcome::OVERFLOW_SPHERES`].
         at_most: u32,
     },
 }
@@ -31,8 +31,8 @@ impl From<u32> for SphereCount<'_> {
     }
 }
 
-/// A buffer, or a range of it: `&buffer`, `buffer.slice(..)`, or [`BufferRange::new`]. A call binds only the bytes that
-/// it needs, so the buffer itself may exceed the binding limit.
+/// A buffer or a range of it: `&buffer`, `buffer.slice(..)` or [`BufferRange::new`]. The buffer may exceed the binding
+/// limit, because a call binds only the bytes it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRange<'a> {
     buffer: &'a wgpu::Buffer,
@@ -41,8 +41,7 @@ pub struct BufferRange<'a> {
 }
 
 impl<'a> BufferRange<'a> {
-    /// The bytes of a buffer from `offset`, which must be a multiple of the device's
-    /// `min_storage_buffer_offset_alignment`.
+    /// The bytes from `offset`, a multiple of the device's `min_storage_buffer_offset_alignment`.
     pub fn new(buffer: &'a wgpu::Buffer, offset: u64) -> Self {
         Self { buffer, offset, size: buffer.size().saturating_sub(offset) }
     }
@@ -81,39 +80,37 @@ impl<'a> From<wgpu::BufferSlice<'a>> for BufferRange<'a> {
     }
 }
 
-/// The buffers that hold the numbers of the spheres.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::gpu) enum SphereBuffers<'a> {
     /// `x, y, z, r` as four `f32` per sphere.
     Rows(BufferRange<'a>),
-    /// Arrays of `x`, `y`, `z` and `r`, which a [`ColumnLayout`] describes.
+    /// `x`, `y`, `z` and `r`, described by a [`ColumnLayout`].
     Columns([BufferRange<'a>; 4]),
 }
 
-/// Spheres that are on the GPU already.
+/// Spheres in GPU buffers.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct GpuSpheres<'a> {
-    /// The numbers of the spheres; `STORAGE` usage.
     pub(in crate::gpu) spheres: SphereBuffers<'a>,
     pub(in crate::gpu) count: SphereCount<'a>,
-    /// A `u32` species id per sphere, with interactions.
+    /// A `u32` per sphere.
     pub(in crate::gpu) species: Option<BufferRange<'a>>,
-    /// The window of the smaller index of pairs.
+    /// Range of the smaller index of pairs.
     pub(in crate::gpu) window: Range<u32>,
-    /// The number of spheres of the first of two sets; 0 for one set.
+    /// The size of the first of two sets; 0 for one set.
     pub(in crate::gpu) split: u32,
 }
 
 impl<'a> GpuSpheres<'a> {
-    /// The first `count` spheres of a buffer or a range of it; `count` is a number or a [`SphereCount`]. Asks for all their
-    /// pairs, for any species.
+    /// The first `count` spheres of a buffer; `count` is a number or a [`SphereCount`]. The buffer needs `STORAGE`
+    /// usage.
     pub fn new(spheres: impl Into<BufferRange<'a>>, count: impl Into<SphereCount<'a>>) -> Self {
         Self::from_buffers(SphereBuffers::Rows(spheres.into()), count.into())
     }
 
-    /// The first `count` spheres of arrays of `x`, `y`, `z` and `r`, in the layout of [`GpuConfig::columns`]. Several may
-    /// be the same range.
+    /// The first `count` spheres of arrays of `x`, `y`, `z` and `r`, in the layout of [`GpuConfig::columns`]. Arrays
+    /// may share a range.
     pub fn from_columns(columns: [BufferRange<'a>; 4], count: impl Into<SphereCount<'a>>) -> Self {
         Self::from_buffers(SphereBuffers::Columns(columns), count.into())
     }
@@ -122,13 +119,12 @@ impl<'a> GpuSpheres<'a> {
         Self { spheres, count, species: None, window: Self::ALL, split: 0 }
     }
 
-    /// Adds a `u32` species id per sphere, needed if the settings have interactions; `STORAGE` usage.
+    /// Adds a `u32` species id per sphere, required with interactions; `STORAGE` usage.
     pub fn with_species(self, species: impl Into<BufferRange<'a>>) -> Self {
         Self { species: Some(species.into()), ..self }
     }
 
-    /// Asks for pairs whose smaller index is in `window` only, so that a result larger than the output can be taken in
-    /// parts. Default: [`ALL`](Self::ALL).
+    /// Restricts pairs to smaller indices in `window`, to read a large result in parts. Default: [`ALL`](Self::ALL).
     pub fn in_window(self, window: Range<u32>) -> Self {
         Self { window, ..self }
     }
@@ -141,13 +137,13 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// The window that every pair is in.
+    /// The window of all pairs.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
     /// Returns each range with the bytes that the call binds.
     ///
     /// # Errors
-    /// [`Error::InvalidSetting`] if the configuration asks for rows and the input has columns, or the reverse.
+    /// [`Error::InvalidSetting`] if rows and columns of configuration and input differ.
     fn sphere_ranges(
         &self,
         spheres: u32,
@@ -168,8 +164,8 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// Rejects ranges that are too short or cannot be bound, and species without a table, or a table without species.
-    /// Returns the largest number of spheres.
+    /// Rejects ranges that are too short or cannot be bound, and species without a table or the reverse. Returns the
+    /// largest number of spheres.
     pub(in crate::gpu) fn check(&self, settings: &GpuConfig, device: &wgpu::Device) -> Result<u32, Error> {
         let alignment = device.limits().min_storage_buffer_offset_alignment;
         let spheres = match self.count {
@@ -191,8 +187,6 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// # Errors
-    /// See [`sphere_ranges`](Self::sphere_ranges).
     pub(super) fn bound(&self, spheres: u32, columns: Option<&ColumnLayout>) -> Result<BoundInput, Error> {
         let ranges = self.sphere_ranges(spheres, columns)?;
         let count = match self.count {
@@ -207,10 +201,8 @@ impl<'a> GpuSpheres<'a> {
     }
 }
 
-/// The bindings of the input of a call.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct BoundInput {
-    /// One buffer of rows or four of columns.
     pub(crate) spheres: Vec<BoundBuffer>,
     pub(crate) species: Option<BoundBuffer>,
     pub(crate) count: Option<BoundBuffer>,

@@ -27,11 +27,10 @@ use super::plan::{
 };
 use crate::Error;
 
-/// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
+/// Finds overlapping pairs from GPU buffers to GPU buffers.
 ///
-/// [`encode`](Self::encode) records into the caller's encoder and neither submits nor polls. The result of a call is in
-/// the buffers of [`GpuOutput`]. Spheres that are not finite or have a negative radius pair with nothing and are
-/// counted.
+/// [`encode`](Self::encode) records into the caller's encoder; it neither submits nor polls. The results are in the
+/// buffers of [`GpuOutput`]. Invalid spheres (non-finite value or negative radius) are counted and never pair.
 #[derive(Debug)]
 pub struct GpuDetector {
     device: wgpu::Device,
@@ -50,13 +49,13 @@ pub(crate) struct AlgorithmChoice {
 }
 
 impl GpuDetector {
-    /// Creates a detector on the caller's device. Kernels are compiled when first needed.
+    /// Creates a detector on the caller's device. Kernels are compiled on first use.
     ///
-    /// Kernels use subgroup operations only after a [`GpuDevice`](crate::gpu::GpuDevice) of the same adapter probed them: make
-    /// one with [`GpuDevice::from_wgpu`](crate::gpu::GpuDevice::from_wgpu) before.
+    /// Kernels use subgroup operations only after [`GpuDevice::from_wgpu`](crate::gpu::GpuDevice::from_wgpu) has probed
+    /// the adapter.
     ///
     /// # Errors
-    /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
+    /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings, or an error of the device.
     pub fn new(device: &wgpu::Device, settings: GpuConfig) -> Result<Self, Error> {
         Self::with_pipelines(device, Pipelines::new(device), settings)
     }
@@ -99,7 +98,7 @@ impl GpuDetector {
         Ok(self.plan_for(spheres, self.algorithm_choice())?.cost())
     }
 
-    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with the output and without the input.
+    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with output, without input.
     ///
     /// # Errors
     /// See [`cost`](Self::cost).
@@ -107,7 +106,7 @@ impl GpuDetector {
         self.cost(spheres).map(|cost| cost.working_bytes + cost.pair_bytes)
     }
 
-    /// Returns the algorithm of a call of up to `spheres` spheres, and the reason for it.
+    /// Returns the algorithm for calls of up to `spheres` spheres, and the reason.
     pub fn choice(&self, spheres: u32) -> (Algorithm, String) {
         self.chosen(self.settings.algorithm, spheres)
     }
@@ -116,7 +115,7 @@ impl GpuDetector {
         self.settings.chosen(algorithm, spheres)
     }
 
-    /// Changes the space, which must be periodic along the same axes.
+    /// Changes the space, which must keep its periodic axes.
     pub(in crate::gpu) fn set_space(&mut self, space: Space) {
         debug_assert_eq!(
             self.settings.space.lengths().map(|l| l.is_some()),
@@ -135,11 +134,10 @@ impl GpuDetector {
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
-    /// Allocates buffers for calls of up to `spheres` spheres, unless they exist. Buffers of a smaller size are
-    /// released.
+    /// Allocates buffers for calls of up to `spheres` spheres, unless they exist. Smaller buffers are released.
     ///
     /// # Errors
-    /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], or where the device is lost.
+    /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`] and [`Error::DeviceLost`].
     pub fn reserve(&mut self, spheres: u32) -> Result<GpuOutput, Error> {
         let prepared = self.prepare(spheres, self.algorithm_choice())?;
         Ok(self.prepared.insert(prepared).output())
@@ -147,8 +145,8 @@ impl GpuDetector {
 
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
-        // Old buffers are released first, so that old and new need not fit at once. Larger buffers serve smaller calls,
-        // and buffers of a grid serve naive calls.
+        // Old buffers are released first, so that both need not fit at once. Larger buffers, and buffers of a grid for
+        // naive calls, are reused.
         let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
         if let Some(mut prepared) = kept {
             if prepared.plan.deferred_parts != plan.deferred_parts {
@@ -164,7 +162,7 @@ impl GpuDetector {
         &self.settings
     }
 
-    /// Returns the pair capacity of the next call's output.
+    /// Returns the pair capacity of the next output.
     pub fn pair_capacity(&self) -> u32 {
         self.settings.pair_capacity
     }
@@ -174,14 +172,14 @@ impl GpuDetector {
         self.tables.is_some()
     }
 
-    /// Changes the pair capacity of the output. The next call allocates a new output.
+    /// Changes the pair capacity; the next call allocates a new output.
     pub fn set_pair_capacity(&mut self, pairs: u32) {
         self.settings.pair_capacity = pairs;
     }
 
     /// Raises the capacity to at least `entries` (cell, object) entries, with a reserve, after a call with too few
-    /// ([`Outcome::entries_needed`]). The next call allocates. Calls of less than half as many spheres keep their
-    /// capacity. Returns `false` if the device cannot hold that many.
+    /// ([`Outcome::entries_needed`]). Calls of less than half as many spheres keep theirs. Returns `false` if the
+    /// device cannot hold that many.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         let spheres = self.plan().map_or(0, |plan| plan.spheres);
         self.raise_entry_capacity(entries, spheres)
@@ -210,14 +208,13 @@ impl GpuDetector {
         self.settings.deferred_parts = parts;
     }
 
-    /// Returns the recorded parts that the search of crowded cells needs, by the outcome of the last recorded call.
+    /// Returns the parts that the search of crowded cells needs, by the outcome of the last recorded call.
     pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
         self.plan().map_or(1, |plan| plan.deferred_parts_for(outcome)).max(1)
     }
 
-    /// Records a further part of the search of the last recorded call, for an outcome with
-    /// [`Outcome::has_remaining_work`]. The output then has the pairs of all parts so far. Its time replaces that of the
-    /// search.
+    /// Records a further part of the last recorded call, for an outcome with [`Outcome::has_remaining_work`]. The
+    /// output then has the pairs of all parts; the search time is replaced.
     pub fn encode_continuation(&self, encoder: &mut wgpu::CommandEncoder) {
         if let Some(recording) = self.recording() {
             recording.encode_continuation(encoder, self.timer.as_ref().map(Timer::queries));
@@ -230,19 +227,18 @@ impl GpuDetector {
     /// Changes the cell size; see [`GpuConfig::cell_ratio`].
     ///
     /// # Errors
-    /// [`Error::InvalidSetting`] where it is out of range.
+    /// [`Error::InvalidSetting`] if `ratio` is out of range.
     pub fn set_cell_ratio(&mut self, ratio: f32) -> Result<(), Error> {
         let before = std::mem::replace(&mut self.settings.cell_ratio, ratio);
         check(&self.settings).inspect_err(|_| self.settings.cell_ratio = before)
     }
 
-    /// Records the detection in this encoder. No dispatch has more distance tests than
-    /// [`GpuConfig::max_tests_per_dispatch`]. Nothing is submitted, polled or read back; after the first call of a size,
-    /// nothing of that size is allocated. The returned buffers are those of the previous call, unless this call is
-    /// larger.
+    /// Records the detection without submit, poll or readback. No dispatch exceeds
+    /// [`GpuConfig::max_tests_per_dispatch`]. Allocates only if the call is larger than all before; otherwise it
+    /// returns the previous buffers.
     ///
     /// # Errors
-    /// [`Error::Buffer`] and [`Error::SpeciesBuffer`] for the input; otherwise as for [`reserve`](Self::reserve).
+    /// [`Error::Buffer`] and [`Error::SpeciesBuffer`] for the input; otherwise as [`reserve`](Self::reserve).
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -254,7 +250,7 @@ impl GpuDetector {
     }
 
     /// Binds a call without recording it. [`encode_part`](Self::encode_part) records its parts, in one encoder or in
-    /// several that are submitted one after the other.
+    /// several that are submitted in sequence.
     ///
     /// # Errors
     /// See [`encode`](Self::encode).
@@ -267,7 +263,7 @@ impl GpuDetector {
         self.recording().map_or(0, Recording::parts)
     }
 
-    /// Records part `part` of the bound call, from 0 to [`parts`](Self::parts). Parts must run in ascending order.
+    /// Records part `part` of the bound call, below [`parts`](Self::parts). Parts must run in ascending order.
     pub fn encode_part(&self, encoder: &mut wgpu::CommandEncoder, part: u32) {
         if let Some(recording) = self.recording() {
             recording.encode_part(encoder, part, self.timer.as_ref().map(Timer::queries));
@@ -277,7 +273,7 @@ impl GpuDetector {
         }
     }
 
-    /// Binds all dispatches of a call with another algorithm or cell ratio.
+    /// Binds a call with another algorithm or cell ratio.
     pub(crate) fn bind_as(
         &mut self,
         choice: AlgorithmChoice,
@@ -290,7 +286,6 @@ impl GpuDetector {
         bound.map(|()| output)
     }
 
-    /// Returns the current recording.
     pub(crate) fn recording(&self) -> Option<&Recording> {
         self.prepared.as_ref().and_then(|prepared| prepared.recordings.current())
     }
@@ -307,8 +302,8 @@ impl GpuDetector {
         self.prepared.as_ref().map(Prepared::output)
     }
 
-    /// Returns the buffer with the begin and end ticks of each phase (`u64`, in the order of
-    /// [`GpuPhase::ALL`](super::GpuPhase::ALL)); `None` without timestamps.
+    /// Returns the buffer of begin and end ticks per phase (`u64`, ordered as [`GpuPhase::ALL`](super::GpuPhase::ALL));
+    /// `None` without timestamps.
     pub fn ticks(&self) -> Option<&wgpu::Buffer> {
         self.timer.as_ref().map(Timer::ticks)
     }

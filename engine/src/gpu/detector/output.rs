@@ -12,32 +12,31 @@ pub struct GpuOutput {
     pub pairs: wgpu::Buffer,
     /// The capacity of the buffer in pairs.
     pub capacity: u32,
-    /// The [`Outcome`]: the number of pairs, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
-    /// consumer with a thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`].
+    /// The [`Outcome`]: number of pairs and overflow flags; `STORAGE`, `INDIRECT` and `COPY_SRC` usage.
+    /// [`Outcome::DISPATCH_OFFSET`] has the dispatch arguments of a consumer with a thread per pair.
     pub outcome: wgpu::Buffer,
-    /// The spheres in the order of the cells, if the call ran by the cell list.
+    /// The spheres in cell order, if the cell list ran.
     pub sorted: Option<CellOrder>,
 }
 
-/// The spheres in the order of a cell list's cells: neighbors in space are mostly neighbors in memory. A caller that
-/// adopts this order now and then makes later calls faster, and with [`GpuConfig::pairs_in_cell_order`] its own work on
-/// pairs. All buffers have `STORAGE` and `COPY_SRC` usage, are valid until the next call, and have as many elements as
-/// the call had spheres.
+/// The spheres in the cell order of a cell list, which preserves spatial locality. Adopting it now and then accelerates
+/// later calls and, with [`GpuConfig::pairs_in_cell_order`], the caller's work on pairs. The buffers have `STORAGE` and
+/// `COPY_SRC` usage and an element per sphere, and are valid until the next call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {
-    /// The input index of each, as `u32`. Invalid spheres come last.
+    /// The input index as `u32`. Invalid spheres come last.
     pub order: wgpu::Buffer,
-    /// `x, y, z, r` as four `f32` for each, wrapped into a periodic space.
+    /// `x, y, z, r` as four `f32`, wrapped into a periodic space.
     pub spheres: wgpu::Buffer,
-    /// The species of each as `u32`, with interactions.
+    /// The species as `u32`, with interactions.
     pub species: Option<wgpu::Buffer>,
 }
 
-/// Reads the outcome of a call from a copy of the outcome buffer.
+/// Reads an outcome from a copy of its buffer.
 ///
 /// # Errors
-/// [`Error::Buffer`] if there are too few bytes.
+/// [`Error::Buffer`] for too few bytes.
 pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, Error> {
     let needed = size_of::<Outcome>();
     match bytes.get(..needed) {

@@ -69,7 +69,7 @@ impl Prepared {
     }
 }
 
-/// Returns the parameters of a call by the first workgroup of a dispatch.
+/// Returns the parameter buffers by the first workgroup of a dispatch.
 pub(super) fn params_buffers<'a>(
     device: &wgpu::Device,
     dispatches: impl IntoIterator<Item = &'a Dispatch>,

@@ -1,8 +1,8 @@
-//! A candidate list that stays on the device from call to call.
+//! A candidate list that stays on the device between calls.
 //!
-//! A rebuild stores the spheres, with radii larger by half the skin, and searches them for candidates. Each call
-//! measures displacements since the rebuild, and the device decides on a rebuild by setting the workgroup counts of the
-//! search's dispatches to their values or to zero. Then the call tests the candidates at the current positions.
+//! A rebuild stores the spheres and searches them with radii larger by half the skin. Each call measures displacements
+//! since the rebuild; the device sets the workgroup counts of the search to their values or to zero. Then the call
+//! tests the candidates at the current positions.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -23,18 +23,18 @@ use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, column_named, skin};
 
-/// The usable fraction of half the skin: below 1 by more than rounding can hide.
+/// The usable fraction of half the skin, below 1 by more than the rounding error.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
-/// The factor by which distances of species grow besides the skin, as radii do.
+/// The factor by which species distances grow besides the skin, as radii do.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
-/// The default candidate capacity per pair of the output.
+/// Candidate capacity per pair of the output.
 const PER_PAIR: u32 = 4;
 
-/// Finds overlapping pairs of spheres that move little from call to call, in GPU buffers.
+/// Finds overlapping pairs of slowly moving spheres in GPU buffers.
 ///
-/// Works like [`GpuDetector`], and keeps pairs up to a skin too far apart on the device as candidates until a sphere
-/// has moved half the skin. The device decides on a rebuild at every call; the result never depends on it. Another
-/// number of spheres, radius or species forces a rebuild.
+/// Works like [`GpuDetector`], with a candidate list that includes pairs up to a skin apart. Each call, the device
+/// rebuilds the list if a sphere has moved half the skin, or the number of spheres, a radius or a species has changed.
+/// Results do not depend on the skin.
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,
@@ -48,7 +48,7 @@ pub struct GpuSkinDetector {
 
 #[derive(Debug)]
 struct Resident {
-    /// In spheres and in pairs, and the parts of the test of candidates.
+    /// In spheres, pairs and parts of the candidate test.
     capacities: [u32; 3],
     buffers: Buffers,
     candidates: Option<Candidates>,
@@ -69,12 +69,12 @@ struct Parts {
 }
 
 impl GpuSkinDetector {
-    /// Creates a detector on the caller's device with a skin in the unit of the coordinates. A wider skin lasts longer
-    /// and has more candidates; a few times the fastest displacement per call is a good choice.
-    /// [`GpuConfig::pairs_in_cell_order`] and [`GpuConfig::timestamps`] have no effect.
+    /// Creates a detector with a skin in the unit of the coordinates. A wider skin lasts longer and has more
+    /// candidates; choose a few times the fastest displacement per call. [`GpuConfig::pairs_in_cell_order`] and
+    /// [`GpuConfig::timestamps`] have no effect.
     ///
     /// # Errors
-    /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
+    /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings, or an error of the device.
     pub fn new(device: &wgpu::Device, settings: GpuConfig, skin: f32) -> Result<Self, Error> {
         Self::with_pipelines(device, Pipelines::new(device), settings, skin)
     }
@@ -93,19 +93,14 @@ impl GpuSkinDetector {
         Ok(Self { device: device.clone(), settings, skin, pipelines, tables, search, resident: None })
     }
 
-    /// Returns the skin.
     pub(crate) fn skin(&self) -> f32 {
         self.skin
     }
 
     /// Changes the skin. The next call rebuilds the list in the existing buffers.
-    ///
-    /// # Errors
-    /// See [`new`](Self::new).
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
-            // Distances of species grow by the skin.
             let capacity = self.search.pair_capacity();
             self.search = search(&self.device, self.pipelines.clone(), &self.settings, skin)?;
             self.search.set_pair_capacity(capacity);
@@ -117,8 +112,8 @@ impl GpuSkinDetector {
         Ok(())
     }
 
-    /// Changes the candidate capacity, by default four per pair of the output. After a call with too little
-    /// ([`Outcome::OVERFLOW_CANDIDATES`]), [`Outcome::candidates_needed`] is the number of candidates.
+    /// Changes the candidate capacity, by default four per pair of the output. After [`Outcome::OVERFLOW_CANDIDATES`],
+    /// [`Outcome::candidates_needed`] is the required number.
     pub fn set_candidate_capacity(&mut self, candidates: u32) {
         self.search.set_pair_capacity(candidates);
     }
@@ -128,7 +123,7 @@ impl GpuSkinDetector {
         self.search.set_deferred_parts(parts);
     }
 
-    /// Returns the recorded parts that the search of crowded cells needs, by an outcome of the last recorded call with
+    /// Returns the parts that the search of crowded cells needs, by an outcome of the last recorded call with
     /// [`Outcome::OVERFLOW_WORK`].
     pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
         self.search.needed_deferred_parts(outcome)
@@ -138,7 +133,7 @@ impl GpuSkinDetector {
         self.search.pair_capacity()
     }
 
-    /// Changes the pair capacity of the output. The next call allocates a new output and rebuilds the list.
+    /// Changes the pair capacity; the next call allocates a new output and rebuilds the list.
     pub fn set_pair_capacity(&mut self, pairs: u32) {
         self.settings.pair_capacity = pairs;
     }
@@ -148,8 +143,8 @@ impl GpuSkinDetector {
         self.search.set_entry_capacity(entries)
     }
 
-    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with candidates and the output and
-    /// without the input.
+    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with candidates and output, without
+    /// input.
     ///
     /// # Errors
     /// See [`GpuDetector::memory_for`].
@@ -164,19 +159,18 @@ impl GpuSkinDetector {
         f32::from_bits(moved).sqrt() / (self.skin / 2.0)
     }
 
-    /// Returns the plan of the last recorded search for candidates.
     pub(crate) fn plan(&self) -> Option<&Plan> {
         self.search.plan()
     }
 
-    /// Returns the buffer of the [`SkinState`], with `STORAGE` and `COPY_SRC` usage; `None` before the first call.
+    /// Returns the [`SkinState`] buffer, with `STORAGE` and `COPY_SRC` usage; `None` before the first call.
     pub fn state(&self) -> Option<&wgpu::Buffer> {
         let candidates = self.resident.as_ref()?.candidates.as_ref()?;
         Some(candidates.state.get(BufferId::SkinState))
     }
 
-    /// Records the detection, as [`GpuDetector::encode`] does. With [`Outcome::OVERFLOW_CANDIDATES`] in the overflow
-    /// flag, candidates did not fit and pairs are missing.
+    /// Records the detection, as [`GpuDetector::encode`]. With [`Outcome::OVERFLOW_CANDIDATES`], pairs are missing
+    /// because candidates did not fit.
     ///
     /// # Errors
     /// See [`GpuDetector::encode`].
@@ -203,13 +197,13 @@ impl GpuSkinDetector {
             None => self.allocate([spheres, pairs, parts])?,
         };
         let Resident { buffers, candidates, .. } = &mut resident;
-        // Candidates serve any window, and one set or two.
+        // Candidates serve any window and split.
         let kept = GpuSpheres {
             species: buffers.find(BufferId::ReferenceSpecies).map(Into::into),
             ..GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count)
         };
         let found = self.search.bind_as(choice, &kept)?;
-        // With new buffers of the search the old candidates are lost.
+        // New search buffers invalidate the candidates.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
             Some(same) => candidates.insert(same),
             None => {
@@ -234,7 +228,6 @@ impl GpuSkinDetector {
         Ok(GpuOutput { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
     }
 
-    /// Returns the buffers for these numbers of spheres, pairs and parts.
     fn buffers(&self, capacities: [u32; 3]) -> Vec<(BufferId, u64)> {
         skin::buffers(capacities, self.tables.is_some(), self.settings.columns.is_some())
     }
@@ -257,7 +250,6 @@ impl GpuSkinDetector {
             let division = skin::candidate_parts(found.capacity, self.search.budget());
             let columns = self.settings.columns;
             let dispatches = skin::dispatches(key.call.spheres, columns.is_some(), division);
-            // Without a division the device may use several rows of workgroups.
             let workgroups_per_dispatch = if division.0 > 1 { division.1 } else { 0 };
             let call = SearchParams { workgroups_per_dispatch, ..key.call };
             let params = params_buffers(&self.device, dispatches.iter().flatten(), &call)?;
@@ -285,7 +277,7 @@ impl GpuSkinDetector {
                     ("state", ..) => state.get(BufferId::SkinState).into(),
                     ("full_counts", ..) => (&full).into(),
                     ("dispatch_counts", ..) => counts.get(BufferId::DispatchCounts).into(),
-                    // The indirect arguments of the search if it has any; else a buffer that nothing reads.
+                    // The search's indirect arguments, or else a buffer that nothing reads.
                     ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => search
                         .and_then(Recording::indirect_args)
                         .map_or_else(|| own(BufferId::DispatchArgs), BoundBuffer::from),

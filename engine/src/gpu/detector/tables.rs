@@ -12,8 +12,6 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    /// # Errors
-    /// [`Error::LimitExceeded`] if the device cannot bind the table, or if it refuses the memory.
     pub(crate) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, Error> {
         let bytes = TableBytes::new(interactions, device.limits().max_storage_buffer_binding_size)?;
         Ok(Self {

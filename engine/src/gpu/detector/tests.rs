@@ -1,5 +1,3 @@
-//! The wrap kernel against `Space::wrap`, the times of a call in parts, and the cells that LazyGrid refines.
-
 use std::collections::HashSet;
 
 use bytemuck::Pod;
@@ -81,7 +79,7 @@ fn the_kernel_wraps_as_the_host_does() {
             let expected = space.wrap(given.center);
             for axis in [0, 2] {
                 let (x, y) = (expected[axis], found.center[axis]);
-                // Zeroes compare equal; non-finite values stay so, for the quarantine.
+                // Zeroes compare equal; non-finite values stay non-finite, for the quarantine.
                 let same = if x.is_nan() { !y.is_finite() } else { x == y };
                 assert!(same, "{:e} in {length:e}: {y:e} instead of {x:e}", given.center[axis]);
             }
@@ -100,7 +98,6 @@ fn a_further_part_is_timed_as_a_search() {
     let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid).timestamps(true);
     let mut detector = detector(&gpu, settings.max_tests_per_dispatch(1 << 20));
     let given = upload(&gpu, &[Sphere::new([1.0; 3], 0.5); 3000]);
-    // The ticks, by phase.
     let ticks = |detector: &GpuDetector, encoder| -> Vec<[u64; 2]> {
         download(&gpu, encoder, detector.ticks().expect("timed"), GpuPhase::ALL.len())
     };
@@ -121,7 +118,7 @@ fn a_further_part_is_timed_as_a_search() {
     }
 }
 
-/// Returns the entries that the kernels of a call write: whether at the first level, and the sphere.
+/// Returns the entries of a call: `true` for the first level, and the sphere.
 fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
     let mut detector = detector(gpu, settings);
@@ -142,13 +139,12 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     entries.map(|(key, object)| (key >> grid.passive < first_keys, object & 0x1fff_ffff)).collect()
 }
 
-/// A crowd near a few spheres, with some of both on the border between their cells: as τ grows, the crowd's cells stop
-/// being split, one after another.
+/// A crowd near a few spheres, some on the border between cells: as τ grows, fewer of the crowd's cells are split.
 #[test]
 fn split_and_unsplit_cells_share_spheres() {
     let Some(gpu) = device_or_skip() else { return };
-    // Cells are 4.1 wide and have a corner at the median. No other sphere is of the largest one's depth, so a cell has
-    // entries of other spheres only if it is not split.
+    // Cells are 4.1 wide with a corner at the median. Only the largest sphere has its depth, so a cell has entries of
+    // other spheres only if it is not split.
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
     let mut state = 40_u64;
     let mut unit = || {

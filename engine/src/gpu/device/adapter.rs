@@ -10,23 +10,23 @@ pub struct AdapterSummary {
     pub name: String,
     /// The driver and its version.
     pub driver: String,
-    /// The API it is reached by, such as `vulkan`.
+    /// The API, such as `vulkan`.
     pub api: String,
-    /// `true` for hardware; `Backend::Auto` never chooses a software rasterizer.
+    /// `false` for a software rasterizer, which `Backend::Auto` never chooses.
     pub is_hardware: bool,
-    /// `true` for a GPU that shares the memory of the CPU.
+    /// `true` for a GPU that shares the CPU's memory.
     pub is_integrated: bool,
-    /// Smallest and largest subgroup.
+    /// Smallest and largest subgroup size.
     pub subgroup_sizes: [u32; 2],
-    /// `true` if the adapter offers subgroup operations.
+    /// `true` if it supports subgroup operations.
     pub has_subgroups: bool,
-    /// `true` if the adapter offers timestamp queries.
+    /// `true` if it supports timestamp queries.
     pub has_timestamps: bool,
     /// Bytes of the largest storage binding.
     pub storage_binding: u64,
     /// Bytes of the largest buffer.
     pub buffer: u64,
-    /// Bytes of memory that a workgroup shares.
+    /// Bytes of memory per workgroup.
     pub workgroup_memory: u32,
     /// Workgroups per dimension of a dispatch.
     pub groups_per_dimension: u32,
@@ -37,13 +37,13 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().iter().map(summary).collect()
 }
 
-/// The name or index of one of several adapters. As text an index is a number; everything else is a name.
+/// The name or index of an adapter. Text that is a number is an index; other text is a name.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum AdapterId {
     /// The index among [`adapters`], starting at 0; `lazygrid devices` lists them.
     Index(usize),
-    /// The name, or a part of it that no other adapter has, in upper or lower case.
+    /// The name, or a part that no other adapter's name has, ignoring case.
     Name(String),
 }
 
@@ -69,10 +69,10 @@ impl fmt::Display for AdapterId {
 }
 
 impl AdapterId {
-    /// Returns the index among the adapters `found`.
+    /// Returns the index in `found`.
     ///
     /// # Errors
-    /// [`Error::UnknownAdapter`] if no adapter matches, or several match.
+    /// [`Error::UnknownAdapter`] if no adapter or several match.
     pub fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, Error> {
         let named = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
             (0..found.len()).filter(|&place| fits(&found[place].name.to_lowercase())).collect()
@@ -81,7 +81,7 @@ impl AdapterId {
             Self::Index(index) => (*index..found.len()).take(1).collect(),
             Self::Name(name) => {
                 let name = name.to_lowercase();
-                // One whole name may be a part of another.
+                // A whole name may be a part of another name.
                 match named(&|other| other == name) {
                     whole if whole.len() == 1 => whole,
                     _ => named(&|other| other.contains(&name)),
@@ -97,8 +97,7 @@ impl AdapterId {
     }
 }
 
-/// Returns the features that are used if present. Host applications should request them, with the adapter's own limits;
-/// none is required.
+/// Returns the features that are used if present. Host applications should request them, with the adapter's limits.
 pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES
 }

@@ -1,8 +1,7 @@
-//! Error scopes around this library's own work, so that a host application's handlers are not disturbed.
+//! Error scopes around this library's work, so that a host application's handlers do not receive its errors.
 
 use crate::Error;
 
-/// Runs `work` and returns the device's errors.
 pub(crate) fn with_error_scope<T>(
     device: &wgpu::Device,
     what: &'static str,
@@ -13,7 +12,7 @@ pub(crate) fn with_error_scope<T>(
     let [memory, validation, internal] =
         [OutOfMemory, Validation, Internal].map(|filter| device.push_error_scope(filter));
     let result = work();
-    // The futures are ready at once on native devices.
+    // On native devices the futures are ready at once.
     let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
     match errors.into_iter().flatten().next() {
         None => Ok(result),

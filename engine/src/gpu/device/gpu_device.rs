@@ -10,23 +10,22 @@ use super::pipelines::{Pipeline, Pipelines, pipeline, shader_module};
 use super::subgroup_probe;
 use crate::Error;
 
-/// Selects whether a search for the best adapter may end at a software rasterizer.
+/// The permission to open a software rasterizer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SoftwareAdapter {
-    /// Takes a software rasterizer if no hardware is present.
+    /// Opens a software rasterizer if no hardware is present.
     Allow,
-    /// Takes hardware only.
+    /// Opens hardware only.
     Refuse,
 }
 
-/// The request for a shared device.
 #[derive(Debug, PartialEq, Eq, Hash)]
 enum SharedRequest {
     Best(SoftwareAdapter),
     Named(AdapterId),
 }
 
-/// A device, opened here or by a host application, with its adapter and compiled kernels.
+/// A device with its adapter and compiled kernels.
 #[derive(Clone, Debug)]
 pub struct GpuDevice {
     /// The device.
@@ -40,7 +39,7 @@ pub struct GpuDevice {
 }
 
 impl GpuDevice {
-    /// Opens the best adapter: a discrete GPU before an integrated one, and hardware before software.
+    /// Opens the best adapter: discrete before integrated, hardware before software.
     ///
     /// # Errors
     /// [`Error::NoAdapter`] and [`Error::NoDevice`].
@@ -60,8 +59,8 @@ impl GpuDevice {
     /// Opens this adapter, hardware or software.
     ///
     /// # Errors
-    /// [`Error::UnknownAdapter`] where no adapter is meant, or several are; [`Error::NoAdapter`] if there is
-    /// none at all, and [`Error::NoDevice`].
+    /// [`Error::UnknownAdapter`] if no adapter or several match; [`Error::NoAdapter`] if none exists;
+    /// [`Error::NoDevice`].
     pub fn open_adapter(id: &AdapterId) -> Result<Self, Error> {
         let found = enumerate();
         if found.is_empty() {
@@ -84,7 +83,6 @@ impl GpuDevice {
         let lost = Arc::new(OnceLock::new());
         let losing = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
-            // Only the first reason counts.
             let _ = losing.set(format!("{reason:?}: {message}"));
         });
         log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
@@ -96,7 +94,7 @@ impl GpuDevice {
 
 impl GpuDevice {
     /// Wraps a host application's device and leaves its handlers alone. The first device of an adapter runs a short
-    /// probe of its subgroups, without which detectors do not use subgroup operations.
+    /// subgroup probe, without which detectors use no subgroup operations.
     pub fn from_wgpu(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         subgroup_probe::run_once(device, queue);
         Self {
@@ -108,8 +106,8 @@ impl GpuDevice {
         }
     }
 
-    /// Returns one device for the whole process, opened as by [`open`](Self::open) and kept until it is lost. The
-    /// absence of an adapter is looked up once.
+    /// Returns the device that the process shares, opened by [`open`](Self::open) and kept until it is lost. A missing
+    /// adapter is looked up once.
     ///
     /// # Errors
     /// See [`open`](Self::open).
@@ -117,8 +115,7 @@ impl GpuDevice {
         Self::share(SharedRequest::Best(software), || Self::open(software))
     }
 
-    /// Returns one device for the whole process, opened as by [`open_adapter`](Self::open_adapter) and kept as by
-    /// [`shared`](Self::shared).
+    /// Returns the device that the process shares for this adapter, opened by [`open_adapter`](Self::open_adapter).
     ///
     /// # Errors
     /// See [`open_adapter`](Self::open_adapter).
@@ -150,15 +147,15 @@ impl GpuDevice {
         }
     }
 
-    /// Returns the cause of an error: a lost device refuses calls with other errors first.
+    /// Returns the cause of an error, because a lost device first refuses calls with other errors.
     pub(crate) fn reason(&self, error: Error) -> Error {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Tests whether the device still works. A loss is reported late, and for a host application's device only to the
-    /// application; but a lost device refuses even a small buffer.
+    /// Tests if the device still works: a lost device refuses even a small buffer. The driver reports a loss late, and
+    /// for a host application's device only to the application.
     pub(crate) fn probe(&self) -> Result<(), Error> {
-        // A poll delivers the report of a loss; its own failure adds nothing.
+        // A poll delivers the report of a loss.
         let _ = self.device.poll(wgpu::PollType::Poll);
         self.check_lost()?;
         match constant_buffer(&self.device, "a probe", &[0; 16]) {
@@ -177,8 +174,8 @@ pub(crate) fn device_or_skip() -> Option<GpuDevice> {
 }
 
 impl GpuDevice {
-    /// Runs `work` in an error scope and returns the device's error, instead of leaving it to a handler that panics.
-    /// Messages name the activity `what` and its `bytes`.
+    /// Runs `work` in an error scope and returns the device's error, which would otherwise panic in a handler. Messages
+    /// name the activity `what` and its `bytes`.
     ///
     /// # Errors
     /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::DeviceRejected`].
@@ -193,7 +190,7 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// Returns a kernel of this library, compiled as its detectors compile it, and its bind group layout.
+    /// Returns a compiled kernel of this library, and its bind group layout.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).
@@ -205,27 +202,27 @@ impl GpuDevice {
         self.pipelines.get(kernel, variant).map(|Pipeline { pipeline, layout }| (pipeline, layout))
     }
 
-    /// Returns the reason why kernels do not use the subgroup operations of this device; `None` if they do, or if it has none.
+    /// Returns the reason why kernels do not use subgroup operations; `None` if they do, or the device has none.
     pub fn subgroup_refusal(&self) -> Option<&str> {
         self.pipelines.subgroup_refusal()
     }
 
-    /// Returns this device with kernels whose texts `rewrite` changes before they are compiled, to stand in for another
-    /// compiler in tests. The rewrite must keep the meaning up to rounding, and all loops.
+    /// Returns this device with kernels whose WGSL `rewrite` changes before compilation, for tests. The rewrite must
+    /// keep all loops, and the results up to rounding.
     #[doc(hidden)]
     #[must_use]
     pub fn with_rewritten_kernels(self, rewrite: fn(&str) -> String) -> Self {
         Self { pipelines: self.pipelines.rewritten(rewrite), ..self }
     }
 
-    /// Compiles a WGSL text without wgpu's loop counters. Returns the compute pipeline and its bind group layout: group 0,
-    /// bindings numbered from 0. The entry point is `name`.
+    /// Compiles WGSL without wgpu's loop counters. Returns the compute pipeline of entry point `name` and its bind
+    /// group layout: group 0, bindings numbered from 0.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).
     ///
     /// # Safety
-    /// Each loop of the text must end.
+    /// Each loop of `wgsl` must end.
     pub unsafe fn compile(
         &self,
         name: &'static str,

@@ -8,11 +8,11 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
     Blocking,
-    /// A thread of its own wakes the task; on native devices wgpu makes progress only when polled.
+    /// A thread polls the device, because wgpu makes progress only when polled, and wakes the task.
     Async,
 }
 
-/// The answer to one `map_async`.
+/// The result of a `map_async`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mapping(Arc<Mutex<State>>);
 
@@ -23,7 +23,7 @@ struct State {
 }
 
 impl Mapping {
-    /// Asks for `buffer` to be mapped when all work submitted so far is done.
+    /// Requests a mapping of `buffer` after all submitted work.
     pub(crate) fn request(buffer: &wgpu::Buffer) -> Self {
         let mapping = Self::default();
         let answer = mapping.clone();

@@ -8,13 +8,12 @@ use super::error_scope::with_error_scope;
 use super::subgroup_probe;
 use crate::Error;
 
-/// Compiled kernels of one device, each made when first needed. Clones share them.
+/// The compiled kernels of a device, shared by clones.
 #[derive(Clone, Debug)]
 pub(crate) struct Pipelines {
     device: wgpu::Device,
     variant: Variant,
     subgroup_refusal: Option<Arc<str>>,
-    /// Changes the text of each kernel before it is compiled.
     rewrite: Option<KernelRewrite>,
     compiled: Arc<Mutex<Compiled>>,
 }
@@ -30,7 +29,7 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
-    /// Kernels use subgroup operations if the device has the feature and its adapter passed the probe of subgroups.
+    /// Uses subgroup operations if the device has the feature and its adapter passed the subgroup probe.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         Self::with_refusal(device, subgroup_probe::refusal(device))
     }
@@ -50,7 +49,6 @@ impl Pipelines {
         }
     }
 
-    /// Compiles one kernel without a cache.
     pub(super) fn compiled(
         device: &wgpu::Device,
         kernel: &'static Kernel,
@@ -68,7 +66,6 @@ impl Pipelines {
         self.variant
     }
 
-    /// Returns the same kernels without subgroup operations.
     pub(crate) fn without_subgroups(self) -> Self {
         Self { variant: Variant { subgroups: None, ..self.variant }, ..self }
     }
@@ -147,7 +144,7 @@ pub(super) fn pipeline(
     Pipeline { pipeline, layout }
 }
 
-/// Compiles a text without the loop counters by which wgpu ends endless loops. They make all pairs a fifth dearer.
+/// Compiles WGSL without the counters by which wgpu ends endless loops; they slow all pairs by a fifth.
 ///
 /// # Safety
 /// Each loop of the text must end.

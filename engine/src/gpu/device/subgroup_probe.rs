@@ -1,7 +1,7 @@
-//! The probe of what kernels assume about subgroups, run once per adapter and process.
+//! The subgroup probe, run once per adapter and process.
 //!
 //! Kernels with subgroup operations need full subgroups whose lanes follow local indices. wgpu requests neither, and no
-//! API reports it.
+//! API reports them.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -20,7 +20,7 @@ const TIMEOUT: Duration = Duration::from_secs(10);
 
 type AdapterKey = (String, String, String, u32, u32, wgpu::Backend);
 
-/// The reason not to use subgroup operations, if one exists.
+/// The reason not to use subgroup operations.
 static RESULTS: Mutex<Option<HashMap<AdapterKey, Option<String>>>> = Mutex::new(None);
 
 fn key(device: &wgpu::Device) -> AdapterKey {
@@ -28,7 +28,7 @@ fn key(device: &wgpu::Device) -> AdapterKey {
     (info.name, info.driver, info.driver_info, info.vendor, info.device, info.backend)
 }
 
-/// Returns the reason not to use subgroup operations on this device. Without a probe of its adapter that is a reason too.
+/// Returns the reason not to use subgroup operations on this device, which may be the lack of a probe.
 pub(super) fn refusal(device: &wgpu::Device) -> Option<String> {
     let results = RESULTS.lock().unwrap_or_else(PoisonError::into_inner);
     match results.as_ref().and_then(|results| results.get(&key(device))) {
@@ -103,7 +103,6 @@ mod tests {
     fn wrong_probe_chooses_the_portable_variant() {
         let Some(gpu) = device_or_skip() else { return };
         if !gpu.adapter.has_subgroups {
-            // Without subgroup operations there is no variant to refuse.
             return;
         }
         let smallest = gpu.adapter.subgroup_sizes[0];

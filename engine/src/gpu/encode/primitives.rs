@@ -1,5 +1,5 @@
-//! Building blocks: a stable radix sort and an exclusive prefix scan, which are bound to buffers once and then recorded
-//! any number of times without allocation.
+//! Building blocks that are bound once and recorded without allocation: a stable radix sort and an exclusive prefix
+//! scan.
 
 use lazygrid_kernels::kernel::SCAN_TILE;
 use lazygrid_kernels::layout::{RadixPass, SortCounts};
@@ -9,16 +9,15 @@ use crate::Error;
 use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::plan::{BufferId, DeviceLimits, digits, scan_dispatches, sort_buffers, sort_dispatches};
 
-/// A stable sort of `u32` keys with a `u32` payload, least significant digit first, up to eight bits a pass.
-///
-/// No workgroup waits for another, so it runs on every device.
+/// A stable radix sort of `u32` keys with a `u32` payload, least significant digit first, up to eight bits per pass. No
+/// workgroup waits for another, so it runs on every device.
 #[derive(Debug)]
 pub struct RadixSort {
     device: wgpu::Device,
     pipelines: Pipelines,
 }
 
-/// Keys with their payload, a `u32` each; `STORAGE` usage.
+/// Keys and payload, a `u32` each; `STORAGE` usage.
 #[derive(Clone, Debug)]
 pub struct KeyValueBuffers {
     /// The keys.
@@ -27,7 +26,7 @@ pub struct KeyValueBuffers {
     pub payload: wgpu::Buffer,
 }
 
-/// A sort of certain buffers.
+/// A sort of bound buffers.
 #[derive(Debug)]
 pub struct BoundSort {
     recording: Recording,
@@ -40,7 +39,7 @@ impl RadixSort {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// Binds a sort of the first `count` keys by their lowest `bits` bits, at least one. It overwrites the input.
+    /// Binds a sort of the first `count` keys by their lowest `bits` bits, at least one. The sort overwrites the input.
     ///
     /// # Errors
     /// Fails if the device refuses a buffer or a binding.
@@ -83,7 +82,7 @@ impl BoundSort {
         self.recording.encode(encoder);
     }
 
-    /// Returns the buffers with the result: those of the input, or others.
+    /// Returns the buffers of the result: the input or others.
     pub fn sorted(&self) -> &KeyValueBuffers {
         &self.sorted
     }
@@ -93,15 +92,14 @@ fn pass_buffers(device: &wgpu::Device, digits: &[RadixPass]) -> Result<Vec<wgpu:
     digits.iter().map(|digit| constant_buffer(device, "radix pass", bytemuck::bytes_of(digit))).collect()
 }
 
-/// Exclusive prefix sums of `u32` values in place. Sums beyond 32 bits keep their low word; the total is exact in
-/// 64 bits.
+/// Exclusive prefix sums of `u32` values in place. Sums keep their low 32 bits; the total has 64.
 #[derive(Debug)]
 pub struct PrefixScan {
     device: wgpu::Device,
     pipelines: Pipelines,
 }
 
-/// A scan of a certain buffer.
+/// A scan of a bound buffer.
 #[derive(Debug)]
 pub struct BoundScan {
     recording: Recording,
@@ -114,7 +112,7 @@ impl PrefixScan {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// Binds a scan of the first `count` values of a buffer with `STORAGE` usage.
+    /// Binds a scan of the first `count` values; `values` needs `STORAGE` usage.
     ///
     /// # Errors
     /// Fails if the device refuses a buffer or a binding.
@@ -143,7 +141,7 @@ impl BoundScan {
         self.recording.encode(encoder);
     }
 
-    /// The buffer that gets the total as (low, high).
+    /// The buffer of the total as (low, high).
     pub fn total(&self) -> &wgpu::Buffer {
         &self.total
     }

@@ -43,11 +43,9 @@ impl Buffers {
 #[derive(Debug)]
 pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
-    /// The number of dispatches if the call has no continuation.
+    /// The number of dispatches if no continuation exists.
     continuation_start: usize,
-    /// The first dispatch of each part after the first.
     part_starts: Vec<usize>,
-    /// `true` if the device writes timestamps inside a pass.
     stamps_inside_passes: bool,
 }
 
@@ -62,12 +60,12 @@ struct BoundDispatch {
 #[derive(Debug)]
 enum WorkgroupCount {
     Fixed([u32; 2]),
-    /// The number in this buffer at this offset when the dispatch runs.
+    /// A count in this buffer at this offset.
     Indirect(wgpu::Buffer, u64),
 }
 
 impl Recording {
-    /// Binds the buffers that `resolve` returns for each binding of each dispatch.
+    /// Binds the buffers that `resolve` returns for the bindings.
     pub(crate) fn new<B: Into<BoundBuffer> + PartialEq>(
         device: &wgpu::Device,
         pipelines: &Pipelines,
@@ -140,8 +138,8 @@ impl Recording {
         })
     }
 
-    /// Records all dispatches in one pass, with workgroups from `counts`: those of
-    /// [`workgroup_counts`](Self::workgroup_counts), or zeros.
+    /// Records all dispatches in one pass with indirect `counts`: [`workgroup_counts`](Self::workgroup_counts) or
+    /// zeros.
     pub(crate) fn encode_indirect(&self, encoder: &mut wgpu::CommandEncoder, counts: &wgpu::Buffer) {
         let descriptor =
             wgpu::ComputePassDescriptor { label: Some("lazygrid indirect"), timestamp_writes: None };
@@ -155,7 +153,7 @@ impl Recording {
         }
     }
 
-    /// Records a further part of a call that exceeds one submission; timestamps replace those of the search.
+    /// Records a further part; its timestamps replace those of the search.
     pub(crate) fn encode_continuation(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -173,8 +171,8 @@ impl Recording {
         1 + self.part_starts.len() as u32
     }
 
-    /// Records one part of the call; with queries, with timestamps at the ends of each phase. If the device writes none
-    /// inside a pass, each phase then has a pass of its own.
+    /// Records one part of the call, with timestamps per phase if it has queries. On a device without timestamps inside
+    /// passes, each phase then has its own pass.
     pub(crate) fn encode_part(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -192,7 +190,6 @@ impl Recording {
             dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass));
             return;
         };
-        // Only the search is divided.
         let is_last = part + 1 == self.parts();
         let ends_in_part = |phase| match phase {
             GpuPhase::Search => [part == 0, is_last],

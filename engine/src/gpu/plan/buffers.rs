@@ -10,7 +10,7 @@ pub(crate) enum BufferId {
     Grid,
     Outcome,
     Pairs,
-    /// The rows of spheres that were given as columns.
+    /// Spheres copied from columns.
     Rows,
     Wrapped,
     Cells,
@@ -33,7 +33,7 @@ pub(crate) enum BufferId {
     ReferenceSpheres,
     ReferenceSpecies,
     SkinState,
-    /// Workgroup counts of the search for candidates, or zeros.
+    /// Workgroup counts of the candidate search, or zeros.
     DispatchCounts,
 }
 
@@ -61,24 +61,24 @@ impl BufferId {
     }
 }
 
-/// The uses of a buffer, as WebGPU names them.
+/// Buffer usages, named as in WebGPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "a set of flags")]
 pub struct BufferUsage {
-    /// Kernels bind it as a storage buffer.
+    /// Storage binding.
     pub storage: bool,
-    /// Kernels bind it as a uniform buffer.
+    /// Uniform binding.
     pub uniform: bool,
-    /// It holds the workgroups of a dispatch.
+    /// Source of indirect workgroup counts.
     pub indirect: bool,
-    /// Copies read it.
+    /// Source of copies.
     pub copy_src: bool,
-    /// Copies write it.
+    /// Destination of copies.
     pub copy_dst: bool,
 }
 
 impl BufferUsage {
-    /// The names of the uses, in lower case.
+    /// The names of the usages, in lower case.
     pub fn names(self) -> Vec<&'static str> {
         let Self { storage, uniform, indirect, copy_src, copy_dst } = self;
         let all = [
@@ -109,9 +109,7 @@ impl From<BufferUsage> for wgpu::BufferUsages {
 pub(crate) enum Resource {
     Own(BufferId),
     Spheres,
-    /// One of the caller's four columns.
     Column(usize),
-    /// The layout of the columns.
     Columns,
     Count,
     Species,
@@ -121,10 +119,8 @@ pub(crate) enum Resource {
     Table,
 }
 
-/// The bindings and inputs of columns, by column.
 pub(super) const COLUMN_NAMES: [&str; 4] = ["x", "y", "z", "r"];
 
-/// Returns the column that a binding of this name holds.
 pub(in crate::gpu) fn column_named(binding: &str) -> Option<usize> {
     COLUMN_NAMES.iter().position(|name| *name == binding)
 }
@@ -163,7 +159,7 @@ pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6
     ]
 }
 
-/// Never zero, as an empty buffer cannot be bound.
+/// At least 1, because an empty buffer cannot be bound.
 pub(super) fn bytes_of(count: u32, size: u64) -> u64 {
     (u64::from(count) * size).max(16)
 }

@@ -1,4 +1,4 @@
-//! A call as data: the buffers, kernels and dispatches that any host can execute.
+//! A call as data that any host can execute: buffers, kernels and dispatches.
 
 use std::sync::Arc;
 
@@ -13,35 +13,34 @@ use super::limits::DeviceLimits;
 use super::tables::TableBytes;
 use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
 
-/// A call without a device: the buffers to create, the kernels to compile, what to bind and dispatch, and how to read
-/// the result. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
+/// A call without a device. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
 ///
-/// With the feature `serde` a plan can be serialized; `docs/page.md` describes the format.
+/// The feature `serde` serializes plans; `docs/page.md` describes the format.
 ///
-/// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline for each
-/// kernel, and record all dispatches in order, in one compute pass. The [`Outcome`] then lies in the buffer
-/// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches from
+/// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline per kernel, and
+/// record all dispatches in order in one compute pass. The [`Outcome`] is then in the buffer
+/// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches after
 /// [`continuation`](DispatchSequence::continuation) again.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CallPlan {
     /// The algorithm, never `Auto`.
     pub algorithm: Algorithm,
-    /// The number of spheres, or the largest number if a buffer holds it.
+    /// The number of spheres, the largest if a buffer holds it.
     pub spheres: u32,
-    /// Pairs that the pair buffer holds.
+    /// The capacity of the pair buffer.
     pub pair_capacity: u32,
-    /// The buffers. Dispatches refer to them by position.
+    /// The buffers, which dispatches name by position.
     pub buffers: Vec<PlanBuffer>,
     /// The kernels and dispatches.
     pub sequence: DispatchSequence,
-    /// The position of the buffer with the [`Outcome`].
+    /// The position of the [`Outcome`] buffer.
     pub outcome: usize,
-    /// The position of the buffer with the pairs, two `u32` indices each.
+    /// The position of the pair buffer, two `u32` indices per pair.
     pub pairs: usize,
     /// The cost of the call.
     pub cost: CallCost,
-    /// The limits that a device must have.
+    /// The device limits that the call requires.
     pub requirements: DeviceLimits,
 }
 
@@ -73,11 +72,12 @@ impl PlanBuffer {
 /// The origin of a buffer's contents.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BufferSource {
-    /// The host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a `u32` per sphere), `count` (a `u32`).
+    /// The host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a `u32` per
+    /// sphere), `count` (a `u32`).
     Input,
     /// These bytes, written before the call and never changed.
     Constant(Arc<[u8]>),
-    /// The kernels. Initial contents have no effect.
+    /// The kernels; initial contents have no effect.
     Working,
 }
 
@@ -87,16 +87,16 @@ pub enum BufferSource {
 pub struct DispatchSequence {
     /// The distinct kernels.
     pub kernels: Vec<PlanKernel>,
-    /// The dispatches in order. Each may read what earlier dispatches wrote.
+    /// The dispatches in order, each after its predecessors' writes.
     pub dispatches: Vec<PlanDispatch>,
-    /// The first dispatch of a further part of a partial call; the number of dispatches if calls have one part.
+    /// The first dispatch of a continuation; the number of dispatches if calls have one part.
     pub continuation: usize,
-    /// The first dispatch of each part after the first. A part has about 200 ms of work at the planned rate, so parts
-    /// may be submitted separately if a watchdog limits submissions.
+    /// The first dispatch of each part after the first. A part has about 200 ms of work at the planned rate; parts may
+    /// be submitted separately.
     pub part_starts: Vec<usize>,
 }
 
-/// A kernel in the variant of a plan.
+/// A kernel variant of a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlanKernel {
     pub(crate) kernel: &'static Kernel,
@@ -119,12 +119,12 @@ impl PlanKernel {
         self.kernel.bindings(self.variant)
     }
 
-    /// The WGSL text by the standard, as browsers, Dawn and wgpu-native compile it.
+    /// The standard WGSL text.
     pub fn wgsl(&self) -> String {
         self.kernel.strict_wgsl(self.variant)
     }
 
-    /// Returns the kernel for devices whose smallest subgroup has this size; `None` is for all devices.
+    /// Returns the kernel for a smallest subgroup size; `None` runs on all devices.
     pub fn with_subgroups(&self, smallest: Option<u32>) -> Self {
         let variant = Variant { subgroups: smallest, ..self.variant };
         Self { variant: self.kernel.effective_variant(variant), ..*self }
@@ -135,13 +135,13 @@ impl PlanKernel {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PlanDispatch {
-    /// The position of the kernel in [`DispatchSequence::kernels`].
+    /// The position in [`DispatchSequence::kernels`].
     pub kernel: usize,
-    /// The positions of the bound buffers in [`CallPlan::buffers`], by binding number.
+    /// The positions in [`CallPlan::buffers`], by binding number.
     pub buffers: Vec<usize>,
     /// The number of workgroups.
     pub workgroups: Workgroups,
-    /// The part of the call that the dispatch belongs to.
+    /// The phase of the dispatch.
     pub phase: GpuPhase,
 }
 
@@ -154,13 +154,13 @@ pub enum Workgroups {
     Indirect {
         /// The position of their buffer.
         buffer: usize,
-        /// Their offset in bytes.
+        /// The offset in bytes.
         offset: u64,
     },
 }
 
 impl DispatchSequence {
-    /// Resolves the bindings of `dispatches`, and returns the distinct resources in the order of first use.
+    /// Resolves the bindings of `dispatches`, and returns the distinct resources in order of first use.
     pub(crate) fn resolved<R: PartialEq>(
         dispatches: impl IntoIterator<Item = Dispatch>,
         variant: Variant,
@@ -214,7 +214,6 @@ impl DispatchSequence {
     fn workgroups_per_dimension(&self) -> u32 {
         let of = |dispatch: &PlanDispatch| match dispatch.workgroups {
             Workgroups::Fixed([x, y]) => x.max(y),
-            // The most that kernels write.
             Workgroups::Indirect { .. } => 65_535,
         };
         self.dispatches.iter().map(of).max().unwrap_or(0)
@@ -351,7 +350,7 @@ impl CallPlan {
         ]
     };
 
-    /// The names of the bits in the field `overflow` of the [`Outcome`].
+    /// The names of the `overflow` bits of the [`Outcome`].
     pub const OVERFLOW_BITS: [(&'static str, u32); 5] = [
         ("pairs", Outcome::OVERFLOW_PAIRS),
         ("entries", Outcome::OVERFLOW_ENTRIES),
@@ -360,7 +359,7 @@ impl CallPlan {
         ("work", Outcome::OVERFLOW_WORK),
     ];
 
-    /// The device's smallest subgroup size, if kernels use subgroups.
+    /// The smallest subgroup size, if kernels use subgroups.
     pub fn subgroups(&self) -> Option<u32> {
         self.sequence.kernels.iter().find_map(|kernel| kernel.variant.subgroups)
     }

@@ -7,30 +7,29 @@ use super::dispatches::{Dispatch, GpuPhase, deferred, scan_dispatches, sort_disp
 use super::limits::DeviceLimits;
 use super::{Plan, Request};
 
-/// Half cells per sphere for a counting sort. More cells reduce the candidates and enlarge the table: at 2, 3 and 4
-/// cells per sphere, equal spheres at 5 % density have 10.8, 8.5 and 6.4 candidates.
+/// Half cells per sphere for a counting sort. At 2, 3 and 4 cells per sphere, equal spheres at 5 % density have 10.8,
+/// 8.5 and 6.4 candidates; more cells enlarge the table.
 const COUNTED_HALF_CELLS: u64 = 6;
 /// For a radix sort, whose table exceeds caches: 12.4 candidates per sphere.
 const SORTED_HALF_CELLS: u64 = 3;
-/// The fewest cells: every level needs some.
+/// Every level needs some.
 const FEWEST_CELLS: u64 = 1 << 12;
-/// The most cells, with which numbers of counters stay below 2³¹.
+/// Keeps numbers of counters below 2³¹.
 const MOST_CELLS: u64 = 1 << 30;
-/// The device computes cell counts as products of floats, which round three times by 2⁻²⁴, so it may use one cell more
-/// per this many.
+/// The device computes cell counts as products of floats, which round three times by 2⁻²⁴; one cell in 2²² may be
+/// added.
 const ROUNDED: u64 = 1 << 22;
-/// This many occupancy counters of level 0 fit the caches of current devices.
+/// The counters of level 0 that fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
-/// Enough for current devices, and few enough to avoid contention at the counters of the statistics kernel.
+/// Enough for current devices, with little contention at the counters of the statistics kernel.
 const SURVEY_GROUPS: u32 = 1024;
-/// Workgroups of `occupancy_count`, which stride over the spheres: enough threads for current devices.
+/// Workgroups of `occupancy_count`, which stride over the spheres.
 const OCCUPANCY_GROUPS: u32 = 1024;
-/// Spheres per thread of the statistics kernel.
 const SPHERES_PER_THREAD: u32 = 8;
 /// Below this number of spheres a dispatch costs more than its work. Such calls minimize dispatches: all smaller
 /// spheres leave overfull cells, and overflow workgroups are dispatched for every block.
 const FEW: u32 = 1 << 15;
-/// The most spheres that a single workgroup reduces and sets up.
+/// The most spheres that one workgroup reduces and sets up.
 const VERY_FEW: u32 = 1 << 11;
 const INDEX_BLOCK: u32 = 2048;
 
@@ -39,7 +38,6 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
     let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(FEWEST_CELLS, MOST_CELLS);
     let most = limits.bytes() / 4 - 2;
-    // Below 2³¹ with all counters.
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
     // Two more counters follow the cells.
     plan.counters = plan.cells + plan.cells / ROUNDED as u32 + 2;

@@ -3,25 +3,25 @@ use lazygrid_kernels::kernel::{self as k, Kernel};
 
 use super::{BufferId, Dispatch, Plan};
 
-/// The cost of a call: a pure function of its size, the settings and the limits of the device.
+/// The cost of a call, from its size, the settings and the limits of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CallCost {
     /// The algorithm that runs; never `Auto`.
     pub algorithm: Algorithm,
-    /// Spheres that the call has at most.
+    /// The largest number of spheres.
     pub spheres: u32,
-    /// Dispatches.
+    /// The number of dispatches.
     pub dispatches: u32,
-    /// Parts into which the call is divided so that no dispatch has more than
+    /// Parts of the call; none has a dispatch of more than
     /// [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch) distance tests.
     pub parts: u32,
-    /// Bytes of device memory that the call works in, besides spheres and pairs.
+    /// Bytes of working memory on the device, without spheres and pairs.
     pub working_bytes: u64,
     /// Bytes of device memory for pairs.
     pub pair_bytes: u64,
-    /// Bytes that all dispatches read and write: sequential reads once, random reads by sectors of 32 bytes; without
-    /// pairs and overfull cells. `None` if it depends on the cells per sphere or on cache contents.
+    /// Bytes that all dispatches read and write: sequential reads once, random reads by 32-byte sectors; without pairs
+    /// and overfull cells. `None` if it depends on the cells per sphere or on caches.
     pub traffic_bytes: Option<u64>,
 }
 
@@ -47,14 +47,13 @@ impl Plan {
         let (spheres, counters) = (u64::from(self.spheres), u64::from(self.counters));
         let is_counted = self.tile == 0;
         let is = |kernel: &Kernel| dispatch.kernel == kernel;
-        // Per sphere, and per counter of the table of cells.
+        // Bytes per sphere, and per counter of the cell table.
         let (per_sphere, per_counter) = if is(&k::STATS_REDUCE) {
-            // Clears the counters.
             (16 + 4 * u64::from(self.occupancy_slots) / spheres.max(1), if is_counted { 4 } else { 0 })
         } else if is(&k::SPHERES_INTERLEAVE) {
             (16 + 16, 0)
         } else if is(&k::CELLS_COUNT) {
-            // Sphere in, cell out; each counter is read and written in a cache.
+            // Sphere in, cell out; counters are read and written in a cache.
             (16 + 8, 8)
         } else if is(&k::CELLS_KEY) {
             (16 + 4, 0)

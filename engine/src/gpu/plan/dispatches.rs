@@ -4,7 +4,7 @@ use lazygrid_kernels::kernel::{self as k, Kernel};
 use super::limits::DeviceLimits;
 use super::{Plan, SplitPolicy, cell_list};
 
-/// The parts of a call that are timed.
+/// The timed phases of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum GpuPhase {
@@ -19,7 +19,7 @@ pub enum GpuPhase {
 }
 
 impl GpuPhase {
-    /// Every phase in the order they run.
+    /// Every phase in execution order.
     pub const ALL: [Self; 4] = [Self::Survey, Self::Entries, Self::Sort, Self::Search];
 
     /// The name in lower case.
@@ -37,9 +37,8 @@ impl GpuPhase {
 pub(crate) struct Dispatch {
     pub(crate) kernel: &'static Kernel,
     pub(crate) groups: u32,
-    /// `true` if the device computes the number, in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
+    /// `true` if the device computes the number in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
     pub(crate) indirect: bool,
-    /// Its first workgroup among those of the kernel, if it is a part of a division.
     pub(crate) first_group: u32,
     pub(crate) args_index: u32,
     pub(crate) phase: GpuPhase,
@@ -102,12 +101,10 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     dispatches
 }
 
-/// Returns the dispatch that copies spheres from columns to rows.
 pub(super) fn interleave(spheres: u32) -> Dispatch {
     Dispatch::new(&k::SPHERES_INTERLEAVE, spheres.div_ceil(k::WORKGROUP_SIZE), GpuPhase::Survey)
 }
 
-/// Returns the recorded parts of a deferred search.
 pub(super) fn deferred(
     plan: &Plan,
     args: &'static Kernel,

@@ -1,6 +1,6 @@
 use lazygrid_kernels::kernel as k;
 
-/// The limits of a device that bind a plan.
+/// The device limits that a plan respects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct DeviceLimits {
@@ -10,19 +10,18 @@ pub struct DeviceLimits {
     pub buffer: u64,
     /// Workgroups per dimension of a dispatch.
     pub groups_per_dimension: u32,
-    /// Storage buffers that one kernel may bind.
+    /// Storage buffers per kernel.
     pub storage_buffers: u32,
-    /// Bytes of memory that a workgroup may have.
+    /// Bytes of memory per workgroup.
     pub workgroup_memory: u32,
 }
 
 impl DeviceLimits {
-    /// The limits that the device was made with.
+    /// The limits of a device.
     pub fn of(device: &wgpu::Device) -> Self {
         Self::from(&device.limits())
     }
 
-    /// Returns `true` if radix passes use wide tiles.
     pub(in crate::gpu) fn wide(&self) -> bool {
         k::Variant::for_device(None, self.workgroup_memory).wide_tiles
     }
@@ -41,12 +40,12 @@ impl From<&wgpu::Limits> for DeviceLimits {
 }
 
 impl DeviceLimits {
-    /// Keys that one workgroup sorts in a radix pass.
+    /// Keys that a workgroup sorts per radix pass.
     pub(in crate::gpu) fn radix_tile(&self) -> u32 {
         k::Variant { wide_tiles: self.wide(), ..k::Variant::default() }.radix_tile()
     }
 
-    /// The most bytes a buffer may have that is bound as a whole.
+    /// The most bytes of a buffer that is bound as a whole.
     pub(in crate::gpu) fn bytes(&self) -> u64 {
         self.storage_binding.min(self.buffer)
     }

@@ -1,6 +1,6 @@
-//! The buffers and dispatches of one call, as pure functions of sizes, settings and limits, without a device.
+//! The buffers and dispatches of a call, as pure functions of sizes, settings and limits.
 //!
-//! [`Planner`] makes a [`CallPlan`], which any program can execute that compiles WGSL.
+//! [`Planner`] makes a [`CallPlan`] for any program that compiles WGSL.
 
 mod buffers;
 mod call_plan;
@@ -43,13 +43,13 @@ pub use planner::Planner;
 pub(crate) use tables::TableBytes;
 pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
-/// Enough to fill today's largest devices, if there is work.
+/// Enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
-/// Even if all are in one cell, the crowded search distributes this many entries over one dimension.
+/// The crowded search distributes this many entries over one dimension, even if all are in one cell.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
 /// Folding needs three key bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
-/// This many counters in either half of the occupancy table fit the caches of current devices.
+/// Counters in either half of the occupancy table that fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,23 +60,19 @@ pub(crate) struct Request {
     pub(crate) algorithm: Algorithm,
     pub(crate) species: u32,
     pub(crate) periodic: bool,
-    /// The layout of spheres that are given as columns.
     pub(crate) columns: Option<ColumnLayout>,
-    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting.
     pub(crate) radix_sort_from: u32,
-    /// The most distance tests of one dispatch.
     pub(crate) max_tests: u64,
-    /// Parts of the deferred search that a recording holds, at least 1.
+    /// Recorded parts of the deferred search, at least 1.
     pub(crate) deferred_parts: u32,
 }
 
-/// Cells that pass smaller spheres to the next level.
+/// The cells that pass smaller spheres to the next level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub(crate) enum SplitPolicy {
     None = 0,
     Every = 1,
-    /// Cells with more than τ smaller spheres.
     Dense = 2,
 }
 
@@ -88,20 +84,18 @@ pub(crate) struct Plan {
     pub(crate) entries: u32,
     /// Bits of the sorted keys; 0 without a sort.
     pub(crate) key_bits: u32,
-    /// Selects the cells that are refined.
     pub(crate) split_policy: SplitPolicy,
     pub(crate) periodic: bool,
-    /// The layout of columns, from which spheres are first copied to rows.
     pub(crate) columns: Option<ColumnLayout>,
     /// Counters in either half of the occupancy table, or of a cell list; 0 without one.
     pub(crate) occupancy_slots: u32,
     pub(crate) cells: u32,
     pub(crate) counters: u32,
-    /// Keys that one workgroup sorts in a radix pass; 0 if a cell list is sorted by counting.
+    /// Keys that a workgroup sorts per radix pass; 0 for a counting sort.
     pub(crate) tile: u32,
-    /// Candidates of one sphere of a cell list that one invocation tests.
+    /// Candidates of a sphere of a cell list that one invocation tests.
     pub(crate) candidates_per_invocation: u32,
-    /// Workgroups for further candidates of each block; 0 if the device computes their number.
+    /// Workgroups for further candidates of each block; 0 if the device computes them.
     pub(crate) overflow_workgroups: u32,
     pub(crate) search_groups: u32,
     pub(crate) budget: WorkBudget,
@@ -110,11 +104,8 @@ pub(crate) struct Plan {
     pub(crate) dispatches: Vec<Dispatch>,
 }
 
-/// Plans a call.
-///
 /// # Errors
-/// [`Error::LimitExceeded`] where a buffer cannot be bound on the device, [`Error::NotOnBackend`] for an
-/// algorithm without kernels.
+/// [`Error::LimitExceeded`] and [`Error::NotOnBackend`].
 pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Error> {
     let algorithm = request.algorithm;
     let split_policy = match algorithm {
@@ -198,7 +189,6 @@ impl Plan {
         self.key_bits.div_ceil(k::DIGIT_BITS)
     }
 
-    /// The digit of each pass.
     pub(crate) fn digits(&self) -> Vec<RadixPass> {
         // A cell list's objects are the positions of its keys; entries name theirs.
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
@@ -209,7 +199,7 @@ impl Plan {
     }
 
     pub(crate) fn resource(&self, dispatch: &Dispatch, binding: &str) -> Resource {
-        // Each pass reads what the previous one wrote; after the last, the parity decides.
+        // Each pass reads what the previous one wrote; the parity names the last one's output.
         let front = match dispatch.phase {
             GpuPhase::Sort => dispatch.pass % 2 == 1,
             GpuPhase::Search => self.passes() % 2 == 1,
@@ -261,8 +251,7 @@ impl Plan {
     }
 }
 
-/// Returns the digits of a sort by the lowest `bits` bits, least significant first: the fewest digits, of about equal
-/// width.
+/// Returns the digits for the lowest `bits` bits, least significant first: the fewest, of about equal width.
 pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
     let passes = bits.div_ceil(k::DIGIT_BITS);
     let width = bits.div_ceil(passes.max(1));
@@ -274,19 +263,16 @@ pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
     (0..passes).map(digit).collect()
 }
 
-/// The most spheres that a device can bind and number.
 pub(super) fn most_spheres(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 16).min(k::MAX_ENTRY_OBJECTS)
 }
 
-/// The most entries that a device can hold and search.
 pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 4).min(MAX_ENTRIES)
 }
 
 /// Returns the entry capacity: eight per sphere, the most at one level, or as many as the device can bind. Several
-/// levels rarely need more. If it is too small, the overflow flag and the needed number say so. Unused capacity costs
-/// workgroups without work.
+/// levels rarely need more; if they do, the overflow flag is set. Unused capacity costs workgroups without work.
 fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
@@ -299,11 +285,10 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
             remedy: "split the spheres",
         });
     }
-    // Below 2³⁰ by the limit.
     Ok(entries as u32)
 }
 
-/// Enough workgroups that none compares with more than [`k::NAIVE_TILES`] tiles and that the device is busy.
+/// Returns enough workgroups to keep the device busy with at most [`k::NAIVE_TILES`] tiles each.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
@@ -312,17 +297,16 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
         let (what, remedy) = ("the number of workgroups for all pairs", "choose array-grid");
         return Err(Error::LimitExceeded { what, needed, limit, remedy });
     }
-    // Below 2³² by the limit.
     Ok(needed as u32)
 }
 
-/// Enough key bits for the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
+/// Returns enough key bits for the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)
 }
 
-/// About half as many counters as spheres, as most share their cells.
+/// About half as many counters as spheres, because most share cells.
 fn occupancy_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }

@@ -1,4 +1,4 @@
-//! Conversion of settings to plans, for a detector and for programs without a device.
+//! Conversion of settings to plans.
 
 use std::ops::Range;
 
@@ -15,8 +15,7 @@ use crate::Error;
 use crate::gpu::config::{GpuConfig, check};
 use crate::gpu::costs::Calibration;
 
-/// Plans calls without a device, as a [`GpuDetector`](crate::gpu::GpuDetector) of this configuration plans them on a device
-/// of these limits.
+/// Plans calls without a device, as a [`GpuDetector`](crate::gpu::GpuDetector) would on a device of these limits.
 ///
 /// ```
 /// use lazygrid::Algorithm;
@@ -44,23 +43,23 @@ impl Planner {
         Self { config, limits, smallest_subgroup: None, min_entries: 0, count_in_buffer: false }
     }
 
-    /// Sets the device's smallest subgroup size, if it has subgroups. Default: `None`.
+    /// Sets the device's smallest subgroup size. Default: `None`, no subgroups.
     pub fn subgroups(self, smallest: Option<u32>) -> Self {
         Self { smallest_subgroup: smallest, ..self }
     }
 
-    /// Sets the minimum capacity for (cell, sphere) entries. A call that exceeds its capacity sets
-    /// [`Outcome::OVERFLOW_ENTRIES`](crate::gpu::Outcome::OVERFLOW_ENTRIES). Default: 0, which leaves the capacity to the plan.
+    /// Sets the minimum capacity for (cell, sphere) entries. Calls that exceed it set
+    /// [`Outcome::OVERFLOW_ENTRIES`](crate::gpu::Outcome::OVERFLOW_ENTRIES). Default: 0, the plan decides.
     pub fn min_entries(self, min_entries: u32) -> Self {
         Self { min_entries, ..self }
     }
 
-    /// Sets whether the number of spheres comes from a buffer. Default: `false`.
+    /// Sets if the number of spheres comes from a buffer. Default: `false`.
     pub fn count_in_buffer(self, count_in_buffer: bool) -> Self {
         Self { count_in_buffer, ..self }
     }
 
-    /// Plans a call of `spheres` spheres, or of at most `spheres` spheres if the number comes from a buffer.
+    /// Plans a call of `spheres` spheres, or of at most that many if the number comes from a buffer.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] if a buffer exceeds the limits; [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for the
@@ -86,14 +85,14 @@ impl Planner {
         Ok(sized.call_plan(&constants, variant, limits))
     }
 
-    /// Returns the kernel that tests what kernels for subgroups of at least this size assume. Its one buffer holds a
-    /// [`SubgroupProbe`](super::SubgroupProbe), which begins as [`BEFORE`](super::SubgroupProbe::BEFORE).
+    /// Returns the kernel that tests the assumptions of kernels for subgroups of at least this size. Its buffer holds a
+    /// [`SubgroupProbe`](super::SubgroupProbe), initially [`BEFORE`](super::SubgroupProbe::BEFORE).
     pub fn subgroup_probe(smallest_subgroup: u32) -> PlanKernel {
         let variant = Variant { subgroups: Some(smallest_subgroup), ..Variant::default() };
         PlanKernel { kernel: &SUBGROUP_PROBE, variant }
     }
 
-    /// Returns the bytes of workgroup memory that kernels for this smallest subgroup size need at most.
+    /// Returns the largest workgroup memory in bytes of kernels for this smallest subgroup size.
     pub fn workgroup_memory(smallest_subgroup: Option<u32>) -> u32 {
         Variant { subgroups: smallest_subgroup, ..Variant::default() }.workgroup_memory()
     }
@@ -116,7 +115,7 @@ impl Request {
     }
 }
 
-/// From the configuration, else by the rate of a GPU with memory of its own.
+/// From the configuration, else the rate of a discrete GPU.
 fn max_tests(config: &GpuConfig) -> u64 {
     config.max_tests_per_dispatch.unwrap_or_else(|| tests_within_limit(Calibration::TESTS_PER_SECOND))
 }
@@ -131,7 +130,6 @@ impl WorkBudget {
 pub(crate) struct CallSettings<'a> {
     pub(crate) config: &'a GpuConfig,
     pub(crate) cell_ratio: f32,
-    /// The window of the smaller index of pairs.
     pub(crate) window: Range<u32>,
     pub(crate) split: u32,
     pub(crate) sides: Option<&'a Sides>,
@@ -168,7 +166,7 @@ impl Plan {
 }
 
 impl GpuConfig {
-    /// Returns the parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
+    /// Returns the parameters that all kernels read.
     pub(in crate::gpu) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
         let call = SearchParams {
             spheres,

@@ -5,7 +5,7 @@ use super::buffers::{BufferId, bytes_of};
 use super::dispatches::{Dispatch, GpuPhase, interleave};
 use super::work_budget::WorkBudget;
 
-/// A new buffer for every candidate list.
+/// New for every candidate list.
 pub(in crate::gpu) const STATE: (BufferId, u64) = (BufferId::SkinState, size_of::<SkinState>() as u64);
 
 pub(in crate::gpu) fn candidate_parts(candidates: u32, budget: WorkBudget) -> (u32, u32) {

@@ -9,14 +9,12 @@ use crate::Error;
 #[derive(Clone, Debug)]
 pub(crate) struct TableBytes {
     pub(crate) reach: Arc<[u8]>,
-    /// Per pair of species, a distance or one of the two negative marks.
+    /// Per pair of species, a distance or one of two negative marks.
     pub(crate) table: Arc<[u8]>,
     pub(crate) sides: Sides,
 }
 
 impl TableBytes {
-    /// # Errors
-    /// [`Error::LimitExceeded`] if the table is larger than a binding of `storage_binding` bytes.
     pub(crate) fn new(interactions: &Interactions, storage_binding: u64) -> Result<Self, Error> {
         let species = interactions.species();
         let bytes = u64::from(species) * u64::from(species) * 4;

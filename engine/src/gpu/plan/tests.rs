@@ -49,8 +49,8 @@ fn plans_fit_their_devices_or_say_why_not() {
     }
 }
 
-/// Slabs are cut by this number alone. Naive is refused if it has more pairs to test than workgroups can be counted,
-/// and the message names another algorithm.
+/// Slabs are cut by this number alone. Naive is refused with more workgroups than can be counted, and the message names
+/// another algorithm.
 #[test]
 fn the_most_spheres_that_can_be_bound_can_be_searched() {
     for limits in [LAVAPIPE, H200, DeviceLimits { storage_binding: 8 << 20, ..LAVAPIPE }] {
@@ -258,7 +258,7 @@ impl Plan {
     }
 }
 
-/// Floats round at and above 2²⁴: for 83 333 332 spheres, 500 cells along each axis are two more than requested.
+/// Floats round at and above 2²⁴: for 83 333 332 spheres, 500 cells per axis are two more than requested.
 #[test]
 fn a_cell_list_has_counters_for_all_cells_that_the_device_may_take() {
     let limits = DeviceLimits { storage_binding: u32::MAX.into(), buffer: u32::MAX.into(), ..LAVAPIPE };
@@ -313,7 +313,7 @@ fn deferred_parts_follow_the_outcome() {
         deferred_max_tiles,
         ..Outcome::default()
     };
-    // A part has 2¹¹ tiles. A chunk of 2048 candidates has eight.
+    // A part has 2¹¹ tiles; a chunk of 2048 candidates has eight.
     for (blocks, chunks, parts) in [(0, 0, 0), (1, 1, 1), (256, 1, 1), (257, 1, 2), (4096, 512, 4096)] {
         assert_eq!(list.deferred_parts_for(&outcome(blocks, chunks)), parts, "{blocks}, {chunks}");
     }

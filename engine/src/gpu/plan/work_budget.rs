@@ -1,4 +1,4 @@
-//! Division of long searches into dispatches that end within a time limit, so that no driver's watchdog ends them.
+//! Division of long searches into dispatches that end before a driver's watchdog acts.
 //!
 //! # Correctness
 //!
@@ -15,12 +15,10 @@ use lazygrid_kernels::layout::SearchParams;
 
 use super::dispatches::Dispatch;
 
-/// The time limit of one dispatch: a tenth of the shortest watchdog of a driver (2 s on Windows).
+/// A tenth of the shortest watchdog of a driver (2 s on Windows).
 pub(crate) const MAX_DISPATCH_TIME: Duration = Duration::from_millis(200);
 
-/// Returns the distance tests within [`MAX_DISPATCH_TIME`] at this rate, at least 1.
 pub(crate) fn tests_within_limit(tests_per_second: f64) -> u64 {
-    // The cast saturates.
     ((tests_per_second * MAX_DISPATCH_TIME.as_secs_f64()) as u64).max(1)
 }
 
@@ -28,7 +26,6 @@ pub(crate) fn tests_within_limit(tests_per_second: f64) -> u64 {
 pub(crate) struct WorkBudget {
     /// The most distance tests of a dispatch, unless a single workgroup has more.
     pub(crate) tests: u64,
-    /// The most workgroups in one row of a dispatch.
     pub(crate) row: u32,
 }
 
@@ -38,7 +35,6 @@ impl WorkBudget {
         let fitting = self.tests / tests_per_group.max(1);
         match fitting >= groups.into() {
             true => groups,
-            // Below 2³² by the row.
             false => fitting.clamp(1, self.row.max(1).into()) as u32,
         }
     }

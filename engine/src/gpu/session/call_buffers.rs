@@ -6,12 +6,10 @@ use crate::Error;
 use crate::gpu::detector::read_outcome;
 use crate::gpu::device::{GpuDevice, with_error_scope};
 
-/// In a staging buffer, after the outcome, and at [`TICKS_AT`] the ticks of the phases or the state of the candidate
-/// list.
+/// The offset after the outcome, and at [`TICKS_AT`] the ticks or the state of the candidate list.
 const PAIRS_AT: u64 = 128;
 const TICKS_AT: u64 = 64;
 
-/// The input and staging buffers of one in-flight call.
 #[derive(Debug, Default)]
 pub(crate) struct CallBuffers {
     pub(crate) count: u32,
@@ -65,7 +63,6 @@ pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
     (staging.size() - PAIRS_AT) / 8
 }
 
-/// Records the copy to the staging buffer: outcome, ticks or candidate-list state, and the first `pairs` pairs.
 pub(crate) fn copy_to_staging(
     encoder: &mut wgpu::CommandEncoder,
     from: [Option<&wgpu::Buffer>; 3],
@@ -96,16 +93,12 @@ impl Readback<'_> {
         bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
     }
 
-    /// The state of the candidate list is stored in place of the ticks.
+    /// Stored in place of the ticks.
     pub(crate) fn state(&self) -> SkinState {
         let at = TICKS_AT as usize;
         bytemuck::pod_read_unaligned(&self.0[at..at + size_of::<SkinState>()])
     }
 
-    /// Appends the first `count` pairs.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) -> Result<(), Error> {
         let at = PAIRS_AT as usize;
         try_reserve(pairs, count, "pairs")?;

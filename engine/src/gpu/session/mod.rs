@@ -1,4 +1,4 @@
-//! Sessions: spheres in the memory of the host in, pairs out.
+//! Sessions: from spheres in host memory to pairs in host memory.
 
 mod call_buffers;
 mod retry;
@@ -23,24 +23,23 @@ use skin::SkinSession;
 use submission::{PendingReadback, Submission};
 
 const MAX_IN_FLIGHT: usize = 2;
-/// Pairs that the first readback includes.
+/// Pairs in the first readback.
 const FIRST_PAIRS: u64 = 1 << 12;
 
-/// Host in, host out: uploads, detects, reads back, and retries if a capacity was too small.
+/// Uploads spheres, detects, reads back, and retries if a capacity was too small.
 ///
-/// Two calls may be in flight: [`begin`](Self::begin) one while the other is worked on, so that upload, detection and
-/// readback overlap. The input is not checked here; spheres that are not finite pair with nothing.
+/// Two calls may be in flight: [`begin`](Self::begin) one during the other, so that upload, detection and readback
+/// overlap. Invalid spheres never pair; the session does not report them.
 #[derive(Debug)]
 pub struct GpuSession {
     gpu: GpuDevice,
     detector: GpuDetector,
     skin: Option<SkinSession>,
     kept: Option<CandidateListStats>,
-    /// The algorithm and cell ratio of calls to begin.
+    /// The settings of calls to begin.
     asked: AlgorithmChoice,
     timeout: Duration,
     slots: [CallBuffers; MAX_IN_FLIGHT],
-    /// The settings of the call in each slot.
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
     /// The call whose work is in the detector's buffers, and its output.
@@ -52,7 +51,6 @@ pub struct GpuSession {
     gathered: Vec<Pair>,
     timings: Vec<PhaseTime>,
     last: Outcome,
-    /// Counts of the call in each slot, and of the last finished call.
     counts: [SubmissionCounts; MAX_IN_FLIGHT],
     last_counts: SubmissionCounts,
 }
@@ -61,21 +59,19 @@ pub struct GpuSession {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SubmissionCounts {
-    /// Searches. A retry searches again.
+    /// Searches, including retries.
     pub searches: u32,
-    /// Command buffers of searches and their continuations. Long searches are divided into several.
+    /// Command buffers of searches and continuations. Long searches have several.
     pub parts: u32,
-    /// Copies of pairs that a search had left on the device.
+    /// Copies of pairs that a search left on the device.
     pub copies: u32,
 }
 
 #[derive(Clone, Debug)]
 pub(in crate::gpu) struct QueuedCall {
     pub(in crate::gpu) choice: AlgorithmChoice,
-    /// Pairs are asked for whose smaller index is in this window.
     pub(in crate::gpu) window: Range<u32>,
     pub(in crate::gpu) split: u32,
-    /// `true` if the candidate list may serve it.
     pub(in crate::gpu) keeps: bool,
 }
 
@@ -85,25 +81,24 @@ impl QueuedCall {
     }
 }
 
-/// A call that was begun and is to be finished. Dropping it gives the call up and makes room for another.
+/// A call that was begun. Dropping the ticket abandons the call.
 #[derive(Debug, PartialEq, Eq)]
 #[must_use = "the result comes with `finish`"]
 pub struct Ticket {
     number: u64,
-    /// Lets the session see that it is gone.
+    /// Lets the session notice a dropped ticket.
     _held: Arc<()>,
 }
 
 impl GpuSession {
-    /// Returns the reason why kernels do not use the subgroup operations of the device; `None` if they do, or if it has none.
     pub(crate) fn subgroup_refusal(&self) -> Option<&str> {
         self.gpu.subgroup_refusal()
     }
 
-    /// Creates a session on this device.
+    /// Creates a session on a device.
     ///
     /// # Errors
-    /// See [`GpuDetector::new`], and if the device was lost.
+    /// See [`GpuDetector::new`]; also [`Error::DeviceLost`].
     pub fn new(gpu: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
         gpu.probe()?;
         // The session hides the cell order, so pairs must hold input indices. It uploads rows.
@@ -144,10 +139,7 @@ impl GpuSession {
         Ok(session)
     }
 
-    /// Changes the space of later calls, which must be periodic along the same axes. A new space discards candidates.
-    ///
-    /// # Errors
-    /// See [`set_skin`](Self::set_skin).
+    /// Changes the space, which must keep its periodic axes, and discards candidates.
     pub(in crate::gpu) fn set_space(&mut self, space: Space) -> Result<(), Error> {
         if self.detector.settings().space != space {
             self.detector.set_space(space);
@@ -158,7 +150,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Sets the time limit of a call, after which it fails with [`Error::Timeout`]. Default: ten minutes.
+    /// Sets the time limit of a call, after which it returns [`Error::Timeout`]. Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
@@ -171,20 +163,19 @@ impl GpuSession {
     /// Changes the algorithm of calls begun later; see [`GpuConfig::algorithm`].
     ///
     /// # Errors
-    /// [`Error::NotOnBackend`] for one without kernels.
+    /// [`Error::NotOnBackend`] for an algorithm without kernels.
     pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), Error> {
         check_algorithm(algorithm)?;
         self.asked.algorithm = algorithm;
         Ok(())
     }
 
-    /// The algorithm of the last call: ArrayGrid if the entries of several levels did not fit the device; `Auto` before
-    /// the first.
+    /// The algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before the first.
     pub fn algorithm(&self) -> Algorithm {
         self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
 
-    /// Returns the outcome of the last finished call.
+    /// Returns the cost of the last finished call.
     pub fn cost(&self) -> Option<CallCost> {
         self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
     }
@@ -206,17 +197,16 @@ impl GpuSession {
         &self.last
     }
 
-    /// Times of the last finished call, summed over its submissions: GPU phases if they can be taken, and the waits of
-    /// the host.
+    /// Times of the last finished call, summed over its submissions: GPU phases if available, and host waits.
     pub fn timings(&self) -> &[PhaseTime] {
         &self.timings
     }
 
-    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with input and readback: for eight
-    /// entries per sphere, or more after a call that needed more; see [`Outcome::entries_needed`].
+    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with input and readback: eight entries
+    /// per sphere, or as many as a call needed ([`Outcome::entries_needed`]).
     ///
     /// # Errors
-    /// [`Error::LimitExceeded`] where the device cannot hold it.
+    /// [`Error::LimitExceeded`] if the device cannot hold it.
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         let working = match &self.skin {
             None => self.detector.memory_for(spheres)?,
@@ -235,16 +225,16 @@ impl GpuSession {
         most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
 
-    /// Returns the bytes of device memory of input and staging buffers.
+    /// Returns the bytes of input and staging buffers on the device.
     pub fn held_bytes(&self) -> u64 {
         self.slots.iter().map(CallBuffers::device_bytes).sum()
     }
 
-    /// Uploads the spheres and starts the detection; does not wait.
+    /// Uploads the spheres and starts the detection, without waiting.
     ///
     /// # Errors
-    /// [`Error::TooManyInFlight`] with two calls in flight already; [`Error::InvalidSetting`] for spheres with groups, which only
-    /// [`Detector`](crate::Detector) excludes; otherwise as [`GpuDetector::encode`].
+    /// [`Error::TooManyInFlight`] with two calls in flight; [`Error::InvalidSetting`] for spheres with groups, which
+    /// only [`Detector`](crate::Detector) supports; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         if spheres.is_f64() {
             let range = "a session searches f32 numbers: use `Detector`, or convert the spheres";
@@ -288,17 +278,17 @@ impl GpuSession {
         Ok(Ticket { number, _held: held })
     }
 
-    /// Returns the pairs of a call, unordered. The session retries with more capacity if they did not fit. The slice
-    /// lives until the next call is finished.
+    /// Returns the pairs of a call, unordered, until the next call is finished. Retries with more capacity if they did
+    /// not fit.
     ///
     /// # Errors
-    /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
+    /// [`Error::TooManyPairs`] above `limit`, with the exact number, or an error of the device.
     pub fn finish(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], Error> {
         pollster::block_on(self.collect(ticket, limit, Wait::Blocking))?;
         Ok(&self.pairs)
     }
 
-    /// Works as [`finish`](Self::finish), without blocking the caller's thread.
+    /// Works like [`finish`](Self::finish) without blocking the thread.
     ///
     /// # Errors
     /// See [`finish`](Self::finish).
@@ -307,10 +297,10 @@ impl GpuSession {
         Ok(&self.pairs)
     }
 
-    /// Returns the number of pairs of a call; any number can be counted.
+    /// Returns the number of pairs of a call.
     ///
     /// # Errors
-    /// Fails if the device fails.
+    /// An error of the device.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, Error> {
         self.forget_last();
         pollster::block_on(self.finish_with_retries(ticket.number, self.window_of(&ticket), Wait::Blocking))
@@ -321,12 +311,11 @@ impl GpuSession {
         self.calls[ticket.number as usize % MAX_IN_FLIGHT].window.clone()
     }
 
-    /// Passes the pairs of a call to `consume` in parts. Smaller indices ascend from part to part; within a part pairs
-    /// are unordered. Memory stays bounded by the output's capacity, which grows only if it is below the pairs of a
-    /// single sphere.
+    /// Passes the pairs of a call to `consume` in parts, by ascending smaller index; within a part pairs are unordered.
+    /// The output grows only if a single sphere has more pairs than its capacity.
     ///
     /// # Errors
-    /// Fails if the device fails or cannot hold the pairs of a single sphere.
+    /// An error of the device, which may be unable to hold the pairs of a single sphere.
     pub fn finish_in_parts(
         &mut self,
         ticket: Ticket,
@@ -400,7 +389,7 @@ impl GpuSession {
         &mut self.pairs
     }
 
-    /// Swaps out the pairs of the last call for a list whose memory the next call may use.
+    /// Exchanges the pairs of the last call for a list whose memory is reused.
     pub fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
         std::mem::swap(&mut self.pairs, pairs);
     }

@@ -1,5 +1,5 @@
-//! Calls that take more than one submission: because a capacity was too small, because a result is larger than the
-//! output, or because the search exceeds one submission.
+//! Calls of several submissions: too small a capacity, a result larger than the output, or a search beyond one
+//! submission.
 
 use std::ops::{ControlFlow, Range};
 
@@ -14,9 +14,9 @@ use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
-    /// Returns the settings with fewer entries for a retry of a call that `ran`: a coarser grid, and at last a single
-    /// level at the cell ratio `asked`. Only a single level helps coincident spheres, which have eight entries per
-    /// level at any cell size.
+    /// Returns settings with fewer entries than the call that `ran`: a coarser grid, and finally a single level at the
+    /// cell ratio `asked`. Only a single level helps coincident spheres, which have eight entries per level at any cell
+    /// size.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
@@ -28,8 +28,7 @@ impl AlgorithmChoice {
 }
 
 impl GpuSession {
-    /// Waits for a call and appends its pairs. Retries with more capacity, or with fewer entries, if they did not fit,
-    /// and continues a search that exceeds one submission.
+    /// Waits for a call and appends its pairs, after retries and continuations.
     pub(super) async fn finish_with_retries(
         &mut self,
         number: u64,
@@ -55,7 +54,7 @@ impl GpuSession {
                 self.pairs.clear();
                 let work = match self.is_submitted(number) {
                     true => Submission::Continuation,
-                    // The call begun since has used the same buffers.
+                    // A later call has overwritten the buffers.
                     false => Submission::Full(window.clone()),
                 };
                 self.submit(number, work)?;
@@ -63,12 +62,11 @@ impl GpuSession {
         }
     }
 
-    /// Returns `true` if the detector's buffers hold the work of this call.
     fn is_submitted(&self, number: u64) -> bool {
         self.submitted.as_ref().is_some_and(|(submitted, _)| *submitted == number)
     }
 
-    /// Reads back all pairs of a finished call, or returns `false` if its output no longer holds them.
+    /// Reads back all pairs of a finished call; returns `false` if its output is overwritten.
     pub(super) async fn copy_pairs(&mut self, number: u64, found: u64, wait: Wait) -> Result<bool, Error> {
         let holds_all = |(submitted, output): &(u64, GpuOutput)| {
             *submitted == number && found <= u64::from(output.capacity)
@@ -103,7 +101,6 @@ impl GpuSession {
         self.submit(number, Submission::Full(window))
     }
 
-    /// Repeats a call with capacity for the pairs that it found.
     pub(super) fn repeat_for_pairs(
         &mut self,
         number: u64,
@@ -112,7 +109,6 @@ impl GpuSession {
     ) -> Result<(), Error> {
         let before = self.detector.capacities();
         if found > u64::from(self.capacity()) {
-            // Below 2³² by the largest capacity.
             self.detector.set_pair_capacity(self.largest_capacity().min(found.next_power_of_two()) as u32);
         }
         let expected = std::mem::replace(&mut self.expected, found.next_power_of_two());
@@ -131,7 +127,7 @@ impl GpuSession {
             .inspect_err(|_| self.detector.restore_capacities(before))
     }
 
-    /// Repeats a call for one window of smaller indices after another, each within the output's capacity.
+    /// Repeats a call for successive windows of smaller indices, each within the output's capacity.
     pub(super) async fn read_windows(
         &mut self,
         number: u64,
@@ -232,7 +228,6 @@ mod tests {
             let expected = expected.map(|(algorithm, cell_ratio)| AlgorithmChoice { algorithm, cell_ratio });
             assert_eq!(choice.with_fewer_entries(algorithm, 3.0), expected, "{algorithm}, {ratio}");
         }
-        // The algorithm that ran counts, not `Auto`.
         let auto = AlgorithmChoice { algorithm: Algorithm::Auto, cell_ratio: 16.0 };
         assert!(auto.with_fewer_entries(LazyGrid, 2.0).is_some_and(|choice| choice.algorithm == ArrayGrid));
     }

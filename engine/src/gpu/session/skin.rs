@@ -10,7 +10,7 @@ use crate::gpu::detector::GpuSkinDetector;
 
 /// Calls without a list after a list that did not fit. An attempt costs about as much as one of these calls.
 const PAUSE: u64 = 16;
-/// The most parts of the search for candidates in crowded cells. A list of more has too many candidates to pay.
+/// The most parts of the candidate search in crowded cells. A list of more parts has too many candidates to pay.
 const MAX_DEFERRED_PARTS: u32 = 4096;
 
 #[derive(Debug)]
@@ -22,12 +22,11 @@ pub(super) struct SkinSession {
 }
 
 impl GpuSession {
-    /// Sets the skin of later calls: candidates are pairs up to `distance` too far apart to touch, and serve until a
-    /// sphere has moved half the skin. `None` disables the list. An answer never depends on it. If the candidates do
-    /// not fit the device, calls search without a list.
+    /// Sets the skin of later calls; `None` disables the candidate list. A list serves until a sphere has moved half
+    /// the skin. Results do not change. If candidates do not fit the device, calls search without a list.
     ///
     /// # Errors
-    /// [`Error::InvalidSetting`] for a distance out of range; otherwise where the device refuses something.
+    /// [`Error::InvalidSetting`] if `distance` is out of range, or an error of the device.
     pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         let keeping = |distance| {
             let detector = self.with_skin(distance)?;
@@ -37,7 +36,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Like [`set_skin`](Self::set_skin), but an equal skin keeps the list.
+    /// Like [`set_skin`](Self::set_skin), but keeps the list of an equal skin.
     pub(in crate::gpu) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
@@ -59,7 +58,7 @@ impl GpuSession {
             .map_err(|error| self.gpu.reason(error))
     }
 
-    /// Like [`memory_for`](Self::memory_for), for calls that alternate between searches and candidate lists.
+    /// The maximum of calls with and without a candidate list.
     pub(in crate::gpu) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,
@@ -68,7 +67,6 @@ impl GpuSession {
         Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + kept)
     }
 
-    /// Returns `true` if this call uses the candidate list, provided that it fits.
     pub(super) fn uses_candidates(&self, number: u64) -> bool {
         let asked = self.calls[number as usize % MAX_IN_FLIGHT].keeps;
         self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)
@@ -129,7 +127,6 @@ impl GpuSession {
         }
         let before = skin.detector.candidate_capacity();
         if outcome.overflow & !Outcome::OVERFLOW_PAIRS == Outcome::OVERFLOW_CANDIDATES && needed <= largest {
-            // Below 2³² by the largest capacity.
             skin.detector.set_candidate_capacity((needed + needed / 8).min(largest) as u32);
             log::info!("{needed} candidates do not fit: repeating with room for them");
             self.submit(number, Submission::Full(window))?;

@@ -20,11 +20,10 @@ pub(super) struct PendingReadback {
     staged: u64,
     capacity: u32,
     timed: &'static [GpuPhase],
-    /// `true` if it was answered from candidates, whose state is read back in place of times.
+    /// `true` if candidates answered it; their state is then read back in place of times.
     pub(super) is_kept: bool,
 }
 
-/// The work of a submission.
 #[derive(Clone, Debug)]
 pub(super) enum Submission {
     Full(Range<u32>),
@@ -40,8 +39,7 @@ impl Drop for PendingReadback {
 }
 
 impl GpuSession {
-    /// Records and submits a call with its readback. If the device has no memory for candidates, the call searches
-    /// without a list.
+    /// Records and submits a call with its readback. If candidates do not fit, the call searches without a list.
     pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let keeps = self.uses_candidates(number);
         let submitted = match self.try_submit(number, work.clone()) {
@@ -75,7 +73,7 @@ impl GpuSession {
             Submission::Copy => &[],
         };
         let is_kept = skin.is_some() && !matches!(work, Submission::Copy);
-        // From here no continuation of an earlier call is possible, even after an error.
+        // No earlier call can be continued after this, even after an error.
         let before = self.submitted.take();
         let (found, details) = match (work, skin) {
             (Submission::Full(window), skin) => {
@@ -93,7 +91,7 @@ impl GpuSession {
                         let found = detector.bind_as(choice, &input)?;
                         for part in 0..detector.parts() {
                             if part > 0 {
-                                // A submission of its own, so that none is long.
+                                // Submitted separately, so that no submission is long.
                                 let full = std::mem::replace(&mut encoder, new_encoder(gpu)?);
                                 with_error_scope(&gpu.device, "a part of a call", 0, || {
                                     gpu.queue.submit([full.finish()])
@@ -146,7 +144,6 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Waits for a submission and appends its pairs if all were read back.
     pub(super) async fn wait(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
         let flight =
             self.pending[number as usize % MAX_IN_FLIGHT].take().filter(|flight| flight.number == number);

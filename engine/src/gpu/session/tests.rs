@@ -119,7 +119,6 @@ fn encoders_of_the_caller_get_bounded_dispatches_and_continuations() {
         assert!(cost.parts > 9 && cost.parts == parted.parts(), "{algorithm}: {cost:?}");
         let last = outcomes.last().expect("one call");
         assert_eq!(last.overflow, 0, "{algorithm}: {last:?}");
-        // With enough recorded parts no continuation is needed.
         parted.set_deferred_parts(parted.needed_deferred_parts(last));
         let (outcomes, found) = encode(&gpu, &mut parted, &input);
         assert_eq!((outcomes.len(), &found), (1, &expected), "{algorithm}");
@@ -129,7 +128,7 @@ fn encoders_of_the_caller_get_bounded_dispatches_and_continuations() {
 #[test]
 fn candidate_search_of_the_caller_reports_unfinished_work() {
     let Some(gpu) = device_or_skip() else { return };
-    // All spheres are candidates of each other. Few spheres would have a fixed number of workgroups.
+    // Few spheres would have a fixed number of workgroups.
     let mut spheres = vec![Sphere::new([1.0; 3], 0.1); 2600];
     spheres.extend((0..32_000).map(|k| Sphere::new([10.0 + k as f32, 0.0, 0.0], 0.1)));
     let mut slot = CallBuffers::default();
