@@ -7,19 +7,19 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An invalid scenario file.
+    /// Invalid scenario file.
     #[error("{}, line {line}, `{key}`: {message}", path.display())]
     Scenario {
-        /// The file.
+        /// File.
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// The key on that line.
+        /// Key on that line.
         key: String,
         /// Fault and valid values.
         message: String,
     },
-    /// A model that cannot be run.
+    /// Model that cannot be run.
     #[error("{0}")]
     Model(String),
     /// Ids are used up.
@@ -31,7 +31,7 @@ pub enum Error {
         /// Particles that the run would have released.
         released: u64,
     },
-    /// The system refused memory for more particles.
+    /// System refused memory for more particles.
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
         /// Particles that the run would have had.
@@ -45,9 +45,9 @@ pub enum Error {
          replicas at once (--threads)"
     )]
     OutOfCandidateMemory {
-        /// The number of candidates.
+        /// Number of candidates.
         candidates: u64,
-        /// Their size.
+        /// Size.
         bytes: u64,
     },
     /// The particles of a step exceed the available memory.
@@ -56,7 +56,7 @@ pub enum Error {
          fewer particles, run fewer replicas at once (--threads), or raise the limit"
     )]
     TooLittleMemory {
-        /// The number of particles.
+        /// Number of particles.
         particles: u64,
         /// Required bytes.
         needed: u64,
@@ -65,7 +65,7 @@ pub enum Error {
         /// Limit that determines `available`.
         limit: &'static str,
     },
-    /// The detector refused the particles, or found too many pairs.
+    /// Detector refused the particles, or found too many pairs.
     #[error("step {step}: {source}")]
     Step {
         /// Step, from 0.
@@ -80,15 +80,15 @@ pub enum Error {
     Collisions {
         /// Step, from 0.
         step: u32,
-        /// The number of particles.
+        /// Number of particles.
         particles: u64,
         /// Collisions at which the step stopped.
         collisions: u64,
     },
-    /// The detector could not be created.
+    /// Detector could not be created.
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
-    /// The GPU backend cannot run a part of the model.
+    /// GPU backend cannot run a part of the model.
     #[error("the GPU back end cannot do {what}; choose the CPU")]
     NotOnGpu {
         /// Refused part and its owner.
@@ -124,7 +124,7 @@ pub enum Error {
     /// A file cannot be read.
     #[error("{}: cannot read: {source}", path.display())]
     Read {
-        /// The file.
+        /// File.
         path: PathBuf,
         /// System error.
         source: io::Error,
@@ -132,25 +132,25 @@ pub enum Error {
     /// A file cannot be written.
     #[error("{}: cannot write: {source}", path.display())]
     Write {
-        /// The file.
+        /// File.
         path: PathBuf,
         /// System error.
         source: io::Error,
     },
-    /// A replica failed.
+    /// Replica failed.
     #[error("replica {replica}: {source}")]
     Replica {
         /// Replica, from 0.
         replica: u32,
-        /// The reason.
+        /// Reason.
         source: Box<Error>,
     },
-    /// A point of a sweep failed, or is no valid scenario.
+    /// Point of a sweep failed, or is no valid scenario.
     #[error("{values}: {source}")]
     SweepPoint {
         /// Keys and values.
         values: String,
-        /// The cause.
+        /// Cause.
         source: Box<Error>,
     },
     /// A checkpoint of another layout version.
@@ -160,7 +160,7 @@ pub enum Error {
         path.display()
     )]
     CheckpointVersion {
-        /// The file.
+        /// File.
         path: PathBuf,
         /// Version of the file.
         found: u32,
@@ -173,15 +173,15 @@ pub enum Error {
         path.display()
     )]
     Damaged {
-        /// The file.
+        /// File.
         path: PathBuf,
         /// Damage.
         damage: Damage,
     },
-    /// A checkpoint of another run, such as of another scenario.
+    /// Checkpoint of another run, such as of another scenario.
     #[error("{}: {message}", path.display())]
     Checkpoint {
-        /// The file.
+        /// File.
         path: PathBuf,
         /// Mismatch.
         message: String,
@@ -222,7 +222,7 @@ pub enum Damage {
         /// Checksum in the checkpoint.
         expected: u64,
     },
-    /// A right checksum over invalid content.
+    /// Right checksum over invalid content.
     #[error("its content cannot be decoded ({0})")]
     Content(String),
 }

@@ -13,9 +13,9 @@ use lazygrid_sim::{Model, Schedule};
 /// The quantity of a slot by which a receiver decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detector {
-    /// The number of arrivals.
+    /// Number of arrivals.
     Arrivals,
-    /// The largest momentary count.
+    /// Largest momentary count.
     Peak,
     /// Sum of the squares of the momentary counts.
     Energy,
@@ -49,11 +49,11 @@ impl Detector {
 /// The files of a replica.
 #[derive(Clone, Debug, Default)]
 pub struct ReplicaFiles {
-    /// The seed.
+    /// Seed.
     pub seed: u64,
-    /// The log of arrivals; empty if none was written.
+    /// Log of arrivals; empty if none was written.
     pub log: Log,
-    /// The series.
+    /// Series.
     pub series: Series,
 }
 
@@ -67,7 +67,7 @@ pub struct BitErrors {
     pub transmitter: usize,
     /// Index of the receiver in the model.
     pub receiver: usize,
-    /// The observed quantity.
+    /// Observed quantity.
     pub detector: Detector,
     /// Steps from a symbol to the start of its slot.
     pub delay: u32,

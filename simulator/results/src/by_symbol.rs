@@ -15,7 +15,7 @@ use lazygrid_sim::random::philox::Key;
 /// from the last row at or before the beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
-    /// The link.
+    /// Link.
     pub link: Link,
     /// Statistics by symbol and steps since the beginning of the slot.
     pub symbols: BTreeMap<u32, BTreeMap<u32, IntegerStats>>,

@@ -7,7 +7,7 @@ use lazygrid_sim::Model;
 pub struct ColumnGroup {
     /// Name, also of files.
     pub name: &'static str,
-    /// The title of the axis.
+    /// Title of the axis.
     pub axis: &'static str,
     /// Indices of the counts in a row; see [`names`](lazygrid_sim::series::names).
     pub columns: Vec<usize>,

@@ -1,6 +1,6 @@
 //! Confidence intervals of probabilities.
 
-/// The normal quantile for 95 %.
+/// Normal quantile for 95 %.
 const Z: f64 = 1.959_963_984_540_054;
 
 /// Returns the 95 % Wilson interval of a probability after `hits` of `trials` independent trials. Without hits its

@@ -36,7 +36,7 @@ pub struct Inside {
     pub step: u32,
     /// Index of the receiver in the model.
     pub receiver: usize,
-    /// The species.
+    /// Species.
     pub species: usize,
     /// Transmitter index and completed steps at the release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
@@ -51,7 +51,7 @@ pub struct Released {
     pub step: u32,
     /// Index of the transmitter in the model.
     pub transmitter: usize,
-    /// The species.
+    /// Species.
     pub species: usize,
     /// Number of particles.
     pub count: u64,

@@ -96,7 +96,7 @@ pub struct MeanSeries {
     pub times: Vec<f64>,
     /// Statistics of each count, row after row.
     pub samples: Vec<IntegerStats>,
-    /// The number of replicas.
+    /// Number of replicas.
     pub replicas: u64,
 }
 

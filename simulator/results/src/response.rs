@@ -48,7 +48,7 @@ impl Link {
 /// The fraction of particles that arrives, or is inside, in each bin after their release.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
-    /// The link.
+    /// Link.
     pub link: Link,
     /// Steps of a bin.
     pub width: u32,

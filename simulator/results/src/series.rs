@@ -14,7 +14,7 @@ pub struct Series {
     pub steps: Vec<u32>,
     /// Time in s, by row.
     pub times: Vec<f64>,
-    /// The counts, row after row.
+    /// Counts, row after row.
     pub counts: Vec<u64>,
 }
 

@@ -10,27 +10,27 @@ use lazygrid_sim::Model;
 /// A result of a point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepResult {
-    /// The group, such as `particles` or `bit errors`.
+    /// Group, such as `particles` or `bit errors`.
     pub group: &'static str,
-    /// The name.
+    /// Name.
     pub name: String,
-    /// The mean over replicas, or the rate of all bits.
+    /// Mean over replicas, or the rate of all bits.
     pub value: f64,
     /// One standard error around the mean, or the 95 % interval of a bit error rate; `None` for one replica.
     pub bounds: Option<[f64; 2]>,
 }
 
-/// The group of the error rates, for logarithmic axes.
+/// Group of the error rates, for logarithmic axes.
 pub const BIT_ERRORS: &str = "bit errors";
 
 /// A point of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepRow {
-    /// The values of the swept keys.
+    /// Values of the swept keys.
     pub values: Vec<String>,
     /// Number of finished replicas.
     pub replicas: u64,
-    /// The results.
+    /// Results.
     pub results: Vec<SweepResult>,
 }
 

@@ -55,7 +55,7 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
 /// slot, the next one and so on, over replicas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
-    /// The link.
+    /// Link.
     pub link: Link,
     /// Fraction that arrives, by slots since the release.
     pub by_lag: Vec<RunningStats>,

@@ -160,7 +160,7 @@ pub(super) struct DissociationRow {
 }
 
 impl ReactionRow {
-    /// The detector's cutoff exceeds `within`.
+    /// Detector's cutoff exceeds `within`.
     pub(super) const NARROWER: u32 = 4;
     pub(super) const APART: u32 = 8;
 }

@@ -23,7 +23,7 @@ const MIN_STEPS_PER_RECEIVER: u64 = 64;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ReceiverCells {
     pub(super) head: ReceiverCellsHeader,
-    /// By species: the beginning of each cell's list and the end of the last, then the lists.
+    /// Indexed by species: the beginning of each cell's list and the end of the last, then the lists.
     pub(super) words: Vec<u32>,
 }
 

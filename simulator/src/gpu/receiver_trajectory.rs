@@ -9,7 +9,7 @@ use crate::random::philox::Key;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReceiverTrajectory {
     pub(super) head: TrajectoryHeader,
-    /// By step, then receiver; one step if no receiver moves.
+    /// Indexed by step, then receiver; one step if no receiver moves.
     pub(super) rows: Vec<ReceiverRow>,
     centers: Vec<Vec<[f32; 3]>>,
     pub(super) max_displacements: Vec<f32>,

@@ -57,7 +57,7 @@ impl Tallies {
     }
 }
 
-/// As in `decay.wgsl`.
+/// Equal to that of `decay.wgsl`.
 const MAX_DECAYS: u32 = 64;
 /// At a mean of 16, [`MAX_DECAYS`] is exceeded with a probability of 10⁻¹⁷.
 const MAX_DECAY_RATE: f64 = 16.0;

@@ -13,16 +13,16 @@ pub enum Axis {
     Open,
     /// Walls at both coordinates, in µm; they reflect surfaces of spheres.
     Reflecting {
-        /// The lower wall.
+        /// Lower wall.
         low: f32,
-        /// The upper wall.
+        /// Upper wall.
         high: f32,
     },
     /// Periodic: `high` is the same position as `low`, in µm.
     Periodic {
-        /// The lower end, inside the box.
+        /// Lower end, inside the box.
         low: f32,
-        /// The upper end, outside the box.
+        /// Upper end, outside the box.
         high: f32,
     },
 }

@@ -1,4 +1,4 @@
-//! The particles as columns.
+//! Particles as columns.
 
 use std::ops::Range;
 
@@ -7,29 +7,29 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
-/// All particles of a run, one column per quantity; a particle has the same place in each.
+/// All particles of a run, one column per quantity.
 ///
-/// The id names a particle for as long as it exists. Its index changes when particles are removed.
+/// An id names a particle as long as it exists. Its index changes when particles are removed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Particles {
     /// Coordinates by axis, in µm.
     pub position: [Vec<f32>; 3],
-    /// Velocities by axis, in µm/s; empty columns in a model without velocities.
+    /// Velocities by axis, in µm/s; empty in a model without velocities.
     pub velocity: [Vec<f32>; 3],
     /// Radii, in µm.
     pub radius: Vec<f32>,
-    /// Species, by their order in the model.
+    /// Species indices.
     pub species: Vec<u32>,
-    /// Ids, all different.
+    /// Distinct ids.
     pub id: Vec<u32>,
 }
 
-/// One particle.
+/// A particle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Particle {
     /// Coordinates, in µm.
     pub position: [f32; 3],
-    /// Velocity, in µm/s; absent in a model without velocities.
+    /// Velocity, in µm/s; unused in a model without velocities.
     pub velocity: [f32; 3],
     /// Radius, in µm.
     pub radius: f32,
@@ -40,7 +40,7 @@ pub struct Particle {
 }
 
 impl Particles {
-    /// Their number.
+    /// Number of particles.
     pub fn len(&self) -> usize {
         self.id.len()
     }
@@ -55,7 +55,7 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
-    /// Reserves space for more particles, so that adding them cannot fail.
+    /// Reserves space for more particles.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -86,7 +86,7 @@ impl Particles {
         self.id.push(particle.id);
     }
 
-    /// Adds particles at the end, which have velocities if these have.
+    /// Appends particles, with velocities if these have some.
     pub fn append(&mut self, mut others: Self) {
         for axis in 0..3 {
             self.position[axis].append(&mut others.position[axis]);
@@ -97,7 +97,7 @@ impl Particles {
         self.id.append(&mut others.id);
     }
 
-    /// Returns the particle at an index.
+    /// Returns a particle by index.
     pub fn get(&self, at: usize) -> Particle {
         Particle {
             position: self.position_of(at),
@@ -108,13 +108,13 @@ impl Particles {
         }
     }
 
-    /// Returns the coordinates of the particle at an index.
+    /// Returns a particle's position.
     #[inline]
     pub fn position_of(&self, at: usize) -> [f32; 3] {
         [self.position[0][at], self.position[1][at], self.position[2][at]]
     }
 
-    /// Moves the particle at an index.
+    /// Sets a particle's position.
     #[inline]
     pub fn set_position(&mut self, at: usize, position: [f32; 3]) {
         for (column, coordinate) in self.position.iter_mut().zip(position) {
@@ -122,7 +122,7 @@ impl Particles {
         }
     }
 
-    /// Removes the particles at these distinct indices. The last ones move into the gaps.
+    /// Removes the particles at these distinct indices. The last ones fill the gaps.
     pub fn remove(&mut self, places: &mut [u32]) {
         places.sort_unstable_by(|a, b| b.cmp(a));
         let with_velocity = self.has_velocity();
@@ -151,7 +151,7 @@ impl Particles {
         }
     }
 
-    /// Removes all but the first `count`.
+    /// Keeps the first `count` only.
     pub fn truncate(&mut self, count: usize) {
         for column in self.position.iter_mut().chain(&mut self.velocity).chain([&mut self.radius]) {
             column.truncate(count);
@@ -160,7 +160,7 @@ impl Particles {
         self.id.truncate(count);
     }
 
-    /// Returns the particles in another order: index `k` has the particle at `order[k]`.
+    /// Reorders: index `k` gets the particle at `order[k]`.
     pub fn permuted(&self, order: &[u32]) -> Self {
         let mut permuted = Self::default();
         for &at in order {
@@ -169,14 +169,14 @@ impl Particles {
         permuted
     }
 
-    /// Returns the indices in ascending order of ids.
+    /// Returns indices by ascending id.
     pub fn by_id(&self) -> Vec<u32> {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
         order.sort_unstable_by_key(|&at| self.id[at as usize]);
         order
     }
 
-    /// Returns the particles as the detector takes them, with their species.
+    /// Returns the particles for the detector.
     ///
     /// # Errors
     /// [`Error::Detection`] if columns differ in length.

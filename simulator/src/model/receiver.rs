@@ -6,90 +6,88 @@ use crate::Error;
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
 
-/// A sphere that counts, absorbs, binds or reflects particles, each of which is a point at its center.
+/// A sphere, or a wall, that acts on particles by their centers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
-    /// Its name in output.
+    /// Name in output.
     pub name: String,
-    /// Its center at the beginning of the run, in µm.
+    /// Center at the beginning of the run, in µm.
     pub center: [f32; 3],
-    /// Its radius, in µm.
+    /// Radius, in µm.
     pub radius: f32,
-    /// Its effect on particles.
+    /// Effect on particles.
     pub kind: ReceiverKind,
-    /// One flag per species: `true` if the receiver interacts with it. Other species pass through.
+    /// Flags by species: `true` if the receiver acts on it. Others pass through.
     pub sees: Vec<bool>,
-    /// Its velocity, in µm/s.
+    /// Velocity, in µm/s.
     pub velocity: [f64; 3],
-    /// Its diffusion coefficient, in µm²/s.
+    /// Diffusion coefficient, in µm²/s.
     pub diffusion: f64,
 }
 
 /// The effect of a receiver on particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ReceiverKind {
-    /// Removes and counts particles that reach it, also between the ends of a step; see [`path_hit`](crate::motion::path_hit).
+    /// Removes and counts particles whose path reaches it; see [`path_hit`](crate::motion::path_hit).
     #[default]
     Absorbing,
-    /// Removes and counts particles that are inside at the end of a step. Particles that were inside only during the
-    /// step are missed.
+    /// Removes and counts particles inside at the end of a step.
     Endpoint,
     /// Lets particles pass and counts those inside.
     Transparent,
     /// Reflects particles and counts nothing.
     Reflecting,
-    /// Removes and counts some of the particles that reach it, and reflects the others.
+    /// Removes and counts some of the particles that reach it, reflects the others.
     Partial(Adsorption),
-    /// Binds particles to receptors until they unbind, reflects the others and counts bound particles.
+    /// Binds particles to receptors, reflects the others, counts bound ones.
     Receptors(Receptors),
-    /// Is a wall of the boundary, which removes and counts particles that reach it, also between the ends of a step.
+    /// Wall that removes and counts particles whose path reaches it.
     Wall(WallFace),
 }
 
 /// A wall of the boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WallFace {
-    /// The lower wall across an axis.
+    /// Lower wall across an axis.
     Low(usize),
-    /// The upper wall across an axis.
+    /// Upper wall across an axis.
     High(usize),
-    /// The wall of a cylinder.
+    /// Wall of the cylinder.
     Side,
 }
 
-/// The rule for which particles adsorb at a surface.
+/// The adsorption rule of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Adsorption {
-    /// Adsorption probability of each particle per step in which it reaches the surface, independent of the time step.
+    /// Probability per particle and step in which it reaches the surface; the rate depends on the time step.
     PerStep(f64),
-    /// Reactivity κ of the surface, in µm/s: the flux to it is κ times the local concentration.
+    /// Reactivity κ, in µm/s: the flux is κ times the local concentration.
     Reactivity(f64),
 }
 
-/// Identical receptors on a surface, without individual positions.
+/// Identical receptors on a surface, without positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Receptors {
-    /// Number of receptors; each binds one particle.
+    /// Receptors; each binds one particle.
     pub count: u32,
-    /// Binding rate of a free receptor, in µm³/s per particle: `n` free receptors on a sphere have the reactivity
-    /// n·rate/(4πR²).
+    /// Binding rate of a free receptor, in µm³/s: `n` free ones on a sphere have the reactivity n·rate/(4πR²).
     pub binding_rate: f64,
-    /// Rate at which a bound particle unbinds, in 1/s.
+    /// Unbinding rate of a bound particle, in 1/s.
     pub unbinding_rate: f64,
 }
 
 impl ReceiverKind {
-    /// Returns `true` if the surface reflects particles that arrive from outside and do not adsorb or bind.
+    /// Returns `true` if the surface reflects particles that do not adsorb or bind.
     pub fn reflects(self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
 
-    /// Returns `true` if it is a sphere that acts on particles.
+    /// Returns `true` for a sphere that acts on particles.
     pub(crate) fn is_active_sphere(self) -> bool {
         !matches!(self, Self::Transparent | Self::Wall(_))
     }
 
-    /// Returns `true` if the receiver removes particles permanently. Each removal is an arrival.
+    /// Returns `true` if the receiver removes particles; each removal is an arrival.
     pub fn absorbs(self) -> bool {
         matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_) | Self::Wall(_))
     }
@@ -101,7 +99,7 @@ impl Receiver {
         self.sees[species] && self.kind != ReceiverKind::Reflecting
     }
 
-    /// Returns `true` if its count is the number of particles that are inside or bound now, and not of all that arrived.
+    /// Returns `true` if its count is that of particles inside or bound now.
     pub fn is_momentary(&self) -> bool {
         matches!(self.kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
     }
@@ -111,7 +109,7 @@ impl Receiver {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
     }
 
-    /// Returns, by species, the number of visible particles within the receiver's radius of `center`.
+    /// Returns the number of visible particles within the radius of `center`, by species.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
         for at in (0..particles.len()).filter(|&at| self.has_inside(center, boundary, (particles, at))) {
@@ -120,7 +118,6 @@ impl Receiver {
         counts
     }
 
-    /// Returns `true` if the particle at index `at` is visible and within the receiver's radius of `center`.
     fn has_inside(
         &self,
         center: [f32; 3],
@@ -132,13 +129,12 @@ impl Receiver {
     }
 }
 
-/// The most transparent receivers that test every particle instead of searching. Testing takes 0.7 times as long as a
-/// search for one receiver and 2.5 times for two (machine of the tables in docs/simulator.md).
+/// Receivers that test every particle: 0.7 times as long as a search for one receiver, 2.5 times for two (machine of
+/// docs/simulator.md).
 const FEW: usize = 1;
 const CHUNK: usize = 1 << 16;
 
-/// Returns, by receiver and species, the number of particles inside transparent receivers at `centers`; other receivers
-/// get zeros.
+/// Returns the particles inside transparent receivers at `centers`, by receiver and species.
 pub(crate) fn all_inside(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -152,7 +148,7 @@ pub(crate) fn all_inside(
     counts
 }
 
-/// Returns the particles inside transparent receivers at `centers`: the indices of receiver and particle.
+/// Returns (receiver, particle) indices of particles inside transparent receivers at `centers`.
 pub(crate) fn inside_of(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -166,14 +162,13 @@ pub(crate) fn inside_of(
     {
         return found;
     }
-    // This path also serves particles with non-finite coordinates, which the detector rejects.
+    // Also serves non-finite coordinates, which the detector rejects.
     let has = |k: usize, at: usize| receivers[k].has_inside(centers[k], boundary, (particles, at));
     let of =
         |k: usize| (0..particles.len()).filter(move |&at| has(k, at)).map(move |at| (k as u32, at as u32));
     looking.into_iter().flat_map(of).collect()
 }
 
-/// Returns the particles inside the receivers in `looking`, with a search.
 fn found_inside(
     (receivers, looking): (&[Receiver], &[usize]),
     centers: &[[f32; 3]],
@@ -181,7 +176,7 @@ fn found_inside(
     particles: &Particles,
 ) -> Result<Vec<(u32, u32)>, Error> {
     let mut inside = Vec::new();
-    // Radii are enlarged by the rounding error, so the search misses nothing. `has_inside` makes the exact test.
+    // Radii include the rounding error, so the search misses nothing; `has_inside` is exact.
     let grown = |&k: &usize| {
         let radius = receivers[k].radius;
         lazygrid::Sphere::new(centers[k], radius + rounding(centers[k], 2.0 * radius))
@@ -202,7 +197,7 @@ fn found_inside(
     Ok(inside)
 }
 
-/// Creates a detector that finds particles near receivers.
+/// Creates the detector of particles near receivers.
 ///
 /// # Errors
 /// [`Error::Detection`] for a box without extent.
@@ -211,13 +206,13 @@ pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
     Ok(Detector::new(config.space(boundary.space()?))?)
 }
 
-/// Returns an upper bound on the rounding error of distances up to `distance` from a point.
+/// Returns a bound of the rounding error of distances up to `distance` from a point.
 #[inline(always)]
 pub(crate) fn rounding(point: [f32; 3], distance: f32) -> f32 {
     4e-6 * (point[0].abs() + point[1].abs() + point[2].abs() + distance)
 }
 
-/// Returns the distance of a point from the surface of a sphere; negative inside.
+/// Returns the distance of a point from a sphere's surface; negative inside.
 #[inline(always)]
 pub fn signed_distance(radius: f32, center: [f32; 3], boundary: &Boundary, point: [f32; 3]) -> f32 {
     let [x, y, z] = boundary.displacement(center, point);

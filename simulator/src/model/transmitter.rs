@@ -1,42 +1,42 @@
-//! Transmitters: sources of particles.
+//! Sources of particles.
 
 use crate::model::message::Message;
 use crate::random::gaussian;
 use crate::random::philox::{Key, open_unit};
 use crate::release::time::step_of;
 
-/// A source that releases particles.
+/// A source of particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Transmitter {
-    /// Its name in messages.
+    /// Name in messages.
     pub name: String,
-    /// Its center, in µm.
+    /// Center, in µm.
     pub center: [f32; 3],
-    /// Distribution of the particles around the center.
+    /// Distribution around the center.
     pub shape: Shape,
     /// Release times.
     pub schedule: Schedule,
-    /// Species and number of particles per burst.
+    /// Species and number per burst.
     pub release: Vec<(u32, u32)>,
-    /// Distribution of particle numbers.
+    /// Distribution of numbers.
     pub numbers: CountDistribution,
 }
 
 /// The release schedule of a transmitter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Schedule {
-    /// A burst at each of these ascending times, in s. A burst appears before the first step that begins at its time or
-    /// later, and takes part in that step.
+    /// Burst at each of these ascending times, in s. It appears before the first step that begins at its time or
+    /// later.
     Times(Vec<f64>),
-    /// A burst for each symbol of a message.
+    /// Burst per symbol.
     Message(Message),
-    /// Steady release, at a rate per species.
+    /// Steady release.
     Steady {
         /// Start, in s.
         from: f64,
         /// End, in s.
         until: f64,
-        /// Species and its rate, in 1/s.
+        /// Species and rate, in 1/s.
         rates: Vec<(u32, f64)>,
     },
 }
@@ -47,38 +47,37 @@ impl Default for Schedule {
     }
 }
 
-/// The distribution of the number of particles released.
+/// The distribution of released numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CountDistribution {
-    /// The exact number. Steady release is evenly spaced in time.
+    /// Exact. Steady release is evenly spaced.
     #[default]
     Fixed,
-    /// A Poisson-distributed number with this mean. Steady release is a Poisson process.
+    /// Poisson, with this mean. Steady release is a Poisson process.
     Poisson,
 }
 
-/// The distribution of released particles around the center.
+/// The distribution of released particles around the center. Lengths are in µm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Shape {
-    /// All at one point.
+    /// One point.
     #[default]
     Point,
-    /// Normal along each axis, with this standard deviation in µm.
+    /// Normal, with this standard deviation along each axis.
     Gaussian(f32),
-    /// Uniform in a shell between two radii in µm; a ball if the inner radius is 0.
+    /// Uniform in a shell between two radii; a ball if the inner is 0.
     Shell(f32, f32),
-    /// Uniform in a box with these side lengths in µm.
+    /// Uniform in a box with these sides.
     Box([f32; 3]),
-    /// Uniform in a cylinder along axis 0, 1 or 2, with this radius and length in µm; a disk if the length is 0.
+    /// Uniform in a cylinder: axis, radius, length; a disk if the length is 0.
     Cylinder(usize, f32, f32),
-    /// On a lattice in a box with these side lengths in µm and this number of sites per axis. Sites are filled in
-    /// order, x fastest.
+    /// Lattice in a box: sides, and sites per axis, filled x fastest.
     Lattice([f32; 3], [u32; 3]),
 }
 
 impl Transmitter {
-    /// Returns the bursts at the beginning of `step`, each as species and numbers. `place` is the index of the
-    /// transmitter in the model; it selects the random symbols of a message.
+    /// Returns the bursts at the beginning of `step`, as species and numbers. `place` is the transmitter's index in
+    /// the model, which selects random symbols.
     pub fn bursts(&self, place: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
         match &self.schedule {
             Schedule::Times(times) => vec![self.release.clone(); due(times, step, time_step).len()],
@@ -98,7 +97,7 @@ impl Transmitter {
         self.release.iter().map(|&(species, _)| species).chain(steady.iter().map(|&(species, _)| species))
     }
 
-    /// Returns the mean number of particles released in steps `begin..end`, by species.
+    /// Returns the mean release in steps `begin..end`, by species.
     pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
         match &self.schedule {
@@ -120,8 +119,8 @@ impl Transmitter {
         }
     }
 
-    /// Returns the first release time that does not fall within `steps` steps, and the number of bursts at or after it.
-    /// The number is `None` for steady release.
+    /// Returns the first release time outside `steps` steps, and the number of bursts from there; `None` for steady
+    /// release.
     pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
         let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
         match &self.schedule {
@@ -145,7 +144,7 @@ fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
 }
 
 impl Shape {
-    /// Returns the offset from the center of the particle with index `place` in its burst, from its random words.
+    /// Returns the offset from the center of particle `place` of a burst, by random words.
     pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],

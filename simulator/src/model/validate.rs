@@ -7,7 +7,6 @@ use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species,
 use crate::reaction::probability::ReactionProbabilities;
 
 impl Model {
-    /// The fault if particles of a species do not fit between the walls.
     pub(crate) fn misfit(&self, species: &Species) -> Option<String> {
         let (which, wide) = self.boundary.too_narrow(species.radius)?;
         Some(format!(
@@ -17,7 +16,6 @@ impl Model {
         ))
     }
 
-    /// The fault if particles are to bounce off each other without a velocity.
     pub(crate) fn idle_contact(&self) -> Option<String> {
         (self.contact == Contact::Elastic && !self.has_velocity()).then(|| {
             "contact is elastic but no species has a thermal-speed, so that nothing has a velocity to bounce with; give \
@@ -26,7 +24,6 @@ impl Model {
         })
     }
 
-    /// The fault if a flow profile has no vessel.
     pub(crate) fn groundless_flow(&self) -> Option<String> {
         let groundless = matches!(self.flow, Some(Flow::Poiseuille { .. })) && self.boundary.vessel.is_none();
         groundless.then(|| {
@@ -47,10 +44,10 @@ impl Model {
         Ok(())
     }
 
-    /// Checks what is needed for a run to make sense.
+    /// Checks that the model can be run.
     ///
     /// # Errors
-    /// [`Error::Model`], naming the first thing that is wrong.
+    /// [`Error::Model`] with the first fault.
     pub fn check(&self) -> Result<(), Error> {
         positive("the time step", self.time_step)?;
         for species in &self.species {
@@ -99,7 +96,8 @@ impl Model {
         ))
     }
 
-    /// The fault if the boundary has no such wall, or particles collide on their paths, of which a wall sees only the ends.
+    /// Returns the fault of a wall that the boundary lacks, or of particles that collide, since a wall sees only the
+    /// ends of paths.
     pub(crate) fn missing_wall(&self, name: &str, face: WallFace) -> Option<String> {
         if matches!(self.contact, Contact::Separate | Contact::Elastic) {
             return Some(format!(

@@ -1,24 +1,22 @@
-//! A vessel of circular cross-section.
-//!
-//! Its wall reflects a path from reflection to reflection. Such paths keep a uniform density uniform at any length,
-//! because billiards conserve volumes.
+//! A circular vessel. Its wall reflects paths one by one; such billiards conserve volumes, so a uniform density stays
+//! uniform at any step length.
 
-/// A cylinder along an axis, which the boundary of that axis may limit.
+/// A cylinder along an axis, possibly with ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
-    /// The axis: 0, 1 or 2.
+    /// Axis: 0, 1 or 2.
     pub along: usize,
-    /// A point on the middle line, in µm.
+    /// Point on the axis, in µm.
     pub center: [f32; 3],
-    /// Its radius, in µm.
+    /// Radius, in µm.
     pub radius: f32,
 }
 
-/// The most reflections in a step. A particle that would have more stays at the wall.
+/// Reflections per step; then a particle stays at the wall.
 const BOUNCES: usize = 64;
 
 impl Vessel {
-    /// Returns the vessel for the centers of spheres of this radius.
+    /// Returns the vessel for centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         Self { radius: self.radius - radius, ..self }
@@ -28,18 +26,17 @@ impl Vessel {
         [(self.along + 1) % 3, (self.along + 2) % 3]
     }
 
-    /// Returns the position of a point across the vessel, from the middle line, in µm.
     pub(crate) fn offset(&self, p: [f64; 3]) -> [f64; 2] {
         self.across().map(|k| p[k] - f64::from(self.center[k]))
     }
 
-    /// Returns the distance of a point from the middle line, in µm.
+    /// Returns the distance from the axis, in µm.
     pub fn distance(&self, p: [f32; 3]) -> f64 {
         let [y, z] = self.offset(p.map(f64::from));
         y.hypot(z)
     }
 
-    /// Returns a position, mirrored at the wall if it is beyond. A position farther out than twice the radius goes to the middle.
+    /// Mirrors a position beyond the wall. One beyond twice the radius goes to the axis.
     pub fn confine(&self, mut p: [f32; 3]) -> [f32; 3] {
         let (distance, radius) = (self.distance(p), f64::from(self.radius));
         if distance > radius {
@@ -63,7 +60,7 @@ impl Vessel {
         }
     }
 
-    /// Returns the end of a path across the vessel, with reflections, which change `velocity` as well.
+    /// Returns the end of a path with reflections, which change `velocity` too.
     pub fn reflect(&self, from: [f32; 3], mut to: [f32; 3], velocity: &mut [f32; 3]) -> [f32; 3] {
         let radius = f64::from(self.radius);
         if self.distance(to) <= radius {

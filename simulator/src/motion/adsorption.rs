@@ -1,42 +1,38 @@
-//! Adsorption at a surface of given reactivity, and desorption from it, for a time step of any length.
+//! Adsorption at a surface of given reactivity, and desorption, for a time step of any length.
 //!
-//! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. The simulator tests each
-//! particle once per step. A fixed adsorption probability per contact is therefore correct for one time step only. S.
-//! S. Andrews (*Accurate particle-based simulation of adsorption, desorption and partial transmission*, Physical
-//! Biology 6 (2009) 046015) corrects the probability for the step, by a fit to numerical results for particles observed
-//! at the ends of steps. Here the path between the ends counts (see [`path_hit`](crate::motion::path_hit)), and the correction
-//! has a closed form.
+//! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. A fixed probability per
+//! contact is right for one time step only. S. S. Andrews (*Accurate particle-based simulation of adsorption,
+//! desorption and partial transmission*, Physical Biology 6 (2009) 046015) fits a correction for particles observed
+//! at the ends of steps. Here the path counts ([`path_hit`](crate::motion::path_hit)), and the correction is a closed
+//! form.
 //!
-//! *On a plane*, the density of diffusing particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of
-//! Heat in Solids*, section 14.2). Dividing it by the density before a reflecting wall gives the adsorption probability
-//! of a particle that reaches the surface on its path from height `a` to height ±`b`:
+//! *On a plane*, the density of particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of Heat in
+//! Solids*, section 14.2). Divided by the density before a reflecting wall, it gives the adsorption probability of a
+//! particle that reaches the surface between the heights `a` and ±`b`:
 //!
 //! ```text
 //! √π·X·erfcx(X + y),   X = κ√(Δt/D),   y = (a + b)/√(4DΔt),   erfcx(x) = exp(x²)·erfc(x)
 //! ```
 //!
-//! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R in place of κ. `X` in
-//! the argument of erfcx becomes X + √(DΔt)/R; the factor before it is unchanged. The free density is that of the half line with
-//! an image at −r, so that a path between the distances r₀ and r₁ from the center is adsorbed with the probability
+//! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R for κ. `X`
+//! in the argument of erfcx becomes X + √(DΔt)/R; the factor stays. The free density is that of the half line with an
+//! image at −r, so a path between the distances r₀ and r₁ is adsorbed with the probability
 //!
 //! ```text
 //! (w·s(a + |b|) − exp(−r₀r₁/DΔt)·s(r₀ + r₁)) / (1 − exp(−r₀r₁/DΔt)),   w = exp(−ab/DΔt) for b > 0, else 1
 //! ```
 //!
-//! with s for the expression above. The adsorbed fraction of particles that begin a step at height `a` is then that of Collins
-//! and Kimball (*Diffusion-controlled reaction rates*, Journal of Colloid Science 4 (1949) 425). Neither the step nor κ needs to
-//! be small.
+//! with s for the expression above. From a height `a`, this gives the adsorbed fraction of Collins and Kimball
+//! (*Diffusion-controlled reaction rates*, Journal of Colloid Science 4 (1949) 425), also for large steps or κ.
 //!
-//! *Desorption* is the reverse process. Detailed balance requires that, in equilibrium, as many particles desorb to
-//! each height as adsorb from it. This gives the distribution of heights after desorption. It also gives the desorption
-//! probability, from the total adsorbed out of a uniform concentration ([`Step::volume`]). The equilibrium constant is
-//! then that of the rates at any time step.
+//! *Desorption* follows from detailed balance: in equilibrium, as many particles desorb to each height as adsorb from
+//! it. This gives the heights, and with the total adsorbed from a uniform concentration ([`Step::volume`]) the
+//! desorption probability. The equilibrium constant is that of the rates at any time step.
 
 use std::f64::consts::PI;
 
 use crate::random::philox::Draws;
 
-/// √π
 const ROOT_PI: f64 = 1.772_453_850_905_516;
 
 /// Returns exp(x²)·erfc(x), for x ≥ 0.
@@ -65,21 +61,21 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Creates a step near a sphere with a radius in µm and a reactivity in µm/s. `diffusion` is DΔt, summed over
-    /// particle and sphere, in µm².
+    /// Creates a step near a sphere of (radius in µm, reactivity in µm/s). `diffusion` is DΔt in µm², of particle and
+    /// sphere.
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
         let own = reactivity * time_step / length;
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// Returns the adsorption probability of a particle that reaches a plane between heights whose sum is `distances`.
+    /// Returns the adsorption probability at a plane, by the sum of both heights.
     fn on_plane(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 
-    /// Returns the adsorption probability of a particle that reaches the sphere. `heights` are its distances from the surface
-    /// before and after the step, negative inside.
+    /// Returns the adsorption probability of a particle that reaches the sphere. `heights` are before and after the
+    /// step, negative inside.
     pub(crate) fn sticking(&self, [a, b]: [f64; 2]) -> f64 {
         let [from, to] = [self.radius + a, self.radius + b];
         let crossed = if b > 0.0 { a * b } else { 0.0 };
@@ -88,15 +84,15 @@ impl Step {
         if image > 0.0 { (far + (near - far) / image).clamp(0.0, 1.0) } else { near }
     }
 
-    /// Returns the factor of exp(−y²) in the adsorption probability of a particle that begins at height y·√(4DΔt).
+    /// Returns the factor of exp(−y²) in the adsorption probability from the height y·√(4DΔt).
     fn taken_from(&self, y: f64) -> f64 {
         erfcx(y) - erfcx(self.all + y)
     }
 
-    /// Returns the volume in µm³ of a uniform concentration that is adsorbed in the step: κ·4πR²Δt for weak adsorption.
+    /// Returns the volume in µm³ of a uniform concentration that a step adsorbs: κ·4πR²Δt if weak.
     pub(crate) fn volume(&self) -> f64 {
         let x = self.all;
-        // The mean of erfcx(x√t) over t from 0 to 1, without cancellation if x is small.
+        // The mean of erfcx(x√t) over t in [0, 1], without cancellation.
         let mean = match x < 1e-3 {
             true => 1.0 - 4.0 * x / (3.0 * ROOT_PI) + 0.5 * x * x,
             false => 2.0 / (x * x) * (0.5 * (erfcx(x) - 1.0) + x / ROOT_PI),
@@ -113,8 +109,8 @@ impl Step {
         }
     }
 
-    /// Draws the height in µm, at the end of the step, of a particle that desorbed during it. The distribution is that
-    /// of the heights from which a uniform concentration is adsorbed.
+    /// Draws the height in µm of a desorbed particle at the end of the step, as that from which a uniform
+    /// concentration is adsorbed.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
@@ -131,10 +127,9 @@ impl Step {
     }
 }
 
-/// The largest height after desorption, in units of √(4DΔt).
+/// Largest height after desorption, in √(4DΔt).
 const FAR: f64 = 5.0;
-/// The largest number of rejection trials. About one in three is accepted, unless √(DΔt) is large compared with the
-/// radius.
+/// Rejection trials. About one in three succeeds, unless √(DΔt) is large compared with the radius.
 const TRIALS: usize = 1000;
 
 fn half_normal(draws: &mut Draws) -> f64 {
@@ -167,13 +162,13 @@ mod tests {
     #[test]
     fn the_scaled_error_function_joins_its_series() {
         assert_eq!(erfcx(0.0), 1.0);
-        // Abramowitz and Stegun, table 7.1, and the limit 1/(x√π) for large x.
+        // Abramowitz and Stegun, table 7.1, and the limit 1/(x√π).
         assert!((erfcx(1.0) - 0.427_583_576_2).abs() < 1e-9);
         assert!((erfcx(25.0) / erfcx(24.999_999) - 1.0).abs() < 1e-7);
         assert!((erfcx(1e6) * 1e6 * ROOT_PI - 1.0).abs() < 1e-12);
     }
 
-    /// Paths from height a end at ±b with the density of diffusion; `crossing` decides whether they reach the surface.
+    /// Paths from height a end at ±b with the density of diffusion.
     #[test]
     fn adsorbed_fractions_are_those_of_collins_and_kimball() {
         for step in steps() {
@@ -182,8 +177,7 @@ mod tests {
                 libm::exp(-scaled * scaled) / (2.0 * step.length * ROOT_PI)
             };
             for a in [0.0, 0.3, 2.0].map(|a| a * step.length) {
-                // Both signs of b have the same weight, if paths that end outside are weighted with their crossing
-                // probability.
+                // Both signs of b weigh the same, if paths that end outside count by their crossing probability.
                 let sum = over_heights(&step, |b| 2.0 * spread(a + b) * step.on_plane(a + b));
                 let expected = collins_kimball(&step, a);
                 assert!((sum - expected).abs() < 1e-5 * expected.max(1e-9), "{step:?}: {sum} and {expected}");
@@ -231,7 +225,6 @@ mod tests {
             });
             assert!((sum / step.volume() - 1.0).abs() < 1e-5, "{step:?}: {sum} and {}", step.volume());
         }
-        // Weak adsorption: κ·4πR²Δt.
         let step = Step::new(0.01, 0.1, (1.0, 1e-6));
         assert!((step.volume() / (4.0 * PI * 1e-7) - 1.0).abs() < 1e-5);
         assert!((step.effective_part() - 1.0).abs() < 1e-5);
@@ -261,8 +254,7 @@ mod tests {
         );
     }
 
-    /// Andrews' rule adsorbs each particle that ends a step beyond a plane with probability κ'√(2π) + O(κ'²), κ' =
-    /// κΔt/√(2DΔt). For small κ', the same number adsorbs here.
+    /// Andrews' rule adsorbs a particle that ends beyond a plane with probability κ'√(2π) + O(κ'²), κ' = κΔt/√(2DΔt).
     #[test]
     fn weak_adsorption_is_that_of_andrews() {
         let (diffusion, time_step, kappa) = (0.5, 1.0, 1e-4);

@@ -9,21 +9,20 @@ use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
 use crate::random::philox::{Draws, Key, Purpose};
 
-/// A particle that a receptor holds.
+/// A bound particle.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {
-    /// Its id.
+    /// Id.
     pub id: u32,
-    /// Its species.
+    /// Species.
     pub species: u32,
-    /// The index of the receiver in the model.
+    /// Receiver, as index in the model.
     pub receiver: u32,
-    /// The direction of its position from the center.
+    /// Direction from the center.
     pub direction: [f32; 3],
 }
 
-/// A particle that unbinds from a receptor in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UnboundParticle {
     at: usize,
@@ -64,7 +63,7 @@ pub(crate) fn leaving(
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Returns the position of a particle that unbinds from a receiver at `center`, or `None` if walls leave no space outside.
+/// Returns the position of a particle that unbinds; `None` if walls leave no space.
 pub(crate) fn place_of(
     model: &Model,
     held: &Bound,
@@ -85,7 +84,6 @@ impl UnboundParticle {
     }
 }
 
-/// A request of a particle to bind to a receptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct BindingRequest {
@@ -94,7 +92,6 @@ pub(crate) struct BindingRequest {
     id: u32,
 }
 
-/// Returns the binding requests among events. `id` returns the id of a particle by its index.
 pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
     let bid = |event: &Event| match *event {
         Event::Bound { at, receiver, rank, .. } => Some(BindingRequest { receiver, rank, id: id(at) }),
@@ -103,8 +100,7 @@ pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequ
     events.iter().filter_map(bid).collect()
 }
 
-/// Returns the ids of requests without a free receptor, in ascending order: at each receiver those of the highest ranks. Equal ranks
-/// go by id.
+/// Returns the ids without a free receptor, ascending: at each receiver the highest ranks, then ids.
 pub(crate) fn rejected(mut bids: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
     bids.sort_unstable();
     let of_one = bids.chunk_by(|a, b| a.receiver == b.receiver);

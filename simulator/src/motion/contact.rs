@@ -1,13 +1,12 @@
 //! Separation of particles that overlap at the end of a step.
 //!
-//! The events of `collisions/` prevent overlaps on paths. Overlaps remain between particles that were released, or
-//! formed by a reaction, at the position of others, and between species that react with each other.
+//! `collisions/` prevents overlaps on paths. Overlaps remain after releases and reactions, and between species that
+//! react with each other.
 //!
-//! All overlaps are resolved at once, in a few passes. In each pass, every overlap asks its two particles to move apart
-//! until they touch, and each particle moves by the mean of these displacements. Displacements are summed as integers,
-//! so the result does not depend on the order of overlaps.
+//! In each of a few passes, every overlap asks its particles to move apart until they touch, and each particle moves
+//! by the mean displacement. Sums are integers, so the order of overlaps has no effect.
 //!
-//! Overlaps below the rounding error of a distance in `f32` remain and are not counted.
+//! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -20,27 +19,27 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::distance_squared;
 
-/// Resolves the overlaps of a model.
+/// Separation of overlaps.
 #[derive(Debug)]
 pub struct Contacts {
     separates: bool,
     diffusion: Vec<f64>,
     boundary: Boundary,
     center_domains: Vec<Boundary>,
-    /// The unit of summed displacements, in µm.
+    /// Unit of displacements, in µm.
     quantum: f64,
 }
 
 const PASSES: u32 = 4;
 const TASK: usize = 4096;
-/// Units of summed displacements per contact distance. The sum of 2²² of them still fits a 64-bit integer.
+/// Units per contact distance; 2²² of them fit 64 bits.
 const UNITS: f64 = (1_u64 << 40) as f64;
 
-/// A displacement that an overlap asks of a particle: its index, and the displacement in units.
+/// Particle index, and its displacement in units.
 type Push = (u32, [i64; 3]);
 
 impl Contacts {
-    /// Creates the contacts of a model that [`Model::check`] accepts.
+    /// Creates the separation of a checked model.
     pub fn new(model: &Model) -> Self {
         let largest = model.species.iter().map(|species| f64::from(species.radius)).fold(0.0, f64::max);
         Self {
@@ -52,12 +51,12 @@ impl Contacts {
         }
     }
 
-    /// Returns `true` if the model separates overlapping particles.
+    /// Returns `true` if the model separates particles.
     pub fn separate(&self) -> bool {
         self.separates
     }
 
-    /// Separates the overlaps among `pairs` if both particles are `free`. Returns the number of overlaps that there were.
+    /// Separates the overlaps among `pairs` of `free` particles. Returns their number.
     pub fn resolve(
         &self,
         particles: &mut Particles,
@@ -98,7 +97,7 @@ impl Contacts {
         resolved
     }
 
-    /// Returns the displacements after which two particles touch, or `None` if they do not overlap.
+    /// Returns the displacements until contact; `None` without an overlap.
     fn pushes(&self, particles: &Particles, pair: Pair, (key, step): (Key, u32)) -> Option<[Push; 2]> {
         let [mut a, mut b] = [pair.i, pair.j];
         if particles.id[a as usize] > particles.id[b as usize] {
@@ -138,8 +137,8 @@ mod tests {
         Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
     }
 
-    /// Runs four steps with two particles at `x` that overlap by `overlap` times their distance. Returns the resolved
-    /// overlaps per step, and whether a particle moved.
+    /// Runs four steps of two particles at `x` that overlap by `overlap` of their distance. Returns overlaps per
+    /// step, and whether a particle moved.
     fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
         let model = model(0.5 + 0.5 * overlap);
         let mut particles = Particles::default();

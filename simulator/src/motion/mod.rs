@@ -1,4 +1,4 @@
-//! Motion of particles and receivers in a step, and contacts with walls, surfaces, receptors and each other.
+//! Motion of particles and receivers, and contacts with walls, surfaces and each other.
 
 pub mod binding;
 pub mod contact;

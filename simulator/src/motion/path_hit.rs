@@ -1,24 +1,24 @@
-//! Hits of a particle's path on receivers within a step, of which only the two ends are known.
+//! Hits of a particle's path on receivers, from the two ends of a step.
 //!
-//! *Diffusion alone.* The distance from the center of a sphere of radius R is a Markov process by itself. Between ends
-//! at the distances r₀ = R + `a` and r₁ = R + `b` it reached R with the probability
+//! *Diffusion alone.* The distance from the center of a sphere of radius R is a Markov process. Between r₀ = R + `a`
+//! and r₁ = R + `b` it reached R with the probability
 //!
 //! ```text
 //! (exp(−ab/DΔt) − exp(−r₀r₁/DΔt)) / (1 − exp(−r₀r₁/DΔt))
 //! ```
 //!
-//! It is exact for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times
-//! the density is that of a half line, with an image at −r).
+//! exactly, for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the
+//! density is that of a half line, with an image at −r).
 //!
 //! *Drift alone.* The path is a line that walls reflect.
 //!
-//! *Both.* A long drift may carry a particle past the sphere, where an average over directions no longer holds. The
-//! path is then halved as a Brownian bridge, until the drift of a segment is short compared with its diffusion or the
-//! sphere. Halves far from the sphere are skipped. All receivers see the same path.
+//! *Both.* A long drift may pass the sphere, where an average over directions fails. The path is then halved as a
+//! Brownian bridge until the drift of a segment is short compared with its diffusion or the sphere. Halves far from
+//! the sphere are skipped. All receivers see the same path.
 //!
-//! *Moving receivers* are hit in their own frame, in which the diffusion of both bends the path.
+//! *Moving receivers* are hit in their own frame, in which both diffusions bend the path.
 //!
-//! *Several receivers.* The particle reaches the one with the earliest hitting time (`Hit::time`).
+//! *Several receivers.* The earliest hitting time decides (`Hit::time`).
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, signed_distance};
@@ -26,52 +26,51 @@ use crate::motion::receiver_state::ReceiverState;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, open_unit};
 
-/// A step of a particle.
+/// A particle's step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
-    /// The position at the beginning, in µm.
+    /// Beginning, in µm.
     pub before: [f32; 3],
-    /// The position at the end without walls and images.
+    /// End without walls and images, in µm.
     pub end: [f32; 3],
-    /// The position at the end.
+    /// End, in µm.
     pub after: [f32; 3],
-    /// The part of the displacement that is not diffusion.
+    /// Displacement apart from diffusion, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
 }
 
-/// The source of random numbers: a particle in a step.
+/// Random numbers of a particle in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawContext {
-    /// The seed.
+    /// Seed.
     pub key: Key,
-    /// The id of the particle.
+    /// Id of the particle.
     pub id: u32,
-    /// The step.
+    /// Step.
     pub step: u32,
 }
 
-/// A hit of a path on a receiver: the segment of the path and its heights above the surface at both ends.
+/// A path's hit on a receiver: a segment of the path, and its heights above the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     begin: f32,
     part: f32,
-    /// Heights at both ends, in units of √(2DΔt) of the segment; negative inside.
+    /// At both ends, in √(2DΔt) of the segment; negative inside.
     heights: [f32; 2],
 }
 
-/// The exponent above which a probability is below the smallest random number.
+/// Above this exponent a probability is below the smallest random number.
 const NEVER: f32 = 17.0;
-/// The largest drift of a segment, as a fraction of a receiver's radius and of the standard deviation of the segment.
+/// Largest drift of a segment, over the receiver's radius and over the segment's standard deviation.
 const SEGMENT_DRIFT: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
-/// In standard deviations, exceeded in one of 10⁸ cases.
+/// Exceeded once in 10⁸ cases, in standard deviations.
 pub(crate) const BEND: f32 = 3.1;
-/// The first segment has number 1, and the halves of segment `k` have 2k and 2k + 1. Segments at or above this number are not
-/// halved.
+/// Halves of segment `k`, from 1, are 2k and 2k + 1. Segments at or above this number are not halved.
 const LAST: u32 = 1 << 12;
 
-/// Returns the hit of a path on a receiver, or `None` if the path misses it. `domain` confines the center of the particle.
+/// Returns the hit of a path on a receiver, if any. `domain` confines the particle's center.
 #[inline]
 pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawContext) -> Option<Hit> {
     let radius = receiver.receiver.radius;
@@ -102,13 +101,12 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Returns `true` if a drift this long, compared with the standard deviation along each axis, may have carried a
-/// segment past a sphere.
+/// Returns `true` if such a drift may carry a segment past a sphere.
 pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > SEGMENT_DRIFT[0] * radius && drift > SEGMENT_DRIFT[1] * spread
 }
 
-/// Returns 1 − exp(−x) for x ≥ 0, to a few units in the last place. `first_passage.wgsl` has the same operations.
+/// To a few units in the last place for x ≥ 0, by the operations of `first_passage.wgsl`.
 fn one_minus_exp(x: f32) -> f32 {
     if x < 0.125 {
         return x * (1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0)))));
@@ -116,13 +114,13 @@ fn one_minus_exp(x: f32) -> f32 {
     1.0 - libm::expf(-x)
 }
 
-/// Returns the probability that a diffusing path reaches a sphere between two heights above its surface, the second of which is
-/// positive. `diffusion` is DΔt, in µm².
+/// Returns the probability that a diffusing path reaches a sphere between heights `a` and `b` > 0. `diffusion` is
+/// DΔt, in µm².
 #[inline]
 pub(crate) fn hit_probability(radius: f32, [a, b]: [f32; 2], diffusion: f32) -> f32 {
     let exponent = a * b / diffusion;
     if exponent.is_nan() || exponent >= NEVER {
-        // Includes 0/0, a particle at rest on the surface, which was hit before.
+        // Includes 0/0: at rest on the surface, and hit before.
         return 0.0;
     }
     let image = radius * (a + b + radius) / diffusion;
@@ -130,7 +128,6 @@ pub(crate) fn hit_probability(radius: f32, [a, b]: [f32; 2], diffusion: f32) -> 
 }
 
 impl DrawContext {
-    /// Draws whether a diffusing segment hit the receiver with index `place`.
     #[inline]
     fn hits_sphere(
         self,
@@ -150,17 +147,16 @@ impl DrawContext {
 }
 
 impl Hit {
-    /// A hit at a given fraction of the step.
     fn at(time: f32) -> Self {
         Self { begin: time, part: 0.0, heights: [0.0; 2] }
     }
 
-    /// Draws the fraction of the step at which the path first hit the receiver with index `place`.
+    /// Draws the fraction of the step of the first hit on the receiver `place`.
     ///
-    /// A Brownian path from height α to height ±β that reaches the surface does so first at s, where s/(1 − s) has the
-    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2). u is drawn as the root of a quadratic equation with
-    /// one normal and one uniform number (Michael, Schucany and Haas, *Generating random variates using transformations
-    /// with multiple roots*, The American Statistician 30 (1976) 88). The surface counts as a plane here.
+    /// A Brownian path from height α to ±β that reaches the surface does so first at s, where u = s/(1 − s) has the
+    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and
+    /// one uniform number (Michael, Schucany and Haas, *Generating random variates using transformations with
+    /// multiple roots*, The American Statistician 30 (1976) 88). The surface counts as a plane.
     pub(crate) fn time(&self, who: DrawContext, place: u32) -> f32 {
         let Self { begin, part, heights: [a, b] } = *self;
         if part == 0.0 {
@@ -171,7 +167,7 @@ impl Hit {
     }
 }
 
-/// Returns the fraction of a segment at which it first reaches the surface. `normal` and `uniform` are random numbers.
+/// Returns the fraction of a segment at which it first reaches the surface, by random numbers.
 pub(crate) fn first_passage([a, b]: [f32; 2], normal: f32, uniform: f32) -> f32 {
     let b = b.abs();
     if a <= 0.0 {
@@ -179,7 +175,7 @@ pub(crate) fn first_passage([a, b]: [f32; 2], normal: f32, uniform: f32) -> f32 
     }
     let square = normal * normal;
     let sum = 2.0 * a * b + square + (square * (square + 4.0 * a * b)).sqrt();
-    // The smaller root is 2a²/sum, and the larger one sum/2b².
+    // Roots: 2a²/sum, and the larger sum/2b².
     if uniform * (a * sum + 2.0 * b * a * a) <= a * sum {
         return 2.0 * a * a / (sum + 2.0 * a * a);
     }
@@ -194,7 +190,6 @@ struct BrownianBridge<'a> {
 
 struct PathSegment {
     number: u32,
-    /// Both ends, without walls and images.
     ends: [[f32; 3]; 2],
     begin: f32,
     part: f32,
@@ -213,7 +208,7 @@ impl BrownianBridge<'_> {
         let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
         let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.receiver.displacement[k]));
         let half_time = begin + 0.5 * part;
-        // Walls and images never increase the distance of two points.
+        // Walls and images never increase distances.
         if self.height(middle, half_time) > half + BEND * spread {
             return None;
         }
@@ -248,11 +243,10 @@ fn length(v: [f32; 3]) -> f32 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// The most cuts of a line on an axis. A particle that crosses a box more often has no meaningful position.
+/// Cuts per axis; above it a position has no meaning.
 const CUTS: usize = 1000;
 
-/// Returns the hit of a path without diffusion. The line is cut where a wall reflects it, and where another image of the
-/// receiver becomes the nearest one.
+/// Returns the hit of a path without diffusion, cut at walls and at changes of the receiver's nearest image.
 fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
@@ -297,7 +291,7 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit>
     })
 }
 
-/// Returns the fraction of a line from a point at which it enters the sphere of this radius around the origin.
+/// Returns the fraction of a line at which it enters a sphere around the origin.
 fn entry_time(from: [f64; 3], way: [f64; 3], radius: f64) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let outside = dot(from, from) - radius * radius;
@@ -376,7 +370,6 @@ mod tests {
         assert!(met(&below(1.1), [6.0, -2.0, 0.0], [-4.0, 4.2, 0.0]));
         assert!(!met(&below(1.5), [6.0, -2.0, 0.0], [-4.0, 5.0, 0.0]));
         assert!(met(&below(4.0), [4.0, 0.0, 0.0], [18.0, 0.0, 0.0]));
-        // Once round the box.
         let periodic = Boundary::periodic([-8.0; 3], [8.0; 3]);
         assert!(!met(&periodic, [4.0, 0.5, 0.0], [14.0, 0.5, 0.0]));
         assert!(met(&periodic, [4.0, 0.5, 0.0], [20.0, 0.5, 0.0]));
@@ -411,7 +404,6 @@ mod tests {
         assert_eq!(hit_probability(0.0, [1.0, 1.0], 1.0), 0.0);
     }
 
-    /// Hitting times have the inverse Gaussian density of a Brownian bridge, ∝ s^(−3/2)·(1 − s)^(−1/2)·exp(…).
     #[test]
     fn hitting_times_are_those_of_a_bridge() {
         for (heights, seed) in [([1.0_f64, 1.0], 1), ([0.2, 1.5], 2), ([1.5, -0.2], 3), ([0.7, 0.0], 4)] {

@@ -1,7 +1,7 @@
-//! The independent part of a step: every particle moves, is reflected by walls, may hit receivers, and may decay.
+//! The independent part of a step: motion, walls, receivers, decays.
 //!
-//! A coordinate becomes `x + (s·z + d)`, where `s` = √(2DΔt), `z` is a standard normal number, and `d` the drift in one
-//! step plus own velocity, each operation rounded to `f32`.
+//! A coordinate becomes `x + (s·z + d)` with `s` = √(2DΔt), a standard normal `z`, and `d` the drift per step plus
+//! own velocity, each operation rounded to `f32`.
 
 use rayon::prelude::*;
 
@@ -23,7 +23,7 @@ use crate::reaction::decay::Decays;
 
 pub use crate::motion::surface_events::Event;
 
-/// The constants of the independent part of a step.
+/// Constants of the independent part of a step.
 #[derive(Clone, Debug)]
 pub struct Propagator {
     pub(crate) steps: Vec<SpeciesStep>,
@@ -45,11 +45,11 @@ pub(crate) struct SpeciesStep {
     pub(crate) diffusion: f32,
     pub(crate) drift: [f32; 3],
     pub(crate) domain: Boundary,
-    /// The largest bending of its path by diffusion, of the particle and a receiver together, in µm.
+    /// Largest bending of the path by the diffusion of particle and receiver, in µm.
     pub(crate) bend: f32,
-    /// Axes along which walls reflect a path that diffuses and drifts.
+    /// Axes whose walls reflect paths with diffusion and drift.
     drifts_at_wall: [bool; 3],
-    /// The largest word at which a swimmer tumbles, and its speed in µm/s.
+    /// Largest word at which a swimmer tumbles, and its speed in µm/s.
     pub(crate) tumbles: Option<(u32, f32)>,
 }
 
@@ -58,7 +58,7 @@ const BLOCK: usize = 64;
 const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
-    /// Creates the constants of a model that [`Model::check`] accepts.
+    /// Creates the constants of a checked model.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
         let plug = match model.flow {
@@ -114,7 +114,7 @@ impl Propagator {
         particles.id.par_chunks(BLOCK).enumerate().flat_map_iter(of_block).collect()
     }
 
-    /// Returns the path of a particle in a step, without receivers and collisions.
+    /// Returns a particle's path without receivers and collisions.
     #[inline(always)]
     fn flight(
         &self,
@@ -134,11 +134,8 @@ impl Propagator {
         Flight { path, free_end, begun, velocity }
     }
 
-    /// Moves all particles and returns their events, by index. `receiver_search` finds the receivers near a particle if that is
-    /// faster than testing all of them. `flights` are the paths if particles collided on them.
-    ///
-    /// # Errors
-    /// [`Error::Step`] if the detector fails.
+    /// Moves all particles and returns their events, by index. `receiver_search` replaces tests of every receiver if
+    /// it is faster. `flights` are the paths after collisions.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
@@ -247,7 +244,6 @@ impl Propagator {
         StepBounds::new(&moved.path, self.more(moved))
     }
 
-    /// Applies the events of a particle at `receivers`, and its decays if no receiver keeps it.
     #[inline]
     fn resolve_events<'a>(
         &self,
@@ -262,7 +258,7 @@ impl Propagator {
         }
     }
 
-    /// Applies the wall that absorbs a particle that no receiver keeps, or its decays in the step.
+    /// Applies an absorbing wall to a particle that no receiver keeps, or its decays.
     #[inline]
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
         let ParticleMove { at, species, who, path, free_end, .. } = *moved;
@@ -277,7 +273,7 @@ impl Propagator {
         });
     }
 
-    /// Returns the distance beyond the line of its path at which a particle may hit receivers, by diffusion and their approach, in µm.
+    /// Returns the reach of a path beyond its line, by diffusion and approaching receivers, in µm.
     #[inline(always)]
     fn more(&self, moved: &ParticleMove) -> f32 {
         self.steps[moved.species as usize].bend + self.bodies.max_displacement
@@ -303,7 +299,7 @@ impl Propagator {
             let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
             self.resolve_events(moved, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
             if self.more(moved) + moved.gone > reach * (1.0 + ROUNDED) {
-                // A receiver that came towards it pushed it beyond the receivers that were found.
+                // A receiver pushed it beyond the receivers that were found.
                 *moved = begun;
                 events.clear();
                 self.resolve_events(moved, self.bodies.all.iter(), &mut events);
@@ -324,7 +320,7 @@ impl Propagator {
         Ok(events)
     }
 
-    /// Returns the path of a particle in a step, and its end without walls. Walls reverse its velocity, if it has one.
+    /// Returns a particle's path, and its end without walls, which reverse its velocity.
     #[inline(always)]
     fn path(
         &self,
@@ -340,7 +336,7 @@ impl Propagator {
         let end: [f32; 3] = std::array::from_fn(|axis| before[axis] + (length * normal[axis] + drift[axis]));
         if let Some(stream) = &self.stream {
             let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
-            // Arrays that are indexed by variables are kept in memory, whose round trip delays all other particles too.
+            // Arrays indexed by variables stay in memory, whose round trip delays all other particles.
             let carry = |from: [f32; 3]| {
                 let along =
                     |axis| if axis == stream.vessel.along { from[axis] + carried.by } else { from[axis] };
@@ -393,7 +389,7 @@ fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
     draw_block(key, &block, step, random);
 }
 
-/// The operations of [`draw_block`] in wider vectors. None is fused, so the results are equal.
+/// [`draw_block`] in wider vectors; without fused operations the results are equal.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn draw_avx2(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {

@@ -1,14 +1,13 @@
-//! The search for particles that may hit a receiver in a step.
+//! The search for particles that may hit a receiver.
 //!
-//! Every particle has a clear sphere: a sphere without a receiver, known since the detector last searched around the
-//! particle. A path inside its clear sphere hits nothing. Other particles go to the detector as spheres that cover
-//! several steps, with the receivers as the second set. So a step costs one distance per particle, and a search for few
-//! particles.
+//! Every particle has a clear sphere without receivers, known since the last search around it. A path inside it hits
+//! nothing. Other particles go to the detector as spheres that cover several steps, with the receivers as second set.
+//! So a step costs one distance per particle, and a search for few.
 //!
-//! A clear sphere is a fact about space and stays true if the particle moves or another one takes its index. The result
-//! is bit for bit that of a loop over all receivers.
+//! A clear sphere is a fact about space: it stays true if the particle moves or another takes its index. The result
+//! equals a loop over all receivers bit for bit.
 //!
-//! If most particles leave their clear spheres in every step, the loop is faster and runs for a number of steps.
+//! If most particles leave their clear spheres in every step, the loop is faster and takes over for some steps.
 
 use lazygrid::{Detector, Neighbors, Sphere};
 
@@ -18,8 +17,8 @@ use crate::model::receiver::{finder, rounding};
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ActiveReceivers;
 
-/// The bounds of a path in a step: a sphere of radius `half` around the middle of its ends, enlarged by `more` for the
-/// bending by diffusion and the approach of receivers. All in µm.
+/// Bounds of a path: a sphere of radius `half` around the middle of its ends, enlarged by `more` for diffusion and
+/// approaching receivers. In µm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepBounds {
     middle: [f32; 3],
@@ -35,51 +34,50 @@ impl StepBounds {
         Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * way[k]), half, more }
     }
 
-    /// Returns the largest distance of the path from its beginning, in µm.
+    /// Returns the path's largest distance from its beginning, in µm.
     pub(crate) fn around_beginning(&self) -> f32 {
         2.0 * self.half + self.more
     }
 }
 
-/// The clear spheres of particles, and the search for new ones.
 #[derive(Debug)]
 pub(crate) struct ReceiverSearch {
     detector: Detector,
-    /// Clear spheres by index of the particle: center, and radius plus `travelled` at the time of the search. All in µm.
+    /// Indexed by particle: center, and radius plus `travelled` at the search. In µm.
     pub(crate) clear_spheres: Vec<[f32; 4]>,
-    /// The largest displacement of any receiver since all clear spheres were unknown, in µm.
+    /// Largest displacement of any receiver since no clear sphere was known, in µm.
     pub(crate) travelled: f32,
     steps: u32,
-    /// The radius of a search, in bounds of a step. It does not change a result.
+    /// Radius of a search, in bounds of a step. Results do not depend on it.
     factor: f32,
     queries: Vec<Sphere>,
     receivers: Vec<Sphere>,
     worth: SearchCost,
 }
 
-/// The decision whether searches cost less than tests of every receiver. It changes no result.
+/// Chooses between searches and tests of every receiver. Results do not depend on it.
 #[derive(Debug, Default)]
 struct SearchCost {
     steps: u32,
-    /// The cost of these searches, in tests of a receiver.
+    /// Searches so far, in tests of a receiver.
     cost: u64,
     rest: u32,
 }
 
-/// A single step says little, because at first no clear sphere is known.
+/// At first no clear sphere is known, so a single step says little.
 const WINDOW: u32 = 16;
-/// Steps without searches after a window in which searches cost more.
+/// Steps without searches after a window in which they cost more.
 const REST: u32 = 240;
-/// The cost of a search per particle and per receiver found near one, in tests of a receiver: about 100 ns, and 20 ns
-/// and often a test, against 35 ns (machine of the tables in docs/simulator.md).
+/// Cost of a search per particle and per found receiver, in tests: about 100 ns, and 20 ns and often a test, against
+/// 35 ns (machine of docs/simulator.md).
 const COSTS: [usize; 2] = [3, 1];
 
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
-/// Steps of moving receivers after which clear spheres are discarded, so that rounding errors do not add up.
+/// Steps of moving receivers until clear spheres expire, to bound rounding errors.
 const FORGET: u32 = 64;
-/// The first, the smallest and the largest `factor`.
+/// First, smallest and largest `factor`.
 const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
-/// Receivers found per particle between which `factor` stays the same.
+/// Found receivers per particle between which `factor` stays.
 const FOUND: [usize; 2] = [1, 4];
 
 impl ReceiverSearch {
@@ -99,7 +97,7 @@ impl ReceiverSearch {
         }))
     }
 
-    /// Begins a step of `particles` particles. Returns `true` if the step searches instead of testing every receiver.
+    /// Begins a step. Returns `true` if it searches.
     pub(crate) fn begin(&mut self, particles: usize, bodies: &ActiveReceivers) -> bool {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
@@ -123,7 +121,7 @@ impl ReceiverSearch {
         self.travelled += bodies.max_displacement;
     }
 
-    /// Returns `true` if a particle meets no receiver in the step.
+    /// Returns `true` if a particle meets no receiver.
     #[inline(always)]
     pub(crate) fn is_clear(&self, place: usize, reach: &StepBounds) -> bool {
         let [x, y, z, radius] = self.clear_spheres[place];
@@ -132,11 +130,8 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.travelled
     }
 
-    /// Finds the receivers near particles, each given by its beginning and search radius. Returns them by particle, in
-    /// the order of the model.
-    ///
-    /// # Errors
-    /// Fails if the detector fails.
+    /// Finds the receivers near particles, given as beginnings and search radii. Returns them by particle, in the
+    /// order of the model.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
@@ -175,7 +170,6 @@ impl SearchCost {
         true
     }
 
-    /// Records a search for `particles` particles that found `found` receivers, instead of `all` tests in a step.
     fn see(&mut self, [queries, found]: [usize; 2], looks: usize) {
         self.cost += (COSTS[0] * queries + COSTS[1] * found) as u64;
         if self.cost > u64::from(WINDOW) * looks as u64 {
@@ -184,12 +178,11 @@ impl SearchCost {
     }
 }
 
-/// The rounding error of distances between a particle, its clear sphere and receivers, and of displacements of receivers.
+/// Bounds the rounding of distances and of receiver displacements.
 fn slack(before: [f32; 3], radius: f32, bodies: &ActiveReceivers, travelled: f32) -> f32 {
     rounding(before, radius + bodies.largest + travelled)
 }
 
-/// The result of the detector.
 pub(crate) struct Found<'a> {
     near: Neighbors<'a>,
     queries: &'a [Sphere],

@@ -1,4 +1,4 @@
-//! The state of receivers in a step: position, displacement and surface.
+//! Receivers in a step.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -10,24 +10,24 @@ use crate::random::philox::{Key, Purpose};
 /// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
-    /// Its index in the model.
+    /// Index in the model.
     pub place: u32,
-    /// Its description in the model.
+    /// Description in the model.
     pub receiver: Receiver,
-    /// Its center at the beginning of the step, in µm.
+    /// Center at the beginning, in µm.
     pub center: [f32; 3],
-    /// Its displacement in the step, in µm.
+    /// Displacement in the step, in µm.
     pub displacement: [f32; 3],
-    /// The part of the displacement that is drift, in µm.
+    /// Part of the displacement that is drift, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
-    /// The adsorption rule of a surface that reflects the remaining particles.
+    /// Adsorption rule.
     pub sticking: Adsorption,
 }
 
 impl ReceiverState {
-    /// Creates a receiver at its initial position in the model.
+    /// Creates a receiver at its initial position.
     pub fn new(place: u32, receiver: Receiver, time_step: f64) -> Self {
         Self {
             place,
@@ -43,7 +43,7 @@ impl ReceiverState {
         }
     }
 
-    /// Returns its center after the fraction `part` of the step, from 0 to 1.
+    /// Returns its center after the fraction `part` of the step.
     #[inline(always)]
     pub fn center_at(&self, part: f32) -> [f32; 3] {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
@@ -58,7 +58,7 @@ impl ReceiverState {
     }
 }
 
-/// The receivers of a model that affect particles, in its order.
+/// Receivers that affect particles, in the order of the model.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveReceivers {
     pub(crate) all: Vec<ReceiverState>,
@@ -66,7 +66,7 @@ pub(crate) struct ActiveReceivers {
     moving: bool,
     turning: bool,
     pub(crate) diffusion: f32,
-    /// The largest displacement of a receiver in this step, in µm.
+    /// Largest displacement of a receiver in this step, in µm.
     pub(crate) max_displacement: f32,
     pub(crate) largest: f32,
 }
@@ -99,7 +99,6 @@ impl ActiveReceivers {
         self.turning
     }
 
-    /// Updates centers, displacements and numbers of free receptors for a step.
     pub(crate) fn set(&mut self, centers: &[[f32; 3]], places: &[Place], free: &[u32]) {
         self.max_displacement = 0.0;
         for &k in &self.changing {
@@ -118,11 +117,11 @@ impl ActiveReceivers {
 pub(crate) struct Place {
     /// Center, in µm.
     pub(crate) center: [f32; 3],
-    /// Displacement in the last step, not wrapped at periodic boundaries, in µm.
+    /// Displacement in the last step, not wrapped, in µm.
     pub(crate) displacement: [f32; 3],
 }
 
-/// Moves receivers by a step. Walls act on their surfaces; receivers pass through each other.
+/// Moves receivers by a step. Walls act on their surfaces; they pass through each other.
 pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<Place> {
     let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {
         if !receiver.moves() {
@@ -144,8 +143,7 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
 }
 
-/// Returns the boundary of a receiver's center. If the receiver does not fit between the walls, only its center stays
-/// inside.
+/// Returns the boundary of a receiver's center; if the receiver does not fit, of its center alone.
 fn domain_of(model: &Model, receiver: &Receiver) -> Boundary {
     let domain = model.boundary;
     match domain.too_narrow(receiver.radius) {

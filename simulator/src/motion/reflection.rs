@@ -1,20 +1,19 @@
 //! Reflection of paths at surfaces of receivers.
 //!
-//! A particle moves along a line from reflection to reflection, in the frame of the reflecting sphere. Such paths keep
-//! a uniform density uniform at any length, because billiards conserve volumes.
+//! A particle moves along lines between reflections, each in the frame of the sphere. Such billiards conserve
+//! volumes, so a uniform density stays uniform at any step length.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::signed_distance;
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ReceiverState;
 
-/// A path with reflections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectedPath {
     pub(crate) path: Path,
-    /// The index in the model of the first receiver that reflected it.
+    /// First reflecting receiver, as index in the model.
     pub(crate) first: u32,
-    /// In µm; more than the displacement of the step if spheres approach the particle.
+    /// In µm; above the step's displacement if spheres approach.
     pub(crate) gone: f32,
 }
 
@@ -24,11 +23,11 @@ struct Obstacle<'a> {
     displacement: [f64; 3],
 }
 
-/// The most reflections in a step. A particle that would have more stays at the last one.
+/// Reflections per step; a particle stays at the last.
 const BOUNCES: usize = 64;
 
-/// Returns the path of a particle that begins outside all of these spheres, or `None` if no sphere reflects it. Reflections change
-/// `velocity`, in µm per step, as well.
+/// Returns the reflected path of a particle that begins outside all of these spheres, if any reflects it. Reflections
+/// change `velocity`, in µm per step.
 pub(crate) fn reflect_path(
     bodies: &[&ReceiverState],
     domain: &Boundary,
@@ -70,7 +69,7 @@ pub(crate) fn reflect_path(
     Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32 })
 }
 
-/// Returns the images of each sphere that may lie on the path: those nearest to its beginning and to its end.
+/// Returns the images of each sphere nearest to the path's beginning and end.
 fn obstacles<'a>(
     bodies: &[&'a ReceiverState],
     domain: &Boundary,
@@ -97,7 +96,7 @@ fn obstacles<'a>(
 }
 
 impl Obstacle<'_> {
-    /// Returns the vector from its center to the particle after the displacement `gone`, at a time of the step.
+    /// Returns the vector from its center to the particle displaced by `gone`, at a time of the step.
     fn offset_at(&self, gone: [f64; 3], time: f64) -> [f64; 3] {
         std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
     }

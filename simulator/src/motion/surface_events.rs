@@ -6,34 +6,34 @@ use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::reflection::{ReflectedPath, reflect_path};
 use crate::random::philox::{Purpose, fine_unit};
 
-/// An event of a particle at an index.
+/// An event of a particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// It reached a receiver and is removed.
+    /// Reached a receiver that removes it.
     Arrived {
-        /// The index of the particle.
+        /// Index of the particle.
         at: u32,
-        /// The index of the receiver in the model.
+        /// Receiver, as index in the model.
         receiver: u32,
     },
-    /// It binds to a receptor if one is free, and stays where it would be otherwise.
+    /// Requests a receptor; stays at its position otherwise.
     Bound {
-        /// The index of the particle.
+        /// Index of the particle.
         at: u32,
-        /// The index of the receiver in the model.
+        /// Receiver, as index in the model.
         receiver: u32,
-        /// The point of contact with the surface, from the center.
+        /// Point of contact, from the center.
         direction: [f32; 3],
-        /// Its rank among the particles that compete for free receptors; the lowest comes first.
+        /// Rank among requests; the lowest comes first.
         rank: u32,
     },
-    /// It decayed. A decay of the product is the next event.
+    /// Decayed. The product's decay is the next event.
     Decayed {
-        /// The index of the particle.
+        /// Index of the particle.
         at: u32,
-        /// The index of the decay in the model.
+        /// Decay, as index in the model.
         decay: u32,
-        /// The species of the product; `None` removes the particle.
+        /// Species of the product; `None` removes the particle.
         product: Option<u32>,
     },
 }
@@ -46,7 +46,7 @@ impl Event {
         }
     }
 
-    /// The index of the particle.
+    /// Index of the particle.
     pub fn at(&self) -> u32 {
         match *self {
             Self::Arrived { at, .. } | Self::Bound { at, .. } | Self::Decayed { at, .. } => at,
@@ -60,15 +60,15 @@ pub(crate) struct ParticleMove {
     pub(crate) species: u32,
     pub(crate) who: DrawContext,
     pub(crate) path: Path,
-    /// The end of its path without walls and receivers.
+    /// End of the path without walls and receivers.
     pub(crate) free_end: [f32; 3],
     pub(crate) gone: f32,
     pub(crate) velocity: Option<[f32; 3]>,
 }
 
 impl ActiveReceivers {
-    /// Returns the event of a particle at the receiver that its path hits first and that keeps it. Receivers that
-    /// reflect particles change the path.
+    /// Returns the event at the receiver that the path hits first and that keeps the particle. Reflecting receivers
+    /// change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,
@@ -95,7 +95,7 @@ impl ActiveReceivers {
 struct FirstHit(Option<(Hit, Event)>);
 
 impl FirstHit {
-    /// Keeps the earliest hit. Hitting times are drawn only if there are two hits.
+    /// Keeps the earliest hit. Hitting times are drawn only for several hits.
     fn update(&mut self, hit: Hit, who: DrawContext, event: Event) {
         let time = |hit: &Hit, event: &Event| hit.time(who, event.receiver());
         match &self.0 {
@@ -109,14 +109,13 @@ impl FirstHit {
     }
 }
 
-/// Like [`resolve`](Self::resolve), if some receivers reflect particles.
+/// [`resolve`](Self::resolve) with reflecting receivers.
 fn reflect_or_keep<'a>(
     moved: &mut ParticleMove,
     (domain, time_step): (&Boundary, f32),
     seen: impl Iterator<Item = &'a ReceiverState>,
 ) -> Option<Event> {
     let ParticleMove { at, who, path, .. } = *moved;
-    // A particle inside may leave.
     let is_outside =
         |body: &ReceiverState| signed_distance(body.receiver.radius, body.center, domain, path.before) >= 0.0;
     let reflects = |body: &ReceiverState| body.receiver.kind.reflects();
@@ -147,7 +146,6 @@ fn reflect_or_keep<'a>(
     first.event()
 }
 
-/// Returns `None` if the surface reflects the particle.
 fn adsorb(
     at: u32,
     body: &ReceiverState,
@@ -165,7 +163,7 @@ fn adsorb(
             adsorption::Step::new(diffusion, time_step.into(), sphere).sticking([a, b].map(f64::from))
         }
     };
-    // The first word decided whether the path hit the surface.
+    // The first word decided on the hit.
     let [_, word, rank, _] = who.key.draw(who.id, body.place, who.step, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;

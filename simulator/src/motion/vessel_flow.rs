@@ -5,14 +5,14 @@ use crate::model::{Flow, Model};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
-    /// The displacement of Poiseuille flow in one step on the axis, in µm.
+    /// Displacement per step of Poiseuille flow on the axis, in µm.
     pub(crate) fastest: f64,
 }
 
 pub(crate) struct AdvectedPath {
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
-    /// The displacement by the flow along the vessel, in µm.
+    /// Displacement along the vessel, in µm.
     pub(crate) by: f32,
 }
 
@@ -38,7 +38,7 @@ impl FlowStep {
             Some(vessel) => vessel.reflect(before, free_end, velocity),
             None => free_end,
         };
-        // The mean of both ends is right to second order in the time step, as the flow does not change the path across.
+        // Right to second order in the time step: the flow does not change the path across.
         let profile = |p| 1.0 - (self.vessel.distance(p) / f64::from(self.vessel.radius)).powi(2);
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;
         end[along] += by;

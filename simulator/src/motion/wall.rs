@@ -1,20 +1,19 @@
-//! Reflection at walls of paths that diffuse and drift.
+//! Reflection at walls of paths with diffusion and drift.
 //!
-//! Mirroring the end of a step at a wall is exact for diffusion alone, but a drift towards the wall leaves too few
-//! particles near it. The reflected motion is the free path X plus the least displacement that keeps it inside
-//! (Skorokhod), with the wall at 0:
+//! Mirroring the end of a step is exact for diffusion alone, but a drift towards the wall leaves too few particles
+//! near it. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod),
+//! with the wall at 0:
 //!
 //! ```text
 //! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
 //! ```
 //!
-//! Given both ends `a` and `b` of a step, the path is a Brownian bridge for any drift. Its minimum m has the
-//! distribution P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt, which is inverted in closed form. The end of a step is
-//! exact as long as the path does not reach the opposite wall as well.
+//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has P(m ≤ y) = exp(−2(a − y)(b
+//! − y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also reaches the opposite wall.
 //!
-//! *Absorbing walls.* With the same distribution for y = 0, a path between the heights `a` and `b` above a plane touched it with
-//! the probability exp(−ab/DΔt), for a step of any length and any drift. For the wall of a cylinder, whose distance is measured from
-//! the middle line, the tangent plane takes its place, which is right for steps that are short compared with the radius.
+//! *Absorbing walls.* For y = 0, a path between heights `a` and `b` above a plane touched it with the probability
+//! exp(−ab/DΔt), for any step and drift. A cylinder counts as its tangent plane, which is right for steps short
+//! compared with the radius.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -23,11 +22,11 @@ use crate::motion::path_hit::{DrawContext, Path};
 use crate::random::gaussian::ln;
 use crate::random::philox::{Purpose, open_unit};
 
-/// The exponent above which a probability is below the smallest random number.
+/// Above this exponent a probability is below the smallest random number.
 const NEVER: f32 = 17.0;
 
-/// Returns the end of a step along an axis if the path between `before` and `end` touches the nearer wall, else `None`.
-/// `spread` is √(2DΔt) in µm, and `word` a random word. `wall.wgsl` has the same operations.
+/// Returns the end of a step if its path touches the nearer wall. `spread` is √(2DΔt) in µm, `word` is random.
+/// `wall.wgsl` has the same operations.
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
@@ -42,12 +41,11 @@ pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: 
     (lowest < 0.0).then_some(if is_low { low + inside } else { high - inside })
 }
 
-/// A wall that absorbs.
 #[derive(Clone, Debug)]
 pub(crate) struct AbsorbingWall {
-    /// Its index among the receivers of the model.
+    /// Index among the receivers.
     pub(crate) receiver: u32,
-    /// One flag per species: `true` if it absorbs that species.
+    /// Flags by species.
     pub(crate) sees: Vec<bool>,
     face: WallFace,
 }
@@ -64,13 +62,12 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
-    /// Returns `true` for a plane across this axis.
     pub(crate) fn is_across(&self, axis: usize) -> bool {
         [WallFace::Low(axis), WallFace::High(axis)].contains(&self.face)
     }
 
-    /// Returns `true` if the wall absorbs a particle on its path. `domain` is the boundary of its center, and `free_end` the end of
-    /// the path without walls.
+    /// Returns `true` if the wall absorbs the particle. `domain` is the boundary of its center, `free_end` the end
+    /// without walls.
     pub(crate) fn absorbs(
         &self,
         domain: &Boundary,
@@ -83,7 +80,7 @@ impl AbsorbingWall {
             return true;
         }
         let exponent = a * b / path.diffusion;
-        // Without diffusion the exponent is infinite.
+        // Infinite without diffusion.
         exponent < NEVER && {
             let [word, ..] = who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver);
             open_unit(word) < (-exponent).exp()
@@ -91,7 +88,7 @@ impl AbsorbingWall {
     }
 }
 
-/// Returns the height of a point above a wall, in µm; negative beyond it.
+/// In µm; negative beyond the wall.
 fn height(face: WallFace, domain: &Boundary, point: [f32; 3]) -> f32 {
     let wall = |axis: usize, of: fn(f32, f32, f32) -> f32| match domain.axes[axis] {
         Axis::Reflecting { low, high } => of(low, high, point[axis]),
@@ -114,7 +111,7 @@ mod tests {
 
     #[test]
     fn plane_takes_the_part_of_the_closed_form() {
-        // From the height a within one step of any length: erfc(a/√(4DΔt)).
+        // From height a within one step: erfc(a/√(4DΔt)).
         let domain = Boundary::reflecting([-1.0; 3], [50.0; 3]);
         let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Low(1) };
         let n = 40_000_u32;
@@ -134,8 +131,8 @@ mod tests {
         }
     }
 
-    /// The density of reflected Brownian motion with drift μ after one step (Harrison, *Brownian Motion and Stochastic
-    /// Flow Systems*, section 3.6): P(Y ≤) = Φ((y − a − μ)/s) − exp(2μy/s²)·Φ((−y − a − μ)/s).
+    /// Reflected Brownian motion with drift μ (Harrison, *Brownian Motion and Stochastic Flow Systems*, section 3.6):
+    /// P(Y ≤ y) = Φ((y − a − μ)/s) − exp(2μy/s²)·Φ((−y − a − μ)/s).
     #[test]
     fn step_with_drift_has_the_closed_distribution() {
         let normal = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);

@@ -1,19 +1,18 @@
-//! The frames of an animation, `animation.frames`: 32-bit words in little-endian order. Each frame has the step, a shift, the
-//! number of particles in two words, the number of drawn particles, and the number of moving receivers; then id, species and
-//! position of each drawn particle, and the center of each moving receiver.
+//! Frames of an animation, `animation.frames`, as little-endian 32-bit words: step, shift, particles (two words),
+//! drawn particles, moving receivers; then id, species and position of each drawn particle, and the center of each
+//! moving receiver.
 
 use std::io::{self, Read, Write};
 use std::num::NonZeroU32;
 
 use crate::{Model, State};
 
-/// The options of an animation.
+/// Animation options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
     /// Steps between frames.
     pub every: u32,
-    /// The most drawn particles. If there are more, all frames draw those whose ids a hash selects: a half, a quarter,
-    /// and so on.
+    /// Most drawn particles. Above it, all frames draw a half, a quarter and so on, by a hash of ids.
     pub particles: NonZeroU32,
 }
 
@@ -21,50 +20,49 @@ const HEAD: usize = 6;
 const ROW: usize = 5;
 const CENTER: usize = 3;
 
-/// A frame of an animation.
+/// A frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Completed steps.
     pub step: u32,
-    /// One in 2ˢʰⁱᶠᵗ particles is drawn, selected by id.
+    /// One in 2ˢʰⁱᶠᵗ particles is drawn, by id.
     pub shift: u32,
-    /// The number of particles, drawn or not.
+    /// Number of particles, drawn or not.
     pub present: u64,
-    /// The drawn particles.
+    /// Drawn particles.
     pub rows: Vec<DrawnParticle>,
-    /// The positions of moving receivers, in the order of the model.
+    /// Moving receivers, in the order of the model.
     pub centers: Vec<[f32; 3]>,
 }
 
 /// A drawn particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrawnParticle {
-    /// Its id.
+    /// Id.
     pub id: u32,
-    /// Its species.
+    /// Species.
     pub species: u32,
-    /// Its position, in µm.
+    /// Position, in µm.
     pub position: [f32; 3],
 }
 
-/// Returns `true` if a particle is drawn in frames that show one in 2ˢʰⁱᶠᵗ particles.
+/// Returns `true` if frames with one in 2ˢʰⁱᶠᵗ particles draw this one.
 pub fn is_drawn(id: u32, shift: u32) -> bool {
     mixed(id).leading_zeros() >= shift
 }
 
-/// The finalizer of MurmurHash3: ids follow the order of releases, and every species must be thinned alike.
+/// The finalizer of MurmurHash3: ids follow releases, and all species must be thinned alike.
 fn mixed(id: u32) -> u32 {
     let a = (id ^ id >> 16).wrapping_mul(0x85EB_CA6B);
     let b = (a ^ a >> 13).wrapping_mul(0xC2B2_AE35);
     b ^ b >> 16
 }
 
-/// Returns the indices of the receivers that move.
+/// Returns the indices of moving receivers.
 pub fn moving_receivers(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.receivers.len()).filter(|&k| model.receivers[k].moves())
 }
 
-/// Returns the bytes of a frame with this number of drawn particles.
 pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
     4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving_receivers(model).count()) as u64)
 }
@@ -85,7 +83,7 @@ pub(crate) fn append(
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
     let mut places: Vec<usize> =
         (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)).collect();
-    // The order of storage is not part of any result.
+    // The order of storage is no part of results.
     places.sort_unstable_by_key(|&at| particles.id[at]);
     for at in places {
         let [x, y, z] = particles.position_of(at).map(f32::to_bits);
@@ -102,7 +100,7 @@ pub(crate) fn append(
 pub struct Frames<R>(R);
 
 impl<R: Read> Frames<R> {
-    /// Reads frames from `input`.
+    /// Creates a reader.
     pub fn new(input: R) -> Self {
         Self(input)
     }
@@ -178,7 +176,6 @@ mod tests {
         assert_eq!((frames[1].step, frames[1].shift, frames[1].present), (7, 0, 10));
         assert_eq!(frames[1].rows[4], DrawnParticle { id: 4, species: 1, position: [4.0, -4.0, 0.5] });
         assert_eq!(frames[2].centers, [[1.0; 3], [3.0, 4.0, 3.0]]);
-        // One that is cut.
         assert!(Frames::new(&file[..file.len() - 3]).last().unwrap().is_err());
     }
 

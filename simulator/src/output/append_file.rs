@@ -1,4 +1,4 @@
-//! Files that a run appends to, also after it is resumed.
+//! Files that a run appends to, also when resumed.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -11,7 +11,6 @@ use crate::run::checksum::{Digest, DigestWriter};
 
 type Out = BufWriter<DigestWriter<File>>;
 
-/// An append-only file.
 #[derive(Debug)]
 pub(super) struct AppendFile {
     path: PathBuf,
@@ -24,8 +23,8 @@ impl AppendFile {
         Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, Digest::new())) })
     }
 
-    /// Opens a file that must begin with its content at a checkpoint. Does not change it: call [`cut`](Self::cut) before the
-    /// first write.
+    /// Opens a file that begins with its content at a checkpoint, unchanged; [`cut`](Self::cut) precedes the first
+    /// write.
     pub(super) fn reopen(directory: &Path, record: &FileRecord) -> Result<Self, Error> {
         let path = directory.join(&record.name);
         let mut file = OpenOptions::new().read(true).write(true).open(&path).map_err(|source| {
@@ -54,7 +53,6 @@ impl AppendFile {
         write(&mut self.out).map_err(|source| self.refused(source))
     }
 
-    /// Flushes the file to disk and returns its record.
     pub(super) fn sync(&mut self) -> Result<FileRecord, Error> {
         let synced = self.out.flush().and_then(|()| self.out.get_ref().inner().sync_data());
         synced.map_err(|source| self.refused(source))?;

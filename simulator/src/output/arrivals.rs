@@ -9,8 +9,7 @@ pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,receiver,species,id,transmitter,released")
 }
 
-/// Writes the arrivals of the last steps: step, time, receiver, species, id, transmitter and time of release. The last
-/// two are empty for particles that the caller placed.
+/// Step, time, receiver, species, id, transmitter, time of release; the last two empty for inserted particles.
 pub(super) fn rows(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     let model = simulation.model();
     for arrival in simulation.arrivals() {

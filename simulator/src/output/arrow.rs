@@ -1,7 +1,6 @@
-//! The log of arrivals and releases as Arrow IPC files: the columns of the CSV files, names as dictionaries.
+//! The log as Arrow IPC files: the columns of the CSV files, names as dictionaries.
 //!
-//! An Arrow file ends with a table of its batches and cannot be appended to, so it is converted from the CSV file at
-//! the end of a run.
+//! Converted at the end of a run: an Arrow file ends with a table of its batches and cannot be appended to.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -35,10 +34,10 @@ struct Column {
     nullable: bool,
 }
 
-/// Converts the CSV files in the directory of a run to `arrivals.arrow` and `releases.arrow`.
+/// Converts the CSV files of a run.
 ///
 /// # Errors
-/// [`Error::Read`] if they differ from those that the run wrote, and [`Error::Write`].
+/// [`Error::Read`] if they differ from what the run wrote, and [`Error::Write`].
 pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
     let of = |names: Vec<&str>| Kind::Name(Arc::new(StringArray::from(names)));
     let receivers = of(model.receivers.iter().map(|receiver| &receiver.name[..]).collect());
@@ -67,7 +66,6 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
             &from,
             &columns.iter().map(|column| column.name).collect::<Vec<_>>().join(","),
         )?;
-        // A fault of the table is not a failure to write.
         let mut damaged = None;
         write_atomically(&directory.join(name), |out| {
             write(out, columns, || match lines.next_row() {
@@ -122,7 +120,7 @@ impl Kind {
             Self::Whole => DataType::UInt32,
             Self::Large => DataType::UInt64,
             Self::Number => DataType::Float64,
-            // Not every reader takes unsigned keys.
+            // Some readers refuse unsigned keys.
             Self::Name(_) => DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8)),
         }
     }

@@ -3,24 +3,24 @@ use super::{frames, series};
 use crate::scenario::Output;
 use crate::{Model, ReceiverKind, RunView, State};
 
-/// The remaining output of a run, in bytes.
+/// The remaining output, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct DiskEstimate {
-    /// A lower bound: all particles disappear as soon as they can.
+    /// Lower bound: particles disappear as soon as they can.
     pub(crate) least: u64,
-    /// An upper bound: particles disappear only by decay, at the expected rate.
+    /// Upper bound: particles only decay, at the expected rate.
     pub(crate) most: u64,
-    /// The last checkpoint, included in both. The previous one exists until it is complete.
+    /// Last checkpoint, included in both. The previous one exists until it is complete.
     pub(crate) checkpoint: u64,
 }
 
-/// The number of times at which the number of particles is estimated.
+/// Samples of the number of particles.
 const SAMPLES: u32 = 1000;
-/// Bytes of a coordinate as text, on average: eight digits, a point, and half a sign.
+/// Mean bytes of a coordinate as text: eight digits, a point, half a sign.
 const COORDINATE: f64 = 9.7;
 
 impl DiskEstimate {
-    /// Returns the output of this number of equal runs.
+    /// Scales the estimate to equal runs.
     pub(crate) fn times(self, runs: u32) -> Self {
         let [least, most, checkpoint] =
             [self.least, self.most, self.checkpoint].map(|bytes| bytes.saturating_mul(runs.into()));
@@ -49,7 +49,7 @@ impl DiskEstimate {
         let totals = 5 * (3 + model.receivers.len()) * model.species.len();
         let animation = output.animation.map_or(0.0, |animation| {
             let drawn = crowd.mean.iter().sum::<f64>().min(u32::from(animation.particles).into());
-            // The frames, and eight letters of the page for each particle.
+            // The frames, and eight letters of the page per particle.
             due(animation.every) as f64 * (animation::bytes_of(model, drawn as u64) as f64 + 8.0 * drawn)
         });
         let fixed = (scenario.len() + totals) as u64 + rows as u64 + frames * header as u64;
@@ -75,7 +75,7 @@ pub(crate) fn next_bytes(run: &impl RunView, output: Output) -> u64 {
     present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
 }
 
-/// Returns `true` if particles may disappear by other events than decay.
+/// Returns `true` if particles may disappear other than by decay.
 fn loses(model: &Model) -> bool {
     model.decays.iter().any(|decay| decay.products[0].is_none())
         || model.reactions.iter().any(|reaction| reaction.products.contains(&None))
@@ -129,7 +129,7 @@ fn decay(model: &Model, now: &mut [f64], time: f64) {
 fn text(model: &Model, species: usize, ids: f64) -> f64 {
     let kind = &model.species[species];
     let radius = kind.radius.to_string().len();
-    // Most of the ids below a number have as many digits as it has.
+    // Most ids below a number have as many digits.
     digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE
 }
 

@@ -1,5 +1,4 @@
-//! Frames for OVITO and Python, in the formats of [`lazygrid_io::write::frames`]. Particles come in ascending order of
-//! their ids.
+//! Frames by [`lazygrid_io::write::frames`], particles by ascending id.
 
 use std::io::{self, Write};
 
@@ -28,7 +27,7 @@ pub(super) fn xyz(out: &mut impl Write, model: &Model, state: &State) -> io::Res
     frames::xyz(out, &info, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
 }
 
-/// Writes a NumPy file of one frame: a structured array with the fields `id`, `species`, `x`, `y`, `z`, `r`.
+/// A NumPy structured array: `id`, `species`, `x`, `y`, `z`, `r`.
 pub(super) fn npy(out: &mut impl Write, model: &Model, particles: &Particles) -> io::Result<()> {
     frames::npy(out, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
 }

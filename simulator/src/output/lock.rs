@@ -4,28 +4,27 @@ use std::path::Path;
 
 use crate::Error;
 
-/// The prefix of incomplete files, before random letters and digits.
+/// Prefix of incomplete files, before random letters and digits.
 pub(super) const TEMPORARY: &str = ".draft-";
 pub(super) const RANDOM: usize = 6;
 
-/// A lock that keeps other runs out of a directory: a system lock on `.lock`, which ends with the process. The file
-/// itself remains and has no meaning.
+/// Keeps other runs out of a directory: a system lock on `.lock`, which ends with the process. The file remains.
 #[derive(Debug)]
 pub(crate) struct Lock {
     _file: File,
 }
 
 impl Lock {
-    /// Locks a directory that exists.
+    /// Locks an existing directory.
     ///
     /// # Errors
-    /// [`Error::Write`], also where another run holds it.
+    /// [`Error::Write`], also if another run holds it.
     pub(crate) fn take(directory: &Path) -> Result<Self, Error> {
         let refused = |source| Error::Write { path: directory.to_owned(), source };
         let open = OpenOptions::new().create(true).truncate(false).write(true).open(directory.join(".lock"));
         let file = open.map_err(refused)?;
         match file.try_lock() {
-            // The directory belongs to this run, so no process is writing these.
+            // The lock excludes other writers of these.
             Ok(()) => remove_temporaries(directory),
             Err(TryLockError::WouldBlock) => {
                 let message =
@@ -51,7 +50,7 @@ fn remove_temporaries(directory: &Path) {
             random.len() == RANDOM && random.bytes().all(|b| b.is_ascii_alphanumeric())
         });
         if is_temporary && entry.file_type().is_ok_and(|kind| kind.is_file()) {
-            // A file that cannot be removed does no harm.
+            // Failure does no harm.
             if std::fs::remove_file(entry.path()).is_ok() {
                 log::info!("{}: removed; a run that was killed had left it", entry.path().display());
             }

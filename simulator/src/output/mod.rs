@@ -1,6 +1,6 @@
-//! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
-//! `symbols.csv` if messages are sent, `arrivals.csv`, `releases.csv` (and the same as `.arrow`), `occupancy.csv` and `animation.frames` if
-//! requested, and `checkpoint`.
+//! The files of a run in its directory: `series.csv`, `frames.xyz`, `frame-000000000.npy`, …, `symbols.csv` for
+//! messages, `arrivals.csv` and `releases.csv` (also `.arrow`), `occupancy.csv` and `animation.frames` on request,
+//! and `checkpoint`.
 
 pub mod animation;
 mod append_file;
@@ -34,7 +34,7 @@ const XYZ: &str = "frames.xyz";
 const ARRIVALS: &str = "arrivals.csv";
 const RELEASES: &str = "releases.csv";
 const OCCUPANCY: &str = "occupancy.csv";
-/// The frames from which the animation is made.
+/// Frames of the animation.
 const ANIMATED: &str = "animation.frames";
 
 #[derive(Debug)]
@@ -53,15 +53,14 @@ pub(crate) struct Files {
 struct Logs {
     arrivals: AppendFile,
     releases: AppendFile,
-    /// For receivers that hold particles without removing them.
+    /// For receivers that hold particles.
     occupancy: Option<AppendFile>,
     seed: u64,
-    /// The first step whose releases are not logged.
+    /// First step whose releases are not logged.
     next_step: u32,
 }
 
 impl Files {
-    /// Creates the files of a new run.
     pub(crate) fn create(
         directory: &Path,
         output: Output,
@@ -95,8 +94,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Reopens the files at a checkpoint after `done` steps. Changes no file unless all begin with their content at the
-    /// checkpoint.
+    /// Reopens the files at a checkpoint after `done` steps. Changes none unless all begin as recorded.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
@@ -187,19 +185,15 @@ impl Files {
     }
 }
 
-/// Checks the files of a run against a checkpoint, and changes nothing.
+/// Checks the files of a run against a checkpoint, without a change.
 ///
 /// # Errors
-/// [`Error::Damaged`], [`Error::Read`] and [`Error::Write`], each if a file cannot be resumed.
+/// [`Error::Damaged`], [`Error::Read`] and [`Error::Write`] if a file cannot be resumed.
 pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Error> {
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// Prepares and locks a directory for a new run. Refuses a directory with a run, or with foreign files under its names,
-/// unless `overwrite`.
-///
-/// # Errors
-/// [`Error::Write`].
+/// Prepares and locks a directory. Refuses one with a run or foreign files under its names, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;
@@ -212,7 +206,7 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     }
     let foreign =
         [SERIES, SYMBOLS, XYZ, ARRIVALS, RELEASES, OCCUPANCY, ANIMATED, "animation.html", "mean.csv"];
-    // A device or a FIFO in the place of a file has no content to lose.
+    // A device or a FIFO has no content to lose.
     let is_file = |name: &str| directory.join(name).is_file();
     if let Some(name) = foreign.into_iter().find(|name| !overwrite && is_file(name)) {
         let message = format!(
@@ -224,10 +218,7 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     Ok(lock)
 }
 
-/// Removes files of an earlier run that could be mistaken for files of this run.
-///
-/// # Errors
-/// [`Error::Write`].
+/// Removes files of an earlier run that could be mistaken for this run's.
 pub(crate) fn remove_stale(directory: &Path, names: &[&str]) -> Result<(), Error> {
     for name in names {
         let path = directory.join(name);
@@ -241,7 +232,7 @@ pub(crate) fn remove_stale(directory: &Path, names: &[&str]) -> Result<(), Error
     Ok(())
 }
 
-/// Replaces a file when its new content is complete.
+/// Replaces a file once its new content is complete.
 ///
 /// # Errors
 /// [`Error::Write`].
@@ -253,7 +244,7 @@ pub fn write_atomically(
         let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
         builder.prefix(lock::TEMPORARY).rand_bytes(lock::RANDOM);
-        // A temporary file is private by default, but the file that it becomes is an ordinary one.
+        // Temporary files are private by default.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let mut file = builder.tempfile_in(directory)?;

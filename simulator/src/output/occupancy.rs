@@ -1,4 +1,4 @@
-//! The log of particles inside receivers: at each row of the series, their counts by origin.
+//! Particles inside receivers at each row of the series, by origin.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -7,18 +7,16 @@ use super::series::moment;
 use crate::model::receiver::inside_of;
 use crate::{Model, Receiver, State};
 
-/// Returns `true` if a model logs arrivals and has receivers that hold particles without removing them.
+/// Returns `true` if a model logs arrivals and has receivers that hold particles.
 pub(crate) fn is_logged(model: &Model) -> bool {
     model.logs_arrivals && model.receivers.iter().any(Receiver::is_momentary)
 }
 
-/// Writes the first line of `occupancy.csv`.
 pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,receiver,species,transmitter,released,count")
 }
 
-/// Writes the particles inside transparent receivers and bound to receptors. The origin is empty for particles that the caller
-/// placed.
+/// Rows of particles inside or bound; the origin of inserted particles is empty.
 pub(super) fn rows(out: &mut impl Write, model: &Model, state: &State) -> io::Result<()> {
     let State { particles, centers, bound, origins, .. } = state;
     let inside = inside_of(&model.receivers, centers, &model.boundary, particles);

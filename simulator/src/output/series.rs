@@ -1,4 +1,4 @@
-//! The time series: rows of counts at a fixed interval of steps.
+//! The time series of counts.
 
 use std::io::{self, Write};
 
@@ -14,8 +14,8 @@ pub(super) fn row(out: &mut impl Write, simulation: &impl RunView) -> io::Result
     writeln!(out)
 }
 
-/// Returns the names of the [`counts`] of a model: particles by species, reactions and decays so far, the counts of receivers
-/// as `receiver:species`, and `pairs` and resolved `contacts` of the last step.
+/// Returns the names of the [`counts`]: particles by species, reactions and decays so far, receivers as
+/// `receiver:species`, and the last step's `pairs` and resolved `contacts`.
 pub fn names(model: &Model) -> Vec<String> {
     let mut names: Vec<_> = model.species.iter().map(|species| species.name.clone()).collect();
     names.extend(model.reactions.iter().map(|reaction| reaction.name.clone()));

@@ -1,11 +1,11 @@
-//! A reader of the tables (`.csv`) that runs write.
+//! A reader of `.csv` tables that runs write.
 
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 use crate::Error;
 
-/// A reader of a table that a run wrote, row by row.
+/// A reader of a run's table.
 pub struct TableReader<'a> {
     path: &'a Path,
     header: Vec<String>,
@@ -13,7 +13,7 @@ pub struct TableReader<'a> {
     line: usize,
 }
 
-/// A row of a table.
+/// A row.
 pub struct TableRow<'a> {
     path: &'a Path,
     number: usize,
@@ -41,10 +41,10 @@ impl<'a> TableReader<'a> {
         &self.header
     }
 
-    /// Reads the next row; `None` after the last one.
+    /// Reads the next row, if any.
     ///
     /// # Errors
-    /// [`Error::Read`] if the file cannot be read or the row has another number of fields.
+    /// [`Error::Read`] if the file cannot be read or the row's number of fields is wrong.
     pub fn next_row(&mut self) -> Result<Option<TableRow<'a>>, Error> {
         let read = |source| Error::Read { path: self.path.to_owned(), source };
         let Some(text) = self.lines.next().transpose().map_err(read)? else { return Ok(None) };
@@ -68,13 +68,13 @@ impl TableRow<'_> {
     /// Parses a field as a number.
     ///
     /// # Errors
-    /// [`Error::Read`] with the line if the field is not such a number.
+    /// [`Error::Read`] with the line if the field is no such number.
     pub fn number<T: std::str::FromStr>(&self, column: usize) -> Result<T, Error> {
         let field = self.field(column);
         field.parse().map_err(|_| self.damaged(&format!("'{field}' is not such a number")))
     }
 
-    /// Returns an [`Error::Read`] that names this line.
+    /// Returns an [`Error::Read`] for this line.
     pub fn damaged(&self, what: &str) -> Error {
         damaged(self.path, self.number, what)
     }

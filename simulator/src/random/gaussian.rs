@@ -1,8 +1,8 @@
 //! Normal numbers from random words, by Box and Muller.
 //!
-//! Only additions, multiplications, one division, square roots and bit operations occur, each correctly rounded and
-//! none fused, so every processor and vector width gives the same bits. Logarithm and sine are the polynomials of the
-//! Cephes library. A device may round the last bits of the WGSL version differently.
+//! Additions, multiplications, a division, square roots and bit operations only, each correctly rounded and none
+//! fused, so every processor and vector width gives the same bits. Logarithm and sine are Cephes polynomials. A
+//! device may round the WGSL version differently.
 
 /// Returns three standard normal numbers.
 #[inline(always)]
@@ -13,7 +13,7 @@ pub fn normals(words: [u32; 4]) -> [f32; 3] {
     [near * cosine, near * sine, rayleigh(words[2]) * third]
 }
 
-/// √(−2 ln u) of the uniform number of a word; at most 5.77.
+/// √(−2 ln u) of a word's uniform number; at most 5.77.
 #[inline(always)]
 fn rayleigh(word: u32) -> f32 {
     (-2.0 * ln(crate::random::philox::open_unit(word))).sqrt()
@@ -21,7 +21,7 @@ fn rayleigh(word: u32) -> f32 {
 
 const ROOT_HALF: u32 = 0x3f35_04f3;
 
-/// The natural logarithm of a positive normal number, to one part in 10⁷.
+/// For positive normal numbers, to one part in 10⁷.
 #[inline(always)]
 pub(crate) fn ln(value: f32) -> f32 {
     let shifted = value.to_bits().wrapping_sub(ROOT_HALF);
@@ -33,7 +33,7 @@ pub(crate) fn ln(value: f32) -> f32 {
     exponent * std::f32::consts::LN_2 + s * series
 }
 
-/// Returns cosine and sine of the angle that a word stands for, as a fraction of a full turn.
+/// Returns cosine and sine of a word as a fraction of a turn.
 #[inline(always)]
 pub fn cos_sin(word: u32) -> [f32; 2] {
     let quarter = word.wrapping_add(0x2000_0000) >> 30;
@@ -42,7 +42,7 @@ pub fn cos_sin(word: u32) -> [f32; 2] {
     let b = a * a;
     let sine = a + a * b * (-0.166_666_55 + b * (0.008_332_161 + b * -0.000_195_152_96));
     let cosine = 1.0 - 0.5 * b + b * b * (0.041_666_646 + b * (-0.001_388_731_6 + b * 0.000_024_433_157));
-    // A quarter turn swaps the two; the signs go + − − + for the cosine and + + − − for the sine.
+    // A quarter turn swaps them; signs go + − − + and + + − −.
     let swap = 0u32.wrapping_sub(quarter & 1);
     let (c, s) = (cosine.to_bits(), sine.to_bits());
     let [c, s] = [(s & swap) | (c & !swap), (c & swap) | (s & !swap)];

@@ -1,4 +1,4 @@
-//! A counter-based random number generator, and numbers of given distributions.
+//! Counter-based random numbers, and distributions.
 
 pub mod gaussian;
 pub mod philox;

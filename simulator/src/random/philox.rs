@@ -1,98 +1,96 @@
-//! Random numbers by counter: Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as 1, 2,
-//! 3*, SC 2011).
+//! Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as 1, 2, 3*, SC 2011).
 //!
-//! A draw is a pure function of the seed, who draws, the step, and the purpose. Nothing is consumed, so neither the
-//! order of particles nor threads nor the machine can change a run. Only 32-bit integer operations are used, which WGSL
-//! has too.
+//! A draw is a pure function of the seed, the drawer, the step and the purpose, so no order of particles, thread or
+//! machine changes a run. WGSL has the same 32-bit operations.
 
 use rand::TryRng;
 
-/// The purpose of a draw; each has random numbers of its own.
+/// The purpose of a draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
-    /// The Brownian step of a particle.
+    /// Brownian step of a particle.
     Move = 0,
-    /// The position at which a particle is released: the first four words.
+    /// Position at release: the first four words.
     Release = 1,
-    /// The velocity that a particle is released with.
+    /// Velocity at release.
     Velocity = 2,
-    /// The hit of a receiver within a step; drawn by particle and receiver.
+    /// Hit of a receiver, by particle and receiver.
     Receiver = 3,
-    /// Priority, probability and direction of a candidate pair; drawn by both ids.
+    /// Priority, probability and direction of a candidate pair, by both ids.
     Pair = 4,
-    /// First-order decay of a particle.
+    /// Decay.
     Decay = 5,
-    /// The position of a particle within a step; drawn by particle and piece of its path.
+    /// Position within a step, by particle and piece of its path.
     Path = 6,
-    /// The dissociation of a particle.
+    /// Dissociation.
     Dissociation = 7,
-    /// The events of a particle between its release and the beginning of the next step.
+    /// Events between release and the next step.
     PartialStep = 8,
-    /// The number of released particles; drawn by transmitter.
+    /// Released number, by transmitter.
     Count = 9,
-    /// A symbol; drawn by transmitter and index in the message.
+    /// Symbol, by transmitter and index in the message.
     Symbol = 10,
-    /// The tumble of a swimmer, and its new direction.
+    /// Tumble of a swimmer, and its new direction.
     Tumble = 11,
-    /// The displacement of a receiver; drawn by its index in the model.
+    /// Displacement of a receiver, by its index.
     ReceiverMotion = 12,
-    /// The time and position at which a particle unbinds.
+    /// Time and position of unbinding.
     Unbinding = 13,
-    /// The time at which a path hit a receiver; drawn by particle and receiver.
+    /// Time of a hit, by particle and receiver.
     HitTime = 14,
-    /// The extreme position of a path near a wall; drawn by particle.
+    /// Extreme position of a path near a wall.
     Wall = 15,
-    /// The seed of a replica; drawn by its number.
+    /// Seed of a replica, by its number.
     Replica = 100,
 }
 
-/// A seed as Philox takes it: lower and upper half.
+/// A seed: lower and upper half.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key(pub [u32; 2]);
 
 impl Key {
-    /// Returns the key of a seed.
+    /// Creates the key of a seed.
     pub const fn new(seed: u64) -> Self {
         Self([seed as u32, (seed >> 32) as u32])
     }
 
-    /// The seed.
+    /// Seed.
     pub const fn seed(self) -> u64 {
         self.0[0] as u64 | (self.0[1] as u64) << 32
     }
 
-    /// Returns four random words for particle `id` (and `other`, if two share a draw, or 0) at `step`.
+    /// Returns four random words for particle `id` (and `other`, or 0) at `step`.
     #[inline(always)]
     pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32], self.0)
     }
 
-    /// Returns four random words of a part, numbered from 0; part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no
-    /// words with other purposes.
+    /// Returns four random words of a part; part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no words with other
+    /// purposes.
     #[inline(always)]
     pub(crate) fn draw_part(self, [id, other]: [u32; 2], part: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32 | part << 8], self.0)
     }
 }
 
-/// A stream of random words, for distributions that take any number of them.
+/// A stream of random words.
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: Key,
-    /// The id, the block of words, the step, and the purpose.
+    /// Id, block, step, purpose.
     counter: [u32; 4],
     words: [u32; 4],
     used: usize,
 }
 
 impl Draws {
-    /// Creates the stream of `id` at `step` for a purpose that has no other draws.
+    /// Creates the stream of `id` at `step`, for a purpose without other draws.
     pub fn new(key: Key, id: u32, step: u32, purpose: Purpose) -> Self {
         Self { key, counter: [id, 0, step, purpose as u32], words: [0; 4], used: 4 }
     }
 
-    /// A uniform number in (0, 1).
+    /// Uniform in (0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         fine_unit(self.word())
     }
@@ -151,7 +149,7 @@ fn wide(a: u32, b: u32) -> (u32, u32) {
     (product as u32, (product >> 32) as u32)
 }
 
-/// Returns one of 2²³ equally spaced numbers in (0, 1), symmetric around ½; exact in `f32`.
+/// Returns one of 2²³ equally spaced numbers in (0, 1), symmetric around ½, exact in `f32`.
 #[inline(always)]
 pub fn open_unit(word: u32) -> f32 {
     ((word >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
@@ -163,7 +161,7 @@ pub(crate) fn fine_unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns the largest word that counts as an event of this probability in (0, 1]; rounded to the nearest of 2³².
+/// Returns the largest word that counts as an event of a probability in (0, 1], to the nearest of 2³².
 pub fn probability_threshold(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)
@@ -173,7 +171,7 @@ pub fn probability_threshold(probability: f64) -> Option<u32> {
 mod tests {
     use super::*;
 
-    /// Known answers of the authors' library Random123 (`kat_vectors`, `philox4x32 10`).
+    /// Random123's `kat_vectors`, `philox4x32 10`.
     #[test]
     fn known_answers() {
         assert_eq!(philox([0; 4], [0; 2]), [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);

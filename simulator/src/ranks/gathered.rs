@@ -3,7 +3,7 @@ use std::borrow::Cow;
 use crate::run::view::RunView;
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// The state of a run over ranks on rank 0. Other ranks have the counts but no lists.
+/// The state of a run on rank 0. Other ranks have only counts.
 #[derive(Clone, Debug)]
 pub struct Gathered<'a> {
     pub(super) model: &'a Model,
@@ -11,7 +11,7 @@ pub struct Gathered<'a> {
     /// Empty if not [requested](super::GatherFields::received).
     pub(super) received: Vec<Vec<u64>>,
     pub(super) arrivals: Vec<Arrival>,
-    /// Without free and bound particles if not [requested](super::GatherFields::particles).
+    /// Without particles if not [requested](super::GatherFields::particles).
     pub(super) state: State,
 }
 

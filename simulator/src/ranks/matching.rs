@@ -1,13 +1,13 @@
 //! Matching of reactions whose candidates are on several ranks.
 //!
-//! Every candidate is on one rank, and every particle has an owner. In each round, a rank sends its best key of each
-//! ghost to the ghost's owner. The owner replies with the best key of all ranks, or that the particle is taken. A rank
-//! then applies the candidates that are best at all particles they consume.
+//! Every candidate is on one rank; every particle has an owner. In each round, a rank sends its best key of each
+//! ghost to the owner, which replies with the best key of all ranks, or that the particle is taken. The rank then
+//! applies candidates that are best at all particles they consume.
 //!
 //! # Correctness
-//! 1. After the replies, a rank knows of the particles of its candidates what
+//! 1. After the replies, a rank knows of its candidates' particles what
 //!    [`Matching`](crate::reaction::matching::Matching) knows in one process.
-//! 2. Keys are totally ordered, so at least the best candidate of all is taken in every round.
+//! 2. Keys are totally ordered, so every round takes at least the best candidate of all.
 //! 3. The choice is therefore that of one process.
 
 use bytemuck::{Pod, Zeroable};
@@ -29,7 +29,7 @@ pub(super) struct DistributedMatching {
 #[repr(C)]
 struct GhostBid {
     at: u32,
-    /// 1 if this rank took the particle in the previous round, 0 if `key` is its best key.
+    /// 1 if this rank took the particle in the previous round; 0 if `key` is its best.
     takes: u32,
     key: KeyMessage,
 }
@@ -49,7 +49,6 @@ struct KeyMessage {
 }
 
 impl KeyMessage {
-    /// A key that no candidate is worse than.
     const WORST: Self = Self { priority: u32::MAX, ids: [u32::MAX; 2] };
 
     fn of((priority, ids): Key) -> Self {
@@ -62,11 +61,11 @@ impl KeyMessage {
 }
 
 impl DistributedMatching {
-    /// Returns the candidates of this rank that win, in the order of keys. There are `own` particles, followed by ghosts. `sample`
-    /// adds candidates to a buffer as for [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
+    /// Returns this rank's winning candidates, by key. Ghosts follow its `own` particles. `sample` adds candidates as
+    /// for [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
     ///
     /// # Errors
-    /// Fails if the communicator fails, and with the failure of `sample` on any rank.
+    /// The communicator's, and those of `sample` on any rank.
     pub(super) fn greedy<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -100,8 +99,7 @@ impl DistributedMatching {
         Ok(chosen)
     }
 
-    /// Sorts candidates and returns those that win. `won` are the ghosts that this rank consumed and whose owners do not know
-    /// it yet.
+    /// Returns the winning candidates. `won` are consumed ghosts whose owners do not know it yet.
     fn choose<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -129,7 +127,7 @@ impl DistributedMatching {
                 self.taken[at] = true;
                 won.extend(at.checked_sub(own).map(|ghost| ghost as u32));
             }
-            // If one candidate was taken, the others are dropped.
+            // Without taken particles.
             active.retain(|&c| claimed(c).all(|at| !self.taken[at]));
             chosen.extend(winners);
             self.touched.iter().for_each(|&at| self.best[at as usize] = None);
@@ -144,8 +142,7 @@ impl DistributedMatching {
         self.touched.push(at as u32);
     }
 
-    /// Sends this rank's keys of the ghosts `wanted`, and the ghosts `won` in the last round, to their owners. Records
-    /// the replies.
+    /// Sends the keys of ghosts `wanted`, and the ghosts `won`, to their owners. Records the replies.
     fn ask<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -174,7 +171,7 @@ impl DistributedMatching {
             (bid.takes == 0).then_some((from, OwnerReply { taken: self.taken[at].into(), key }))
         };
         let replies = bids.iter().zip(from).filter_map(reply).collect();
-        // Ghosts lie by their owners, so replies come in the order of what is wanted.
+        // Ghosts lie by their owners, so replies come in the order of `wanted`.
         let (replies, _) = send_to_ranks(communicator, "replies to bids", replies)?;
         for (&ghost, reply) in wanted.iter().zip(&replies) {
             let at = own + ghost as usize;
@@ -229,8 +226,7 @@ mod tests {
         (here, own, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
     }
 
-    /// Returns the ids of those that all ranks choose, in the order of keys. Every rank chooses twice, since the state that a call
-    /// leaves must not disturb the next one.
+    /// Returns the ids that all ranks choose, by key. Each chooses twice: a call's state must not disturb the next.
     fn chosen(all: &[ReactionCandidate], owners: &[u32]) -> Vec<[u32; 2]> {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let chosen = threads::on(ranks, |mut thread| {

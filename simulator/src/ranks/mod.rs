@@ -1,17 +1,17 @@
-//! A run over several ranks: processes that each own a part of the particles.
+//! A run over ranks: processes that each own a part of the particles.
 //!
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
-//! receivers: these are pure functions of a particle's id, the seed and the step. Ranks communicate for
+//! receivers: pure functions of id, seed and step. Ranks communicate for
 //!
-//! - *receptors*: all ranks select from the requests of all ranks;
-//! - *pairs*: particles migrate to the rank that owns their part of space, and ghosts go to ranks with particles within
-//!   reach ([`lazygrid_ranks`]);
-//! - *reactions* ([`matching`](crate::reaction::matching)): in rounds, the owner of a particle receives the best key of
-//!   each rank and replies with the best of all;
+//! - *receptors*: all ranks select from all requests;
+//! - *pairs*: particles migrate to the owner of their part of space, and ghosts to ranks with particles within reach
+//!   ([`lazygrid_ranks`]);
+//! - *reactions* ([`matching`](crate::reaction::matching)): in rounds, a particle's owner receives each rank's best
+//!   key and replies with the best of all;
 //! - *ids* of second products of dissociations: all ranks know the parents of the step;
-//! - *counts*, which are sums.
+//! - *counts*: sums.
 //!
-//! A run therefore equals that of one process, row by row and frame by frame. Each resumes checkpoints of the other.
+//! A run equals that of one process, row by row and frame by frame; either resumes the other's checkpoints.
 
 mod gathered;
 mod matching;

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-/// The part of a list that a rank takes. Lengths of parts differ by at most one.
+/// A rank's part of a list; lengths differ by at most one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RankSlice {
     rank: u32,
@@ -10,7 +10,6 @@ pub(crate) struct RankSlice {
 impl RankSlice {
     pub(crate) const WHOLE: Self = Self { rank: 0, ranks: 1 };
 
-    /// Returns the part of rank `rank` of `ranks`.
     pub(crate) fn new(rank: u32, ranks: u32) -> Self {
         Self { rank, ranks }
     }
@@ -19,7 +18,6 @@ impl RankSlice {
         self.rank == 0
     }
 
-    /// Returns the range in a list of this length.
     pub(crate) fn of(self, length: u64) -> Range<u64> {
         let start = |rank: u32| (u128::from(length) * u128::from(rank) / u128::from(self.ranks)) as u64;
         start(self.rank)..start(self.rank + 1)

@@ -35,14 +35,13 @@ pub(super) fn ghost(particles: &Particles, at: u32) -> lazygrid_ranks::Particle 
     lazygrid_ranks::Particle { sphere: Sphere::new(position, radius), id: id.into(), species, index: at }
 }
 
-/// Returns a ghost as a particle. Its velocity is not used.
+/// Converts a ghost, without velocity.
 pub(super) fn of_ghost(ghost: &lazygrid_ranks::Particle) -> Particle {
     Particle {
         position: ghost.sphere.center.to_array(),
         velocity: [0.0; 3],
         radius: ghost.sphere.radius,
         species: ghost.species,
-        // Ids of this simulator have 32 bits.
         id: ghost.id as u32,
     }
 }

@@ -1,4 +1,4 @@
-//! A run over ranks from a scenario to its files, which equal those of a run in one process.
+//! A run over ranks to the files of a run in one process.
 
 use std::ops::ControlFlow;
 
@@ -15,14 +15,13 @@ use crate::scenario::Scenario;
 use crate::{Error, RunView};
 
 impl Run {
-    /// Does all steps, as [`run`](Self::run), together with the other ranks of a communicator, each of which calls this
-    /// with the same run. The first rank writes common files, and every rank its particles, so all ranks must see the
-    /// directory. `watch` is called on every rank and stops all if it breaks on one. Runs on the CPU and refuses
-    /// [`Backend::Gpu`]; uses the caller's rayon pool.
+    /// Does all steps as [`run`](Self::run), together with all ranks of a communicator. All must see the directory:
+    /// the first writes common files, every rank its particles. `watch` is called on every rank and stops all.
+    /// Refuses [`Backend::Gpu`]; uses the caller's rayon pool.
     ///
     /// # Errors
-    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the communicator.
-    /// [`Communicator::difference`] if ranks have different runs. The algorithm and [`threads`](Self::threads) may
+    /// On all ranks, those of one: as [`run`](Self::run), [`Error::NotOverRanks`], and the communicator's.
+    /// [`Communicator::difference`] if ranks have different runs; algorithm and [`threads`](Self::threads) may
     /// differ.
     pub fn run_distributed<C: Communicator>(
         &self,
@@ -77,7 +76,7 @@ impl Run {
         Ok((if done { RunEnd::Finished } else { RunEnd::Stopped }, simulation))
     }
 
-    /// The settings that all ranks must share besides those of a [`RankSimulation`].
+    /// Settings that all ranks share, besides those of a [`RankSimulation`].
     fn shared(&self) -> Settings {
         let Scenario { steps, output, .. } = &self.scenario;
         Settings::new(env!("CARGO_PKG_VERSION"))
@@ -121,7 +120,6 @@ impl Run {
         self.check_backend(&communicator)?;
         let share = RankSlice::new(communicator.rank(), communicator.ranks());
         let is_first = communicator.rank() == 0;
-        // The first rank locks the directory before any rank reads.
         let lock = is_first.then(|| self.lock()).transpose();
         let lock = communicator.agree(lock.map_err(|error| communicator.failure(error.to_string())))?;
         let read = || {
@@ -165,7 +163,6 @@ impl Run {
         communicator.agree(checked)
     }
 
-    /// Writes what is due after the steps done so far.
     fn record_distributed<C: Communicator>(
         &self,
         simulation: &mut RankSimulation<C>,

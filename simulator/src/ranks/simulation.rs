@@ -1,4 +1,4 @@
-//! A run of one rank among others, step by step.
+//! A run of one rank among others.
 
 use std::ops::ControlFlow;
 
@@ -18,9 +18,9 @@ use crate::reaction::{ReactantChange, interactions};
 use crate::run::simulation::{Moved, detector};
 use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
 
-/// One rank's part of a run, with its communicator.
+/// One rank's part of a run.
 ///
-/// Methods that change it are collective: every rank calls them, in the same order, in its rayon pool.
+/// Methods that change it are collective: every rank calls them in the same order, in its rayon pool.
 #[derive(Debug)]
 pub struct RankSimulation<C> {
     communicator: C,
@@ -37,12 +37,12 @@ struct RankPairSearch {
     matching: DistributedMatching,
 }
 
-/// The data that [`RankSimulation::gather`] gathers on rank 0.
+/// Data that [`RankSimulation::gather`] gathers on rank 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GatherFields {
-    /// The counts of receivers.
+    /// Counts of receivers.
     pub received: bool,
-    /// All free and bound particles.
+    /// Free and bound particles.
     pub particles: bool,
 }
 
@@ -50,12 +50,12 @@ pub struct GatherFields {
 #[repr(C)]
 struct OutcomeMessage {
     at: u32,
-    /// 1 plus the species of the product; 0 if the particle is removed.
+    /// 1 plus the product's species; 0 removes the particle.
     product: u32,
     position: [f32; 3],
 }
 
-/// An arrival without its origin, which every rank knows from the id.
+/// Every rank knows the origin from the id.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Arrived {
@@ -64,25 +64,24 @@ struct Arrived {
     id: u32,
 }
 
-/// A rank's load limit, as a multiple of the mean, above which space is repartitioned.
+/// Load limit over the mean, above which space is repartitioned.
 const BOUND: f64 = 1.2;
 
 impl<C: Communicator> RankSimulation<C> {
-    /// Begins a run. The detection `algorithm` does not change the result.
+    /// Begins a run; `algorithm` does not change the result.
     ///
     /// # Errors
-    /// Every rank returns the error of the first rank that fails: those of [`Simulation::new`], and [`Error::NotOverRanks`]. [`Communicator::difference`] if ranks have
-    /// different models or seeds, or are at different steps.
+    /// On every rank, those of the first that fails: as [`Simulation::new`], and [`Error::NotOverRanks`].
+    /// [`Communicator::difference`] if models, seeds or steps differ.
     pub fn new(communicator: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
         Self::begin(communicator, model, (seed, algorithm), state)
     }
 
-    /// Resumes a run from a state of the same model and seed. `state` has the counts of all ranks, and the free and bound
-    /// particles of this rank.
+    /// Resumes a run from a state of the same model and seed, with the counts of all ranks and this rank's particles.
     ///
     /// # Errors
-    /// The same as [`new`](Self::new).
+    /// As [`new`](Self::new).
     pub fn resume(
         communicator: C,
         model: Model,
@@ -118,12 +117,12 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(all)
     }
 
-    /// The model.
+    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.run.model
     }
 
-    /// The number of steps done.
+    /// Returns the finished steps.
     pub fn step_count(&self) -> u32 {
         self.run.state.step
     }
@@ -133,12 +132,12 @@ impl<C: Communicator> RankSimulation<C> {
         &self.totals
     }
 
-    /// Returns the particles of this rank and its part of the counts.
+    /// Returns this rank's particles and part of the counts.
     pub fn part(&self) -> &State {
         &self.run.state
     }
 
-    /// The communicator.
+    /// Returns the communicator.
     pub fn communicator(&mut self) -> &mut C {
         &mut self.communicator
     }
@@ -147,10 +146,10 @@ impl<C: Communicator> RankSimulation<C> {
         self.communicator.agree(result.map_err(|error| self.communicator.failure(error.to_string())))
     }
 
-    /// Does one step, as [`Simulation::step`].
+    /// Does a step as [`Simulation::step`].
     ///
     /// # Errors
-    /// Of a rank, on all: as [`Simulation::step`], and those of the communicator.
+    /// Returns the error of one rank on all: as [`Simulation::step`], and the communicator's.
     pub fn step(&mut self) -> Result<(), C::Error> {
         let free = binding::free(&self.run.model, &self.totals.arrived);
         let moved = self.run.advance(&free);
@@ -215,7 +214,7 @@ impl<C: Communicator> RankSimulation<C> {
         deliver_outcomes(communicator, outcomes, (own, &ghosts))
     }
 
-    /// Gathers the state of the run on rank 0.
+    /// Gathers the state on rank 0.
     ///
     /// # Errors
     /// Fails if the communicator fails.
@@ -265,10 +264,10 @@ fn shared(model: &Model, seed: u64, step: u32) -> Settings {
 }
 
 impl RankPairSearch {
-    /// Returns the search of a model with interactions, with the detector of its run.
+    /// Returns the search of a model with interactions, with its run's detector.
     fn of(run: &mut Simulation, algorithm: Algorithm, place: (u32, u32)) -> Result<Option<Self>, Error> {
         let Some(within) = run.detector.take() else { return Ok(None) };
-        // The paper's grids take one set, and ghosts are another.
+        // The paper's grids take one set, and ghosts are a second.
         let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
         let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
         let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
@@ -312,7 +311,6 @@ impl RankPairSearch {
         Ghosts::exchange(communicator, &leaving, |at| rows::ghost(particles, at))
     }
 
-    /// Counts the pairs that this rank reports.
     fn count(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<(), Error> {
         let State { particles, totals, step, .. } = &mut run.state;
         let failed = |source| Error::Step { step: *step, source };
@@ -321,8 +319,8 @@ impl RankPairSearch {
     }
 }
 
-/// Counts the pairs that this rank reports, and adds candidates for their reactions to `best`, except those of `taken` particles.
-/// The ghosts are the last particles of the run.
+/// Counts the pairs that this rank reports, and adds their reaction candidates to `best`, without `taken` particles.
+/// Ghosts are the last particles.
 fn sample(
     search: &mut Search,
     run: &mut Simulation,

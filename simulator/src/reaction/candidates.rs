@@ -1,7 +1,7 @@
-//! The candidates of a step: pairs whose random words say that they react.
+//! Candidates of a step: pairs whose random words say that they react.
 //!
-//! In a crowd there are far more candidates than particles, so only the best ones are kept. The matching consumes particles and
-//! asks again; the pairs of consumed particles are then skipped before anything is drawn for them.
+//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles and
+//! asks again; consumed particles then draw nothing.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -12,45 +12,45 @@ use crate::random::philox::{self, Purpose};
 use crate::reaction::matching::{Key, ReactionCandidate};
 use crate::reaction::{ReactionRule, Reactions, distance_squared};
 
-/// The pairs of a step, with the key of its random words.
+/// The pairs of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepPairs<'a> {
-    /// The particles.
+    /// Particles.
     pub particles: &'a Particles,
-    /// Pairs of their indices.
+    /// Pairs of particle indices.
     pub pairs: &'a [Pair],
-    /// The key of the run.
+    /// Key of the run.
     pub key: philox::Key,
-    /// The step.
+    /// Step.
     pub step: u32,
 }
 
-/// The best candidates of a stream, in bounded memory.
+/// The best candidates, in bounded memory.
 #[derive(Debug)]
 pub struct BestCandidates {
     pub(crate) candidates: Vec<ReactionCandidate>,
     capacity: usize,
-    /// The worst key of a candidate that is kept; `None` if all are.
+    /// Worst kept key; `None` if none was dropped.
     pub(crate) bound: Option<Key>,
 }
 
-/// The number of candidates per particle that are kept. With four, few particles are left for another pass.
+/// With four, few particles are left for another pass.
 const CANDIDATES_PER_PARTICLE: usize = 4;
-/// The number of candidates that are always kept.
+/// Always kept.
 const MIN_CAPACITY: usize = 1 << 14;
-/// The number of pairs per parallel task.
+/// Pairs per parallel task.
 const TASK: usize = 4096;
-/// The number of pairs after which the bound is updated.
+/// Pairs between updates of the bound.
 const BLOCK: usize = 64 * TASK;
 
 impl BestCandidates {
-    /// Creates a buffer for the candidates of a number of particles.
+    /// Creates a buffer for the candidates of `particles` particles.
     pub fn new(particles: usize) -> Self {
         let capacity = particles.saturating_mul(CANDIDATES_PER_PARTICLE).max(MIN_CAPACITY);
         Self { candidates: Vec::new(), capacity, bound: None }
     }
 
-    /// Adds candidates, except those that are worse than dropped ones, and drops the worst ones if there are too many.
+    /// Adds candidates and drops the worst if there are too many.
     ///
     /// # Errors
     /// [`Error::OutOfCandidateMemory`].
@@ -71,7 +71,6 @@ impl BestCandidates {
         Ok(())
     }
 
-    /// Drops the candidates that are worse than `bound`.
     pub(crate) fn restrict(&mut self, bound: Key) {
         self.candidates.retain(|candidate| candidate.key() <= bound);
         self.bound = Some(bound);
@@ -79,10 +78,10 @@ impl BestCandidates {
 }
 
 impl Reactions {
-    /// Draws the reactions of pairs and adds their candidates to `best`, except those that consume a particle again.
+    /// Draws the reactions of pairs and adds their candidates to `best`, without consumed particles.
     ///
     /// # Errors
-    /// The errors of [`BestCandidates::extend`].
+    /// As [`BestCandidates::extend`].
     pub fn sample(
         &self,
         pairs: StepPairs<'_>,
@@ -125,7 +124,7 @@ impl Reactions {
         };
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
         let candidate = |rule: &ReactionRule, priority| {
-            // For equal species, the particle with the lower id comes first.
+            // For equal species, the lower id is first.
             let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
             let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
             ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids }

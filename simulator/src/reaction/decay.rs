@@ -1,31 +1,31 @@
-//! Decays of single particles while they move.
+//! Decays of particles while they move.
 //!
-//! A particle may decay several times within a step. The first decay is drawn for the whole step, then its time, and
-//! the product has the rest of the step. Chains are therefore right for steps of any length.
+//! A particle may decay several times in a step: the first decay is drawn for the whole step, then its time, and the
+//! product has the rest. Chains are therefore right at any step length.
 
 use crate::model::Model;
 use crate::random::philox::{Key, Purpose, probability_threshold};
 
-/// The decays of a model, by species.
+/// Decays by species.
 #[derive(Clone, Debug)]
 pub struct Decays {
-    /// Decays by species, except into two products, which [`Dissociation`](crate::reaction::dissociation::Dissociation) handles.
+    /// Without decays into two products: [`Dissociation`](crate::reaction::dissociation::Dissociation).
     kinds: Vec<SpeciesDecays>,
     time_step: f64,
 }
 
 #[derive(Clone, Debug, Default)]
 struct SpeciesDecays {
-    /// The sum of all rates, in 1/s.
+    /// Sum of all rates, in 1/s.
     rate: f64,
     channels: Vec<Channel>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Channel {
-    /// The largest word at which it happens within a step.
+    /// Largest word at which it happens within a step.
     pub(crate) up_to: u32,
-    /// Its fraction of the rate, plus that of the previous channels.
+    /// Fraction of the rate up to this channel.
     pub(crate) share: f64,
     pub(crate) decay: u32,
     pub(crate) product: Option<u32>,
@@ -35,7 +35,7 @@ pub(crate) struct Channel {
 const MOST: u32 = 1000;
 
 impl Decays {
-    /// Creates the decays of a model that [`Model::check`] accepts.
+    /// Creates the decays of a checked model.
     pub fn new(model: &Model) -> Self {
         let kinds = (0..model.species.len() as u32).map(|species| kind(model, species)).collect();
         Self { kinds, time_step: model.time_step }
@@ -46,7 +46,7 @@ impl Decays {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }
 
-    /// Returns the decays of a species. With rates k₁, k₂, … the probability 1 − exp(−ΣkΔt) is divided in proportion.
+    /// With rates k₁, k₂, … the probability 1 − exp(−ΣkΔt) is divided in proportion.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[Channel] {
         &self.kinds[species as usize].channels
@@ -57,7 +57,7 @@ impl Decays {
         self.kinds[species as usize].rate
     }
 
-    /// Calls `tell` with the index in the model and the product of each decay of a particle in a step.
+    /// Calls `tell` with the model index and product of each decay of a particle in a step.
     #[inline]
     pub fn for_each_decay(
         &self,
@@ -83,7 +83,7 @@ impl Decays {
         }
     }
 
-    /// Continues the decays of a particle for `left` s, with random words by generation, counted from 1.
+    /// Continues the decays for `left` s, with random words by generation, from 1.
     pub(crate) fn continue_chain(
         &self,
         mut species: u32,
@@ -105,7 +105,7 @@ impl Decays {
 }
 
 impl SpeciesDecays {
-    /// Returns the time of a decay that happened within `time`.
+    /// Returns the time of a decay within `time`.
     fn wait(&self, time: f64, word: u32) -> f64 {
         -libm::log1p(unit(word) * libm::expm1(-self.rate * time)) / self.rate
     }
@@ -160,7 +160,6 @@ mod tests {
             });
         }
         let [a, b] = [(-2.0_f64).exp(), (-3.0_f64).exp()];
-        // With rates k and l, exp(−kt) is still A, and B is k/(l − k)·(exp(−kt) − exp(−lt)).
         for (count, p) in counts.into_iter().zip([1.0 - a, 1.0 - a - 2.0 * (a - b)]) {
             let n = f64::from(n);
             let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();

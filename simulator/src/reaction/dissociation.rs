@@ -1,7 +1,7 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! It is drawn before reactions of the same step and applied after them. Products do not react in the same step, and a
-//! product of a reaction does not dissociate in it, so each is the inverse of the other.
+//! Drawn before the reactions of a step and applied after them. Products do not react, and products of reactions do
+//! not dissociate, in the same step, so each is the inverse of the other.
 
 use rayon::prelude::*;
 
@@ -12,10 +12,10 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 use crate::reaction::probability::ReactionProbabilities;
 
-/// The dissociations of a model, by species.
+/// Dissociations by species.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
-    /// The largest word of each decay, by species.
+    /// Largest word of each decay, by species.
     channels: Vec<Vec<(u32, Channel)>>,
     any: bool,
 }
@@ -35,21 +35,21 @@ pub(crate) struct Product {
     domain: Boundary,
 }
 
-/// The dissociation of one particle.
+/// A dissociation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dissociated {
-    /// The index of the particle.
+    /// Index of the particle.
     pub at: u32,
-    /// Its id.
+    /// Id.
     pub id: u32,
-    /// The index of the decay in the model.
+    /// Decay, as index in the model.
     pub decay: u32,
-    /// The species, radius and position of each product.
+    /// Species, radius and position of each product.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
 }
 
 impl Dissociated {
-    /// Returns `true` if it has a second product, which needs an id.
+    /// Returns `true` for a second product, which needs an id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
     }
@@ -58,7 +58,7 @@ impl Dissociated {
 const TASK: usize = 4096;
 
 impl Dissociation {
-    /// Creates the dissociations of a model that [`Model::check`] accepts.
+    /// Creates the dissociations of a checked model.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
         let center_domains = model.center_domains();
@@ -101,7 +101,7 @@ impl Dissociation {
         &self.channels[species as usize]
     }
 
-    /// Returns the dissociations of a step by index, without particles at the ascending indices `taken`.
+    /// Returns the dissociations of a step by index, without the ascending indices `taken`.
     pub fn splits(&self, particles: &Particles, taken: &[u32], key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
@@ -147,7 +147,7 @@ impl Dissociation {
     }
 }
 
-/// Returns the second product as a particle. It keeps the velocity of its parent.
+/// Returns the second product, with its parent's velocity.
 pub(crate) fn second(split: &Dissociated, velocity: [f32; 3], id: u32) -> Option<Particle> {
     let (species, radius, position) = split.products[1]?;
     Some(Particle { position, velocity, radius, species, id })

@@ -1,9 +1,9 @@
-//! Matching: the choice of reactions among candidate pairs that share particles.
+//! Matching: chooses reactions among candidate pairs that share particles.
 //!
-//! Candidates have totally ordered keys. Each round takes those that are the best at all particles they consume.
-//! Repeated until none is left, the result is that of a sequential pass from the best to the worst (Blelloch, Fineman
-//! and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012). It depends
-//! on the keys alone, not on the order of candidates or on threads.
+//! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. Repeated,
+//! this gives the result of a sequential pass from the best to the worst (Blelloch, Fineman and Shun, *Greedy
+//! sequential maximal independent set and matching are parallel on average*, SPAA 2012), for any order of candidates
+//! and any threads.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -15,19 +15,19 @@ use crate::reaction::candidates::BestCandidates;
 /// Two particles that may react.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReactionCandidate {
-    /// The indices of the particles.
+    /// Indices of the particles.
     pub at: [u32; 2],
-    /// `true` for each of them that the reaction consumes; one at least.
+    /// `true` for each that is consumed; at least one.
     pub consumes: [bool; 2],
-    /// The index of the rule.
+    /// Index of the rule.
     pub rule: u32,
-    /// The priority; the lowest is the best.
+    /// Priority; the lowest wins.
     pub priority: u32,
-    /// The ids in ascending order, which decide between equal priorities.
+    /// Ascending ids, which break ties.
     pub ids: [u32; 2],
 }
 
-/// The sort key of candidates; the lowest is the best.
+/// The lowest is the best.
 pub(crate) type Key = (u32, [u32; 2]);
 
 impl ReactionCandidate {
@@ -41,14 +41,14 @@ impl ReactionCandidate {
     }
 }
 
-/// Chooses candidates that share no consumed particle.
+/// Chooses candidates without a common consumed particle.
 #[derive(Debug, Default)]
 pub struct Matching {
-    /// Indexed by particle: one more than the index of the best candidate so far, or one of the values below.
+    /// Indexed by particle: 1 plus the best candidate so far, or a value below.
     best: Vec<AtomicU32>,
 }
 
-/// The particles that the chosen reactions consume.
+/// Particles that chosen reactions consume.
 #[derive(Clone, Copy, Debug)]
 pub struct Consumed<'a>(&'a [AtomicU32]);
 
@@ -63,16 +63,16 @@ impl Consumed<'_> {
 const NONE: u32 = u32::MAX;
 const TAKEN: u32 = 0;
 
-/// Candidates are processed in windows, so that few of a window share particles. The size changes only the time.
+/// Few candidates of such a window share particles. Results do not depend on it.
 const TASK: usize = 1024;
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
-    /// Chooses among the candidates of `particles` particles, from the best to the worst. `sample` adds the candidates of particles
-    /// that are not consumed yet to a buffer, which keeps the best of them; it is called until none was dropped.
+    /// Chooses among the candidates of `particles` particles. `sample` adds those of unconsumed particles to a buffer
+    /// of the best, until none is dropped.
     ///
     /// # Errors
-    /// The errors of `sample`.
+    /// Those of `sample`.
     pub fn greedy(
         &mut self,
         particles: usize,
@@ -93,13 +93,13 @@ impl Matching {
                 break Ok(());
             }
         };
-        // The next call begins with an empty table.
+        // Clears the table.
         let claimed = chosen.iter().flat_map(ReactionCandidate::claimed);
         claimed.for_each(|p| *self.best[p].get_mut() = NONE);
         result.map(|()| chosen)
     }
 
-    /// Sorts candidates of particles that are not consumed, and appends those that react to `chosen`, in the order of keys.
+    /// Appends the winners among candidates of unconsumed particles to `chosen`, by key.
     fn choose(&self, candidates: &mut [ReactionCandidate], chosen: &mut Vec<ReactionCandidate>) {
         candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let (best, candidates) = (&self.best, &*candidates);
@@ -118,11 +118,11 @@ impl Matching {
                 });
                 let wins = |c: &u32| claimed(*c).all(|p| p.load(Ordering::Relaxed) == c + 1);
                 let winners: Vec<u32> = in_parallel().filter(wins).collect();
-                // A candidate is dropped if a better one took one of its particles.
+                // A better candidate that took one of its particles drops a candidate.
                 let waits = |c: &u32| !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN);
                 let left: Vec<u32> = in_parallel().filter(waits).collect();
                 all_winners.extend_from_slice(&winners);
-                // Losers first, as winners overwrite the entries of their particles.
+                // Losers first: winners overwrite the entries of their particles.
                 in_parallel().for_each(|c| {
                     let clear = |p: &AtomicU32| {
                         let _ = p.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |there| {
@@ -182,7 +182,6 @@ pub(crate) mod tests {
         })
     }
 
-    /// Returns those that `matching` chooses among `candidates` of `particles` particles.
     pub(crate) fn choose(
         matching: &mut Matching,
         candidates: &[ReactionCandidate],
@@ -200,7 +199,7 @@ pub(crate) mod tests {
         choose(matching, candidates, particles).iter().map(|candidate| candidate.ids).collect()
     }
 
-    /// Pairs of 25 catalysts with 4000 particles, far more than a buffer holds. Some consume the catalyst as well.
+    /// Pairs of 25 catalysts with 4000 particles, more than a buffer holds. Some consume the catalyst.
     pub(crate) fn crowd() -> Vec<ReactionCandidate> {
         let word = |[a, b]: [u32; 2]| (a * 4025 + b).wrapping_mul(0x9e37_79b9) >> 7;
         let candidate = |ids| ReactionCandidate {

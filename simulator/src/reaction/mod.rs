@@ -1,4 +1,4 @@
-//! Bimolecular reactions: the pairs that may react, and the changes of their particles.
+//! Bimolecular reactions.
 
 pub mod candidates;
 pub mod decay;
@@ -19,13 +19,13 @@ use crate::random::philox::{Key, Purpose, probability_threshold};
 use crate::reaction::matching::ReactionCandidate;
 use crate::reaction::probability::ReactionProbabilities;
 
-/// The reactions of a model, by pairs of species.
+/// Reactions by pairs of species.
 #[derive(Clone, Debug)]
 pub struct Reactions {
     reactants: usize,
-    /// The row of each species in the table; `u32::MAX` if it does not react.
+    /// Table row of a species; `u32::MAX` if it does not react.
     rows: Vec<u32>,
-    /// The shells of two species, indexed by the rows of both, innermost first.
+    /// Shells by both rows, innermost first.
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
     /// Indexed by reaction: the first reactant's fraction of the approach, and the first product's of the separation.
@@ -34,49 +34,48 @@ pub struct Reactions {
     center_domains: Vec<Boundary>,
 }
 
-/// The possible reactions of a pair within a distance.
+/// Reactions within a distance.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactionShell {
-    /// The largest distance, if the detector looks farther than that.
+    /// Largest distance, if below the detector's.
     pub(crate) within: Option<f32>,
-    /// The rules, in ascending order of their largest words.
+    /// In ascending order of words.
     rule: ReactionRule,
     others: Vec<ReactionRule>,
 }
 
 impl ReactionShell {
-    /// Returns the rules in the order of their thresholds.
     pub(crate) fn rules(&self) -> impl Iterator<Item = &ReactionRule> {
         std::iter::once(&self.rule).chain(&self.others)
     }
 }
 
-/// A reaction rule: a reaction and the words at which it happens.
+/// A reaction and the words at which it happens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionRule {
     pub(crate) reaction: u32,
     pub(crate) first: u32,
-    /// The largest random word at which it happens.
+    /// Largest random word at which it happens.
     pub(crate) up_to: u32,
     pub(crate) consumes: [bool; 2],
 }
 
-/// The change of one reactant.
+/// A change of a reactant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
-    /// The index of the particle.
+    /// Index of the particle.
     pub at: u32,
-    /// The species of the product; `None` removes the particle.
+    /// Species of the product; `None` removes the particle.
     pub product: Option<u32>,
-    /// The position of the product.
+    /// Position of the product.
     pub position: [f32; 3],
 }
 
 impl Reactions {
-    /// Creates the reactions of a model that [`Model::check`] accepts.
+    /// Creates the reactions of a checked model.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
-        // Only reactive species have an entry, so models of many species have a small table.
+        // Without inert species, so that the table stays small.
         let mut reactants: Vec<u32> =
             model.reactions.iter().flat_map(|reaction| reaction.reactants).collect();
         reactants.sort_unstable();
@@ -100,14 +99,14 @@ impl Reactions {
         self.reactions.is_empty()
     }
 
-    /// Returns the shells of two species, innermost first; none if they do not react.
+    /// Returns the shells of two species, innermost first.
     #[inline]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);
         if a.max(b) < self.reactants { &self.table[a * self.reactants + b] } else { &[] }
     }
 
-    /// Returns the changes of the reactants of a candidate, without those that it does not consume.
+    /// Returns the changes of a candidate's consumed reactants.
     ///
     /// Reactants meet at their mean position, weighted by diffusion, where one product appears. Two products separate
     /// from there by the unbinding radius in a random direction, weighted likewise.
@@ -140,7 +139,7 @@ impl Reactions {
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
 
-    /// Returns the changes of all reactants, before any is applied: a catalyst may take part in several reactions.
+    /// Returns all changes before any is applied: a catalyst may take part in several reactions.
     pub(crate) fn all_outcomes(
         &self,
         particles: &Particles,
@@ -151,7 +150,6 @@ impl Reactions {
         chosen.iter().flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
-    /// See [`Self::shares`].
     #[cfg(feature = "gpu")]
     pub(crate) fn shares_of(&self, reaction: u32) -> [f32; 2] {
         self.shares[reaction as usize]
@@ -204,16 +202,16 @@ pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Bou
     (0..3).map(|k| boundary.axes[k].displacement_exact(b[k] - a[k])).map(|d| d * d).sum()
 }
 
-/// Returns the largest distance at which particles of two species interact by contact.
+/// Returns the largest contact distance of two species.
 fn reach(model: &Model, a: u32, b: u32) -> f32 {
     let touch = model.species[a as usize].radius + model.species[b as usize].radius;
     if model.contact == Contact::Ignore { 0.0 } else { touch }
 }
 
-/// Returns the table of interactions of the detector; `None` if nothing interacts.
+/// Returns the detector's interactions, if any.
 ///
 /// # Errors
-/// [`Error::Detection`] for more species than the detector's table may have.
+/// [`Error::Detection`] for more species than the detector supports.
 pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
     let all = if model.contact == Contact::Ignore { Interaction::Never } else { Interaction::Touch };
     if model.reactions.is_empty() && all == Interaction::Never {

@@ -1,19 +1,18 @@
-//! Conversion of rates to probabilities per step.
+//! Rates as probabilities per step.
 //!
-//! If events compete at rates λ₁, λ₂, … with sum R, one of them happens within Δt with probability 1 − exp(−RΔt), of
-//! which each has the part λ·g with g = (1 − exp(−RΔt))/R.
+//! One of the events at rates λ₁, λ₂, … with sum R happens within Δt with probability 1 − exp(−RΔt), divided as λ·g with
+//! g = (1 − exp(−RΔt))/R.
 //!
-//! A reaction may join two particles anywhere in a ball, and a decay place them anywhere in the same ball. The reaction
-//! then uses the g of the decay, so that both probabilities have the ratio of the rates and the equilibrium is
-//! independent of Δt.
+//! A reaction may join particles anywhere in a ball, and a decay place them anywhere in it. The reaction then uses
+//! the decay's g: the probabilities have the ratio of the rates, and the equilibrium is independent of Δt.
 
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ReactionShell {
-    /// Largest distance, in µm.
+    /// In µm.
     pub(crate) radius: f32,
-    /// Indices of reactions in the model, with their probabilities per step.
+    /// Reactions, as indices in the model, and their probabilities.
     pub(crate) channels: Vec<(usize, f64)>,
 }
 

@@ -1,30 +1,31 @@
-//! Conversion of a rate constant to a binding radius, for steps of any length.
+//! The binding radius of a rate constant, for steps of any length.
 //!
-//! With steps of length s = √(2DΔt) along each axis, partners that react when they *end* a step within σ of each other
-//! react more slowly than Smoluchowski's k = 4πDσ, because they jump over the boundary and back. Andrews and Bray
-//! (*Phys. Biol.* 1, 137, 2004), whose method Smoldyn uses, tabulate the steady-state rate. Here the steady state is
-//! solved for: with u(r) = r·ρ(r), ρ the density of partners right after a step, at distances above σ,
+//! With steps of length s = √(2DΔt) along each axis, partners that react when they *end* a step within σ react more
+//! slowly than Smoluchowski's k = 4πDσ, because they jump over the boundary and back. Andrews and Bray (*Phys. Biol.*
+//! 1, 137, 2004), as in Smoldyn, tabulate the steady-state rate. Here it is solved for: with u(r) = r·ρ(r), ρ the
+//! density of partners right after a step, beyond σ,
 //!
 //! ```text
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′,    u(r) → r − c far away,
 //! ```
 //!
-//! G being the normal density of width s. Then k = 4πDc. Short steps give c = σ − 0.5826·s, long ones k = (4/3)πσ³/Δt.
+//! with the normal density G of width s. Then k = 4πDc: c = σ − 0.5826·s for short steps, and k = (4/3)πσ³/Δt for
+//! long ones.
 //!
-//! *Reversible reactions.* If every pair that reacts dissociates again to an unbinding radius, there is an equilibrium:
-//! nothing flows, u(r) → r, and the density has a source at that radius,
+//! *Reversible reactions.* If every pair that reacts dissociates to an unbinding radius, nothing flows in
+//! equilibrium, u(r) → r, and the density has a source there,
 //!
 //! ```text
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′ + κ·[G(r − r₀) − G(r + r₀)]/(4πr₀),
 //! ```
 //!
-//! with κ pairs that react in a step for a density of 1, including pairs that bind again at once. So κ/Δt is the rate
+//! with κ pairs that react per step for a density of 1, including those that bind again at once. So κ/Δt is the rate
 //! constant of the law of mass action: with a dissociation rate k′, \[C\]/\[A\]\[B\] = κ/(k′Δt).
 
 use crate::Error;
 
-/// The largest step √(2DΔt), as a fraction of the binding radius, at which partners rarely jump over each other; D is
-/// the sum of both diffusion coefficients. With longer steps the rate holds for well-mixed partners only.
+/// Largest √(2DΔt) over the binding radius at which partners rarely jump over each other; D is the sum of both
+/// coefficients. With longer steps the rate holds for well-mixed partners only.
 pub const LONG_STEP: f64 = 1.0;
 
 /// Returns the longest time step, in s, at which partners of this binding radius rarely jump over each other.
@@ -32,17 +33,16 @@ pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
     (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
 }
 
-/// Returns the longest time step, in s, at which partners with this rate constant rarely jump over each other.
+/// Returns the longest time step, in s, at which partners of this rate constant rarely jump over each other.
 pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
     let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
     longest_step(radius, diffusion)
 }
 
-/// Returns the binding radius, in µm, that gives the rate constant `rate`, in µm³/s, to partners whose diffusion
-/// coefficients add up to `diffusion`, in µm²/s, in steps of `time_step` s.
+/// Returns the binding radius, in µm, of a rate constant `rate`, in µm³/s, for the sum `diffusion` of both
+/// coefficients, in µm²/s, and a `time_step` in s.
 ///
-/// The rate constant is per pair: with concentrations a and b, k·a·b reactions per volume and time, and for A + A half
-/// of k·a².
+/// The rate is per pair: with concentrations a and b, k·a·b reactions per volume and time, and k·a²/2 for A + A.
 ///
 /// # Errors
 /// [`Error::Model`] if one of them is not positive and finite.
@@ -55,30 +55,30 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
         }
     }
     let step = (2.0 * diffusion * time_step).sqrt();
-    // k rises with the radius, from nothing; both limits of the rate lie above the rate itself.
+    // k rises with the radius from 0; both limits exceed the rate itself.
     let mixed = (rate * time_step * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
     let high = mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion)) + step;
     Ok(root([mixed, high], |radius| rate_constant(radius, diffusion, time_step) - rate))
 }
 
-/// Returns the binding radius, in µm, with which an equilibrium has the rate constant `rate`, in µm³/s, if pairs
-/// dissociate to the `unbinding` radius, in µm.
+/// Returns the binding radius, in µm, whose equilibrium has the rate constant `rate`, in µm³/s, if pairs dissociate
+/// to the `unbinding` radius, in µm.
 ///
 /// # Errors
-/// The errors of [`binding_radius`].
+/// As [`binding_radius`].
 pub fn reversible_binding_radius(
     rate: f64,
     unbinding: f64,
     diffusion: f64,
     time_step: f64,
 ) -> Result<f64, Error> {
-    // Pairs that meet again make the rate higher than it is without.
+    // Pairs that meet again raise the rate.
     let highest = binding_radius(rate, diffusion, time_step)?;
     let is = |radius| reversible_rate_constant(radius, unbinding, diffusion, time_step);
     Ok(root([1e-6 * highest, highest], |radius| is(radius) - rate))
 }
 
-/// Returns the rate constant, in µm³/s, of an equilibrium; see [`reversible_binding_radius`].
+/// Returns the rate constant, in µm³/s, in equilibrium; see [`reversible_binding_radius`].
 pub fn reversible_rate_constant(binding: f64, unbinding: f64, diffusion: f64, time_step: f64) -> f64 {
     let step = (2.0 * diffusion * time_step).sqrt();
     step.powi(3) / time_step * regained(binding / step, unbinding / step)
@@ -100,10 +100,10 @@ pub fn rate_constant(binding_radius: f64, diffusion: f64, time_step: f64) -> f64
 
 const POINTS: usize = 8;
 const PANELS: usize = 12;
-/// Beyond this many steps the density has its asymptotic form.
+/// In steps; the density is asymptotic beyond.
 const FAR: f64 = 12.0;
 
-/// c of the equation above for σ = 1: the intercept of u, found on Gauss–Legendre panels by elimination.
+/// c for σ = 1: the intercept of u, by elimination on Gauss–Legendre panels.
 fn absorbed(step: f64) -> f64 {
     let b = 1.0 / step;
     let far = b + FAR;
@@ -111,10 +111,10 @@ fn absorbed(step: f64) -> f64 {
     steady(b, [&unknown, &|_| 1.0]) / b
 }
 
-/// κ of reversible reactions, for radii in units of the step.
+/// κ of reversible reactions, for radii in steps.
 fn regained(binding: f64, unbinding: f64) -> f64 {
     if unbinding > binding + FAR / 2.0 {
-        // Far from the boundary densities are harmonic: c from there meets again in c/r₀ of all cases.
+        // Far away densities are harmonic: c from there meets again in c/r₀ of all cases.
         let c = binding * absorbed(1.0 / binding);
         return 2.0 * std::f64::consts::PI * c / (1.0 - c / unbinding);
     }
@@ -125,8 +125,8 @@ fn regained(binding: f64, unbinding: f64) -> f64 {
     steady(binding, [&|x| -source(x), &|_| 0.0])
 }
 
-/// Solves the equation for u at distances above `b`, in units of the step. `unknown` has the coefficients of the
-/// unknown in the equation at a distance, and in the condition that u = far away.
+/// Solves for u beyond `b`, in steps. `unknown` has the unknown's coefficients in the equation at a distance, and in
+/// the condition u = far away.
 fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
     let far = b + FAR;
     let nodes: Vec<(f64, f64)> = panels(b, far);
@@ -142,7 +142,6 @@ fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
         matrix[row][n] = unknown[0](x);
         matrix[row][n + 1] = (gauss(far - x) + x * tail(x)) - (gauss(far + x) - x * tail(-x));
     }
-    // The line goes through the last node.
     let last = nodes[n - 1].0;
     matrix[n][n - 1] = 1.0;
     matrix[n][n] = unknown[1](last);
@@ -159,7 +158,7 @@ fn upper(x: f64) -> f64 {
 }
 
 fn panels(from: f64, to: f64) -> Vec<(f64, f64)> {
-    /// Abscissae and weights of the Gauss–Legendre rule of eight points, for one half.
+    /// Eight-point Gauss–Legendre rule, one half.
     const RULE: [(f64, f64); POINTS / 2] = [
         (0.183_434_642_495_649_8, 0.362_683_783_378_362),
         (0.525_532_409_916_329, 0.313_706_645_877_887_3),

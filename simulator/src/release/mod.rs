@@ -1,7 +1,7 @@
-//! The releases of transmitters: a pure function of the model, the seed and the step.
+//! Releases: a pure function of the model, the seed and the step.
 //!
-//! A burst appears at the beginning of a step. Particles of continuous release appear between two steps and move and
-//! decay for the rest of the time, so numbers are right for steps of any length.
+//! Bursts appear at the beginning of a step. Particles of continuous release appear between steps and move and decay
+//! for the rest, so numbers are right at any step length.
 
 pub mod origins;
 
@@ -21,21 +21,20 @@ use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::ranks::RankSlice;
 use crate::reaction::decay::Decays;
 
-/// The particles that are released at the beginning of a step.
+/// Particles released at the beginning of a step.
 #[derive(Clone, Debug, Default)]
 pub struct Released {
-    /// The particles that remain.
+    /// Remaining particles.
     pub particles: Particles,
-    /// The id after those of the particles.
+    /// Next free id.
     pub next_id: u32,
-    /// The released numbers, by species.
+    /// Released numbers, by species.
     pub released: Vec<u64>,
-    /// The numbers of decays since the release, in the order of the model.
+    /// Decays since the release, in the order of the model.
     pub decayed: Vec<u64>,
 }
 
 impl Species {
-    /// The velocity that a particle begins with.
     pub(crate) fn own_velocity(&self, words: [u32; 4]) -> [f32; 3] {
         match self.speed > 0.0 {
             true => direction(words[0], words[1]).map(|c| c * self.speed as f32),
@@ -44,7 +43,7 @@ impl Species {
     }
 }
 
-/// Particles of one species that are released together.
+/// Particles of a species that are released together.
 struct Batch<'a> {
     from: &'a Transmitter,
     species: u32,
@@ -52,7 +51,7 @@ struct Batch<'a> {
     ages: Ages,
 }
 
-/// Ages at the beginning of a step, in s.
+/// At the beginning of a step, in s.
 #[derive(Clone, Copy)]
 enum Ages {
     None,
@@ -61,16 +60,15 @@ enum Ages {
 }
 
 impl Model {
-    /// Returns the particles that all transmitters release at the beginning of a step, with ids from `next_id`. `decays` are those of the
-    /// model.
+    /// Returns the releases at the beginning of a step, with ids from `next_id`.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`] if there are too few ids left.
+    /// [`Error::OutOfIds`].
     pub fn release(&self, decays: &Decays, key: Key, step: u32, next_id: u32) -> Result<Released, Error> {
         self.release_slice((decays, key), step, next_id, RankSlice::WHOLE)
     }
 
-    /// Returns one rank's share of what is [released](Self::release). `next_id` is that of all ranks together.
+    /// Returns one rank's share of a [release](Self::release). `next_id` is that of all ranks.
     pub(crate) fn release_slice(
         &self,
         (decays, key): (&Decays, Key),
@@ -106,7 +104,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Returns a burst of one species from a transmitter, with these ids.
+    /// Returns a burst of one species with these ids.
     pub(crate) fn burst(&self, from: &Transmitter, species: u32, ids: Range<u32>, key: Key) -> Released {
         let mut out = Released {
             particles: Particles::default(),
@@ -122,13 +120,12 @@ impl Model {
         out
     }
 
-    /// Returns the releases of all transmitters at the beginning of a step, in the order of ids: transmitter, species
-    /// and number.
+    /// Returns transmitter, species and number of the releases at the beginning of a step, by id.
     pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
         self.all_batches(step, key).map(|(place, batch)| (place, batch.species, batch.count))
     }
 
-    /// The batches of a step, each with the place of its transmitter.
+    /// Returns batches with their transmitters.
     fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, Batch<'_>)> {
         let of = move |(place, transmitter)| {
             self.batches(transmitter, place, step, key).into_iter().map(move |batch| (place, batch))
@@ -175,7 +172,7 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
-    /// Adds a particle, with its index in its burst and in its batch.
+    /// Adds a particle, by its index in burst and batch.
     fn add(
         &self,
         batch: &Batch<'_>,

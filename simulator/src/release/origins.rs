@@ -1,7 +1,7 @@
-//! Arrivals at receivers, and the origins of particles.
+//! Origins of particles, and arrivals.
 //!
-//! Ids are assigned in ascending order, so a few id ranges store all origins. A product inherits the origin of the
-//! reactant whose id it takes; products of a decay inherit that of the decayed particle.
+//! Ids ascend, so few id ranges store all origins. A product inherits the origin of the reactant whose id it takes;
+//! products of a decay that of the decayed particle.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct Origin {
     /// Index of the transmitter in the model.
     pub transmitter: u32,
-    /// Step at whose beginning the particle was released.
+    /// Step at whose beginning it was released.
     pub step: u32,
 }
 
@@ -21,33 +21,32 @@ pub struct Arrival {
     pub receiver: u32,
     /// Species on arrival.
     pub species: u32,
-    /// Its id.
+    /// Id.
     pub id: u32,
-    /// Number of completed steps, including the one in which it arrived.
+    /// Completed steps, including that of the arrival.
     pub step: u32,
-    /// Origin; `None` for particles that the caller placed.
+    /// Origin; `None` for inserted particles.
     pub origin: Option<Origin>,
 }
 
-/// The origins of the particles of a run, by id.
+/// Origins by id.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origins {
-    /// First ids of the ranges, in ascending order. Each range ends where the next begins.
+    /// First ids of ranges, ascending; each ends where the next begins.
     ranges: Vec<(u32, Option<Origin>)>,
 }
 
 impl Origins {
-    /// Records the origin of particles with ids at or above `first`, which must not be below any id recorded before.
+    /// Records the origin of ids at or above `first`, which ascends.
     pub fn enter(&mut self, first: u32, origin: Option<Origin>) {
         match self.ranges.last_mut() {
-            // The previous range is empty.
             Some(last) if last.0 == first => last.1 = origin,
             Some(last) if last.1 == origin => {}
             _ => self.ranges.push((first, origin)),
         }
     }
 
-    /// Returns the origin of the particle with this id.
+    /// Returns the origin of an id.
     pub fn of(&self, id: u32) -> Option<Origin> {
         let after = self.ranges.partition_point(|&(first, _)| first <= id);
         self.ranges[..after].last().and_then(|&(_, origin)| origin)

@@ -21,17 +21,16 @@ pub enum AnySimulation {
     Gpu(Box<GpuSimulation>),
 }
 
-/// Steps of one call on a GPU, after which the run can be watched and stopped.
+/// After which the run can be watched and stopped.
 #[cfg(feature = "gpu")]
 const GPU_STEPS: u32 = 64;
 
 impl AnySimulation {
-    /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because a run must depend on its seed
-    /// alone and backends round differently. `algorithm` finds pairs on the CPU.
+    /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because a run depends on its seed
+    /// alone and backends round differently. `algorithm` is for the CPU.
     ///
     /// # Errors
-    /// The errors of [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if no GPU is
-    /// available.
+    /// As [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] without a GPU.
     pub fn begin(
         model: &Model,
         seed: u64,
@@ -61,10 +60,10 @@ impl AnySimulation {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 
-    /// Performs the next steps: one on the CPU and several on a GPU, but at most `most`.
+    /// Does the next steps: one on the CPU, several on a GPU, at most `most`.
     ///
     /// # Errors
-    /// The errors of [`Simulation::step`] or `GpuSimulation::run`.
+    /// As [`Simulation::step`] or `GpuSimulation::run`.
     #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
     pub fn advance(&mut self, most: u32) -> Result<(), Error> {
         match self {
@@ -74,7 +73,7 @@ impl AnySimulation {
         }
     }
 
-    /// The seed of the run.
+    /// Returns the seed.
     pub fn seed(&self) -> u64 {
         match self {
             Self::Cpu(run) => run.key.seed(),
@@ -83,7 +82,7 @@ impl AnySimulation {
         }
     }
 
-    /// The backend.
+    /// Returns the backend.
     pub fn backend(&self) -> Backend {
         match self {
             Self::Cpu(_) => Backend::Cpu,

@@ -1,18 +1,17 @@
-//! Checkpoints: the state of a run on disk.
+//! Checkpoints.
 //!
 //! # Correctness
 //!
-//! A resumed run is the run without a break, or it is refused with [`Error::Damaged`]:
+//! A resumed run is the run without a break, or is refused with [`Error::Damaged`]:
 //!
-//! 1. The file `checkpoint` has its own length and checksum in its header (`sealed.rs`), which are checked before its
-//!    content is decoded.
-//! 2. It has the checksum of the part of each rank ([`PartRecord`]). A part is checked against its own header and that
-//!    record, so whole parts of different checkpoints are not mixed. Each part that has particles is read by the ranks
-//!    that take them, and each without by the first rank.
-//! 3. It has the length and the checksum of each file that the run appends to ([`FileRecord`]). All of them are checked
-//!    before any of them is cut to its length.
+//! 1. The header of `checkpoint` has its length and checksum (`sealed.rs`), checked before decoding.
+//! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and
+//!    that record, so parts of different checkpoints do not mix. Ranks that take its particles read a part; the first
+//!    rank reads parts without particles.
+//! 3. `checkpoint` has the length and checksum of each file that the run appends to ([`FileRecord`]), all checked
+//!    before any is cut.
 //!
-//! Files that are written once and never read, `frame-STEP.npy`, are not checked.
+//! `frame-STEP.npy` is not checked: it is written once and never read.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -26,51 +25,51 @@ use crate::ranks::RankSlice;
 use crate::run::sealed::{self, Kind};
 use crate::{Error, Particles, State};
 
-/// Everything that is needed to continue a run bit for bit.
+/// All data to continue a run bit for bit.
 ///
-/// A run over several ranks has one more file per rank, with the particles of that rank.
+/// A run over ranks has one more file per rank, with its particles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// The text of the scenario. A run of another scenario cannot be resumed from here.
+    /// Text of the scenario, which must match.
     pub scenario: String,
-    /// The seed.
+    /// Seed.
     pub seed: u64,
-    /// The name of the backend that computed it.
+    /// Name of the backend.
     pub backend: String,
-    /// Steps between rows, between frames, and between frames of the animation (0 without one).
+    /// Steps between rows, frames, and frames of the animation (0 without one).
     pub every: [u32; 3],
-    /// The files that the run appends to.
+    /// Files that the run appends to.
     pub files: Vec<FileRecord>,
-    /// The files of ranks; empty if `state` contains the particles.
+    /// Files of ranks; empty if `state` has the particles.
     pub parts: Vec<PartRecord>,
-    /// The state of the run.
+    /// State.
     pub state: State,
 }
 
-/// A file that the run appends to, as it was at the checkpoint. Bytes after `length` are not part of the checkpoint.
+/// An appended file at the checkpoint, without the bytes after `length`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRecord {
-    /// The name of the file in the directory of the run.
+    /// Name in the directory of the run.
     pub name: String,
-    /// The number of bytes.
+    /// Number of bytes.
     pub length: u64,
-    /// The XXH64 of these bytes.
+    /// XXH64.
     pub checksum: u64,
 }
 
-/// The file of a rank.
+/// A rank's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct PartRecord {
-    /// The number of particles in the file.
+    /// Particles in the file.
     pub particles: u64,
-    /// The number of bound particles in the file.
+    /// Bound particles in the file.
     pub bound: u64,
-    /// The checksum in the header of the file.
+    /// Checksum in its header.
     pub checksum: u64,
 }
 
-/// The first four numbers make the files of any two ranks or steps differ.
+/// The first four fields differ between any two ranks or steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Part {
     seed: u64,
@@ -88,8 +87,8 @@ impl PartRecord {
 }
 
 impl Checkpoint {
-    /// Writes a checkpoint over the previous one, which remains until this one is complete. Parts must have been
-    /// written; those of other checkpoints are removed.
+    /// Writes a checkpoint, which replaces the previous one once complete. Parts must exist; those of others are
+    /// removed.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -99,7 +98,7 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Writes the part of a rank, of `ranks`, to the checkpoint at `path`, and returns its record.
+    /// Writes a rank's part of the checkpoint at `path`, and returns its record.
     pub(crate) fn write_part(
         path: &Path,
         seed: u64,
@@ -117,23 +116,22 @@ impl Checkpoint {
     /// Reads a checkpoint, without its parts.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::CheckpointVersion`] for a file of another version; [`Error::Damaged`] for a file that differs
-    /// from the one that was written.
+    /// [`Error::Read`]; [`Error::CheckpointVersion`]; [`Error::Damaged`] if the file is not as written.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let (checkpoint, _): (Self, _) = sealed::read(path, Kind::Whole)?;
         check_columns(path, &checkpoint.state.particles)?;
         Ok(checkpoint)
     }
 
-    /// Returns the state with all particles, also those of the parts of the checkpoint at `path`.
+    /// Returns the state, with the parts of the checkpoint at `path`.
     ///
     /// # Errors
-    /// The errors of [`read`](Self::read).
+    /// As [`read`](Self::read).
     pub fn into_state(self, path: &Path) -> Result<State, Error> {
         self.into_slice(path, RankSlice::WHOLE)
     }
 
-    /// Returns the state with a slice of the particles and of the bound particles.
+    /// Returns the state with a slice of the free and bound particles.
     pub(crate) fn into_slice(self, path: &Path, slice: RankSlice) -> Result<State, Error> {
         let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {
@@ -169,7 +167,6 @@ impl Checkpoint {
     }
 }
 
-/// Reads the file of a rank, which must be the one that the checkpoint names.
 fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
     let (part, found): (Part, _) = sealed::read(path, Kind::Part)?;
     let damaged = |damage| Err(Error::Damaged { path: path.to_owned(), damage });
@@ -212,7 +209,6 @@ fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
     }
 }
 
-/// Checks that all columns have one length.
 fn check_columns(path: &Path, particles: &Particles) -> Result<(), Error> {
     let n = particles.len();
     let velocities = particles.velocity.each_ref().map(Vec::len);

@@ -1,8 +1,7 @@
-//! XXH64, the checksum of all files that a run resumes from.
+//! XXH64, the checksum of files that a run resumes from.
 //!
-//! Checkpoints must also tell apart whole files of different checkpoints: two of a million distinct files almost surely
-//! have equal 32-bit checksums, but equal 64-bit checksums with a probability of 3 × 10⁻⁸. It is no protection against
-//! a forger.
+//! Checkpoints must tell apart whole files: of a million, two almost surely share a 32-bit checksum, and a 64-bit one
+//! with a probability of 3 × 10⁻⁸. It does not stop a forger.
 
 use std::hash::Hasher;
 use std::io::{self, BufReader, Read, Write};
@@ -26,17 +25,13 @@ impl Digest {
         Self { length: 0, hasher: XxHash64::with_seed(0) }
     }
 
-    /// Digests the next `length` bytes of a reader, or fewer if the reader ends before.
-    ///
-    /// # Errors
-    /// The errors of the reader.
+    /// Digests at most `length` bytes of a reader.
     pub(crate) fn of_next(reader: impl Read, length: u64) -> io::Result<Self> {
         let mut sink = DigestWriter::new(io::sink(), Self::new());
         io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, reader.take(length)), &mut sink)?;
         Ok(sink.digest)
     }
 
-    /// The number of bytes.
     pub(crate) fn length(&self) -> u64 {
         self.length
     }
@@ -51,7 +46,7 @@ impl Digest {
     }
 }
 
-/// A writer that digests what it passes on. It belongs after a buffer, because short writes are slow to digest.
+/// A digesting writer, after a buffer, because short writes are slow to digest.
 #[derive(Debug)]
 pub(crate) struct DigestWriter<W> {
     inner: W,
@@ -88,7 +83,7 @@ impl<W: Write> Write for DigestWriter<W> {
 mod tests {
     use super::*;
 
-    /// The layout of checkpoints depends on the algorithm and its seed. The expected value is that of `xxhsum -H64`.
+    /// Checkpoints depend on the algorithm and its seed. Expected: `xxhsum -H64`.
     #[test]
     fn checksum_of_known_text_is_xxh64() {
         assert_eq!(of_bytes(b""), 0xef46_db37_51d8_e999);

@@ -1,9 +1,8 @@
-//! Differences of two scenario files, for the message of a run that cannot be resumed.
+//! Differences of scenario files.
 
 use toml::Value;
 
-/// Returns the first key of two scenario files whose values differ, with both values. Returns `None` if they differ in comments or
-/// layout only.
+/// Returns the first key whose values differ, with both; `None` if only comments or layout differ.
 pub(super) fn of_scenarios(before: &str, now: &str) -> Option<String> {
     let [before, now] = [before, now].map(|text| text.parse::<toml::Table>().ok().map(Value::Table));
     value_difference("", &before?, &now?)

@@ -1,7 +1,7 @@
-//! Changes of a run between two steps by the driving program.
+//! Changes between steps by the driving program.
 //!
-//! New particles take the next free ids. Their random numbers depend on their ids, so a run still depends only on the
-//! model, the seed and the changes.
+//! New particles take the next free ids, which determine their random numbers: a run depends only on the model, the
+//! seed and the changes.
 
 use std::ops::Range;
 
@@ -12,7 +12,6 @@ use crate::release::origins::Origin;
 use crate::{AnySimulation, Error, Simulation, State};
 
 impl State {
-    /// Like [`Simulation::add`].
     pub(crate) fn add(
         &mut self,
         model: &Model,
@@ -43,7 +42,6 @@ impl State {
         Ok(ids)
     }
 
-    /// Like [`Simulation::remove`].
     pub(crate) fn remove(&mut self, ids: &[u32]) -> usize {
         let mut ids = ids.to_vec();
         ids.sort_unstable();
@@ -66,7 +64,6 @@ impl State {
         places.len() + before - self.bound.len()
     }
 
-    /// Like [`Simulation::emit`].
     pub(crate) fn emit(
         &mut self,
         model: &Model,
@@ -91,7 +88,6 @@ impl State {
         Ok(ids)
     }
 
-    /// The next `count` ids.
     fn take_ids(&self, count: u64) -> Result<Range<u32>, Error> {
         let released = u64::from(self.next_id) + count;
         match released > lazygrid::MAX_SPHERES {
@@ -109,23 +105,22 @@ fn known(model: &Model, species: u32) -> Result<&crate::Species, Error> {
 }
 
 impl Simulation {
-    /// Adds particles of one species at these positions, in µm, with the velocities of released particles. Positions
-    /// outside the boundary are wrapped or reflected into it. Returns the ids.
+    /// Adds particles of a species at positions in µm, with velocities as released. Positions are wrapped or
+    /// reflected into the boundary. Returns the ids.
     ///
     /// # Errors
-    /// [`Error::Model`] for an unknown species or a position that is not finite; [`Error::OutOfIds`];
-    /// [`Error::OutOfMemory`]. Then nothing changes.
+    /// [`Error::Model`] for an unknown species or a non-finite position; [`Error::OutOfIds`]; [`Error::OutOfMemory`].
+    /// Then nothing changes.
     pub fn add(&mut self, species: u32, positions: &[[f32; 3]]) -> Result<Range<u32>, Error> {
         self.state.add(&self.model, self.key, species, positions)
     }
 
-    /// Removes the particles with these ids, free or bound. Returns their number; unknown ids are ignored.
+    /// Removes free or bound particles by id and returns their number; ignores unknown ids.
     pub fn remove(&mut self, ids: &[u32]) -> usize {
         self.state.remove(ids)
     }
 
-    /// Releases `count` particles of a species from the transmitter with this index, with its shape, besides those of its
-    /// schedule. Returns the ids.
+    /// Releases `count` particles of a species from a transmitter, besides its schedule. Returns the ids.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown transmitter or species; [`Error::OutOfIds`]; [`Error::OutOfMemory`]. Then nothing
@@ -134,7 +129,7 @@ impl Simulation {
         self.state.emit(&self.model, self.key, transmitter, (species, count))
     }
 
-    /// Takes the particles and leaves a copy, so that a program can keep the columns while the run continues.
+    /// Takes the particles and leaves a copy: a program can keep the columns while the run continues.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`]. Then nothing changes.
@@ -148,15 +143,15 @@ impl Simulation {
 }
 
 impl AnySimulation {
-    /// Like [`Simulation::add`]. On a GPU the state is read back and uploaded again.
+    /// Calls [`Simulation::add`]; a GPU reads the state back and uploads it again.
     ///
     /// # Errors
-    /// Like [`Simulation::add`]; also [`Error::Detection`] if the GPU fails.
+    /// As [`Simulation::add`], and [`Error::Detection`] from the GPU.
     pub fn add(&mut self, species: u32, positions: &[[f32; 3]]) -> Result<Range<u32>, Error> {
         self.edit(|state, model, key| state.add(model, key, species, positions))
     }
 
-    /// Like [`Simulation::remove`]. On a GPU the state is read back and uploaded again.
+    /// Calls [`Simulation::remove`]; a GPU reads the state back and uploads it again.
     ///
     /// # Errors
     /// [`Error::Detection`] if the GPU fails.
@@ -164,10 +159,10 @@ impl AnySimulation {
         self.edit(|state, _, _| Ok(state.remove(ids)))
     }
 
-    /// Like [`Simulation::emit`]. On a GPU the state is read back and uploaded again.
+    /// Calls [`Simulation::emit`]; a GPU reads the state back and uploads it again.
     ///
     /// # Errors
-    /// Like [`Simulation::emit`]; also [`Error::Detection`] if the GPU fails.
+    /// As [`Simulation::emit`], and [`Error::Detection`] from the GPU.
     pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
         self.edit(|state, model, key| state.emit(model, key, transmitter, (species, count)))
     }

@@ -1,21 +1,20 @@
-//! The forecast of a run's memory: a run whose particles cannot fit is refused before it begins, or stops with a
-//! checkpoint.
+//! The forecast of a run's memory. A run that cannot fit is refused, or stops with a checkpoint.
 
 use lazygrid_io::available_memory;
 
 use crate::model::transmitter::Schedule;
 use crate::{Error, Model};
 
-/// Bytes of a particle in a step, estimated from its parts (not measured): columns, displaced copies, the detector's
-/// index, a snapshot for the checkpoint.
+/// Estimated from its parts (not measured): columns, displaced copies, the detector's index, a snapshot for the
+/// checkpoint.
 const BYTES_PER_PARTICLE: u64 = 260;
-/// Bytes of a particle that every run needs: its columns, those of its release, and the detector's.
+/// Every run needs them: columns, those of the release, the detector's.
 const MIN_BYTES_PER_PARTICLE: u64 = 100;
 const OVERHEAD: u64 = 64 << 20;
-/// Growth of the number of particles after which memory is checked again.
+/// Particles between checks.
 const MIN_GROWTH: u64 = 50_000;
 
-/// Runs at the same time on this machine, and the ranks that divide each run's particles.
+/// Simultaneous runs, and ranks that divide each run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sharing {
     pub(crate) runs: u32,
@@ -32,9 +31,6 @@ impl Sharing {
 }
 
 /// Refuses a run whose largest release cannot fit.
-///
-/// # Errors
-/// [`Error::TooLittleMemory`].
 pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing) -> Result<(), Error> {
     let particles = largest_release(model, steps);
     if particles < MIN_GROWTH {
@@ -43,7 +39,7 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
     check(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE).saturating_add(OVERHEAD))
 }
 
-/// Returns the most particles of one release, on average; 0 if nothing is released within `steps` steps.
+/// Returns the most particles of one release, on average.
 fn largest_release(model: &Model, steps: u32) -> u64 {
     let released = |transmitter: &crate::Transmitter| {
         let mean = |window| -> f64 {
@@ -60,15 +56,12 @@ fn largest_release(model: &Model, steps: u32) -> u64 {
 
 #[derive(Debug, Default)]
 pub(crate) struct MemoryGuard {
-    /// The number of particles up to which memory was found to be enough.
+    /// Particles up to which memory was found to be enough.
     checked: u64,
 }
 
 impl MemoryGuard {
-    /// Checks the memory for the next `steps` steps after `step` of a run that has `present` particles.
-    ///
-    /// # Errors
-    /// [`Error::TooLittleMemory`].
+    /// Checks the memory for the next `steps` steps of a run with `present` particles.
     pub(crate) fn check(
         &mut self,
         model: &Model,

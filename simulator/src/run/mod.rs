@@ -32,46 +32,44 @@ use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::scenario::{Output, Scenario};
 use crate::{AnySimulation, Error, RunView, State};
 
-/// A run, and its output folder.
+/// A run and its directory.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The scenario, with its seed, steps and output after overrides.
+    /// Scenario, after overrides.
     pub scenario: Scenario,
-    /// The file that the scenario is from, for messages.
+    /// File of the scenario, for messages.
     pub path: PathBuf,
-    /// The output folder.
+    /// Output directory.
     pub directory: PathBuf,
-    /// The backend; see [`AnySimulation::begin`].
+    /// Backend; see [`AnySimulation::begin`].
     pub backend: Backend,
-    /// The algorithm by which the CPU finds pairs; it does not change the result.
+    /// Algorithm of the CPU, without effect on the result.
     pub algorithm: Algorithm,
     /// Number of threads; `None` for all.
     pub threads: Option<usize>,
-    /// `true` to resume from the checkpoint in the directory.
+    /// Resumes from the checkpoint in the directory.
     pub resume: bool,
-    /// `true` to replace a run in the directory.
+    /// Replaces a run in the directory.
     pub overwrite: bool,
-    /// `true` to refuse a run that will not fit the disk, and to stop before the disk is full.
+    /// Refuses a run that will not fit the disk, and stops before the disk is full.
     pub space_check: bool,
 }
 
-/// The way in which a run ended.
+/// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunEnd {
     /// All steps are done.
     Finished,
-    /// It was stopped, and can be resumed.
+    /// Stopped, to be resumed.
     Stopped,
 }
 
-/// The position of a run among replicas.
+/// A run among replicas.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReplicaSlot {
-    /// Its index.
     pub(crate) place: u32,
-    /// The number of replicas.
     pub(crate) count: u32,
-    /// The number of replicas that run at the same time.
+    /// Replicas at the same time.
     pub(crate) at_once: u32,
 }
 
@@ -83,17 +81,17 @@ impl ReplicaSlot {
     }
 }
 
-/// Rows of the series between checks of the disk.
+/// Between checks of the disk.
 const ROWS: u32 = 4096;
 
 impl Run {
-    /// Performs all steps and calls `watch` before the first and after each, or on a GPU after several, until it breaks. At the end the
-    /// files are closed, and a checkpoint allows to resume the run.
+    /// Does all steps. Calls `watch` before the first and after each (several on a GPU) until it breaks. A checkpoint
+    /// at the end allows to resume.
     ///
     /// # Errors
-    /// [`Error::Write`] before the first step if the directory cannot be written or the disk is too small, and later if the
-    /// system refuses to write. [`Error::Read`], [`Error::Checkpoint`], [`Error::CheckpointVersion`] or [`Error::Damaged`] if the run
-    /// cannot be resumed. The errors of [`AnySimulation::advance`].
+    /// [`Error::Write`] before the first step if the directory is not writable or the disk too small, later from the
+    /// system. [`Error::Read`], [`Error::Checkpoint`], [`Error::CheckpointVersion`] or [`Error::Damaged`] if the run
+    /// cannot be resumed. Those of [`AnySimulation::advance`].
     pub fn run(
         &self,
         watch: impl FnMut(&AnySimulation) -> ControlFlow<()> + Send,
@@ -104,7 +102,7 @@ impl Run {
         }
     }
 
-    /// Like [`run`](Self::run), in the current thread pool. The first replica logs messages that concern all.
+    /// [`run`](Self::run) in the current thread pool. The first replica logs common messages.
     pub(crate) fn run_here(
         &self,
         slot: ReplicaSlot,
@@ -148,7 +146,7 @@ impl Run {
                 end = RunEnd::Stopped;
             }
         }
-        // The last complete output is still there.
+        // The last complete output remains.
         if simulation.step_count() > first {
             self.save(&simulation, &mut files)?;
         }
@@ -172,12 +170,12 @@ impl Run {
         Ok(())
     }
 
-    /// Returns the default directory of a scenario's files: the name of the scenario without its extension.
+    /// Returns the default directory of a scenario: its file name without extension.
     pub fn directory_of(scenario: &Path) -> PathBuf {
         PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
     }
 
-    /// Returns the name of the run in messages and on pages.
+    /// Returns the name of the run.
     pub fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         format!("{name}, seed {}", self.scenario.seed)
@@ -197,7 +195,6 @@ impl Run {
         check_largest_release(model, self.scenario.steps, slot.sharing())?;
         let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
         let lock = output::prepare(&self.directory, self.overwrite)?;
-        // Before any file is replaced.
         self.check_disk_space(&simulation, slot)?;
         output::remove_stale(
             &self.directory,
@@ -205,12 +202,11 @@ impl Run {
         )?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
-        // A failure to write is reported here.
         self.save(&simulation, &mut files)?;
         Ok((simulation, files))
     }
 
-    /// Refuses a run whose files, with those of later replicas, surely exceed the disk, and warns if they may.
+    /// Refuses a run whose files, with later replicas', surely exceed the disk; warns if they may.
     pub(crate) fn check_disk_space(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
@@ -218,13 +214,12 @@ impl Run {
         self.check_fits(self.disk_estimate(simulation).times(slot.count - slot.place))
     }
 
-    /// Returns the output of the rest of a run.
     fn disk_estimate(&self, simulation: &impl RunView) -> DiskEstimate {
         let Scenario { steps, output, text, .. } = &self.scenario;
         DiskEstimate::of(simulation, *output, *steps, text)
     }
 
-    /// Refuses output that surely does not fit the disk, and warns of output that may not fit.
+    /// Refuses output that surely exceeds the disk; warns if it may.
     fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
         let DiskEstimate { least, most, checkpoint } = estimate;
         let free = self.free_disk_bytes()?;
@@ -264,8 +259,7 @@ impl Run {
         Error::Write { path: self.directory.clone(), source }
     }
 
-    /// Returns `true` if the next output and a checkpoint may exceed the disk. If only rows are due, the disk is
-    /// checked rarely.
+    /// Returns `true` if the next output and a checkpoint may exceed the disk. For rows alone, checks rarely.
     pub(crate) fn is_disk_full(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
@@ -374,7 +368,7 @@ impl Run {
         self.directory.join("checkpoint")
     }
 
-    /// Returns the summary of the run, a line for each count.
+    /// Returns a line for each count.
     pub fn summary(&self, standing: &impl RunView) -> String {
         let (model, totals) = (standing.model(), standing.totals());
         let mut lines = vec![
@@ -404,10 +398,6 @@ fn intervals(output: Output) -> [u32; 3] {
     [output.every, output.frames_every, output.animation.map_or(0, |animation| animation.every)]
 }
 
-/// Returns a pool of `threads` threads.
-///
-/// # Errors
-/// [`Error::Threads`] if the system refuses them.
 pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|error| Error::Threads { threads, reason: error.to_string() })

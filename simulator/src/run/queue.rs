@@ -1,4 +1,4 @@
-//! The parallel execution of many runs: replicas, of one scenario or of each point of a sweep.
+//! Many runs in parallel: replicas and points of a sweep.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -11,12 +11,10 @@ use crate::run::replicas::{ReplicaResults, Replicas};
 use crate::run::{ReplicaSlot, RunEnd, pool};
 use crate::{AnySimulation, Error};
 
-/// Returns the number of runs that are performed at once.
 pub(crate) fn at_once(groups: &[Replicas]) -> u32 {
     let Some(first) = groups.first() else { return 1 };
     let runs: u64 = groups.iter().map(|group| u64::from(group.count.get())).sum();
     match first.run.backend {
-        // They would wait for each other.
         Backend::Gpu => 1,
         _ => u64::min(threads(first) as u64, runs) as u32,
     }
@@ -26,19 +24,19 @@ fn threads(of: &Replicas) -> usize {
     of.run.threads.unwrap_or_else(rayon::current_num_threads).max(1)
 }
 
-/// Performs all replicas of all groups, as many at once as there are threads, until `watch` breaks. Its arguments are the index of
-/// the group, the number of the replica, and the simulation. The directories of the groups must be prepared.
+/// Does all replicas of all groups, one per thread at once, until `watch` breaks. It takes the group, the replica,
+/// and the simulation. Directories must be prepared.
 ///
 /// # Errors
-/// The first error, with the index of its group. The other runs then have checkpoints.
+/// The first error, with its group. The other runs then have checkpoints.
 pub(crate) fn run_all(
     groups: &[Replicas],
     watch: &(impl Fn(usize, u32, &AnySimulation) -> ControlFlow<()> + Sync),
 ) -> Result<Vec<ReplicaResults>, (usize, Error)> {
     let Some(first) = groups.first() else { return Ok(Vec::new()) };
     let (threads, at_once) = (threads(first), at_once(groups) as usize);
-    // A worker of a common pool that waits for a task of its own run would begin another run and finish the first only after that.
-    // So each run has a pool of its own.
+    // In a common pool, a worker that waits for a task of its run would begin another run and delay the first. So
+    // each run has a pool.
     let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
     let pools = pools.collect::<Result<Vec<_>, _>>().map_err(|error| (0, error))?;
     let queue = RunQueue::new(groups, at_once as u32);
@@ -66,15 +64,15 @@ pub(crate) fn run_all(
     results.map(|(k, (group, done))| group.results(&done).map_err(|error| (k, error))).collect()
 }
 
-/// The state that workers share.
+/// State shared by workers.
 struct RunQueue<'a> {
     groups: &'a [Replicas],
     at_once: u32,
-    /// The index of the first run of each group among all runs, and the number of all runs.
+    /// First run of each group, and the number of runs.
     starts: Vec<usize>,
     next: AtomicUsize,
     stop: AtomicBool,
-    /// The ends of the runs that a worker began, by group and replica.
+    /// Ends of runs, by group and replica.
     ended: Mutex<BTreeMap<(usize, u32), Result<RunEnd, Error>>>,
 }
 
@@ -89,7 +87,7 @@ impl<'a> RunQueue<'a> {
         Self { groups, at_once, starts, next, stop, ended: Mutex::default() }
     }
 
-    /// Performs one run after the other until none is left, `watch` breaks, or a run fails.
+    /// Does runs until none is left, `watch` breaks, or one fails.
     fn work(&self, watch: &(impl Fn(usize, u32, &AnySimulation) -> ControlFlow<()> + Sync)) {
         while !self.stop.load(Ordering::Relaxed) {
             let run = self.next.fetch_add(1, Ordering::Relaxed);

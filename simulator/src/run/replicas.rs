@@ -1,4 +1,4 @@
-//! Replicas: runs of one scenario that differ in their seeds, and their mean.
+//! Replicas: runs of a scenario with different seeds.
 
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -16,21 +16,21 @@ const HEADER: &str = "replica,seed\n";
 const BYTES_PER_ROW: u64 = 28;
 const ROWS_PER_QUESTION: u32 = 1 << 16;
 
-/// Several runs of one scenario, each in a directory of its own, as if it were run by itself with its seed.
+/// Runs of one scenario, each in its own directory, as if run by itself with its seed.
 #[derive(Clone, Debug)]
 pub struct Replicas {
-    /// The scenario, the directory that contains those of the replicas, and the seed from which theirs are derived.
+    /// Scenario, parent directory, and the seed from which those of the replicas are derived.
     pub run: Run,
-    /// Their number.
+    /// Number of replicas.
     pub count: NonZeroU32,
 }
 
 /// The result of replicas.
 #[derive(Clone, Debug)]
 pub struct ReplicaResults {
-    /// [`RunEnd::Finished`] if all replicas are done.
+    /// [`RunEnd::Finished`] if all are done.
     pub end: RunEnd,
-    /// The numbers of the replicas that have all steps, ascending.
+    /// Finished replicas, ascending.
     pub done: Vec<u32>,
 }
 
@@ -41,14 +41,13 @@ pub fn seed_of(seed: u64, replica: u32) -> u64 {
 }
 
 impl Replicas {
-    /// Performs all steps of all replicas, as many at once as there are threads, and writes `mean.csv`. The files do not depend on
-    /// the number of threads.
+    /// Does all replicas, one per thread at once, and writes `mean.csv`. Files do not depend on threads.
     ///
-    /// Calls `watch` as [`Run::run`] does, with the number of the replica, from several threads. If it breaks, all replicas stop.
-    /// A run with [`Run::resume`] continues stopped replicas and begins the others, of which there may be more.
+    /// Calls `watch` as [`Run::run`], with the replica, from several threads; a break stops all. [`Run::resume`]
+    /// continues stopped replicas and begins others, possibly more.
     ///
     /// # Errors
-    /// The errors of [`Run::run`], as [`Error::Replica`] if one replica fails. The others then have checkpoints.
+    /// As [`Run::run`], as [`Error::Replica`] for one replica. The others then have checkpoints.
     pub fn run(
         &self,
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
@@ -56,11 +55,11 @@ impl Replicas {
         self.run_unless(|| false, watch)
     }
 
-    /// Like [`run`](Self::run). `is_cancelled` is also asked before the first replica, while the table of seeds is
-    /// written, which takes minutes for billions of replicas.
+    /// [`run`](Self::run) that also asks `is_cancelled` while the seeds are written, which takes minutes for billions
+    /// of replicas.
     ///
     /// # Errors
-    /// The errors of [`run`](Self::run).
+    /// As [`run`](Self::run).
     pub fn run_unless(
         &self,
         is_cancelled: impl Fn() -> bool + Sync,
@@ -92,26 +91,26 @@ impl Replicas {
         Ok(begun)
     }
 
-    /// Returns a replica as a run of its own.
+    /// Returns a replica as a run.
     pub fn replica(&self, replica: u32) -> Run {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
-        // The animation of one replica is enough.
+        // One animation is enough.
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
-        // A replica that was not begun has nothing to resume.
+        // Only a replica that was begun can resume.
         run.resume &= run.directory.join("checkpoint").exists();
         run
     }
 
-    /// Locks the directory, and writes the seeds of the replicas. Returns `None` if that is cancelled.
+    /// Locks the directory, and writes the seeds; `None` if cancelled.
     pub(crate) fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
         let directory = &self.run.directory;
         let path = directory.join("replicas.csv");
         let lock = match self.run.resume {
             false => {
                 let lock = output::prepare(directory, self.run.overwrite)?;
-                // Otherwise replicas of the former run could count as done.
+                // Replicas of the former run could count as done.
                 for replica in (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists()) {
                     output::remove_stale(&replica, &["checkpoint", "series.csv"])?;
                 }
@@ -135,7 +134,7 @@ impl Replicas {
     fn write_seeds(&self, out: &mut impl Write, is_cancelled: &impl Fn() -> bool) -> io::Result<()> {
         out.write_all(HEADER.as_bytes())?;
         for replica in 0..self.count.get() {
-            // A table of billions of rows takes minutes.
+            // Billions of rows take minutes.
             if replica.is_multiple_of(ROWS_PER_QUESTION) && is_cancelled() {
                 return Err(io::Error::other("cancelled"));
             }
@@ -144,8 +143,7 @@ impl Replicas {
         Ok(())
     }
 
-    /// Checks that a table has the seeds of this run, and no more replicas. Its content follows from the seed, so it
-    /// needs no checksum. Returns `false` if cancelled.
+    /// Returns `false` if cancelled. The table follows from the seed, so it needs no checksum.
     fn check_seeds(&self, path: &Path, is_cancelled: &impl Fn() -> bool) -> Result<bool, Error> {
         let read = |source| Error::Read { path: path.to_owned(), source };
         let mut lines = BufReader::new(fs::File::open(path).map_err(read)?);
@@ -209,10 +207,10 @@ impl Replicas {
     }
 }
 
-/// Returns `true` if the checkpoint in a directory has all steps.
+/// Returns `true` if a checkpoint has all steps.
 ///
 /// # Errors
-/// The errors of [`Checkpoint::read`] if a checkpoint exists, and [`Error::Damaged`] if the series is not the one that it names.
+/// As [`Checkpoint::read`], and [`Error::Damaged`] if the series is not the recorded one.
 fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
     let path = directory.join("checkpoint");
     if !path.exists() {

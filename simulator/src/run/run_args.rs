@@ -54,15 +54,15 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// Reads the scenario and applies the overrides. The run is on the CPU, with the default algorithm and all threads.
+    /// Reads the scenario and applies the overrides, for the CPU, the default algorithm and all threads.
     ///
     /// # Errors
-    /// The errors of [`Scenario::read`].
+    /// As [`Scenario::read`].
     pub fn read(&self) -> Result<Run, Error> {
         Ok(self.run(Scenario::read(&self.scenario)?))
     }
 
-    /// Returns the run of a scenario with the overrides, on the CPU with the default algorithm and all threads.
+    /// Returns the run of a scenario with the overrides, for the CPU, the default algorithm and all threads.
     pub fn run(&self, mut scenario: Scenario) -> Run {
         scenario.change(&Overrides {
             seed: self.seed,

@@ -1,11 +1,11 @@
-//! The files of checkpoints: a header with a length and a checksum, and content.
+//! Files of checkpoints.
 //!
 //! | bytes | content |
 //! | --- | --- |
-//! | text | `lazygrid checkpoint 5`, for the part of a rank also `, part`, and a line feed |
-//! | 8 | the checksum (XXH64) of all bytes after it, little-endian |
-//! | 8 | the number of bytes after it, little-endian |
-//! | the rest | the content, as postcard |
+//! | text | `lazygrid checkpoint 5`, of a rank also `, part`, and a line feed |
+//! | 8 | XXH64 of all bytes after it, little-endian |
+//! | 8 | number of bytes after it, little-endian |
+//! | the rest | content, as postcard |
 
 use std::io::Write;
 use std::path::Path;
@@ -17,14 +17,14 @@ use crate::error::Damage;
 use crate::run::checksum;
 use crate::{Error, output};
 
-/// The beginning of every checkpoint, of any version.
+/// Begins checkpoints of all versions.
 const NAME: &str = "lazygrid checkpoint ";
-/// The version of the layout that this build writes and reads.
+/// Version of the layout.
 const VERSION: u32 = 5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// The file `checkpoint`.
+    /// `checkpoint`.
     Whole,
     Part,
 }
@@ -39,10 +39,7 @@ impl Kind {
     }
 }
 
-/// Writes a file in place of the one before, which is untouched until this one is complete. Returns the checksum.
-///
-/// # Errors
-/// [`Error::Write`].
+/// Replaces a file once this one is complete. Returns the checksum.
 pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result<u64, Error> {
     let mut checksum = 0;
     output::write_atomically(path, |out| {
@@ -59,10 +56,7 @@ pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result
     Ok(checksum)
 }
 
-/// Reads a file and checks its length and checksum before its content is decoded. Returns the content and the checksum.
-///
-/// # Errors
-/// [`Error::Read`], [`Error::CheckpointVersion`], and [`Error::Damaged`].
+/// Checks length and checksum before decoding. Returns content and checksum.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u64), Error> {
     let bytes = std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
     let damaged = |damage| Error::Damaged { path: path.to_owned(), damage };

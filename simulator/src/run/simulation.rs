@@ -19,7 +19,7 @@ use crate::reaction::{ReactantChange, Reactions, interactions};
 use crate::release::origins::Arrival;
 use crate::run::state::State;
 
-/// A run on the CPU: a model, a seed, and the state after some steps.
+/// A run on the CPU.
 #[derive(Debug)]
 pub struct Simulation {
     pub(crate) model: Model,
@@ -43,12 +43,12 @@ pub(crate) struct Moved {
 }
 
 impl Simulation {
-    /// Begins a run. `algorithm` finds pairs on the CPU and does not change the result.
+    /// Begins a run. `algorithm` does not change the result.
     ///
-    /// The work is done in the caller's rayon pool.
+    /// Work is done in the caller's rayon pool.
     ///
     /// # Errors
-    /// The errors of [`State::new`], and [`Error::Detection`] if the detector refuses the model.
+    /// As [`State::new`], and [`Error::Detection`] if the detector refuses the model.
     pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, algorithm, state)
@@ -57,7 +57,7 @@ impl Simulation {
     /// Resumes a run from a state of the same model and seed.
     ///
     /// # Errors
-    /// The errors of [`new`](Self::new).
+    /// As [`new`](Self::new).
     pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {
         model.check()?;
         if !state.belongs_to(&model) {
@@ -86,7 +86,7 @@ impl Simulation {
         &self.model
     }
 
-    /// Returns the state of the run.
+    /// Returns the state.
     pub fn state(&self) -> &State {
         &self.state
     }
@@ -96,10 +96,10 @@ impl Simulation {
         f64::from(self.state.step) * self.model.time_step
     }
 
-    /// Inserts particles with ids that must not have been used.
+    /// Inserts particles with unused ids.
     ///
     /// # Errors
-    /// [`Error::Model`] for an unknown species. Then no particle is inserted.
+    /// [`Error::Model`] for an unknown species; nothing is inserted.
     pub fn insert(&mut self, particles: &Particles) -> Result<(), Error> {
         let with_velocity = self.model.has_velocity();
         let known = self.model.species.len();
@@ -122,14 +122,13 @@ impl Simulation {
         Ok(())
     }
 
-    /// Returns the number of particles of each species inside a receiver's sphere.
+    /// Returns the particles inside a receiver's sphere, by species.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
         let center = self.state.centers[receiver];
         self.model.receivers[receiver].inside(center, &self.model.boundary, &self.state.particles)
     }
 
-    /// Returns the counts of each receiver, by species: arrivals so far, bound particles, or the particles inside a transparent
-    /// receiver.
+    /// Returns counts by receiver and species: arrivals so far, bound particles, or particles inside.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let Self { model, state: State { particles, totals, centers, .. }, .. } = self;
         let mut received = all_inside(&model.receivers, centers, &model.boundary, particles);
@@ -140,16 +139,16 @@ impl Simulation {
         received
     }
 
-    /// Returns the particles that arrived in the last step, in the order of ids, if the model logs arrivals.
+    /// Returns the last step's arrivals by id, in a model that logs arrivals.
     pub fn arrivals(&self) -> &[Arrival] {
         &self.arrivals
     }
 
-    /// Performs one step. Receivers and particles move; particles collide, hit walls and receivers, unbind and decay. Then pairs
-    /// react or are separated, and transmitters release what is due.
+    /// Does a step: receivers and particles move, collide, hit walls and receivers, unbind and decay. Then pairs
+    /// react or separate, and transmitters release.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] if the detector fails, for example with too many pairs.
+    /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] from the detector, such as for too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.arrived);
         let moved = self.advance(&free)?;
@@ -183,7 +182,7 @@ impl Simulation {
         binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
     }
 
-    /// Applies events, except binding of particles with the ascending ids `rejected`.
+    /// Applies events, without bindings of the ascending ids `rejected`.
     pub(crate) fn apply_events(&mut self, moved: &Moved, rejected: &[u32]) {
         let mut gone = Vec::new();
         self.arrivals.clear();
@@ -222,7 +221,7 @@ impl Simulation {
     fn let_off(&mut self, leaving: &[UnboundParticle]) {
         let Self { model, key, state, .. } = self;
         let with_velocity = model.has_velocity();
-        // `swap_remove` fills a gap with a later entry, which is done already.
+        // `swap_remove` fills a gap with a later entry, which is done.
         for leaving in leaving.iter().rev() {
             let held = state.bound[leaving.at()];
             let center = state.centers[held.receiver as usize];
@@ -281,7 +280,7 @@ impl Simulation {
         let outcomes = reactions.all_outcomes(particles, &chosen, key, step);
         chosen.iter().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
         if self.contacts.separate() {
-            // A reactant that comes out unchanged is still where it was.
+            // Reactants that come out unchanged stay free to move.
             let mut reacted: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
             reacted.sort_unstable();
             let free = |at: u32| reacted.binary_search(&at).is_err();
@@ -290,8 +289,7 @@ impl Simulation {
         Ok(outcomes)
     }
 
-    /// Returns the dissociations of particles that no reaction consumed, in the order of ids, which does not depend on
-    /// storage.
+    /// Returns the dissociations of unconsumed particles by id, independent of storage.
     pub(crate) fn splits(&self, outcomes: &[ReactantChange]) -> Vec<Dissociated> {
         if self.dissociation.is_empty() {
             return Vec::new();
@@ -304,8 +302,8 @@ impl Simulation {
         splits
     }
 
-    /// Applies reactions and dissociations. `parents` are the ids of all particles that dissociate into two, ascending;
-    /// second products get ids in that order.
+    /// Applies reactions and dissociations. `parents` are the ascending ids of all dissociated particles; second
+    /// products get ids in that order.
     pub(crate) fn conclude(
         &mut self,
         outcomes: &[ReactantChange],
@@ -348,17 +346,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// Ends a step with this rank's share of the releases at the beginning of the next one.
+    /// Ends a step with this rank's share of the next releases.
     pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
         self.state.release(&self.model, (&self.motion.decays, self.key), slice)
     }
 }
 
-/// Returns the detector of a model's pairs; `None` if nothing interacts.
-///
-/// # Errors
-/// [`Error::Detection`] if the detector refuses the model.
+/// Returns the detector of a model's pairs, if anything interacts.
 pub(crate) fn detector(model: &Model, algorithm: Algorithm) -> Result<Option<Detector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).order(Order::Unordered);

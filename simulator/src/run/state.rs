@@ -1,4 +1,4 @@
-//! The state of a run, as stored in a checkpoint.
+//! The state of a run.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,39 +13,39 @@ use crate::reaction::decay::Decays;
 use crate::release::Released;
 use crate::release::origins::{Origin, Origins};
 
-/// The mutable state of a run. With the model and the seed, it determines the rest of the run bit for bit.
+/// With the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// The particles.
+    /// Free particles.
     pub particles: Particles,
-    /// Number of completed steps.
+    /// Completed steps.
     pub step: u32,
-    /// Id of the next new particle.
+    /// Next free id.
     pub next_id: u32,
     /// Counts since the beginning of the run.
     pub totals: Totals,
     /// Centers of the receivers, in µm.
     pub centers: Vec<[f32; 3]>,
-    /// Particles bound to receptors.
+    /// Bound particles.
     pub bound: Vec<Bound>,
-    /// Origins of the particles, if the model logs arrivals.
+    /// Origins, if the model logs arrivals.
     pub origins: Origins,
 }
 
 /// Counts since the beginning of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
-    /// Particles present, by species.
+    /// Present particles, by species.
     pub present: Vec<u64>,
-    /// Particles released, by species.
+    /// Released particles, by species.
     pub released: Vec<u64>,
-    /// Particles that receivers removed, or that are bound to receptors now, by receiver and species.
+    /// Removed or currently bound particles, by receiver and species.
     pub arrived: Vec<Vec<u64>>,
     /// Reactions, in the order of the model.
     pub reacted: Vec<u64>,
     /// Decays, in the order of the model.
     pub decayed: Vec<u64>,
-    /// Pairs that the detector found in the last step.
+    /// Pairs found in the last step.
     pub pairs: u64,
     /// Collisions and separated overlaps in the last step.
     pub contacts: u64,
@@ -55,7 +55,7 @@ impl State {
     /// Creates the initial state, after the releases of step 0.
     ///
     /// # Errors
-    /// [`Error::Model`] if the model is invalid; [`Error::OutOfIds`] if it releases too many particles.
+    /// [`Error::Model`] if the model is invalid; [`Error::OutOfIds`].
     pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
         Self::new_slice(model, seed, RankSlice::WHOLE)
     }
@@ -68,7 +68,7 @@ impl State {
         Ok(state)
     }
 
-    /// Returns a copy without particles and bound particles, with these totals.
+    /// Returns a copy without particles, with these totals.
     pub(crate) fn without_particles(&self, totals: Totals) -> Self {
         let Self { particles: _, step, next_id, totals: _, centers, bound: _, origins } = self;
         Self {
@@ -81,8 +81,7 @@ impl State {
         }
     }
 
-    /// Converts the state of the whole run to that of one rank. Present and bound particles are counted on each rank;
-    /// the first rank also keeps all other totals.
+    /// Returns one rank's state: it counts its present and bound particles; the first also keeps all other totals.
     pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);
@@ -98,7 +97,7 @@ impl State {
         Self { totals, ..self }
     }
 
-    /// Returns `true` if the state fits the model: one center per receiver, and only known receivers and species.
+    /// Returns `true` if the state fits the model.
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
@@ -109,7 +108,6 @@ impl State {
             && self.particles.species.iter().all(|&species| is_known(species))
     }
 
-    /// Performs the releases due at the beginning of the next step.
     pub(crate) fn release(
         &mut self,
         model: &Model,

@@ -1,4 +1,4 @@
-//! Runs of all points of a sweep, each with its replicas.
+//! Runs of a sweep.
 
 use std::fs;
 use std::io::Write;
@@ -13,25 +13,25 @@ use crate::run::{Run, RunEnd, queue};
 use crate::scenario::sweep::{Sweep, SweptKey, sweep_point_error};
 use crate::{AnySimulation, Error};
 
-/// The table of the points.
 const POINTS: &str = "points.csv";
 
-/// All points of a sweep. Each has a directory of its own, with its scenario and the directories of its replicas.
+/// All points of a sweep, each in a directory with its scenario and replicas.
 #[derive(Clone, Debug)]
 pub struct SweepRuns {
-    /// The swept keys.
+    /// Swept keys.
     pub keys: Vec<SweptKey>,
-    /// The values of each point.
+    /// Values of each point.
     pub values: Vec<Vec<String>>,
-    /// The replicas of each point.
+    /// Replicas of each point.
     pub points: Vec<Replicas>,
-    /// The directory that contains those of the points.
+    /// Parent directory of the points.
     pub directory: PathBuf,
     resume: bool,
 }
 
 impl SweepRuns {
-    /// Returns the runs of a sweep, with the options of `run`, `count` for each point. Its scenario is not used.
+    /// Returns the runs of a sweep with the options of `run`, whose scenario is not used, and `count` replicas per
+    /// point.
     pub fn new(sweep: Sweep, run: impl Fn(&crate::scenario::Scenario) -> Run, count: NonZeroU32) -> Self {
         let (mut directory, mut resume) = (PathBuf::new(), false);
         let (mut values, mut points) = (Vec::new(), Vec::new());
@@ -40,7 +40,7 @@ impl SweepRuns {
             directory.clone_from(&run.directory);
             resume = run.resume;
             run.directory = directory_of(&directory, k);
-            // A point that was not begun has nothing to resume.
+            // Only a point that was begun can resume.
             run.resume &= run.directory.join("replicas.csv").exists();
             values.push(point.values);
             points.push(Replicas { run, count });
@@ -48,13 +48,14 @@ impl SweepRuns {
         Self { keys: sweep.keys, values, points, directory, resume }
     }
 
-    /// Performs all replicas of all points, as many at once as there are threads. The files do not depend on the number of threads.
+    /// Does all replicas of all points, one per thread at once. Files do not depend on threads.
     ///
-    /// Calls `watch` as [`Run::run`] does, with the indices of point and replica, from several threads. If it breaks, all runs stop.
-    /// A run with [`Run::resume`] continues stopped replicas and begins the others; more replicas and more values of the first key may be added.
+    /// Calls `watch` as [`Run::run`], with point and replica, from several threads; a break stops all.
+    /// [`Run::resume`] continues stopped replicas and begins others; replicas and values of the first key may be
+    /// added.
     ///
     /// # Errors
-    /// [`Error::Write`] and [`Error::SweepPoint`], before the first step also if memory or disk are too small for the whole sweep.
+    /// [`Error::Write`] and [`Error::SweepPoint`], before the first step also for a lack of memory or disk.
     pub fn run(
         &self,
         is_cancelled: impl Fn() -> bool + Sync,
@@ -76,7 +77,7 @@ impl SweepRuns {
         queue::run_all(&self.points, &watch).map_err(named)
     }
 
-    /// Locks the directory, and checks that it has this sweep or none.
+    /// Locks the directory, which has this sweep or none.
     fn lock(&self) -> Result<Lock, Error> {
         if self.resume {
             self.check_points(&self.directory.join(POINTS))?;
@@ -85,7 +86,7 @@ impl SweepRuns {
         output::prepare(&self.directory, self.points.first().is_some_and(|point| point.run.overwrite))
     }
 
-    /// Writes the table of the points, and removes tables of a former sweep, whose points could count as done.
+    /// Removes tables of a former sweep, whose points could count as done.
     fn write_points(&self) -> Result<(), Error> {
         if !self.resume {
             for point in (0..).map(|k| directory_of(&self.directory, k)).take_while(|point| point.exists()) {
@@ -96,7 +97,6 @@ impl SweepRuns {
         output::write_atomically(&self.directory.join(POINTS), |out| out.write_all(self.table().as_bytes()))
     }
 
-    /// Returns the table of the points: number and values.
     fn table(&self) -> String {
         let paths = self.keys.iter().map(|key| key.path.clone());
         let header = ["point".to_owned()].into_iter().chain(paths).collect::<Vec<_>>().join(",");
@@ -104,7 +104,7 @@ impl SweepRuns {
         header + &self.values.iter().enumerate().map(row).collect::<String>() + "\n"
     }
 
-    /// Refuses to resume a sweep with other points. Points may follow those of the table.
+    /// Refuses to resume other points; points may follow the table's.
     fn check_points(&self, path: &Path) -> Result<(), Error> {
         let before = fs::read_to_string(path);
         let before = before.map_err(|source| Error::Read { path: path.to_owned(), source })?;
@@ -128,7 +128,7 @@ impl SweepRuns {
         Err(Error::Checkpoint { path: path.to_owned(), message })
     }
 
-    /// Refuses a sweep of which as many runs as are performed at once do not fit the memory.
+    /// Refuses simultaneous runs beyond the memory.
     fn check_memory(&self) -> Result<(), (usize, Error)> {
         let sharing = Sharing { runs: queue::at_once(&self.points), ranks: 1 };
         let check = |(k, point): (usize, &Replicas)| {
@@ -138,8 +138,7 @@ impl SweepRuns {
         self.points.iter().enumerate().try_for_each(check)
     }
 
-    /// Refuses a sweep whose files surely do not fit the disk, and warns if they may not fit. Runs that were begun are looked at
-    /// when they are resumed.
+    /// Refuses a sweep that surely exceeds the disk; warns if it may. Begun runs are checked when resumed.
     fn check_disk(&self) -> Result<(), (usize, Error)> {
         let mut all = DiskEstimate { least: 0, most: 0, checkpoint: 0 };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {

@@ -1,24 +1,24 @@
-//! Warnings about reactions that are too fast for the time step.
+//! Warnings of reactions that are too fast for the time step.
 //!
-//! A product reacts only in the next step, and a reactant is removed only at the end of the step. Rates are therefore
-//! off by about half of the fraction of reactants that react in one step.
+//! Products react only in the next step, and reactants disappear at its end. Rates are off by about half of the
+//! fraction that reacts in a step.
 
 use crate::{Model, Totals};
 
-/// The largest fraction of the reactants that may react in one step.
+/// Largest fraction of reactants per step.
 const FAST: f64 = 0.02;
-/// The fraction of fast reactions above which a warning is given.
+/// Fraction of fast reactions that warns.
 const MANY: f64 = 0.1;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimeStepMonitor {
-    /// Indexed by reaction: all reactions, those in fast steps, and the largest fraction that reacted in one step.
+    /// Indexed by reaction: all, those in fast steps, and the largest fraction in a step.
     seen: Vec<(f64, f64, f64)>,
     released: u64,
 }
 
 impl TimeStepMonitor {
-    /// Returns a copy of the totals before a step, for [`see`](Self::see).
+    /// Copies the totals before a step for [`see`](Self::see).
     pub(crate) fn part_of(Totals { present, released, reacted, .. }: &Totals) -> Totals {
         let [present, released, reacted] = [present, released, reacted].map(Clone::clone);
         Totals { present, released, reacted, ..Totals::default() }
@@ -28,13 +28,12 @@ impl TimeStepMonitor {
         self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));
         let released = before.released.iter().sum();
         if std::mem::replace(&mut self.released, released) != released && steps == 1 {
-            // Particles that are released within reach of each other react at once, at any time step.
+            // Particles released near each other react at once, at any time step.
             return;
         }
         for (place, reaction) in model.reactions.iter().enumerate() {
             let count = (after.reacted[place] - before.reacted[place]) as f64;
             let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
-            // A reaction A + A consumes two of them.
             let there = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
             let part = count / f64::from(steps.max(1)) / there.max(1.0);
             let (all, fast, worst) = &mut self.seen[place];
@@ -47,7 +46,6 @@ impl TimeStepMonitor {
         }
     }
 
-    /// Returns the warnings, with their remedies.
     pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
         let said = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
             (fast > MANY * all).then(|| {

@@ -2,12 +2,12 @@ use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// A read-only view of a running simulation, for code that writes its files.
+/// A read-only view of a run, for its files.
 pub trait RunView {
     /// Returns the model.
     fn model(&self) -> &Model;
 
-    /// Returns the number of steps done.
+    /// Returns the completed steps.
     fn step_count(&self) -> u32;
 
     /// Returns the simulated time, in s.
@@ -18,16 +18,15 @@ pub trait RunView {
     /// Returns the counts.
     fn totals(&self) -> &Totals;
 
-    /// Returns the counts of each receiver, by species: arrivals so far, bound particles, or the particles inside a transparent
-    /// receiver.
+    /// Returns counts by receiver and species: arrivals so far, bound particles, or particles inside.
     fn received(&self) -> Vec<Vec<u64>>;
 
-    /// Returns the particles that arrived in the last step, in the order of ids, if the model logs arrivals.
+    /// Returns the last step's arrivals by id, in a model that logs arrivals.
     fn arrivals(&self) -> &[Arrival];
 
-    /// Returns the state, read back from a device or gathered from ranks if necessary.
+    /// Returns the state, read back or gathered if necessary.
     ///
     /// # Errors
-    /// [`Error::Detection`] if the device that holds the state fails.
+    /// [`Error::Detection`] if the device fails.
     fn state(&self) -> Result<Cow<'_, State>, Error>;
 }

@@ -233,7 +233,6 @@ pub(super) struct Receiver {
     pub(super) diffusion: NotNegative,
 }
 
-/// Places that fill a box.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Lattice {
@@ -253,7 +252,6 @@ pub(super) enum ReceiverKind {
     Wall,
 }
 
-/// A wall of the boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Face {
@@ -285,7 +283,7 @@ pub(super) enum FrameFormat {
     Npy,
 }
 
-/// A number that is checked when it is read, so that an error names its line.
+/// Checked when read, so that an error names its line.
 macro_rules! number {
     ($name:ident, $rule:expr, $allowed:literal) => {
         #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -297,7 +295,7 @@ macro_rules! number {
 
             fn try_from(value: f64) -> Result<Self, String> {
                 let rule: fn(f64) -> bool = $rule;
-                // Positions and radii are kept in single precision.
+                // Positions and radii are single precision.
                 let fits = value.is_finite() && (value as f32).is_finite();
                 if fits && rule(value) {
                     Ok(Self(value))
@@ -314,7 +312,7 @@ number!(NotNegative, |value| value >= 0.0, "a number from 0 to 3.4e38");
 number!(Finite, |_| true, "a number between -3.4e38 and 3.4e38");
 number!(Probability, |value| value > 0.0 && value <= 1.0, "a probability above 0 and at most 1");
 
-/// A positive number that is 1 where it is not given.
+/// Positive; 1 by default.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(transparent)]
 pub(super) struct One(pub(super) Positive);
@@ -325,7 +323,7 @@ impl Default for One {
     }
 }
 
-/// A name that can stand in the header of a table.
+/// A name for the header of a table.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "String")]
 pub(super) struct Name(pub(super) String);

@@ -1,5 +1,4 @@
-//! Scenario files: a [`Model`] and its output, as TOML. The files in `simulator/scenarios/` show every key;
-//! `docs/simulator.md` lists them.
+//! Scenario files: a [`Model`] and its output, as TOML. `docs/simulator.md` lists the keys.
 
 mod file;
 mod nearest;
@@ -19,24 +18,24 @@ use lazygrid_io::{excerpt, printed};
 use crate::output::animation::Animation;
 use crate::{Error, Model, Transmitter};
 
-/// A scenario as it was read.
+/// A scenario.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// The model.
+    /// Model.
     pub model: Model,
-    /// The number of steps of the run.
+    /// Steps of the run.
     pub steps: u32,
-    /// The seed.
+    /// Seed.
     pub seed: u64,
-    /// The outputs.
+    /// Outputs.
     pub output: Output,
-    /// The text that it was read from.
+    /// Text of the file.
     pub text: String,
-    /// The warnings that were logged: the location and the remedy of each.
+    /// Logged warnings: location and remedy.
     pub warnings: Vec<String>,
 }
 
-/// The outputs and their intervals.
+/// Outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Output {
     /// Steps between rows of the series.
@@ -45,13 +44,13 @@ pub struct Output {
     pub frames_every: u32,
     /// Frames in one extended XYZ file.
     pub xyz: bool,
-    /// A NumPy file for each frame.
+    /// NumPy file for each frame.
     pub npy: bool,
-    /// Steps between checkpoints, besides the one at the end.
+    /// Steps between checkpoints, besides the last.
     pub checkpoint_every: Option<u32>,
-    /// `true` to also write the log of arrivals as Arrow files, which takes the feature `arrow`.
+    /// Also writes the log as Arrow files; needs the feature `arrow`.
     pub arrow: bool,
-    /// A page that plays the run.
+    /// Animation.
     pub animation: Option<Animation>,
 }
 
@@ -61,7 +60,7 @@ impl Output {
         (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
     }
 
-    /// The options of the animation, if the run has a frame after this number of steps.
+    /// Returns the animation's options, if it has a frame after this step.
     pub fn animated(&self, step: u32) -> Option<Animation> {
         self.animation.filter(|animation| step.is_multiple_of(animation.every))
     }
@@ -71,13 +70,13 @@ impl Scenario {
     /// Reads a scenario file.
     ///
     /// # Errors
-    /// [`Error::Read`], and [`Error::Scenario`] with the line and the key of what is wrong.
+    /// [`Error::Read`]; [`Error::Scenario`] with line and key.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let text = std::fs::read_to_string(path);
         Self::parse(path, text.map_err(|source| Error::Read { path: path.to_owned(), source })?)
     }
 
-    /// Reads a scenario from the text of the file at `path`.
+    /// Parses the text of the file at `path`.
     ///
     /// # Errors
     /// [`Error::Scenario`].
@@ -87,7 +86,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Does the same as [`parse`](Self::parse), and logs no warnings.
+    /// [`parse`](Self::parse) without logged warnings.
     fn parse_silently(path: &Path, text: String) -> Result<Self, Error> {
         let placed = |problem| located(path, &text, problem);
         let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
@@ -98,7 +97,7 @@ impl Scenario {
         Ok(Self { model, steps, seed, output, text, warnings })
     }
 
-    /// The releases that the run does not reach.
+    /// Returns warnings of releases that the run does not reach.
     pub fn late_releases(&self) -> Vec<String> {
         let end = f64::from(self.steps) * self.model.time_step;
         let late = |t: &Transmitter| {
@@ -118,7 +117,6 @@ impl Scenario {
     }
 }
 
-/// Returns a fault as an error with its line and key.
 fn located(path: &Path, text: &str, Problem { span, key, message }: Problem) -> Error {
     let start = span.map_or(0, |span| span.start);
     let (line, found) = place(text, start);
@@ -127,7 +125,6 @@ fn located(path: &Path, text: &str, Problem { span, key, message }: Problem) -> 
     Error::Scenario { path: path.to_owned(), line, key, message }
 }
 
-/// A fault of a scenario, and its location.
 struct Problem {
     span: Option<Range<usize>>,
     key: Option<String>,
@@ -142,7 +139,7 @@ impl Problem {
 
 impl From<toml::de::Error> for Problem {
     fn from(error: toml::de::Error) -> Self {
-        // "missing field `radius`" and "unknown field `radios`, …" name the key themselves.
+        // "missing field `radius`" and "unknown field `radios`, …" name the key.
         let message = error.message().lines().collect::<Vec<_>>().join("; ");
         let named =
             ["missing field `", "unknown field `"].iter().find_map(|start| message.strip_prefix(start));
@@ -156,10 +153,10 @@ impl From<toml::de::Error> for Problem {
     }
 }
 
-/// The most bytes of a message, because the parser quotes keys and values in full.
+/// In bytes: the parser quotes keys and values in full.
 const MOST_SHOWN: usize = 800;
 
-/// Returns the 1-based line of an offset and the key there or in the nearest earlier line.
+/// Returns the 1-based line of an offset, and the key there or in the nearest earlier line.
 fn place(text: &str, start: usize) -> (usize, String) {
     let start = (0..=start.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
     let line = text[..start].matches('\n').count();

@@ -1,11 +1,11 @@
-//! The nearest of several names, for messages about unknown ones.
+//! The nearest of several names.
 
-/// Returns the name with the fewest insertions, deletions and replacements of characters; of several, the first.
+/// Returns the name with the fewest insertions, deletions and replacements of characters, the first of equals.
 pub(super) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     names.min_by_key(|known| edits(name, known))
 }
 
-/// Returns the Levenshtein distance of two names.
+/// The Levenshtein distance.
 fn edits(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();

@@ -3,15 +3,15 @@ use std::num::NonZeroU32;
 use super::Scenario;
 use crate::output::animation::Animation;
 
-/// The default number of frames of an animation.
+/// Default frames of an animation.
 const FRAMES: u32 = 200;
 
-/// Overrides of a scenario by options.
+/// Overrides of a scenario.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
-    /// The seed.
+    /// Seed.
     pub seed: Option<u64>,
-    /// The number of steps of the run.
+    /// Number of steps of the run.
     pub steps: Option<u32>,
     /// Steps between rows of the series.
     pub every: Option<NonZeroU32>,
@@ -19,17 +19,17 @@ pub struct Overrides {
     pub frames_every: Option<NonZeroU32>,
     /// Steps between checkpoints.
     pub checkpoint_every: Option<NonZeroU32>,
-    /// The most particles that an animation draws; `None` without an animation.
+    /// Most drawn particles of an animation; `None` without one.
     pub animated: Option<NonZeroU32>,
-    /// Steps between its frames; by default a two-hundredth of the scenario's.
+    /// Steps between its frames; default: a two-hundredth of the scenario's.
     pub animate_every: Option<NonZeroU32>,
 }
 
 impl Scenario {
-    /// Makes these changes.
+    /// Applies overrides.
     pub fn change(&mut self, changes: &Overrides) {
         let animation = |particles| Animation {
-            // The scenario's, so that it is the same if the run is extended.
+            // From the scenario, so that an extended run has the same.
             every: changes.animate_every.map_or((self.steps / FRAMES).max(1), Into::into),
             particles,
         };

@@ -1,4 +1,4 @@
-//! Sweeps: scenarios that differ in the values of some keys, in all combinations.
+//! Sweeps: scenarios with all combinations of values of some keys.
 
 use std::ops::Range;
 use std::path::Path;
@@ -10,55 +10,55 @@ use toml::de::{DeTable, DeValue};
 use super::{Problem, Scenario, located, nearest};
 use crate::Error;
 
-/// The largest number of combinations.
 const MAX_POINTS: usize = 100_000;
 
-/// A key of a scenario and the values that it takes.
+/// A swept key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SweptKey {
-    /// The path of the key, such as `receiver.rx.center.x`.
+    /// Path, such as `receiver.rx.center.x`.
     pub path: String,
-    /// The values as TOML.
+    /// Values as TOML.
     pub values: Vec<String>,
 }
 
-/// A combination of values, and the scenario that has them.
+/// A combination of values.
 #[derive(Clone, Debug)]
 pub struct SweepPoint {
-    /// The value of each key as plain text, in the order of the keys.
+    /// Plain value of each key, in order.
     pub values: Vec<String>,
-    /// The scenario.
+    /// Scenario.
     pub scenario: Scenario,
 }
 
-/// All combinations of the values of some keys; those of the last key vary fastest.
+/// All combinations; the last key varies fastest.
 #[derive(Clone, Debug)]
 pub struct Sweep {
-    /// The keys: those of the section `[sweep]` in alphabetical order, then those of the options.
+    /// Keys of `[sweep]` in alphabetical order, then of options.
     pub keys: Vec<SweptKey>,
-    /// The combinations.
+    /// Combinations.
     pub points: Vec<SweepPoint>,
 }
 
 impl Sweep {
-    /// Reads the sweep of a scenario: its section `[sweep]`, and `KEY=VALUE,VALUE` from the command line, which replace values of
-    /// the same key. Returns `None` if there is neither.
+    /// Reads a sweep: the section `[sweep]`, and `KEY=VALUE,VALUE` options, which replace values of the same key.
+    /// Returns `None` without either.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] if a combination is no valid scenario.
+    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] for an invalid
+    /// combination.
     pub fn read(path: &Path, options: &[String]) -> Result<Option<Self>, Error> {
         let text = std::fs::read_to_string(path);
         let text = text.map_err(|source| Error::Read { path: path.to_owned(), source })?;
         Self::parse(path, &text, options)
     }
 
-    /// Reads the sweep of the scenario with this text.
+    /// Parses the sweep of a scenario's text.
     ///
     /// # Errors
-    /// Fails like [`read`](Self::read).
+    /// As [`read`](Self::read).
     pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
         let placed = |problem| located(path, text, problem);
-        // The scenario without a sweep has an error of its own for text that is no TOML.
+        // Reading the scenario reports text that is no TOML.
         let Ok(file) = DeTable::parse(text) else { return Ok(None) };
         let mut keys = section_keys(text, file.get_ref()).map_err(placed)?;
         for option in options {
@@ -94,7 +94,7 @@ impl Sweep {
     }
 }
 
-/// Returns an error with the values of the point at which it happened.
+/// Adds the point's values to an error.
 pub(crate) fn sweep_point_error(keys: &[SweptKey], values: &[String], source: Error) -> Error {
     Error::SweepPoint { values: named_values(keys, values), source: Box::new(source) }
 }
@@ -104,7 +104,6 @@ fn named_values(keys: &[SweptKey], values: &[String]) -> String {
     named.collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the keys of the section `[sweep]`.
 fn section_keys(text: &str, file: &DeTable<'_>) -> Result<Vec<SweptKey>, Problem> {
     let mut keys = Vec::new();
     let Some(section) = file.get("sweep") else { return Ok(keys) };
@@ -145,7 +144,7 @@ fn add_section_keys(
     Ok(())
 }
 
-/// Parses `KEY=VALUE,VALUE`. Values that are no TOML are strings.
+/// Parses `KEY=VALUE,VALUE`; values that are no TOML are strings.
 fn option_key(option: &str) -> Result<SweptKey, String> {
     let shown = excerpt(option.as_bytes());
     let parts = option.split_once('=').map(|(path, values)| (path.trim(), values.trim()));
@@ -164,26 +163,23 @@ fn option_key(option: &str) -> Result<SweptKey, String> {
     Ok(SweptKey { path: path.to_owned(), values })
 }
 
-/// Returns a value as a TOML string.
 fn quoted(value: &str) -> String {
     format!("\"{}\"", value.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// Returns a value without the quotes of a string and with single spaces, for tables.
+/// Removes quotes and repeated spaces.
 fn plain(value: &str) -> String {
     let inner = ['"', '\''].into_iter().find_map(|quote| value.strip_prefix(quote)?.strip_suffix(quote));
     inner.unwrap_or(value).replace(',', " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// A key of a scenario that can be swept.
 struct KnownKey {
     path: String,
     span: Range<usize>,
     is_string: bool,
 }
 
-/// Lists all keys of a table: elements of arrays by their index and by their name, equation or species, and coordinates as x, y
-/// and z.
+/// Lists all keys: array elements by index and by name, equation or species; coordinates as x, y, z.
 fn list_keys(table: &DeTable<'_>, prefix: &str, known: &mut Vec<KnownKey>) {
     for (name, value) in table {
         list_value(value, format!("{prefix}{}", name.get_ref()), known);
@@ -222,7 +218,6 @@ fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String>
     names
 }
 
-/// Finds the value that a key replaces.
 fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), String> {
     if let Some(found) = known.iter().find(|known| known.path == key.path) {
         return Ok((found.span.clone(), found.is_string));
@@ -234,7 +229,7 @@ fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), Stri
     ))
 }
 
-/// Refuses keys that replace the same text.
+/// Refuses keys of the same text.
 fn disjoint(spots: Vec<(Range<usize>, bool)>) -> Result<Vec<(Range<usize>, bool)>, String> {
     let mut ends: Vec<&Range<usize>> = spots.iter().map(|(span, _)| span).collect();
     ends.sort_by_key(|span| span.start);
@@ -260,7 +255,7 @@ fn combinations(keys: &[SweptKey]) -> Result<Vec<Vec<String>>, String> {
     Ok(keys.iter().fold(vec![Vec::new()], add))
 }
 
-/// Returns the text with these values. A value for a string becomes one.
+/// Returns the text with these values; strings stay strings.
 fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> String {
     let mut edits: Vec<_> = spots.iter().zip(values).collect();
     edits.sort_by_key(|((span, _), _)| std::cmp::Reverse(span.start));
@@ -273,7 +268,7 @@ fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> St
     text
 }
 
-/// Returns the text without the section `[sweep]`, with as many lines as before.
+/// Keeps the number of lines.
 fn without_section(text: &str, file: &DeTable<'_>) -> String {
     let Some(section) = file.get("sweep") else { return text.to_owned() };
     let start = section.span().start;
@@ -284,7 +279,7 @@ fn without_section(text: &str, file: &DeTable<'_>) -> String {
         let first = known.iter().map(|known| known.span.start).chain([value.span().start]);
         after = first.filter(|&at| at > start).fold(after, usize::min);
     }
-    // The first value after the section follows its own header, which begins with a bracket at the start of a line.
+    // The next header begins with a bracket at the start of a line.
     let header = text[start..after].rfind("\n[").filter(|_| after < text.len());
     let end = match text[after..].starts_with('[') && text[..after].ends_with('\n') {
         true => after,
@@ -328,7 +323,7 @@ mod tests {
             ("20 0.005", 20.0, 0.005),
         ];
         assert_eq!(seen, expected.map(|(values, x, step)| (values.to_owned(), x, step)));
-        // Comments and lines are those of the file.
+        // Keeps comments and lines.
         assert_eq!(sweep.points[3].scenario.text, TEXT.replace("0.01 #", "0.005 #").replace("[5,", "[10,"));
     }
 
@@ -346,7 +341,7 @@ mod tests {
             assert_eq!(point.scenario.text.lines().count(), text.lines().count());
             assert!(!point.scenario.text.contains("distances"));
         }
-        // Without the command that sweeps, the section is refused and not ignored.
+        // Reading a scenario refuses the section.
         let error = Scenario::parse(Path::new("s.toml"), format!("{TEXT}{section}")).unwrap_err().to_string();
         assert!(error.contains("line 17, `sweep`: ") && error.contains("lazygrid simulate"), "{error}");
     }

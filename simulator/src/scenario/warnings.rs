@@ -1,4 +1,4 @@
-//! Warnings about probably unintended scenarios, with remedies. Pure functions.
+//! Warnings of probably unintended scenarios, with remedies.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, signed_distance};
@@ -7,7 +7,7 @@ use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::reaction::probability::undoes;
 use crate::reaction::rate;
 
-/// Returns `true` if walls keep everything away from a sphere.
+/// Returns `true` if walls shield a sphere.
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {
     let beyond = |(axis, x): (Axis, f32)| match axis {
         Axis::Reflecting { low, high } => (low - x).max(x - high).max(0.0),
@@ -18,7 +18,7 @@ pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) 
     squares.sum::<f32>() + across * across > radius * radius
 }
 
-/// Returns the position to write instead of one outside a periodic box.
+/// Returns the position in a periodic box to write instead.
 pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     let images = boundary.axes.map(|axis| match axis {
         Axis::Periodic { .. } => axis,
@@ -65,7 +65,7 @@ pub(super) fn walls(boundary: &Boundary) -> String {
 
 pub(super) fn below(value: f64) -> String {
     let unit = 10_f64.powi(value.log10().floor() as i32 - 2);
-    // Small enough that rounding cannot exceed the value.
+    // Rounding must not exceed the value.
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }
 
@@ -78,7 +78,7 @@ pub(super) fn long_step(
         return None;
     }
     let longest = match rate {
-        // The radius depends on the time step in turn.
+        // The radius depends on the time step.
         Some(rate) => rate::longest_step_for(rate, diffusion),
         None => rate::longest_step(radius, diffusion),
     };
@@ -91,9 +91,9 @@ pub(super) fn long_step(
     ))
 }
 
-/// The largest time step, as a fraction of a lifetime, if products appear in the next step only.
+/// Largest step, in lifetimes, if products appear in the next step.
 const FAST_DECAY: f64 = 0.02;
-/// A step may take this part of the mean time to a reaction, which is tested at the ends of steps only.
+/// Largest step, in mean times to a reaction, which is tested at the ends of steps.
 const FAST_REACTION: f64 = 0.2;
 
 pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option<String> {
@@ -107,12 +107,11 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
     })
 }
 
-/// Decays of particles that are released or come from other decays are right for steps of any length; this warns of
-/// others.
+/// Decays of released particles or of products of decays are right at any step length; others may warn.
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
-    // An exchange between two states keeps the right proportion.
+    // An exchange of two states keeps the right proportion.
     let exchanged = |reaction: &Reaction| {
         let back =
             |decay: &&Decay| undoes(decay, reaction) && matches!(decay.unbinding, Unbinding::Within(_));
@@ -137,9 +136,9 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     })
 }
 
-/// The largest √(2DΔt), as a fraction of the radius, near a surface that reflects some particles.
+/// Largest √(2DΔt), in radii, near a partly reflecting surface.
 const LONG_BESIDE_SURFACE: f64 = 0.5;
-/// The largest drift near such a surface, as a fraction of √(2DΔt).
+/// Largest drift there, in √(2DΔt).
 const DRIFT_BESIDE_DIFFUSION: f64 = 0.2;
 
 pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
@@ -201,13 +200,13 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
     })
 }
 
-/// The mean number of collisions per particle and step above which the order of events within a step matters: diffusion
-/// of separated particles is slower than in short steps, and receivers see the chord of a bent path.
+/// Mean collisions per particle and step above which their order matters: separated particles diffuse more slowly,
+/// and receivers see the chord of a bent path.
 const MANY_COLLISIONS: f64 = 1.0;
-/// The number above which a step takes long, though its result is right.
+/// Above it a step takes long, though its result is right.
 const COSTLY_COLLISIONS: f64 = 100.0;
 
-/// The density is that of everything that `steps` steps release in a bounded space.
+/// For the density after `steps` releases in a bounded space.
 pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     let sees_paths =
         !model.reactions.is_empty() || model.receivers.iter().any(|r| r.kind != ReceiverKind::Transparent);
@@ -226,10 +225,10 @@ pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     }
     let sphere = |species: &Species| std::f64::consts::PI / 6.0 * (2.0 * f64::from(species.radius)).powi(3);
     let filled = model.species.iter().zip(&counts).map(|(s, n)| n * sphere(s)).sum::<f64>() / volume;
-    // The contact value of Carnahan and Starling, up to random close packing.
+    // Contact value of Carnahan and Starling, up to random close packing.
     let filled = filled.min(0.64);
     let contact_value = (1.0 - filled / 2.0) / (1.0 - filled).powi(3);
-    // Collisions of one particle with all others: by diffusion per square root of time, and by speed per time.
+    // Collisions with all others: by diffusion per √time, and by speed per time.
     let rates = model.species.iter().filter(|a| a.radius > 0.0 || counts.len() > 1).map(|a| {
         let with = |(b, &count): (&Species, &f64)| {
             let cross_section = std::f64::consts::PI * touch(a, b).powi(2);
@@ -248,7 +247,7 @@ pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     let (rate, species) = worst?;
     let expected = of(rate, model.time_step);
     (expected > limit).then(|| {
-        // The root of ballistic·s² + diffusive·s − limit for s = √t, written so that nothing cancels.
+        // The root of ballistic·s² + diffusive·s − limit, s = √t, without cancellation.
         let root = 2.0 * limit / (rate[0] + (rate[0].powi(2) + 4.0 * rate[1] * limit).sqrt());
         let effect = match model.contact {
             Contact::Separate => {
@@ -278,11 +277,11 @@ fn volume(boundary: &Boundary) -> Option<f64> {
     }
 }
 
-/// The part of the pairs of a reversible reaction that may bind again at once.
+/// Fraction of reversible pairs that may bind again at once.
 const BOUND_AGAIN: f64 = 0.02;
 
-/// Warns of a reversible reaction that approaches its equilibrium more slowly than its rates say, because pairs that
-/// dissociate bind again at once. The rate includes those, so the equilibrium itself is right.
+/// Warns of a reversible reaction that relaxes more slowly than its rates say, because dissociated pairs bind again
+/// at once. The equilibrium is right.
 pub(super) fn slow_relaxation(
     equation: &str,
     [rate, radius, unbinding]: [f64; 3],
@@ -300,7 +299,7 @@ pub(super) fn slow_relaxation(
     })
 }
 
-/// Warns of a transmitter whose particles all appear inside a receiver that removes them at once.
+/// Warns of a transmitter whose particles all appear inside a removing receiver.
 pub(super) fn released_inside(
     transmitter: &Transmitter,
     receivers: &[Receiver],
@@ -332,7 +331,7 @@ fn touch(a: &Species, b: &Species) -> f64 {
     f64::from(a.radius) + f64::from(b.radius)
 }
 
-/// Returns twice the sum of the diffusion coefficients, and the standard deviation of the relative speed along an axis.
+/// Returns twice the sum of diffusion coefficients, and the deviation of the relative speed along an axis.
 fn relative(a: &Species, b: &Species) -> [f64; 2] {
     let drift: f64 = a.drift.iter().zip(b.drift).map(|(u, v)| (u - v).powi(2)).sum();
     let thermal = a.thermal_speed.powi(2) + b.thermal_speed.powi(2);
@@ -369,7 +368,6 @@ mod tests {
                 let better = suggested(&text);
                 prop_assert!(better < time_step, "{text}");
                 prop_assert_eq!(says(better), None);
-                // And not needlessly short.
                 prop_assert!(says(1.02 * better).is_some(), "{} is too cautious", better);
             }
         }

@@ -1,4 +1,4 @@
-//! Particles that collide or are separated.
+//! Collisions and separation.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species, Transmit
 
 use super::*;
 
-/// Spheres of diameter 1 on a lattice at a volume fraction, which move by about `length` in a step.
+/// Spheres of diameter 1 on a lattice, with steps of about `length`.
 fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> Model {
     let n = edge.pow(3);
     let side = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
@@ -31,7 +31,6 @@ fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> Model {
     }
 }
 
-/// The largest distance between the same particles of two states.
 fn distance(a: &Particles, b: &Particles, boundary: &Boundary) -> f32 {
     let rows = |all: &Particles| {
         let mut rows: Vec<_> = (0..all.len()).map(|at| (all.id[at], all.position_of(at))).collect();
@@ -88,7 +87,6 @@ fn collisions_are_those_of_the_cpu() {
     }
 }
 
-/// Many rounds and windows, a speed that rises: halts with more of them, and the conserved quantities.
 #[test]
 fn long_steps_keep_energy_and_leave_no_overlap() {
     let Some(own) = device() else { return };
@@ -118,7 +116,6 @@ fn long_steps_keep_energy_and_leave_no_overlap() {
     }
 }
 
-/// Particles released at one point come apart, and reactants overlap until they react.
 #[test]
 fn overlaps_are_separated_as_on_the_cpu() {
     let Some(own) = device() else { return };
@@ -135,7 +132,6 @@ fn overlaps_are_separated_as_on_the_cpu() {
     assert!(far < 1e-4, "{far}");
 }
 
-/// The pressure of elastic spheres by their rate of collisions, as in the validation; and slower diffusion at higher fractions.
 #[test]
 fn pressure_and_diffusion_are_those_of_hard_spheres() {
     let Some(own) = device() else { return };
@@ -170,7 +166,7 @@ fn pressure_and_diffusion_are_those_of_hard_spheres() {
             there.run(1).expect("a step");
             let now = there.state().expect("a state").particles;
             for (at, moved) in moved.iter_mut().enumerate() {
-                // States are in the order of ids.
+                // States are sorted by id.
                 let d = model.boundary.displacement(last.position_of(at), now.position_of(at));
                 (0..3).for_each(|k| moved[k] += d[k]);
             }

@@ -1,4 +1,4 @@
-//! GPU features that draw the same numbers as the CPU and decide the same.
+//! Features that draw the numbers of the CPU and decide the same.
 
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
@@ -11,7 +11,7 @@ use super::device;
 use super::models::{brownian, cpu, dyadic, gpu, reaction, species};
 use super::surfaces::{assert_close, compare, receiver, surfaces};
 
-/// Swimmers of two speeds and thermal particles that convert into each other, among reflecting and binding surfaces.
+/// Two speeds of swimmers and thermal particles that convert into each other, among reflecting and binding surfaces.
 fn swimmers() -> Model {
     let mut model = surfaces();
     model.time_step = 0.004;
@@ -66,7 +66,7 @@ fn unbound_swimmers_have_the_velocities_of_the_cpu() {
     }
 }
 
-/// A vessel with Poiseuille flow, ends of either kind, and an absorbing receiver at its wall.
+/// A vessel with Poiseuille flow, either ends, and an absorbing receiver at its wall.
 fn in_vessel(along: usize, ends: Axis) -> Model {
     let mut axes = [Axis::Open; 3];
     axes[along] = ends;
@@ -103,7 +103,7 @@ fn vessels_carry_as_on_the_cpu() {
     }
 }
 
-/// A → B → C → A or nothing, all within a few steps.
+/// A → B → C → A or nothing, within a few steps.
 #[test]
 fn chains_of_decays_equal_those_of_the_cpu() {
     let mut model = brownian(true);
@@ -142,7 +142,7 @@ fn several_reactions_of_the_same_reactants_equal_those_of_the_cpu() {
     }
 }
 
-/// A + B → C, which dissociates to a distance or within a ball, or decays; all log arrivals.
+/// A + B → C, which dissociates to a distance or within a ball, or decays.
 fn dissociating() -> Model {
     let mut model = brownian(true);
     model.species.push(Species { radius: 0.0625, ..species("C", 0.5, [0.0; 3]) });
@@ -173,7 +173,7 @@ fn dissociating() -> Model {
     model
 }
 
-/// Runs as many steps at once as each entry says. Returns the arrivals and the run.
+/// Runs as many steps at once as each entry says.
 fn in_portions(
     own: &GpuDevice,
     model: &Model,

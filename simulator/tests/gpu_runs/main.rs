@@ -1,5 +1,5 @@
-//! Whole runs on the GPU against the CPU and closed forms. Skipped with a message if there is no adapter, unless
-//! `LAZYGRID_REQUIRE_GPU` is set.
+//! Runs on the GPU against the CPU and closed forms. Skipped without an adapter, unless `LAZYGRID_REQUIRE_GPU` is
+//! set.
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
@@ -142,7 +142,7 @@ fn mean_square_displacement() {
         (found - expected).abs() < 4.0 * (variance / f64::from(n)).sqrt()
     };
     assert!(close(mean, 3.0 * variance, 6.0 * variance.powi(2)), "{mean}");
-    // Moments of a chi-square with three degrees of freedom: 15 for the square, 945 for its square.
+    // Moments of a chi-square with three degrees: 15 for the square, 945 for its square.
     assert!(close(fourth, 15.0 * variance.powi(2), (945.0 - 225.0) * variance.powi(4)), "{fourth}");
 }
 

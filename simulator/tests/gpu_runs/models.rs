@@ -38,7 +38,7 @@ pub(crate) fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32
     }
 }
 
-/// Exact arithmetic: all coordinates are small multiples of a power of two.
+/// Exact: all coordinates are small multiples of a power of two.
 pub(crate) fn dyadic() -> Model {
     let receiver = |name: &str, center, kind| Receiver {
         name: name.into(),
@@ -126,7 +126,7 @@ pub(crate) fn assert_same(a: &State, b: &State) {
     assert_eq!(by_id(a), by_id(b));
 }
 
-/// A and B that diffuse in a box and annihilate, or do nothing.
+/// A and B diffuse in a box and may annihilate.
 pub(crate) fn brownian(reacts: bool) -> Model {
     let burst = |species: u32| Transmitter {
         name: format!("{species}"),

@@ -1,4 +1,4 @@
-//! Reflecting, adsorbing and moving surfaces: GPU and CPU draw the same numbers and decide the same.
+//! Surfaces: GPU and CPU draw the same numbers and decide the same.
 
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
@@ -10,7 +10,7 @@ use lazygrid_sim::{
 use super::device;
 use super::models::{brownian, by_id, cpu, gpu, species};
 
-/// Asserts that all counts are equal, and all positions up to accumulated rounding.
+/// Asserts equal counts, and positions up to rounding.
 #[track_caller]
 pub(super) fn assert_close(a: &State, b: &State, tolerance: f32) {
     assert_eq!((a.step, a.next_id), (b.step, b.next_id));
@@ -41,7 +41,7 @@ pub(super) fn receiver(name: &str, center: [f32; 3], radius: f32, kind: Receiver
     Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
 }
 
-/// Every kind of surface among A and B that diffuse and annihilate.
+/// Every kind of surface among A and B that annihilate.
 pub(super) fn surfaces() -> Model {
     let receptors =
         |count| ReceiverKind::Receptors(Receptors { count, binding_rate: 40.0, unbinding_rate: 60.0 });
@@ -105,7 +105,6 @@ fn bodies_go_where_they_go_on_the_cpu() {
     let mut model = bodies();
     model.boundary.axes[0] = Axis::Periodic { low: -2.0, high: 2.0 };
     let state = compare(&model, 12, 8);
-    // In one run, for which the host lists receivers once.
     let mut at_once = gpu(&own, &model, 12, GpuOptions::default());
     at_once.run(8).expect("steps");
     assert_close(&at_once.state().expect("a state"), &state, 2e-4);
@@ -153,7 +152,6 @@ fn listed_receivers_act_as_on_the_cpu() {
     assert_close(&there.state().expect("a state"), here.state(), 2e-4);
 }
 
-/// Moving surfaces push resting particles, also those that unbind.
 #[test]
 fn resting_particles_are_pushed() {
     let pusher = Receiver {
@@ -168,8 +166,7 @@ fn resting_particles_are_pushed() {
     compare(&model, 14, 16);
 }
 
-/// A moving receiver pushes a particle to a second one, which pushes it to a third, farther away than one of them alone
-/// could.
+/// A receiver pushes a particle to a second, which pushes it to a third, out of one receiver's reach.
 fn throwing() -> Model {
     let mirror = |center: [f32; 3], radius, velocity: f64| Receiver {
         velocity: [velocity, 0.0, 0.0],
@@ -203,13 +200,13 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
         there.run(1).expect("a step");
         here.step().expect("a step");
         assert_close(&there.state().expect("a state"), here.state(), 1e-5);
-        // Without the third receiver it would end at (-2.345, 2.095).
+        // Without the third receiver: (-2.345, 2.095).
         let [x, y, _] = here.state().particles.position_of(0);
         assert!(x > -2.2 && y < 2.0, "{x}, {y}");
     }
 }
 
-/// With this many receivers a particle may search only once.
+/// With so large a number of receivers a particle searches once.
 #[test]
 fn a_push_beyond_the_receiver_search_is_an_error() {
     let Some(own) = device() else { return };
@@ -222,7 +219,6 @@ fn a_push_beyond_the_receiver_search_is_an_error() {
     assert_eq!(run.state().expect("a state").step, 0);
 }
 
-/// Far more requests than receptors in every step.
 #[test]
 fn few_receptors_go_to_the_lowest_ranks() {
     let Some(own) = device() else { return };

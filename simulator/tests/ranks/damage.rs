@@ -1,4 +1,4 @@
-//! Damaged or exchanged files: the run is refused, names the file, and changes nothing.
+//! Damaged or exchanged files are refused by name, without a change.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -67,7 +67,7 @@ fn run(directory: &Path, seed: u64, steps: u32, resume: bool) -> Run {
     run
 }
 
-/// Runs to a checkpoint on `ranks` ranks, or in one process if `ranks` is 0.
+/// Runs to a checkpoint on `ranks` ranks, or in one process if 0.
 fn begun(seed: u64, steps: u32, ranks: u32) -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
     files::go(&run(directory.path(), seed, steps, false), ranks);
@@ -83,7 +83,7 @@ fn resumed(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// Asserts that resuming on `ranks` ranks is refused with this file's name and a remedy.
+/// Asserts that resuming names the file and a remedy.
 fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     let before = fs::read(directory.join(name)).unwrap();
     let run = run(directory, 7, STEP + 5, true);
@@ -102,7 +102,7 @@ fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     assert_eq!(fs::read(directory.join(name)).unwrap(), before, "{name}, {damage}: the file was changed");
 }
 
-/// Asserts that these bytes in place of a file are refused, and restores the file.
+/// Asserts that these bytes are refused, and restores the file.
 fn assert_refuses(directory: &Path, ranks: u32, name: &str, (bytes, damage): (&[u8], &str)) {
     let path = directory.join(name);
     let whole = fs::read(&path).unwrap();
@@ -111,7 +111,7 @@ fn assert_refuses(directory: &Path, ranks: u32, name: &str, (bytes, damage): (&[
     overwrite(&path, &whole);
 }
 
-/// Writes without truncating first, after which some file systems wait for the disk.
+/// Without truncating first, after which some file systems wait for the disk.
 fn overwrite(path: &Path, bytes: &[u8]) {
     let mut file = fs::File::options().write(true).open(path).unwrap();
     file.write_all(bytes).unwrap();
@@ -203,7 +203,6 @@ fn file_of_another_checkpoint_is_refused_by_name() {
             assert_refuses(own, readers, &to, (&bytes, &format!("{name} of another checkpoint")));
         }
     }
-    // A newer `checkpoint` with older parts, and with older result files.
     let whole = fs::read(own.join("checkpoint")).unwrap();
     fs::copy(later.join("checkpoint"), own.join("checkpoint")).unwrap();
     for rank in [0, 1] {
@@ -218,7 +217,6 @@ fn file_of_another_checkpoint_is_refused_by_name() {
     assert_resumes(own);
 }
 
-/// Before the first step each of two ranks has half of the burst.
 #[test]
 fn part_of_another_checkpoint_with_equally_many_particles_is_refused() {
     let [own, other] = [7, 8].map(|seed| begun(seed, 0, 2));
@@ -233,7 +231,6 @@ fn part_of_another_checkpoint_with_equally_many_particles_is_refused() {
     assert_resumes(own);
 }
 
-/// A run that is stopped at once averages replicas of an earlier run.
 #[test]
 fn damaged_series_of_a_replica_is_not_averaged_when_replicas_are_stopped() {
     let directory = tempfile::tempdir().unwrap();

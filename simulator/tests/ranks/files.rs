@@ -93,7 +93,7 @@ pub(crate) fn run(directory: &Path, steps: u32, resume: bool) -> Run {
     }
 }
 
-/// Runs on `ranks` ranks, or in one process if `ranks` is 0.
+/// On `ranks` ranks, or in one process if 0.
 pub(crate) fn go(run: &Run, ranks: u32) {
     if ranks == 0 {
         assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);
@@ -236,7 +236,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     refused("directory", Run { directory: directory.path().join("elsewhere"), ..base() });
     refused("seed", with(|scenario| scenario.seed = 8));
     refused("model", with(|scenario| scenario.model.reactions[0].binding_radius = 1.0_f32.next_up()));
-    // Nothing was written; ranks may use different algorithms.
+    // Ranks may use different algorithms.
     let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
     let done = threads::on(3, |thread| {
         let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { own.clone() } else { base() };

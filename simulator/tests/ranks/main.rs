@@ -1,5 +1,4 @@
-//! A run over ranks equals one in a single process bit for bit. Ranks are threads here, and processes in
-//! `distributed/mpi`.
+//! A run over ranks (threads here) equals one in a single process bit for bit.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::Row;
 use crate::setup::{begin, burst, mean, species, steps};
 
-/// Mean square displacement 2v²τ²(t/τ − 1 + exp(−t/τ)), and finally D = v²τ/3.
+/// Mean square displacement 2v²τ²(t/τ − 1 + exp(−t/τ)); finally D = v²τ/3.
 pub(crate) fn run_and_tumble() -> Vec<Row> {
     let (n, speed, rate) = (40_000_u32, 20.0, 2.0);
     let swimmer = Species { speed, tumble_rate: rate, ..species("A", 0.0, 0.0) };
@@ -41,8 +41,8 @@ pub(crate) fn run_and_tumble() -> Vec<Row> {
     rows
 }
 
-/// Donors transfer at a rate γ to recipients in contact, thinly spread: recipients decrease as exp(−γ·n·(4/3)πρ³·t),
-/// with n donors per volume.
+/// Donors transfer at a rate γ to recipients in contact, which decrease as exp(−γ·n·(4/3)πρ³·t), with n donors per
+/// volume.
 pub(crate) fn conjugation() -> Vec<Row> {
     let (donors, recipients, edge, contact, rate) = (800, 1000, 20.0_f64, 1.0_f64, 0.1);
     let swimmer = |name: &str| {

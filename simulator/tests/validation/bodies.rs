@@ -1,4 +1,4 @@
-//! Receivers with partial, binding or reflecting surfaces, and receivers that move.
+//! Receivers with surfaces, and moving ones.
 
 use lazygrid_sim::{
     Adsorption, Boundary, Flow, Model, Particle, Particles, Receiver, ReceiverKind, Receptors, Shape,
@@ -14,7 +14,7 @@ const D: f64 = 100.0;
 const R: f64 = 5.0;
 const DISTANCE: f64 = 10.0;
 
-/// Fraction adsorbed within T by a sphere of reactivity κ from a given distance (Collins and Kimball, 1949).
+/// Adsorbed within T by a sphere of reactivity κ (Collins and Kimball, 1949).
 fn taken(kappa: f64, time: f64) -> f64 {
     let h = kappa / D + 1.0 / R;
     let y = (DISTANCE - R) / (4.0 * D * time).sqrt();
@@ -23,7 +23,7 @@ fn taken(kappa: f64, time: f64) -> f64 {
     R / DISTANCE * kappa / (D * h) * (libm::erfc(y) - tail)
 }
 
-/// exp(x²)·erfc(x), by its continued fraction where the factors overflow.
+/// exp(x²)·erfc(x), by its continued fraction if factors overflow.
 fn erfcx(x: f64) -> f64 {
     if x < 20.0 {
         return (x * x).exp() * libm::erfc(x);
@@ -31,7 +31,7 @@ fn erfcx(x: f64) -> f64 {
     1.0 / (std::f64::consts::PI.sqrt() * (x + 0.5 / (x + 1.0 / (x + 1.5 / x))))
 }
 
-/// Adsorption at a reactivity, in steps of different lengths, and at a probability per step.
+/// At a reactivity in steps of different lengths, and at a probability per step.
 pub(crate) fn partial() -> Vec<Row> {
     let (n, time) = (40_000_u32, 0.5);
     let share = |sticking, count: u32| {
@@ -72,11 +72,11 @@ pub(crate) fn partial() -> Vec<Row> {
     rows
 }
 
-/// The mean number bound of `n` in a volume to `receptors`, with the equilibrium constant K.
+/// Mean bound of `n` in a volume to `receptors`, with the equilibrium constant K.
 fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     let (mut weight, mut sum, mut total) = (1.0, 0.0, 1.0);
     for b in 0..n.min(receptors) {
-        // One more: any free particle to any free receptor, and any bound one may leave.
+        // One more: any free particle to any free receptor, against any bound one leaving.
         let b = f64::from(b);
         weight *= (f64::from(n) - b) * (f64::from(receptors) - b) * constant_per_volume / (b + 1.0);
         sum += (b + 1.0) * weight;
@@ -85,7 +85,7 @@ fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     sum / total
 }
 
-/// The law of mass action for receptors, from well-resolved to long steps.
+/// The law of mass action, from well-resolved to long steps.
 pub(crate) fn receptors() -> Vec<Row> {
     const N: u32 = 200;
     const EDGE: f64 = 4.0;
@@ -131,7 +131,7 @@ pub(crate) fn receptors() -> Vec<Row> {
     [(0.005, 2.0), (0.02, 2.0), (0.02, 0.2)].map(row).into()
 }
 
-/// Particles uniform in a periodic box outside a sphere, and the shells around it.
+/// Uniform particles outside a sphere, and the shells around it.
 pub(crate) fn reflecting() -> Vec<Row> {
     const N: u32 = 20_000;
     const RADIUS: f32 = 1.0;
@@ -195,8 +195,8 @@ pub(crate) fn reflecting() -> Vec<Row> {
     rows
 }
 
-/// A receiver moving through resting particles adsorbs as a resting one in a flow; many that diffuse adsorb as resting
-/// ones do from particles with the sum of both diffusion coefficients.
+/// A moving receiver adsorbs as a resting one in a flow; diffusing ones as resting ones with the sum of both
+/// coefficients.
 pub(crate) fn moving() -> Vec<Row> {
     let row = |count| passing("on the way of a receiver", [0.0, -FLOW], count);
     let mut rows: Vec<Row> = [8, 32, 400].map(row).into();

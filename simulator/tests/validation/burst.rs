@@ -4,8 +4,7 @@ use rayon::prelude::*;
 use crate::Row;
 use crate::setup::{begin, burst, in_ball, mean, species, steps};
 
-/// Pairs within σ of each other, a time t after a burst at one point: N(N − 1)/2·[erf(σ/√(2v)) −
-/// √(2/π)·(σ/√v)·exp(−σ²/2v)] with v = 4Dt.
+/// Pairs within σ after a burst at one point: N(N − 1)/2·[erf(σ/√(2v)) − √(2/π)·(σ/√v)·exp(−σ²/2v)] with v = 4Dt.
 pub(crate) fn pairs_of_a_point_burst() -> Vec<Row> {
     let (n, sigma, v) = (20_000_u32, 0.1_f64, 4.0_f64);
     let model = Model {
@@ -31,7 +30,7 @@ pub(crate) fn pairs_of_a_point_burst() -> Vec<Row> {
     ]
 }
 
-/// Acid and base from one point: the difference of the two diffuses linearly for any reaction.
+/// The difference of acid and base diffuses linearly for any reaction.
 pub(crate) fn acid_base() -> Vec<Row> {
     let (acid, base, sigma, step_per_sigma, time) = (4000, 2500, 0.1_f64, 0.5, 0.5);
     let time_step = (step_per_sigma * sigma).powi(2) / 2.0;

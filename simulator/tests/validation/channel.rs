@@ -18,7 +18,7 @@ const N: u32 = 40;
 const SYMBOLS: u32 = 100;
 const SYMBOL_TIME: f64 = 0.2;
 const STEPS: u32 = 50;
-/// The number of arrivals at or above which a receiver reads a symbol as 1.
+/// At or above it a receiver reads 1.
 const THRESHOLD: usize = 12;
 
 fn model(numbers: &str) -> Model {
@@ -32,13 +32,12 @@ fn model(numbers: &str) -> Model {
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
-/// The fraction of a burst that has arrived after a time: (r/d)·erfc((d − r)/√(4DT)).
+/// (r/d)·erfc((d − r)/√(4DT)) of a burst.
 fn arrived(time: f64) -> f64 {
     if time > 0.0 { R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt()) } else { 0.0 }
 }
 
-/// The probability that fewer than the threshold arrive, of Poisson or fixed bursts, of each of which `parts` have
-/// arrived.
+/// The probability of fewer arrivals than the threshold, by the fractions `parts` of Poisson or fixed bursts.
 fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
     let mut below = [0.0; THRESHOLD];
     below[0] = 1.0;
@@ -58,8 +57,8 @@ fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
     below.iter().sum()
 }
 
-/// On–off keying of random bits with an absorbing receiver: bit errors of a threshold, given the sent bits, from
-/// binomial and Poisson numbers of arrivals of the burst and all before it.
+/// On–off keying of random bits: errors of a threshold, given the sent bits, from binomial and Poisson arrivals of
+/// all bursts so far.
 pub(crate) fn on_off_keying() -> Vec<Row> {
     let parts: Vec<f64> = (0..SYMBOLS)
         .map(|k| arrived(f64::from(k + 1) * SYMBOL_TIME) - arrived(f64::from(k) * SYMBOL_TIME))
@@ -95,7 +94,7 @@ pub(crate) fn on_off_keying() -> Vec<Row> {
     rows
 }
 
-/// Mean arrivals of concentration and molecule shift keying, symbol by symbol, and of a steady release.
+/// Mean arrivals of concentration and molecule shift keying by symbol, and of steady release.
 pub(crate) fn other_modulations() -> Vec<Row> {
     let head = format!(
         "time-step = 0.002\nsteps = 1\n[[species]]\nname = \"A\"\ndiffusion = {D}\n\
@@ -139,13 +138,13 @@ pub(crate) fn other_modulations() -> Vec<Row> {
 
 const FEW_SYMBOLS: u32 = 30;
 const RUNS: u64 = 16;
-/// Arrivals at or above which a slot has the next higher level.
+/// Slot at or above one has the next higher level.
 const THRESHOLDS: [u64; 3] = [14, 30, 52];
 const MOST: u32 = 120;
-/// Few enough that another species is often ahead.
+/// Few, so that another species is often ahead.
 const OF_A_SPECIES: u32 = 15;
 
-/// The probability of each number of arrivals of bursts, each given by its size and the fraction in time.
+/// The probability of each number of arrivals of bursts (size, fraction in time).
 fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
     let mut chances = vec![1.0];
     for &(count, part) in bursts {
@@ -159,7 +158,7 @@ fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
     chances
 }
 
-/// The probability of each of four received symbols. `sent` lists the bursts from the latest symbol backwards.
+/// The probability of each received symbol; `sent` begins with the latest burst.
 fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     let ago = |k: usize| parts[sent.len() - 1 - k];
     if modulation == "csk" {
@@ -188,8 +187,8 @@ fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     })
 }
 
-/// Bit errors of concentration shift keying (thresholds) and molecule shift keying (most arrivals), two bits per
-/// symbol, from binomial numbers of arrivals.
+/// Errors of concentration shift keying (thresholds) and molecule shift keying (most arrivals), two bits per symbol,
+/// from binomial arrivals.
 pub(crate) fn shift_keying() -> Vec<Row> {
     let time = |k: u32| f64::from(k) * SYMBOL_TIME;
     let parts: Vec<f64> = (0..FEW_SYMBOLS).map(|k| arrived(time(k + 1)) - arrived(time(k))).collect();

@@ -1,4 +1,4 @@
-//! Hard spheres: pair distribution, and the conserved quantities of elastic ones.
+//! Hard spheres.
 
 use std::f64::consts::PI;
 
@@ -26,8 +26,7 @@ fn model((contact, packing): (Contact, f64), time_step: f64, kind: Species, edge
     }
 }
 
-/// The contact value g(σ⁺) = (1 − φ/2)/(1 − φ)³ of Carnahan and Starling for separated and elastic spheres; conserved
-/// quantities of elastic collisions.
+/// Contact value g(σ⁺) = (1 − φ/2)/(1 − φ)³ of Carnahan and Starling, and conserved quantities of elastic collisions.
 pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
@@ -62,13 +61,13 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     rows
 }
 
-/// The compressibility factor of Carnahan and Starling.
+/// Carnahan and Starling.
 fn compressibility(packing: f64) -> f64 {
     (1.0 + packing + packing.powi(2) - packing.powi(3)) / (1.0 - packing).powi(3)
 }
 
-/// The pressure of elastic spheres by the collision rate Γ of one. With Γ = 4nσ²g·√(πkT/m) and P/nkT = 1 + (2π/3)·nσ³g,
-/// the compressibility factor is 1 + √π·σΓ/(6·√(kT/m)).
+/// Pressure by the collision rate Γ of a sphere: with Γ = 4nσ²g·√(πkT/m) and P/nkT = 1 + (2π/3)·nσ³g, the
+/// compressibility factor is 1 + √π·σΓ/(6·√(kT/m)).
 pub(crate) fn elastic_pressure() -> Vec<Row> {
     let mut cases = vec![(0.2, 0.5), (0.4, 0.05), (0.4, 3.0)];
     cases.extend((0..4).map(|case| {
@@ -102,8 +101,8 @@ pub(crate) fn elastic_pressure() -> Vec<Row> {
     cases.par_iter().map(row).collect()
 }
 
-/// Long-time diffusion of separated spheres over that of free ones. It falls with the volume fraction at any step;
-/// short steps have the value of Brownian dynamics, about 0.49 at 0.3.
+/// Long-time diffusion over free diffusion. It falls with the volume fraction; short steps have the value of Brownian
+/// dynamics, about 0.49 at 0.3.
 pub(crate) fn crowded_diffusion() -> Vec<Row> {
     const PACKINGS: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
     let cases: Vec<(f64, f64)> =
@@ -122,7 +121,7 @@ pub(crate) fn crowded_diffusion() -> Vec<Row> {
     rows
 }
 
-/// D/D₀ with its standard error, at a step √(2DΔt) in diameters and a volume fraction.
+/// D/D₀ and its standard error, at a step √(2DΔt) in diameters and a volume fraction.
 fn slowed_diffusion((step, packing): (f64, f64)) -> (f64, f64) {
     let time_step = step * step / 2.0;
     let model = model((Contact::Separate, packing), time_step, species("A", 0.5, 1.0), 8);
@@ -155,7 +154,7 @@ fn by_id(particles: &Particles) -> Vec<[f32; 3]> {
     rows
 }
 
-/// A thin gas of elastic spheres between walls stays uniform up to them and isotropic, and keeps its energy.
+/// A thin elastic gas stays uniform up to walls and isotropic, and keeps its energy.
 pub(crate) fn gas_between_walls() -> Vec<Row> {
     let (n, radius, half, layer) = (5000_u32, 0.01_f32, 1.0_f32, 0.05_f32);
     let model = Model {
@@ -237,7 +236,7 @@ impl Shells {
         for pair in self.detector.pairs(&rows).expect("pairs") {
             let [a, b] = [pair.i, pair.j].map(|k| particles.position_of(k as usize).into());
             let distance = self.space.distance_squared(a, b).sqrt();
-            // Rounding may leave spheres in contact overlapping a little.
+            // Rounding may leave a small overlap.
             let shell = ((distance - 1.0).max(0.0) / WIDTH) as usize;
             if let Some(count) = self.counts.get_mut(shell) {
                 *count += 1;
@@ -247,7 +246,7 @@ impl Shells {
         self.particles = particles.len() as u64;
     }
 
-    /// g at contact, by a parabola through the logarithms of all shells.
+    /// Fits a parabola through the logarithms of all shells.
     fn contact_value(&self) -> f64 {
         let n = self.particles as f64;
         let pairs = n * (n - 1.0) / 2.0 / self.volume;

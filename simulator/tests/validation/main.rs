@@ -1,5 +1,5 @@
-//! The simulator against closed forms. Seeds are fixed; tolerances are in standard errors, in places plus an allowance
-//! for terms that the closed form omits. Prints a table and fails if a row does.
+//! The simulator against closed forms, with fixed seeds and tolerances in standard errors, plus an allowance for
+//! terms that the closed form omits.
 //!
 //! `cargo test --release -p lazygrid-sim --test validation` (arguments select items by name)
 #![expect(clippy::print_stdout, reason = "the table is what this is for")]
@@ -25,9 +25,9 @@ pub(crate) struct Row {
     pub(crate) what: String,
     pub(crate) expected: f64,
     pub(crate) measured: f64,
-    /// The largest deviation that passes.
+    /// Largest deviation that passes.
     pub(crate) tolerance: f64,
-    /// `true` if the two must differ by more than the tolerance instead.
+    /// Two must differ by more than the tolerance.
     pub(crate) must_differ: bool,
 }
 
@@ -85,7 +85,7 @@ const ITEMS: [Item; 33] = [
 ];
 
 fn main() -> ExitCode {
-    // `cargo test` passes on options of the usual harness, which mean nothing here.
+    // Options of the usual harness.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
     println!("{:<20} {:<46} {:>14} {:>14} {:>12}", "item", "quantity", "expected", "measured", "tolerance");
     let mut failed = 0;

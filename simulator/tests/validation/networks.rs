@@ -27,8 +27,7 @@ fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> Model {
     ))
 }
 
-/// The mean number of n + n that are bound, with K = [C]/[A][B] in a volume: with m bound the weight is (n over
-/// m)²·m!·(K/V)^m.
+/// Mean bound of n + n, with K = [C]/[A][B] in a volume: m bound weigh (n over m)²·m!·(K/V)^m.
 fn bound(n: u32, constant: f64) -> f64 {
     let (mut weight, mut sum, mut first) = (1.0, 1.0, 0.0);
     for m in 1..=n {
@@ -39,7 +38,7 @@ fn bound(n: u32, constant: f64) -> f64 {
     first / sum
 }
 
-/// A + B ⇌ C against the law of mass action, for few molecules.
+/// A + B ⇌ C and the law of mass action, for few molecules.
 pub(crate) fn equilibrium() -> Vec<Row> {
     let (n, volume) = (20, 8.0);
     let row = |what: &str, model: Model, constant: f64, (relax, count): (u32, u32)| {
@@ -77,7 +76,7 @@ pub(crate) fn equilibrium() -> Vec<Row> {
     ]
 }
 
-/// E + S ⇌ ES → E + P, well mixed, against the rate equations.
+/// E + S ⇌ ES → E + P, well mixed, and the rate equations.
 pub(crate) fn michaelis_menten() -> Vec<Row> {
     let (inside, back, onwards, radius) = (40.0, 1.0, 2.0, 0.05_f64);
     let text = format!(
@@ -110,7 +109,7 @@ pub(crate) fn michaelis_menten() -> Vec<Row> {
     times.into_iter().enumerate().map(row).collect()
 }
 
-/// Complex and product by the classical method of Runge and Kutta, of 100 E and 1000 S.
+/// Complex and product by Runge and Kutta, of 100 E and 1000 S.
 fn rate_equations([there, back, onwards]: [f64; 3], time: f64) -> [f64; 2] {
     let slope = |[complex, product]: [f64; 2]| {
         let bind = there * (100.0 - complex) * (1000.0 - complex - product);
@@ -129,7 +128,7 @@ fn rate_equations([there, back, onwards]: [f64; 3], time: f64) -> [f64; 2] {
     })
 }
 
-/// The number of particles that appear everywhere and decay, and of their products, is Poisson at any step.
+/// Born and decayed particles, and their products, are Poisson at any step.
 pub(crate) fn births() -> Vec<Row> {
     let text = "time-step = 1\nsteps = 1\n[boundary]\nkind = \"reflecting\"\nlow = [0, 0, 0]\nhigh = [1, 2, 5]\n\
                 [[species]]\nname = \"A\"\nradius = 0.1\ndiffusion = 0.1\n\
@@ -151,7 +150,7 @@ pub(crate) fn births() -> Vec<Row> {
         rows.push(Row::new(format!("mean of {name}"), expected, measured, 4.0 * error));
         let n = counts.len() as f64;
         let variance = counts.iter().map(|count| (count - measured).powi(2)).sum::<f64>() / (n - 1.0);
-        // The fourth central moment of a Poisson number is λ + 3λ².
+        // Fourth central moment of a Poisson number: λ + 3λ².
         let error = ((expected + 2.0 * expected * expected) / n).sqrt();
         rows.push(Row::new(format!("variance of {name}"), expected, variance, 4.0 * error));
     }
@@ -174,9 +173,9 @@ pub(crate) fn branching() -> Vec<Row> {
     vec![Row::new("share of the first channel", 0.75, first / n, 4.0 * share_error(0.75, n))]
 }
 
-/// Particles around a target within which they react at a rate λ. With κ = √(λ/D) those at a distance r ever react with
-/// probability h(r) = (ρ/r)·(1 − tanh(κρ)/κρ), and 1 − (ρ − ρh(ρ))·sinh(κr)/(r·sinh(κρ)) inside. The mean of h over
-/// particles, counting reacted ones as 1, is conserved.
+/// Particles that react within a target at a rate λ. With κ = √(λ/D) those at r ever react with probability h(r) =
+/// (ρ/r)·(1 − tanh(κρ)/κρ), and 1 − (ρ − ρh(ρ))·sinh(κr)/(r·sinh(κρ)) inside. The mean of h, counting reacted ones as
+/// 1, is conserved.
 pub(crate) fn rate_inside() -> Vec<Row> {
     let (n, radius, rate, start, time) = (250_u32, 1.0_f64, 4.0_f64, 1.5_f64, 1.0);
     let kappa = rate.sqrt();
@@ -221,7 +220,7 @@ pub(crate) fn rate_inside() -> Vec<Row> {
     [0.1, 0.3].map(row).into()
 }
 
-/// A → B → nothing, in steps of a tenth of a lifetime.
+/// A → B → nothing, in steps of a tenth lifetime.
 pub(crate) fn chain() -> Vec<Row> {
     let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
     let n = 200_000;

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use crate::Row;
 use crate::setup::{begin, burst, is_long, mean, species, steps};
 
-/// A fixed target in a sea of diffusing traps. With steps of length s, hits are those of a sphere of radius σ′ = σ −
-/// 0.5826·s: 4πDσ′T + 8σ′²√(πDT) − (4/3)π(σ³ − σ′³) per unit of concentration.
+/// A fixed target among diffusing traps. With steps s, hits are those of a sphere of radius σ′ = σ − 0.5826·s: 4πDσ′T
+/// + 8σ′²√(πDT) − (4/3)π(σ³ − σ′³) per concentration.
 pub(crate) fn diffusion_limited() -> Vec<Row> {
     let (traps, ball, batches) = (if is_long() { 1_500_000_u32 } else { 400_000 }, 8.0_f64, 400);
     let mut rows = Vec::new();
@@ -47,7 +47,7 @@ pub(crate) fn diffusion_limited() -> Vec<Row> {
     rows
 }
 
-/// A + B → nothing in a well-mixed box: n(t) = 1/(1/n₀ + kt/V).
+/// A + B → nothing, well mixed: n(t) = 1/(1/n₀ + kt/V).
 pub(crate) fn well_mixed() -> Vec<Row> {
     let (n, sigma, probability, time_step) = (4000_u32, 0.02_f64, 0.02, 1.0);
     let reaction = Reaction {

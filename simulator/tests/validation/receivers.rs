@@ -1,5 +1,3 @@
-//! Counts of receivers.
-
 use lazygrid_sim::random::philox::{open_unit, philox};
 use lazygrid_sim::{Adsorption, Boundary, Model, Receiver, ReceiverKind, Shape, Species, Transmitter};
 use rayon::prelude::*;
@@ -30,7 +28,7 @@ fn model(time_step: f64, kind: ReceiverKind) -> Model {
     }
 }
 
-/// Fraction that reaches an absorbing sphere within T: (r/d)·erfc((d − r)/√(4DT)).
+/// (r/d)·erfc((d − r)/√(4DT)) reach an absorbing sphere within T.
 pub(crate) fn absorbing() -> Vec<Row> {
     let time = 0.5;
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt());
@@ -49,7 +47,7 @@ pub(crate) fn absorbing() -> Vec<Row> {
     rows
 }
 
-/// Fraction inside a transparent sphere: the integral of the concentration over it.
+/// The concentration, integrated over a transparent sphere.
 pub(crate) fn transparent() -> Vec<Row> {
     let time_step = 0.01;
     let mut simulation = begin(&model(time_step, ReceiverKind::Transparent), 3);
@@ -66,8 +64,8 @@ pub(crate) fn transparent() -> Vec<Row> {
     rows
 }
 
-/// Fraction of particles carried by a flow v that ever reaches an absorbing sphere. With κ = v/2D it is exp(−κr·cosθ)·Σ
-/// (2l + 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the direction of the flow; in steps of up to two radii.
+/// The fraction in a flow v that ever reaches an absorbing sphere: with κ = v/2D, exp(−κr·cosθ)·Σ (2l +
+/// 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the flow; steps up to two radii.
 pub(crate) fn absorbing_in_flow() -> Vec<Row> {
     let mut rows = vec![Row::new("the series, hardly a flow", 0.25, reached(1e-3, 4.0, 0.3), 0.002)];
     rows.extend([8, 32, 1600].map(|count| passing("from a flow", [FLOW, 0.0], count)));
@@ -76,7 +74,7 @@ pub(crate) fn absorbing_in_flow() -> Vec<Row> {
 
 pub(crate) const FLOW: f64 = 10.0;
 
-/// The fraction adsorbed if particles and the sphere move along at these velocities.
+/// Adsorbed at these velocities of particles and sphere.
 pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Row {
     let (start, n) = ([-4.0_f32, 1.0, 0.0], 40_000_u32);
     let distance = f64::from(start[0].hypot(start[1]));
@@ -102,7 +100,7 @@ pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Ro
     Row::new(format!("{what}, {count} steps"), expected, share, 4.0 * share_error(expected, n.into()))
 }
 
-/// The series for a sphere of radius 1.
+/// For a sphere of radius 1.
 fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
     const TERMS: usize = 60;
     // kₗ rises with l, so its recurrence is stable upwards, and that of iₗ downwards.
@@ -122,11 +120,11 @@ fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
         sum += order * scale * first[l] * far[l] / near[l] * legendre;
         (before, legendre) = (legendre, (order * cosine * legendre - l as f64 * before) / (l + 1) as f64);
     }
-    // The factors exp(−x) of kₗ.
+    // Factors exp(−x) of kₗ.
     (-kappa * distance * cosine - kappa * (distance - 1.0)).exp() * sum
 }
 
-/// Fraction absorbed by a sphere of radius 1 in steps of 0.3 to 4 radii, from random distances.
+/// A sphere of radius 1, steps of 0.3 to 4 radii, random distances.
 pub(crate) fn long_steps() -> Vec<Row> {
     const CASES: u32 = 16;
     let n = 20_000_u32;
@@ -158,8 +156,7 @@ pub(crate) fn long_steps() -> Vec<Row> {
 
 const GAP: f64 = 0.1;
 
-/// Two equal spheres each adsorb equally from a point at the same distance, and together what the method of images
-/// predicts.
+/// Two equal spheres adsorb equally from the same distance, and together as the method of images predicts.
 pub(crate) fn neighbors() -> Vec<Row> {
     let kinds = [ReceiverKind::Absorbing, ReceiverKind::Partial(Adsorption::Reactivity(2.0))];
     let cases: Vec<_> =
@@ -206,9 +203,9 @@ pub(crate) fn neighbors() -> Vec<Row> {
     cases.par_iter().flat_map(rows).collect()
 }
 
-/// Fraction of particles from the middle plane of two spheres, at a height above their line, that reaches one of them
-/// within a long time. The potential of both spheres at 1 is that of charges q, at distances from the centers, and
-/// their images: q′ = −q/(d −) at′ = 1/(d −). Later arrivals are those of a sphere of the same capacity.
+/// The fraction from the middle plane of two spheres, at a height above their line, that reaches one: the potential
+/// of both at 1 is that of charges q and their images, q′ = −q/(d − a) at a′ = 1/(d − a). Later arrivals are those of a
+/// sphere of the same capacity.
 fn reached_by_two(height: f64, time: f64) -> f64 {
     let distance = 2.0 + GAP;
     let (mut charge, mut place, mut potential, mut capacity) = (1.0, 0.0, 0.0, 0.0);

@@ -18,7 +18,7 @@ pub(super) struct CollisionStages {
     pub(super) land: Vec<Stage>,
 }
 
-/// As in `contact.rs`.
+/// Equal to that of `contact.rs`.
 const PASSES: u32 = 4;
 
 impl CollisionStages {

@@ -11,7 +11,7 @@ const DIGIT_BITS: u32 = 3u;
 const DIGITS: u32 = 8u;
 
 var<workgroup> sizes: vec2<u32>;
-// By digit and thread: the number of keys, then the index of the next one.
+// Indexed by digit and thread: the number of keys, then the index of the next one.
 var<workgroup> digits: array<u32, 2048>;
 
 fn key_at(pass_number: u32, k: u32) -> vec2<u32> {

@@ -11,7 +11,7 @@ use crate::release::origins::{Arrival, Origin};
 pub(super) type Entry = [u32; 4];
 
 impl GpuSimulation {
-    /// By step; second products by rank, then arrivals by id.
+    /// Sorted by step; second products by rank, then arrivals by id.
     pub(super) fn read_events(&self, count: u32) -> Result<Vec<Entry>, Error> {
         if count == 0 {
             return Ok(Vec::new());

@@ -1,27 +1,26 @@
 //! Collisions of particles on their paths within a step.
 //!
-//! Every particle moves along a line with a constant velocity until it collides with a wall or another particle. Times of impact
-//! of candidate pairs decide which collision is the next one of a particle, so that a step of any length leaves no overlap that
-//! was not there before. What a collision does depends on the contact of the model:
+//! Every particle moves along a line until it collides with a wall or another particle. The time of impact of
+//! candidate pairs decides each particle's next collision, so a step of any length leaves no new overlap. The contact
+//! of the model sets the result:
 //!
 //! - *Elastic*: the particles exchange momentum by their masses.
-//! - *Separate*: a step of diffusion is a displacement whose variance is proportional to the diffusion coefficient D, as if the
-//!   particle had the mass 1/D and a thermal velocity that each step draws again. Collisions by these masses keep the
-//!   uniform distribution over all states without an overlap, because the motion conserves volumes and energy (A. Scala,
-//!   T. Voigtmann and C. De Michele, *Event-driven Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007)
-//!   134109).
+//! - *Separate*: a diffusion step is a displacement with a variance proportional to D, as if the particle had the
+//!   mass 1/D and a thermal velocity drawn per step. Such collisions keep the uniform distribution over states
+//!   without overlap, because the motion conserves volumes and energy (A. Scala, T. Voigtmann and C. De Michele,
+//!   *Event-driven Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007) 134109).
 //!
-//! *Not detected* are collisions of two species that react with each other, which have to overlap in order to react, and of pairs
-//! that overlap at the beginning. Elastic ones of these bounce at the beginning of the step if they approach each other.
+//! *Not detected* are collisions of species that react with each other, which must overlap to react, and of pairs
+//! that overlap at the beginning. Elastic ones of these bounce then if they approach.
 //!
 //! # Correctness
 //!
-//! 1. A step consists of windows. The candidate list of a window holds every pair whose surfaces are within twice an allowance
-//!    of each other. No particle is faster than a top speed, and the window ends when that speed has traveled the allowance. So
+//! 1. A step consists of windows. A window's candidate list holds every pair whose surfaces are within twice an
+//!    allowance. No particle exceeds a top speed, and the window ends when that speed has traveled the allowance. So
 //!    no other pair collides in it.
-//! 2. If a collision makes a particle faster, the window begins again with a higher top speed.
-//! 3. `rounds.rs` argues that the events of a window happen in the order of their times, then of ids. A prediction uses only the
-//!    two particles. So the result does not depend on the order of particles or candidates, nor on threads.
+//! 2. If a collision exceeds the top speed, the window begins again with a higher one.
+//! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only the two
+//!    particles. So the result is independent of the order of particles and candidates, and of threads.
 
 use lazygrid::Detector;
 use rayon::prelude::*;
@@ -43,47 +42,41 @@ use mover::{Mover, dot};
 use rounds::{Adjacency, SLACK, Unfinished, Window};
 use rules::Rules;
 
-/// Finds and resolves the collisions of a model.
 #[derive(Debug)]
 pub(crate) struct Collisions {
     detector: Detector,
     rules: Rules,
-    /// Reused from step to step.
     scratch: Scratch,
 }
 
 #[derive(Debug, Default)]
 struct Scratch {
     movers: Vec<Mover>,
-    /// The particles at the beginning of the window.
+    /// At the beginning of the window.
     begun: Vec<Mover>,
     rows: Vec<[f32; 4]>,
     neighbors: Adjacency,
 }
 
-/// The allowance of candidates, as a fraction of the mean distance between neighbors and of the largest radius.
+/// Allowance over the mean distance of neighbors, and over the largest radius.
 const ALLOWANCE: [f64; 2] = [0.25, 0.25];
-/// The top speed of a window over the speed of the fastest particle.
+/// Top speed of a window over its fastest particle.
 const TOP_SPEED: f64 = 1.15;
-/// The largest number of collisions per particle and step, on average.
+/// Mean collisions per particle and step.
 const MAX_COLLISIONS: u64 = 1000;
-/// Collisions of few particles that are allowed beyond [`MAX_COLLISIONS`].
+/// Additional collisions, for few particles.
 const MIN_BUDGET: u64 = 1_000_000;
 
 impl Collisions {
-    /// Creates the collisions of a model that [`Model::check`] accepts; `None` if its particles pass through each other.
-    ///
-    /// # Errors
-    /// [`Error::Detection`] for a box without extent.
+    /// `None` if particles pass through each other.
     pub(crate) fn new(model: &Model) -> Result<Option<Self>, Error> {
         let Some(rules) = Rules::new(model) else { return Ok(None) };
         Ok(Some(Self { detector: finder(&model.boundary)?, rules, scratch: Scratch::default() }))
     }
 
-    /// Lets particles collide on their flights, which change. Returns the number of collisions.
+    /// Lets particles collide, which changes their flights. Returns the number of collisions.
     ///
-    /// # Errors
-    /// [`Error::Step`] if the detector fails, and [`Error::Collisions`] if there are more than [`MAX_COLLISIONS`] per particle.
+    /// [`Error::Step`] from the detector, [`Error::Collisions`] above [`MAX_COLLISIONS`].
     pub(crate) fn resolve(
         &mut self,
         particles: &Particles,
@@ -108,7 +101,6 @@ impl Collisions {
         result
     }
 
-    /// Moves particles through the step, window by window. Returns the number of collisions.
     fn run(&mut self, scratch: &mut Scratch, step: u32) -> Result<u64, Error> {
         let (mut now, mut collisions, mut top_speed) = (0.0, 0, 0.0);
         let most = self.largest_allowance(&scratch.movers);
@@ -151,7 +143,7 @@ impl Collisions {
         Ok(collisions)
     }
 
-    /// Returns the largest useful allowance of candidates, in µm: more would only add candidates.
+    /// In µm; more would only add candidates.
     fn largest_allowance(&self, movers: &[Mover]) -> f64 {
         let largest = f64::from(movers.iter().map(|m| m.radius).fold(0.0, f32::max));
         let axes = self.rules.boundary.axes;
@@ -173,7 +165,6 @@ impl Collisions {
         image.fold((ALLOWANCE[0] * spacing.cbrt()).max(ALLOWANCE[1] * largest), f64::min)
     }
 
-    /// Returns the pairs of particles whose surfaces are within twice `allowance` of each other.
     fn candidates(
         &mut self,
         scratch: &mut Scratch,
@@ -200,7 +191,7 @@ impl Collisions {
         Ok(pairs.filter(|&pair| touches(pair)).collect())
     }
 
-    /// Lets overlapping pairs that approach each other bounce, in the order of ids. Returns their number.
+    /// Lets overlapping pairs that approach bounce, by id. Returns their number.
     fn bounce_overlaps(&self, movers: &mut [Mover], candidates: &[[u32; 2]]) -> u64 {
         let overlaps = |&pair: &[u32; 2]| {
             let mut pair = pair;

@@ -4,30 +4,29 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::model::particles::Particles;
 use crate::motion::path_hit::Path;
 
-/// The path of a particle in a step, with its own velocity.
+/// A particle's path in a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flight {
     pub(crate) path: Path,
-    /// Its end if nothing reflected it, in µm.
+    /// End without reflections, in µm.
     pub(crate) free_end: [f32; 3],
-    /// Its velocity at the beginning, in µm/s.
+    /// Own velocity at the beginning, in µm/s.
     pub(crate) begun: [f32; 3],
-    /// Its velocity at the end, in µm/s.
+    /// Own velocity at the end, in µm/s.
     pub(crate) velocity: [f32; 3],
 }
 
 /// A particle in motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Mover {
-    /// Its position at `time`, in µm, not wrapped at periodic boundaries.
+    /// Position at `time`, in µm, not wrapped.
     pub(crate) position: [f64; 3],
-    /// Its clock: the fraction of the step up to which its path is known.
+    /// Fraction of the step up to which the path is known.
     pub(crate) time: f64,
-    /// Its displacement per step, in µm.
+    /// Displacement per step, in µm.
     pub(crate) motion: [f64; 3],
-    /// The length of `motion`.
     pub(crate) speed: f64,
-    /// Its own velocity, in µm/s.
+    /// Own velocity, in µm/s.
     pub(crate) own: [f64; 3],
     pub(crate) id: u32,
     pub(crate) species: u32,
@@ -67,17 +66,15 @@ impl Mover {
         std::array::from_fn(|k| boundary.axes[k].displacement_exact(to[k] - from[k]))
     }
 
-    /// Returns the distance of the centers at contact, in µm.
     pub(crate) fn touch(&self, other: &Self) -> f64 {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
-    /// Returns the distance of the surfaces of two particles at a time, in µm; negative if they overlap.
+    /// Returns the surface distance at a time, in µm; negative for an overlap.
     pub(crate) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
         length(self.displacement(other, time, boundary)) - self.touch(other)
     }
 
-    /// Writes the end of its path to its flight.
     pub(crate) fn land(&self, flight: &mut Flight, domain: &Boundary) {
         let end = self.position.map(|c| c as f32);
         let after = domain.confine(end);

@@ -1,83 +1,77 @@
 //! Events in parallel rounds.
 //!
-//! Every particle has its own clock and knows its next event. In a round, an event happens if it is the next one of both of its
-//! particles and is *safe*: no third particle can hit either of them before. All these events are independent of each other.
+//! Every particle has a clock and a next event. In a round, an event happens if it is the next of both its particles
+//! and *safe*: no third particle can hit either before. Such events are independent.
 //!
 //! # Correctness
 //!
-//! Let `T` be the earliest event that has not happened, and let no particle be faster than `V`.
+//! Let `T` be the earliest pending event, and `V` the top speed.
 //!
-//! 1. A particle leaves its predicted path at its next event, or when a particle that left its own path before hits it. Nothing
-//!    leaves its path before `T`.
-//! 2. If a particle leaves its path at `s` or later and hits one of speed `v` that did not, it does so at `s + g/(V + v)` or
-//!    later, where `g` is the distance of their surfaces at `s` on the predicted paths. (Until then both move at most `V + v`
-//!    towards each other. If one has a clock beyond `s`, its known path is safe until there, and `g` is taken at that clock.)
-//! 3. Two such hits in a chain bound the time at which a third particle may hit one of the event. If that bound is not before
-//!    the event for any third particle, the event is the same as in the order of all times.
+//! 1. A particle leaves its predicted path at its next event, or when a particle that left its own path hits it.
+//!    Nothing leaves its path before `T`.
+//! 2. A particle that leaves its path at `s` or later hits one of speed `v` that did not at `s + g/(V + v)` or later,
+//!    where `g` is their surface distance at `s` on the predicted paths: until then they approach by at most `V + v`.
+//!    (If a clock is beyond `s`, that known path is safe until there, and `g` is taken at the clock.)
+//! 3. Two such hits bound the time at which a third particle may hit one of the event. If no bound is before the
+//!    event, it is the same as in the order of times.
 //!
-//! The earliest event of all is always safe, so every round has at least one. In dense clusters distances vanish, and so would
-//! the parallelism. There each distance counts as larger by [`SLACK`] contact distances: a third particle may then hit late by
-//! the time in which it moves that far, and the hit is resolved at that overlap.
+//! The earliest event is always safe, so every round has one. In dense clusters distances vanish, and the parallelism
+//! with them. There each distance counts as larger by [`SLACK`] contact distances: a third particle may hit late by
+//! the time of that distance, at that overlap.
 
 use rayon::prelude::*;
 
 use super::mover::{Mover, dot};
 use super::rules::{Event, Rules};
 
-/// The largest overlap that a late hit may have by either link of a chain, in contact distances.
+/// Largest overlap of a late hit by either link of a chain, in contact distances.
 pub(crate) const SLACK: f64 = 1.0 / 256.0;
-/// The least number of particles per parallel task.
 const TASK: usize = 64;
 
-/// The neighbors of every particle in the candidate list.
 #[derive(Debug, Default)]
 pub(crate) struct Adjacency {
     begins: Vec<u32>,
     neighbors: Vec<u32>,
 }
 
-/// A part of a step in which the candidate list is complete.
+/// A part of a step with a complete candidate list.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window<'a> {
     pub(crate) rules: &'a Rules,
     pub(crate) neighbors: &'a Adjacency,
-    /// Its end.
     pub(crate) horizon: f64,
-    /// The largest permitted speed, in µm per step.
+    /// In µm per step.
     pub(crate) top_speed: f64,
     /// [`SLACK`], or 0 for the exact order.
     pub(crate) slack: f64,
-    /// The largest permitted number of collisions.
+    /// Limit of collisions.
     pub(crate) limit: u64,
 }
 
-/// The reason why a window cannot be finished.
+/// The reason why a window cannot finish.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Unfinished {
-    /// A particle became faster than permitted. The speed of the fastest in that round.
+    /// Speed of the fastest particle.
     TooFast(f64),
-    /// The number of collisions so far.
+    /// Collisions so far.
     TooMany(u64),
 }
 
-/// The next events of all particles, and the particles whose next event is within the window.
+/// Next events, and the particles whose next event is within the window.
 #[derive(Debug)]
 struct Agenda {
     next: Vec<Event>,
-    /// The earliest time of all from which the next event may be safe.
+    /// Time from which the next event may be safe.
     safe_from: Vec<f64>,
     active: Vec<u32>,
     is_active: Vec<bool>,
     news: Vec<News>,
 }
 
-/// The reason why the next event of a particle is predicted again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum News {
     None,
-    /// The other particle of its next event changed.
     Partner,
-    /// The particle itself changed.
     Own,
 }
 
@@ -85,7 +79,7 @@ impl Window<'_> {
     /// Lets all events of the window happen. Returns the number of collisions.
     ///
     /// # Errors
-    /// [`Unfinished`], with `movers` in the middle of the window.
+    /// [`Unfinished`], with `movers` in mid-window.
     pub(crate) fn run(&self, movers: &mut [Mover]) -> Result<u64, Unfinished> {
         let mut agenda = self.begin(movers);
         let mut collisions = 0;
@@ -124,7 +118,6 @@ impl Window<'_> {
         Ok(collisions)
     }
 
-    /// Predicts the first events of all particles.
     fn begin(&self, movers: &[Mover]) -> Agenda {
         let all = 0..movers.len() as u32;
         let mut next = Vec::new();
@@ -136,14 +129,13 @@ impl Window<'_> {
         Agenda { next, safe_from, active, is_active, news: vec![News::None; movers.len()] }
     }
 
-    /// Returns the next event of a particle.
     pub(crate) fn next_event(&self, movers: &[Mover], at: u32) -> Event {
         let others = self.neighbors.of(at).iter();
         let events = others.filter_map(|&other| self.rules.predict(movers, [at, other]));
         events.chain(self.rules.predict_wall(movers, at)).fold(Event::NEVER, Event::earlier)
     }
 
-    /// Predicts the next events of particles again after some have `changed`.
+    /// Predicts events again after particles `changed`.
     fn update(&self, movers: &[Mover], agenda: &mut Agenda, changed: &[u32]) {
         changed.iter().for_each(|&at| agenda.news[at as usize] = News::Own);
         let stale = agenda.lose_partners(changed.iter().flat_map(|&at| self.neighbors.of(at)));
@@ -173,7 +165,7 @@ impl Window<'_> {
         });
     }
 
-    /// Returns the earliest time of all from which an event is safe, or `None` if it is not the next one of its particles.
+    /// Returns the time from which an event is safe; `None` if not the next of its particles.
     pub(crate) fn safe_from(
         &self,
         movers: &[Mover],
@@ -187,7 +179,7 @@ impl Window<'_> {
         }
         for &at in own {
             for &other in self.neighbors.of(at).iter().filter(|other| !own.contains(other)) {
-                // First by the least time at which the other one may leave its path, which is often enough.
+                // The least time at which the other may leave its path is often enough.
                 if self.misses(movers, [other, at], [earliest, event.time]) {
                     continue;
                 }
@@ -196,7 +188,7 @@ impl Window<'_> {
                 let leaves = hits.fold(next[other as usize].time, f64::min);
                 let late = event.time - self.hit(movers, [other, at], leaves);
                 if late > 0.0 {
-                    // Later, each of these times is later by as much as the earliest one.
+                    // Each time is later by as much as the earliest.
                     return Some(earliest + late);
                 }
             }
@@ -204,7 +196,7 @@ impl Window<'_> {
         Some(earliest)
     }
 
-    /// Returns `true` if [`hit`](Self::hit) from the first time is at the second one or later, without a root.
+    /// Returns `true` if [`hit`](Self::hit) from `from` is at `until` or later, without a root.
     fn misses(&self, movers: &[Mover], pair: [u32; 2], [from, until]: [f64; 2]) -> bool {
         let [left, steady] = pair.map(|at| &movers[at as usize]);
         let time = from.max(left.time).max(steady.time);
@@ -214,8 +206,8 @@ impl Window<'_> {
         dot(d, d) >= reach * reach
     }
 
-    /// Returns a lower bound of the time at which the first particle, if it leaves its path at `from` or later, hits the second
-    /// one.
+    /// Returns a lower bound of the time at which the first particle, off its path at `from` or later, hits the
+    /// second.
     fn hit(&self, movers: &[Mover], pair: [u32; 2], from: f64) -> f64 {
         if from == f64::INFINITY {
             return from;
@@ -228,7 +220,7 @@ impl Window<'_> {
 }
 
 impl Agenda {
-    /// Returns the unchanged particles among `candidates` whose next event was with a changed one.
+    /// Returns the unchanged candidates whose next event was with a changed particle.
     fn lose_partners<'a>(&mut self, candidates: impl Iterator<Item = &'a u32>) -> Vec<u32> {
         let Self { next, news, .. } = self;
         let mut stale = Vec::new();
@@ -242,7 +234,6 @@ impl Agenda {
         stale
     }
 
-    /// Sets the next event of a particle.
     fn set(&mut self, at: u32, event: Event, horizon: f64) {
         self.next[at as usize] = event;
         self.safe_from[at as usize] = 0.0;

@@ -1,4 +1,4 @@
-//! When two particles, or a particle and a wall, collide, and the result.
+//! Collisions of particles with each other and with walls.
 
 use std::cmp::Ordering;
 
@@ -7,40 +7,37 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::rounding;
 use crate::model::{Contact, Model};
 
-/// The constants of a model's collisions.
 #[derive(Debug)]
 pub(crate) struct Rules {
     pub(crate) is_elastic: bool,
     pub(crate) boundary: Boundary,
-    /// Boundaries of the particle centers, by species.
+    /// Boundaries of centers, by species.
     pub(crate) domains: Vec<Boundary>,
-    /// Reciprocal masses, by species: of momentum, or diffusion coefficients.
+    /// Reciprocal masses by species; diffusion coefficients for separation.
     mobility: Vec<f64>,
-    /// `true` for two species that react with each other, by row and column.
+    /// `true` if two species react, by row and column.
     reacts: Vec<bool>,
 }
 
-/// A predicted event of a particle with another one or a wall.
+/// A predicted event of a particle with another or a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Event {
-    /// Infinite if no event is predicted.
+    /// Infinite without an event.
     pub(crate) time: f64,
-    /// The ids of both particles, in ascending order; of a wall [`WALL`].
+    /// Ids in ascending order; [`WALL`] for a wall.
     ids: [u32; 2],
-    /// Their indices, in the same order.
     pub(crate) at: [u32; 2],
     wall: u32,
 }
 
-/// The index that stands for a wall.
+/// Index that stands for a wall.
 pub(crate) const WALL: u32 = u32::MAX;
-/// The number of the wall of a vessel, after those of the three axes.
+/// After those of the three axes.
 const VESSEL_WALL: u32 = 6;
 
 impl Event {
     pub(crate) const NEVER: Self = Self { time: f64::INFINITY, ids: [WALL; 2], at: [WALL; 2], wall: 0 };
 
-    /// Orders events by time, then by ids.
     pub(crate) fn compare(&self, other: &Self) -> Ordering {
         self.time.total_cmp(&other.time).then_with(|| (self.ids, self.wall).cmp(&(other.ids, other.wall)))
     }
@@ -49,7 +46,6 @@ impl Event {
         if other.compare(&self).is_lt() { other } else { self }
     }
 
-    /// Returns the indices of its particles.
     pub(crate) fn particles(&self) -> &[u32] {
         let count = self.at.iter().filter(|&&at| at != WALL).count();
         &self.at[..count]
@@ -57,7 +53,7 @@ impl Event {
 }
 
 impl Rules {
-    /// Returns the constants of a model; `None` if its particles pass through each other.
+    /// `None` if particles pass through each other.
     pub(crate) fn new(model: &Model) -> Option<Self> {
         let mobility = match model.contact {
             Contact::Separate => model.species.iter().map(|species| species.diffusion).collect(),
@@ -80,16 +76,16 @@ impl Rules {
         })
     }
 
-    /// Returns `true` if collisions of two particles at the same time are not detected: they react, or overlap already.
+    /// Returns `true` if collisions of two particles are not detected: they react, or overlap already.
     pub(crate) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
         let reacts = self.reacts[a.species as usize * self.mobility.len() + b.species as usize];
-        // The particle of the lower id, so that the order of particles has no effect.
+        // The lower id: the order of particles has no effect.
         let first = if a.id < b.id { a } else { b };
         let tolerance = rounding(first.position.map(|c| c as f32), a.radius + b.radius);
         reacts || -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
     }
 
-    /// Returns the collision of two particles after both of their clocks, if they move towards each other.
+    /// Returns the collision of two approaching particles after both clocks.
     pub(crate) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<Event> {
         if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
             pair.reverse();
@@ -102,14 +98,13 @@ impl Rules {
         if approach <= 0.0 {
             return None;
         }
-        // Rounding may have left them overlapping a little.
+        // Rounding may have left a small overlap.
         let apart = (dot(d, d) - a.touch(b).powi(2)).max(0.0);
         let root = approach * approach - dot(relative, relative) * apart;
         let time = now + apart / (approach + root.max(0.0).sqrt());
         (root >= 0.0).then_some(Event { time, ids: [a.id, b.id], at: pair, wall: 0 })
     }
 
-    /// Returns the next collision of a particle with a wall.
     pub(crate) fn predict_wall(&self, movers: &[Mover], at: u32) -> Option<Event> {
         let mover = &movers[at as usize];
         let domain = &self.domains[mover.species as usize];
@@ -133,8 +128,7 @@ impl Rules {
         Some(Event { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
     }
 
-    /// Returns the particles of an event after it, in its order, and the number of collisions. The second one of a wall is the
-    /// first.
+    /// Returns the particles of an event after it, and the number of collisions. For a wall both are the first.
     pub(crate) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
         let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
         let mut pair = [event.at[0], second].map(|at| movers[at as usize]);
@@ -147,7 +141,6 @@ impl Rules {
         (pair, 1)
     }
 
-    /// Reflects a particle at a wall.
     fn reflect(&self, mover: &mut Mover, wall: u32) {
         match (wall, &self.domains[mover.species as usize].vessel) {
             (VESSEL_WALL, Some(vessel)) => {
@@ -168,8 +161,7 @@ impl Rules {
         }
     }
 
-    /// Exchanges momentum between two particles, the one of the lower id first. Returns `false` if they do not approach each
-    /// other.
+    /// Exchanges momentum; the lower id is first. Returns `false` if they do not approach.
     pub(crate) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
         let d = a.displacement(b, a.time, &self.boundary);
         let mut shares = [a.species, b.species].map(|species| self.mobility[species as usize]);
@@ -177,7 +169,7 @@ impl Rules {
             shares = [1.0; 2];
         }
         let exchange = |u: &mut [f64; 3], v: &mut [f64; 3]| {
-            // This expression equals that of a prediction, so both agree on the sign.
+            // The expression of the prediction, so both agree on the sign.
             let approach = -dot(d, std::array::from_fn(|k| v[k] - u[k]));
             if approach <= 0.0 {
                 return false;

@@ -1,4 +1,4 @@
-//! Rounds against the plain order of all times.
+//! Rounds against the order of times.
 
 use super::mover::{Mover, length};
 use super::rounds::{Adjacency, SLACK, Unfinished, Window};
@@ -8,7 +8,7 @@ use crate::random::gaussian::normals;
 use crate::random::philox::{open_unit, philox};
 use crate::{Axis, Boundary};
 
-/// Lets one event after the other happen, the earliest of all pairs and walls first. Returns the number of collisions.
+/// Applies events one by one, the earliest first. Returns the collisions.
 fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon: f64) -> u64 {
     let mut collisions = 0;
     loop {
@@ -42,7 +42,6 @@ pub(crate) fn model(contact: Contact, axis: Axis) -> Model {
     }
 }
 
-/// Spheres on a lattice that nearly touch, with random motions.
 fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
@@ -65,7 +64,7 @@ fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
     (0..edge.pow(3)).map(mover).collect()
 }
 
-/// Runs both orders. Returns the particles and collisions of rounds and of the plain order.
+/// Returns the particles and collisions of rounds and of the order of times.
 fn both(case: u32, contact: Contact, axis: Axis, slack: f64) -> [(Vec<Mover>, u64); 2] {
     let rules = Rules::new(&model(contact, axis)).expect("collisions");
     let mut rounds = movers(case, 5, 0.4);
@@ -95,7 +94,6 @@ fn rounds_equal_the_order_of_times() {
     }
 }
 
-/// A late hit overlaps by less than the permitted distance.
 #[test]
 fn late_hits_overlap_by_the_slack_at_most() {
     let axis = Axis::Periodic { low: 0.0, high: 5.5 };

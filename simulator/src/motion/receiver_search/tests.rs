@@ -14,7 +14,7 @@ fn place(k: u32) -> [f32; 3] {
     [x, y, z]
 }
 
-/// Receivers of all kinds, some of which move where `speed` is not 0.
+/// Receivers of all kinds, some moving if `speed` is not 0.
 fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
     let sizes = [0.05, 0.2, 0.5];
     let kinds = [
@@ -129,7 +129,7 @@ fn a_search_finds_the_receivers_of_a_loop() {
     }
 }
 
-/// A receiver pushes a particle farther than either moves, to a receiver that absorbs or reflects it.
+/// A receiver pushes a particle farther than either moves, onto another receiver.
 #[test]
 fn receivers_in_the_path_of_a_pushed_particle_are_found() {
     let of = |center: f32, kind, velocity| Receiver {

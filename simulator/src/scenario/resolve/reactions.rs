@@ -147,7 +147,7 @@ impl Network<'_> {
         Ok(Reaction { binding_radius: radius as f32, chance, ..draft.bare.clone() })
     }
 
-    /// Returns the common binding radius of all reactions of a pair, for the sum of their rate constants.
+    /// Returns the binding radius of a pair's reactions, for the sum of their rates.
     fn radius_for(&self, draft: &Draft<'_>, rate: &Spanned<Positive>) -> Result<f64, Problem> {
         let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
         let (total, dt) = (self.total_rate(draft), self.time_step);
@@ -166,7 +166,7 @@ impl Network<'_> {
             return Err(Problem::at(rate.span(), message));
         }
         let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
-        // In a step 1 − exp(−kΔt) and not kΔt dissociate, so as many must associate.
+        // A step dissociates 1 − exp(−kΔt) and not kΔt, so as many must associate.
         let kept = -libm::expm1(-decay.rate * dt) / (decay.rate * dt);
         rate::reversible_binding_radius(total * kept, apart.into(), draft.diffusion, dt).map_err(refused)
     }
@@ -191,7 +191,7 @@ impl Network<'_> {
     }
 }
 
-/// Returns the product that takes the place of each reactant: that of its own species, else the first free one.
+/// Returns the product in the place of each reactant: of its own species, else the first free one.
 fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
     let mut placed = [None; 2];
     let mut others = Vec::new();
@@ -235,7 +235,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
     })
 }
 
-/// Returns the separation of two products: as in the file, or the ball of the reverse reaction, or none.
+/// Returns the separation of products: as given, or the ball of the reverse reaction, or none.
 fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Result<Unbinding, Problem> {
     if from.unbinding_radius.is_some() {
         return Ok(decay.unbinding);

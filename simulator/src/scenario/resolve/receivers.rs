@@ -40,7 +40,7 @@ pub(super) fn receivers(
             check_place(&model.boundary, center.clone(), (at, receiver.radius), warnings)?;
             all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
         }
-        // One such place tells enough.
+        // One such receiver is enough.
         warnings.truncate(said + 1);
     }
     Ok(all)
@@ -98,7 +98,7 @@ fn receiver(
     Ok(receiver)
 }
 
-/// Returns the center and the radius of a sphere; zeros for a wall.
+/// Center and radius; zeros for a wall.
 fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
     let is_wall = *one.kind.get_ref() == file::ReceiverKind::Wall;
     let center = one.center.as_ref();

@@ -83,7 +83,7 @@ fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     }
 }
 
-/// Each symbol is a row of symbols.csv, which a run writes before its first step.
+/// Each symbol is a row of symbols.csv, written before the first step.
 const MAX_BITS: usize = 1 << 22;
 
 fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, Problem> {
@@ -123,7 +123,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
     let symbols = match (&transmitter.bits, &transmitter.random_bits) {
         (Some(bits), None) => {
             let text = bits.get_ref();
-            // A bit takes at least one character, so this refuses no valid message and saves memory.
+            // A bit takes a character or more, so this refuses no valid message.
             if text.len() > 2 * MAX_BITS {
                 whole(text.len())?;
             }

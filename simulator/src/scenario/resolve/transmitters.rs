@@ -1,5 +1,3 @@
-//! Transmitters.
-
 use super::Names;
 use super::schedule::{place, schedule};
 use super::space::number;
@@ -57,7 +55,7 @@ fn shape(shape: file::Shape) -> Shape {
     }
 }
 
-/// Particles that appear everywhere or in a region, as transmitters of steady release.
+/// Sources everywhere or in a region, as transmitters of steady release.
 pub(super) fn sources(
     many: &[file::Source],
     names: &Names<'_>,
@@ -150,7 +148,7 @@ fn disk(radius: f32) -> f64 {
     std::f64::consts::PI * f64::from(radius).powi(2)
 }
 
-/// Refuses a sphere outside walls, and warns of one outside a periodic box.
+/// Refuses a sphere outside walls; warns of one outside a periodic box.
 pub(super) fn check_place(
     boundary: &Boundary,
     span: std::ops::Range<usize>,

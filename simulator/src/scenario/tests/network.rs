@@ -1,5 +1,3 @@
-//! Networks of reactions, messages and vessels.
-
 use super::*;
 use crate::model::message::{Message, Modulation, Symbols};
 use crate::{CountDistribution, Unbinding};

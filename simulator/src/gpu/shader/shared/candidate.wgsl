@@ -7,7 +7,7 @@ struct Candidate {
 }
 
 struct Claim {
-    // The best key of a round: a priority, then the other particle's id.
+    // Best key of a round: a priority, then the other particle's id.
     priority: atomic<u32>,
     other: atomic<u32>,
     is_taken: atomic<u32>,
@@ -33,7 +33,7 @@ struct ReactionRow {
     radii: vec2<f32>,
     within: f32,
     unbinding: f32,
-    // The first reactant's fraction of the distance to the meeting point, and the first product's of `unbinding`.
+    // First reactant's fraction of the distance to the meeting point, and the first product's of `unbinding`.
     share: f32,
     first_share: f32,
     // Speeds of both reactants; speeds and thermal speeds of both products.

@@ -14,7 +14,7 @@ struct Control {
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // The needed capacity: entries of the detector's grid, pairs, particles, non-finite particles, or blocks and
+    // Needed capacity: entries of the detector's grid, pairs, particles, non-finite particles, or blocks and
     // tiles of the detector's search of crowded cells.
     missing_lo: u32,
     missing_hi: u32,

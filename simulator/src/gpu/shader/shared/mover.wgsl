@@ -23,7 +23,7 @@ struct NextEvent {
     collided: u32,
     // Least id of an overlapping particle left to bounce.
     bounces_from: u32,
-    // Its list of neighbors.
+    // List of neighbors.
     begin: u32,
     count: u32,
 }

@@ -6,7 +6,7 @@ struct Window {
     // Beginning and end, as fractions of the step.
     now: f32,
     horizon: f32,
-    // The path for which the lists suffice, the largest useful one, and the largest permitted speed.
+    // Path for which the lists suffice, the largest useful one, and the largest permitted speed.
     allowance: f32,
     largest_allowance: f32,
     top_speed: f32,
