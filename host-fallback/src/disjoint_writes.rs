@@ -19,19 +19,17 @@ impl<'a, T: Copy> DisjointSlice<'a, T> {
         Self { start: slice.as_mut_ptr(), len: slice.len(), slice: PhantomData }
     }
 
-    /// Writes one element.
-    ///
     /// # Safety
     /// `at` must be below the slice's length, and no other thread may write `at` while `self` lives.
     #[inline(always)]
     pub(crate) unsafe fn write(&self, at: usize, value: T) {
         debug_assert!(at < self.len);
-        // SAFETY: inside the slice and without a concurrent access, by the caller's promise.
+        // SAFETY: inside the slice and without concurrent access, by the caller's promise.
         unsafe { self.start.add(at).write(value) };
     }
 }
 
-/// Views numbers as atomics that several threads may change.
+/// Views numbers as atomics.
 pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     let len = numbers.len();
     const { assert!(align_of::<AtomicU32>() == align_of::<u32>()) };
@@ -40,10 +38,7 @@ pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     unsafe { std::slice::from_raw_parts(numbers.as_mut_ptr().cast(), len) }
 }
 
-/// Splits a slice at ascending positions, the last of which is its length.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
+/// Splits a slice at ascending positions; the last is its length.
 pub(crate) fn split_at<T>(
     mut slice: &mut [T],
     ends: impl ExactSizeIterator<Item = usize>,
@@ -57,7 +52,7 @@ pub(crate) fn split_at<T>(
     memory::try_collect(ends.map(cut), "stretches of a buffer")
 }
 
-/// Closes the gaps between the filled stretches of a buffer, given the start and length of each.
+/// Closes the gaps between the filled ranges of a buffer, given the start and length of each.
 pub(crate) fn close_gaps<T: Copy>(values: &mut Vec<T>, filled: impl Iterator<Item = (usize, usize)>) {
     let mut end = 0;
     for (start, count) in filled {

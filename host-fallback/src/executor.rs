@@ -1,4 +1,4 @@
-//! The threads that execute a call: the calling thread, or a rayon pool. No other module uses rayon.
+//! The threads of a call: the calling thread, or a rayon pool. No other module uses rayon.
 //!
 //! Work consists of numbered chunks. The first chunk that fails ends the work with its error.
 
@@ -11,7 +11,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Error;
 
-/// Extra threads do little harm, and a process may be given more cores while it runs.
+/// A process may be given more cores while it runs.
 const MAX_THREADS_PER_CORE: usize = 4;
 /// This number of threads is always started if requested.
 const MIN_MAX_THREADS: usize = 16;
@@ -26,15 +26,12 @@ const MIN_PARALLEL_NS: f32 = 300_000.0;
 pub enum Executor {
     /// The calling thread, which wakes no other thread.
     Caller,
-    /// The threads of the calling thread's pool, or of rayon's global pool.
+    /// The calling thread's pool, or rayon's global pool.
     Pool,
 }
 
 impl Executor {
-    /// Returns the executor of a call from the current thread. A pool of one thread is not worth the switch.
-    ///
-    /// # Errors
-    /// [`Error::ThreadPool`] if rayon's global pool is needed and cannot be started.
+    /// Returns the executor of the current thread. A pool of one thread is not worth the switch.
     pub(crate) fn current() -> Result<Self, Error> {
         if rayon::current_thread_index().is_none() {
             start_global()?;
@@ -42,17 +39,16 @@ impl Executor {
         Ok(if rayon::current_num_threads() == 1 { Self::Caller } else { Self::Pool })
     }
 
-    /// The executor for a pass over `count` spheres or pairs with little work for each.
+    /// Returns the executor for a pass over `count` spheres or pairs with little work for each.
     pub(crate) fn for_light_work(self, count: usize) -> Self {
         if count < MIN_PARALLEL_SPHERES { Self::Caller } else { self }
     }
 
-    /// Returns `true` if work that takes one thread `time` nanoseconds is not worth waking other threads.
+    /// Returns `true` if `time` nanoseconds of work are not worth waking other threads.
     pub(crate) fn is_short(time: f32) -> bool {
         time < MIN_PARALLEL_NS
     }
 
-    /// Calls `work` with every item and its index.
     pub(crate) fn for_each<T: Send>(self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
         match self {
             Self::Pool if items.len() > 1 => {
@@ -76,11 +72,8 @@ impl Executor {
         }
     }
 
-    /// Folds consecutive chunks with `step`, starting from the value of `open`, and merges the results in the order of the
-    /// chunks. At most `most` chunks are folded as one task.
-    ///
-    /// # Errors
-    /// The errors of `step` and `merge`.
+    /// Folds consecutive chunks with `step`, starting from the value of `open`, and merges the results in order. At
+    /// most `most` chunks are one task.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
         (pieces, most): (usize, usize),
@@ -98,7 +91,7 @@ impl Executor {
     }
 }
 
-/// The threads of a detector: a pool of its own, or that of its caller.
+/// The threads of a detector: its own pool, or the caller's.
 #[derive(Debug)]
 pub struct Team {
     pool: Option<ThreadPool>,
@@ -106,13 +99,12 @@ pub struct Team {
 }
 
 impl Team {
-    /// Creates a team of `asked` threads; `None` for the rayon pool that each call comes from.
+    /// Creates a team of `asked` threads; `None` for the rayon pool of each caller.
     ///
     /// # Errors
     /// [`Error::ThreadPool`] if the system refuses the threads.
     pub fn new(asked: Option<usize>) -> Result<Self, Error> {
         let pool = match asked {
-            // The calling thread needs no pool.
             None | Some(1) => None,
             Some(threads) => Some(pool(threads)?),
         };
@@ -138,10 +130,6 @@ impl Team {
         within(self.pool.as_ref(), task)
     }
 
-    /// Returns the executor of a call from the current thread.
-    ///
-    /// # Errors
-    /// The errors of [`Executor::current`].
     pub(crate) fn executor(&self) -> Result<Executor, Error> {
         if self.asked == Some(1) { Ok(Executor::Caller) } else { Executor::current() }
     }
@@ -162,15 +150,12 @@ fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -
     }
 }
 
-/// The number of threads of the current thread's pool, or of the global one once started.
+/// The number of threads of the current or the global pool.
 fn count() -> usize {
     if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
 
-/// Creates a pool of `asked` threads, or of the useful number if that is less.
-///
-/// # Errors
-/// [`Error::ThreadPool`] if the system refuses the threads.
+/// Creates a pool of at most `asked` threads.
 fn pool(asked: usize) -> Result<ThreadPool, Error> {
     let cores = cores();
     let threads = useful(asked, cores);
@@ -181,7 +166,7 @@ fn pool(asked: usize) -> Result<ThreadPool, Error> {
     built.map_err(|error| Error::ThreadPool { threads, reason: error.to_string() })
 }
 
-/// The number of useful threads among those `asked` for.
+/// Limits `asked` to the useful number of threads.
 fn useful(asked: usize, cores: usize) -> usize {
     asked.min((MAX_THREADS_PER_CORE * cores).max(MIN_MAX_THREADS))
 }
@@ -190,8 +175,7 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts rayon's global pool unless it runs. Rayon itself would panic at the first use if the system refuses the
-/// threads.
+/// Starts rayon's global pool unless it runs. Rayon itself would panic if the system refuses the threads.
 fn start_global() -> Result<(), Error> {
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
     let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {

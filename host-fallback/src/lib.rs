@@ -1,7 +1,7 @@
 //! The CPU path of lazygrid: every pair of overlapping spheres, found by rayon threads.
 //!
-//! [`HostDetector`] is the way in. Data flows one way: spheres → [`InputStats`] → [`algorithm_choice`] → plan → detector → pairs.
-//! Most programs use it through the `lazygrid` crate.
+//! Start with [`HostDetector`]. Data flows one way: spheres → [`InputStats`] → [`algorithm_choice`] → plan → detector →
+//! pairs. Most programs use the `lazygrid` crate.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, clippy::disallowed_macros))]
 

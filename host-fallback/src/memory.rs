@@ -1,5 +1,5 @@
 //! Fallible allocation of memory whose size depends on the input or on the result. A refusal is an
-//! [`Error::OutOfMemory`]; `clippy.toml` keeps vectors from growing elsewhere.
+//! [`Error::OutOfMemory`]; `clippy.toml` forbids growing vectors elsewhere.
 
 #![expect(clippy::disallowed_methods, reason = "memory is reserved first")]
 
@@ -11,7 +11,6 @@ use crate::Error;
 /// A growing buffer reserves `1 / GROWTH_DIVISOR` more than requested.
 const GROWTH_DIVISOR: usize = 8;
 
-/// The fewest values by which a non-empty buffer grows.
 const MIN_GROWTH: usize = 64;
 /// The length up to which a buffer doubles when it grows value by value.
 const MAX_DOUBLING_LEN: usize = 4096;
@@ -25,7 +24,7 @@ pub(crate) fn with_growth(bytes: u64) -> u64 {
 #[inline(always)]
 pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: every x86-64 processor has SSE; nothing is read or written, and an address that leads nowhere is ignored.
+    // SAFETY: every x86-64 processor has SSE; nothing is read or written, and an invalid address is ignored.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast());
@@ -34,12 +33,10 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     let _ = (values, at);
 }
 
-/// Sets the length of a buffer, whose values are then arbitrary. `what` names them in an error.
+/// Sets the length of a buffer, whose values are then arbitrary. `what` names them in an error. After an error the
+/// buffer is empty.
 ///
 /// New memory comes zeroed from the system and is not written here, so that threads share the cost of its page faults.
-///
-/// # Errors
-/// [`Error::OutOfMemory`]; the buffer is then empty.
 pub(crate) fn try_resize<T: Zeroable>(
     buffer: &mut Vec<T>,
     len: usize,
@@ -55,10 +52,7 @@ pub(crate) fn try_resize<T: Zeroable>(
     Ok(())
 }
 
-/// Reserves memory for `count` more values.
-///
-/// # Errors
-/// [`Error::OutOfMemory`]; the buffer is then as it was.
+/// Reserves memory for `count` more values. After an error the buffer is as before.
 pub(crate) fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), Error> {
     let needed = buffer.len() + count;
     if buffer.capacity() < needed {
@@ -70,10 +64,6 @@ pub(crate) fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static s
     Ok(())
 }
 
-/// Appends a value.
-///
-/// # Errors
-/// The errors of [`try_reserve`].
 #[inline]
 pub(crate) fn try_push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> Result<(), Error> {
     if buffer.len() == buffer.capacity() {
@@ -90,10 +80,6 @@ fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
     try_reserve(buffer, if len < MAX_DOUBLING_LEN { len.max(4) } else { len / GROWTH_DIVISOR }, what)
 }
 
-/// Appends values.
-///
-/// # Errors
-/// The errors of [`try_reserve`].
 #[inline]
 pub(crate) fn try_extend<T>(
     buffer: &mut Vec<T>,
@@ -105,10 +91,6 @@ pub(crate) fn try_extend<T>(
     Ok(())
 }
 
-/// Collects values into a vector.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
 pub(crate) fn try_collect<T>(
     values: impl ExactSizeIterator<Item = T>,
     what: &'static str,

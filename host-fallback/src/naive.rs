@@ -7,7 +7,7 @@ use crate::compare::{COMPARE_NS, Columns, Output, PairTest, SimdTask, SimdWidth,
 use crate::input::{SearchInput, search_pieces, sort_by_group};
 use crate::memory::{try_push, with_growth};
 
-/// Spheres per tile: the columns of two tiles, 40 KiB, stay near the first-level cache.
+/// The columns of two tiles, 40 KiB, stay near the first-level cache.
 const TILE: usize = 1024;
 
 /// Compares every sphere of `columns[a]` with every later one of `columns[b]`; the ranges are equal or disjoint.
@@ -31,21 +31,20 @@ impl<S: Sink> SimdTask for Tile<'_, S> {
     }
 }
 
-/// The estimated time of one thread for this number of spheres, in nanoseconds.
+/// Estimates the nanoseconds of one thread.
 pub(crate) fn time(spheres: usize) -> f32 {
     spheres as f32 * spheres as f32 * COMPARE_NS / 2.0
 }
 
-/// The spheres, group by group, and the tiles to compare. Buffers survive between calls.
+/// The spheres, group by group, and the tiles to compare.
 #[derive(Debug, Default)]
 pub(crate) struct Naive {
     columns: Columns,
-    /// The sphere at each position of the columns.
     order: Vec<u32>,
     rows: Vec<TileRow>,
 }
 
-/// A tile, and the range of spheres to compare it with. Only if both are of one group, they overlap.
+/// A tile, and the range of spheres to compare it with. They overlap only if both are of one group.
 #[derive(Clone, Debug)]
 struct TileRow {
     tile: Range<usize>,
@@ -53,15 +52,11 @@ struct TileRow {
 }
 
 impl Naive {
-    /// The most bytes held for `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64) -> u64 {
         with_growth(spheres * (Columns::BYTES_PER_SPHERE + size_of::<u32>() as u64))
     }
 
     /// Copies the spheres, group by group, and plans the tiles of every two groups that meet.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
         let grouping = input.grouping(true);
         let ends = sort_by_group(&grouping, input.stats.spheres, &mut self.order)?;
@@ -78,10 +73,6 @@ impl Naive {
         Ok(())
     }
 
-    /// Finds all pairs, in tiles spread over the threads.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`], [`Error::Cancelled`].
     pub(crate) fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,

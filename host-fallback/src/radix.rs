@@ -1,8 +1,8 @@
-//! A stable radix sort of (key, sphere) entries on all threads, least significant digit first.
+//! A parallel stable radix sort of (key, sphere) entries, least significant digit first.
 //!
-//! Each chunk of entries counts its digits, one prefix sum over (digit, chunk) gives every chunk its positions, and
-//! each chunk moves its entries. A pass in which all digits agree moves nothing. The result does not depend on the
-//! number of threads.
+//! Each chunk counts its digits, one prefix sum over (digit, chunk) gives every chunk its positions, and each chunk
+//! moves its entries. A pass in which all digits agree moves nothing. The result does not depend on the number of
+//! threads.
 
 use bytemuck::Zeroable;
 
@@ -11,11 +11,11 @@ use crate::disjoint_writes::DisjointSlice;
 use crate::executor::Executor;
 use crate::memory::{try_resize, with_growth};
 
-/// The fewest entries per chunk, 128 KiB of narrow ones: far more than digits to count.
+/// 128 KiB of narrow entries: far more than digits to count.
 const CHUNK_RECORDS: usize = 1 << 14;
-/// The most chunks: one thread sums their counts.
+/// One thread sums their counts.
 const MAX_CHUNKS: usize = 64;
-/// Bits per digit: few enough that the lines which a pass writes to stay in the first-level cache.
+/// Bits per digit: few enough that the cache lines written by a pass stay in the first-level cache.
 const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 
@@ -24,7 +24,6 @@ pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {
     fn append(self, low: u32, bits: u32) -> Self;
     /// Shifts the bits down by less than the width of the type.
     fn without(self, bits: u32) -> Self;
-    /// The lowest 32 bits.
     fn low(self) -> u32;
 }
 
@@ -74,10 +73,7 @@ impl<K: RadixKey> Radix<K> {
         with_growth(entries * Self::BYTES_PER_ENTRY + chunks * size_of::<[usize; DIGITS]>() as u64)
     }
 
-    /// Sorts the entries by keys that are below 2^`bits`; those of equal keys stay in order.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Sorts the entries by keys below 2^`bits`, stably.
     pub(crate) fn sort(&mut self, bits: u32, executor: Executor) -> Result<(), Error> {
         try_resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;
         for shift in (0..bits).step_by(DIGIT as usize) {
@@ -119,7 +115,7 @@ impl<K: RadixKey> Radix<K> {
             let mut own = *places;
             for &entry in piece(k) {
                 let place = &mut own[digit(entry.key)];
-                // SAFETY: the exclusive prefix sums over (digit, chunk) give every entry a position of its own below
+                // SAFETY: the exclusive prefix sums over (digit, chunk) give every entry a distinct position below
                 // their number, the length of `spare`.
                 unsafe { target.write(*place, entry) };
                 *place += 1;

@@ -2,7 +2,7 @@ use std::time::{Duration, Instant};
 
 use lazygrid_kernels::Algorithm;
 
-/// The report of a call: the algorithm, the reason for it, and the time of each phase.
+/// The report of a call.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// The number of spheres.
@@ -11,25 +11,25 @@ pub struct Report {
     pub pairs: u64,
     /// The algorithm that ran; never `Auto` after a call.
     pub algorithm: Algorithm,
-    /// The reason for which it was chosen.
+    /// The reason for the algorithm.
     pub reason: String,
-    /// Wall-clock time of each phase, in the order they ran.
+    /// Wall-clock time of each phase, in execution order.
     pub phases: Vec<PhaseTime>,
-    /// The candidate list that the call used; `None` for a search without one.
+    /// The candidate list of the call; `None` for a search without one.
     pub candidates: Option<CandidateListStats>,
 }
 
-/// Statistics of the candidate list: pairs that may overlap until spheres have moved too far.
+/// Statistics of the candidate list.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CandidateListStats {
     /// The number of candidates.
     pub count: u64,
-    /// The number of calls since they were found; 0 in the call that finds them.
+    /// The number of calls since the build; 0 in the call that builds it.
     pub age: u32,
     /// The largest fraction of its displacement limit that any sphere has used, from 0 to 1.
     pub displacement_fraction: f32,
-    /// The reason for a rebuild in this call; `None` if they were kept.
+    /// The reason for a rebuild in this call; `None` if the list was kept.
     pub rebuilt: Option<RebuildReason>,
 }
 
@@ -59,9 +59,9 @@ impl std::fmt::Display for RebuildReason {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PhaseTime {
-    /// Its name, such as `sort` or `search`.
+    /// The name, such as `sort` or `search`.
     pub name: &'static str,
-    /// Wall-clock time it took.
+    /// Wall-clock time.
     pub time: Duration,
 }
 
@@ -82,7 +82,7 @@ impl PhaseTime {
 }
 
 impl Report {
-    /// Runs `work` and records its time as phase `name`; a phase that runs again adds to its time.
+    /// Runs `work` and adds its time to phase `name`.
     pub(crate) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();

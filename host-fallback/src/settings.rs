@@ -13,30 +13,28 @@ pub enum Order {
     /// Ascending by `i`, then `j`.
     #[default]
     Canonical,
-    /// The order in which the detector finds them; saves the ordering. The same from run to run and for any number of
-    /// threads, except for streamed chunks, which arrive as threads finish them.
+    /// The order in which they are found, without sorting. Reproducible and independent of the number of threads,
+    /// except for streamed chunks.
     Unordered,
 }
 
-/// The skin of the candidate list (Verlet list) that a detector keeps between calls.
-///
-/// The skin never changes a result: the pairs of a call are those of its spheres.
+/// The skin of the candidate list (Verlet list) that a detector keeps between calls. It never changes a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Skin {
     /// Keeps no candidate list: every call searches.
     Off,
     /// Chooses the skin by the observed displacements: on the CPU per size class, on a GPU for all. No list is kept if
-    /// searching is expected to be cheaper, or in a single call. Expectations never depend on a clock, so runs are
+    /// searching is expected to be cheaper, or in a single call. Decisions never depend on a clock, so runs are
     /// reproducible.
     #[default]
     Auto,
-    /// A fixed distance. Candidates are the pairs with gaps up to this distance. The list is valid until a sphere has moved by
-    /// half of it.
+    /// A fixed distance. Candidates are the pairs with gaps up to this distance. The list is valid until a sphere has
+    /// moved by half of it.
     Fixed(f64),
 }
 
-/// Distances that a fixed skin may have: `f32` holds the square of half of it without overflow.
+/// Valid distances of a fixed skin: `f32` holds the square of half of it without overflow.
 pub const SKIN_RANGE: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
 
 /// The settings of a detector, on the CPU or for the host's part of a device.
@@ -46,31 +44,31 @@ pub struct Settings {
     pub algorithm: Algorithm,
     /// The order of results.
     pub order: Order,
-    /// The widest SIMD code to use, if the processor has it.
+    /// The widest SIMD code to use.
     pub simd: Simd,
-    /// Threads of a pool of the detector's own; `None` runs in the rayon pool of the caller.
+    /// The size of the detector's own pool; `None` uses the caller's rayon pool.
     pub threads: Option<usize>,
-    /// A cell of the recursive grid is split when it holds more smaller spheres than this.
+    /// The recursive grid splits a cell with more smaller spheres than this.
     pub tau: u32,
     /// The cell size of the paper's grids as a multiple of the largest diameter, between 0.5 and 16.
     pub cell_ratio: f32,
-    /// The most pairs a list may hold (8 bytes each, and 12 to 16 more while they are ordered).
+    /// The most pairs of a list (8 bytes each, and 12 to 16 more while they are ordered).
     pub max_pairs: u64,
-    /// The interactions between species; `None` if all spheres that touch are pairs.
+    /// The interactions between species; `None` if all touching spheres pair.
     pub interactions: Option<Interactions>,
-    /// The space, which may be periodic.
+    /// The space of the spheres.
     pub space: Space,
     /// The skin of the candidate list.
     pub skin: Skin,
-    /// Searches end with [`Error::Cancelled`] while this flag is `true`.
+    /// Searches return [`Error::Cancelled`] while this flag is `true`.
     pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Settings {
-    /// τ by default. A vector compares 16 spheres at once, so comparing a few hundred costs less than a split; less
+    /// The default of τ. A vector compares 16 spheres at once, so comparing a few hundred costs less than a split; less
     /// makes dense scenes slower, more changes little until cells hold thousands.
     pub const TAU: u32 = 512;
-    /// Cell ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform scenes
+    /// The default cell ratio. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform scenes
     /// are fastest between 4 and 8, dense ones in the array grid between 1 and 1.5.
     pub const CELL_RATIO: f32 = 4.0;
     /// 2²⁹ pairs, a list of 4 GiB.
@@ -95,7 +93,7 @@ impl Settings {
     /// Refuses a fixed skin outside [`SKIN_RANGE`].
     ///
     /// # Errors
-    /// [`Error::InvalidSetting`], with the number as it was given.
+    /// [`Error::InvalidSetting`], with the given number.
     pub fn check_skin_range(&self) -> Result<(), Error> {
         match self.skin {
             Skin::Fixed(distance) if !SKIN_RANGE.contains(&(distance as f32)) => {
@@ -106,7 +104,6 @@ impl Settings {
         }
     }
 
-    /// Refuses a skin outside its range, and one for an algorithm without candidate lists.
     fn check_skin(&self) -> Result<(), Error> {
         self.check_skin_range()?;
         match self.skin {
@@ -119,18 +116,19 @@ impl Settings {
         }
     }
 
-    /// Returns `true` if the spheres of every call are searched in a frame: in a triclinic space, and if a length or a distance is
-    /// not an `f32` number.
+    /// Returns `true` if every call searches in a frame: in a triclinic space, or if a length or a distance is not an
+    /// `f32` number.
     pub fn is_framed(&self) -> bool {
         self.space.triclinic_cell().is_some() || !self.is_narrow()
     }
 
-    /// Returns `true` if all lengths and distances are `f32` numbers, so that the frame of `f32` spheres needs no bounds.
+    /// Returns `true` if all lengths and distances are `f32` numbers, so that the frame of `f32` spheres needs no
+    /// bounds.
     pub(crate) fn is_narrow(&self) -> bool {
         self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
     }
 
-    /// Returns `true` if a detector may keep candidates from call to call.
+    /// Returns `true` if a detector may keep candidates between calls.
     pub fn keeps_candidates(&self) -> bool {
         self.skin != Skin::Off && matches!(self.algorithm, Algorithm::Auto | Algorithm::CellList)
     }

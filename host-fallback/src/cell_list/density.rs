@@ -1,7 +1,7 @@
 //! Density: the mean number of spheres in a cube of a given size around a sphere.
 //!
-//! Estimated from a sample, because a cost model needs it before anything is built, and bounds tell nothing about
-//! clusters. Along the Morton curve the members of every octree cell are adjacent, so one sort serves all cube sizes.
+//! Estimated from a sample, because bounds tell nothing about clusters. Along the Morton curve the members of every
+//! octree cell are adjacent, so one sort serves all cube sizes.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
@@ -12,25 +12,24 @@ use crate::input::{Grouping, MAX_GROUPS, SpeciesGroups};
 use crate::memory::try_collect;
 use crate::{Error, InputStats};
 
-/// Halvings of the bounding cube: 21 bits per axis fill a 63-bit Morton code.
+/// 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
-/// The fewest coincidences at one depth that are evidence of density and not of chance.
+/// The fewest coincidences at one depth that are evidence of density.
 const MIN_COINCIDENCES: u64 = 24;
 
-/// Inputs below this number of spheres reuse a sample. Sampling takes a sixth of a call with 1000 spheres, and a poor
+/// Inputs below this number of spheres reuse a sample: sampling takes a sixth of a call with 1000 spheres, and a poor
 /// plan costs little at this size.
 const MAX_REUSE_SPHERES: usize = 1 << 12;
-/// The most further calls in which a sample is reused.
 const MAX_REUSES: u32 = 15;
 /// The largest shift of the bounds, as a fraction of the extent, with which a sample is reused.
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
-/// Groups of species are kept apart if this reduces the estimated time to less than this fraction.
+/// Groups of species are kept apart below this fraction of the estimated time.
 const MAX_SEPARATE_COST: f32 = 0.9;
-/// Estimated time in nanoseconds of an exact test, which reads its spheres from anywhere in memory.
+/// Estimated nanoseconds of an exact test, with random access to its spheres.
 const EXACT_TEST_NS: f32 = 60.0;
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
-/// The mean number of spheres in a cube around a sphere by the cube's size: a polyline in log-log scale.
+/// The mean number of spheres around a sphere by cube size: a polyline in log-log scale.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DensityProfile {
     top: f32,
@@ -41,19 +40,12 @@ pub(crate) struct DensityProfile {
 }
 
 impl DensityProfile {
-    /// Samples the input.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     #[cfg(test)]
     pub(crate) fn sample(input: &SearchInput<'_>) -> Result<Self, Error> {
         Ok(Sample::take(input)?.density(None))
     }
 
-    /// Samples spheres that may lie anywhere in a periodic space and whose bounds are unknown.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Samples spheres anywhere in a periodic space.
     pub(crate) fn of_places(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
         let n = spheres.len();
         let size = sample_size(n);
@@ -61,7 +53,6 @@ impl DensityProfile {
         let places = try_collect((0..size).map(place), "a sample of the spheres")?;
         let wide = |(min, max): (Vec3, Vec3), place: &Vec3| (min.min(*place), max.max(*place));
         let bounds = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), wide);
-        // Without groups, indices do not matter.
         let places = places.into_iter().map(|place| (place, 0));
         Ok(Sample::new(bounds, places, n)?.density(None))
     }
@@ -109,7 +100,7 @@ impl DensityProfile {
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
-    /// The mean number of spheres, itself included, in a cube of this size around a sphere.
+    /// Returns the mean number of spheres, itself included, in a cube around a sphere.
     pub(crate) fn mean(&self, log_size: f32) -> f32 {
         let (depth, last) = ((self.top - log_size).max(0.0), self.log_mean.len() - 1);
         let log_mean = if depth >= last as f32 {
@@ -154,7 +145,7 @@ impl Sample {
         DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping)
     }
 
-    /// The ratio of cell searches with separate groups to those with merged groups.
+    /// Returns the ratio of cell searches with separate groups to searches with merged groups.
     fn looks(&self, grouping: &Grouping<'_>) -> f32 {
         let mut members = [0.0_f32; MAX_SEPARATE];
         for (_, index) in &self.codes {
@@ -167,13 +158,11 @@ impl Sample {
     }
 }
 
-/// A density sample that small inputs reuse for up to 16 calls, and the decision whether groups of species are kept
-/// apart.
+/// A density sample that small inputs reuse, and the decision to keep groups of species apart.
 #[derive(Debug)]
 pub(crate) struct DensityCache {
     density: DensityProfile,
     is_separate: bool,
-    /// The version of the groups of species.
     groups: u32,
     spheres: usize,
     bounds: [Vec3; 2],
@@ -182,9 +171,6 @@ pub(crate) struct DensityCache {
 
 impl DensityCache {
     /// Returns the `last` sample if it still applies, else a new one.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn of(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
         let InputStats { spheres, min, max, .. } = input.stats;
         let version = input.groups.map_or(0, SpeciesGroups::version);
@@ -246,12 +232,12 @@ impl DensityCache {
     }
 }
 
-/// With one sphere per cell on average, a sample of this size has dozens of coincidences, and it stays cheap.
+/// With one sphere per cell on average, a sample of this size has dozens of coincidences.
 fn sample_size(n: usize) -> usize {
     n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
 }
 
-/// The `k`-th of `size` indices below `n`: pseudorandom within the `k`-th of `size` equal ranges.
+/// Returns a pseudorandom index in the `k`-th of `size` equal ranges below `n`.
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
@@ -270,7 +256,7 @@ fn morton(at: DVec3) -> u64 {
     spread(at.x) | (spread(at.y) << 1) | (spread(at.z) << 2)
 }
 
-/// The spheres of the sorted sample that share a cell at `depth` halvings, cell by cell.
+/// Returns the sampled spheres that share a cell at `depth` halvings, cell by cell.
 fn cells(codes: &[(u64, u32)], depth: usize) -> impl Iterator<Item = &[(u64, u32)]> {
     let shift = 3 * (DEPTHS - depth);
     codes.chunk_by(move |(a, _), (b, _)| a >> shift == b >> shift)
@@ -280,7 +266,7 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// The pairs that share a cell at `depth` halvings: of groups that meet, and in all.
+/// Returns the pairs that share a cell at `depth` halvings: of groups that meet, and in all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];

@@ -1,7 +1,7 @@
-//! The cells of one level, as rows that are contiguous in memory.
+//! The cells of one level, in rows that are contiguous in memory.
 //!
 //! If the bounds hold too many cells, the grid is folded: cells whose coordinates agree modulo the grid's size share a
-//! table entry. Sharing adds comparisons, never pairs.
+//! table entry. Folding adds comparisons, never pairs.
 
 use glam::{DVec3, Vec3};
 
@@ -11,10 +11,10 @@ use crate::math::floor;
 /// Below this many cells from the origin `f64` counts single cells; farther out, different `f32` coordinates are at
 /// least 2²⁵ cells apart, so only equal ones can meet.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
-/// The largest error of a coordinate by rounding, relative to the largest coordinate: some ulp of `f64`.
+/// The largest rounding error of a coordinate, relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 
-/// An upper bound on the error of a sum of coordinates in `f32`, relative to the largest coordinate.
+/// An upper bound on the rounding error of a sum of coordinates in `f32`, relative to the largest coordinate.
 const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
 #[derive(Clone, Debug)]
@@ -26,14 +26,14 @@ pub(crate) struct CellGrid {
     pub(crate) folded: bool,
     /// `true` if a row of cells may wrap.
     pub(crate) circular: bool,
-    /// `true` if two spheres of the level that touch always lie in the same or in adjacent cells.
+    /// `true` if touching spheres of the level always lie in the same or in adjacent cells.
     pub(crate) adjoining: bool,
     /// The largest effective radius of the level plus its rounding error.
     reach: f64,
     largest: f32,
 }
 
-/// The cells from `first` to `last`, both included; `last` exceeds the grid's size if the range wraps.
+/// The cells `first..=last`; `last` exceeds the grid's size if the range wraps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellRange {
     pub(crate) first: [u32; 3],
@@ -105,7 +105,7 @@ impl CellGrid {
         self.largest
     }
 
-    /// The estimated number of rows of cells that a sphere of this radius searches.
+    /// Estimates the rows of cells that a sphere of this radius searches.
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
             let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.cell_sizes[axis];
@@ -133,10 +133,10 @@ impl CellGrid {
         row * self.size[0] as usize + cell[0] as usize
     }
 
-    /// All cells that may hold a sphere of this level that touches one with this center and radius.
+    /// Returns all cells of spheres that may touch one with this center and radius.
     ///
     /// Not for folded or periodic grids. Both corners come from the same monotone expression as
-    /// [`cell_of`](Self::cell_of), from coordinates moved outwards by more than rounding can move them.
+    /// [`cell_of`](Self::cell_of), from coordinates moved outwards by more than the rounding error.
     #[inline(always)]
     pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
         if self.circular {
@@ -148,10 +148,10 @@ impl CellGrid {
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// The bounds within which a sphere of `cell`, its radius included, touches no sphere of lower and of higher cells
-    /// along each axis; infinite without such cells. Not for folded grids.
+    /// Returns the bounds within which a sphere of `cell`, radius included, touches no sphere of lower and of higher
+    /// cells along each axis; infinite without such cells. Not for folded grids.
     ///
-    /// They are moved inwards by far more than rounding in `f32`, including subnormal numbers, can move coordinates.
+    /// Bounds are moved inwards by far more than the `f32` rounding error, subnormal numbers included.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
@@ -170,7 +170,6 @@ impl CellGrid {
         (low, high)
     }
 
-    /// Returns `true` if cells at the other end of a periodic axis are adjacent.
     #[inline(always)]
     pub(crate) fn is_at_boundary(&self, cell: [u32; 3]) -> bool {
         let at_boundary = |axis: usize| cell[axis] == 0 || cell[axis] + 1 == self.size[axis];
@@ -223,12 +222,11 @@ impl CellGrid {
     }
 }
 
-/// `cell` modulo `size`.
 fn modulo(cell: i64, size: u32) -> u32 {
     cell.rem_euclid(i64::from(size)) as u32
 }
 
-/// Returns the grid's size: the whole extent if it has at most `most` cells, else the longest axes are folded.
+/// Returns the size of the grid of at most `most` cells; the longest axes are folded.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);

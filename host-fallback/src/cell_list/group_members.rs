@@ -52,10 +52,7 @@ impl GroupMembers {
         self.margin = self.margin.max(other.margin);
     }
 
-    /// Counts the spheres of each group. Two sets without other groups both get the bounds of all spheres.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`], and those of the threads.
+    /// Two sets without other groups both get the bounds of all spheres.
     pub(super) fn count(
         all: &mut Vec<Self>,
         input: &SearchInput<'_>,

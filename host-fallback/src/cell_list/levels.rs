@@ -1,8 +1,8 @@
-//! The plan of a cell list: the sizes that share a level, and the cell size of each level. A pure function.
+//! The plan of a cell list: the sizes that share a level, and the cell size of each level.
 //!
 //! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
-//! long runs of spheres too small for their cells; many mean many short runs. The cheapest plan depends on the density,
-//! so levels are chosen by dynamic programming over a cost estimate. The paper's τ decides the same per cell.
+//! long runs of spheres too small for their cells; many mean many short runs. The best choice depends on the density,
+//! so dynamic programming minimizes a cost estimate. The paper's τ decides the same per cell.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 
@@ -12,18 +12,17 @@ use crate::compare::COMPARE_NS;
 use crate::input::SizeClass;
 use crate::size_class::SIZE_CLASSES;
 
-/// Estimated time to look up one row of cells and start comparing, in nanoseconds.
+/// Estimated nanoseconds to look up one row of cells and start comparing.
 const ROW_NS: f32 = 14.0;
-/// Estimated time per table entry, which must be cleared and summed, in nanoseconds.
+/// Estimated nanoseconds to clear and sum a table entry.
 const CELL_NS: f32 = 0.7;
-/// Table entries per sphere at most.
+/// The most table entries per sphere.
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
-/// Cell sizes tried per doubling.
 const SIZES_PER_DOUBLING: f32 = 2.0;
-/// Cell sizes tried per level at most.
+/// The most cell sizes tried per level.
 const MAX_CELL_SIZES: usize = 24;
 
-/// The most groups of size classes that are planned separately.
+/// The most groups of size classes planned separately.
 const MAX_CLASS_GROUPS: usize = 20;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -45,15 +44,15 @@ pub(crate) struct Level {
 struct LevelOption {
     cost: f32,
     log_size: f32,
-    /// Number of groups before this level; the best plan for those precedes it.
+    /// The number of groups before this level.
     from: usize,
 }
 
 impl LevelPlan {
-    /// Chooses the cheapest levels for the sizes in `stats` at this density.
+    /// Chooses the cheapest levels for `stats` at this density.
     pub(crate) fn plan(stats: &InputStats, density: &DensityProfile) -> Self {
         let classes: Vec<_> = stats.occupied().collect();
-        // Neighboring classes count as one if there are very many: planning grows with the square of their number.
+        // Neighboring classes are merged if there are very many: planning time grows with the square.
         let groups: Vec<&[(usize, SizeClass)]> =
             classes.chunks(classes.len().div_ceil(MAX_CLASS_GROUPS).max(1)).collect();
         let count = |group: &&[(usize, SizeClass)]| group.iter().map(|(_, class)| class.count as f32).sum();
@@ -61,7 +60,6 @@ impl LevelPlan {
         let radii: Vec<f32> = groups.iter().map(|group| group[0].1.largest).collect();
         let model = LevelCostModel { counts, radii, total: stats.spheres as f32, density };
 
-        // No plan is known before a level is tried.
         let untried = LevelOption { cost: f32::INFINITY, log_size: density.log_extent(), from: 0 };
         let mut best = vec![untried; groups.len() + 1];
         best[0].cost = 0.0;
@@ -131,7 +129,7 @@ impl LevelCostModel<'_> {
             let mut rest = [0.0, 0.0];
             for to in ends.clone().rev() {
                 let members = members(to);
-                // Rounding must not rule out the full size.
+                // Rounding must not exclude the full size.
                 if cells <= 1.001 * most[to - from - 1] {
                     let table = CELL_NS * cells.min(members * CELLS_PER_SPHERE);
                     let cost = table + rows + rest[0] + members / self.total * (met + rest[1]);
@@ -143,9 +141,9 @@ impl LevelCostModel<'_> {
         }
     }
 
-    /// The costs of each class at or after `from` with cells of this size: for the later half of the rows around its
-    /// spheres, and for the comparisons there if the level held all spheres. Members search later spheres only; smaller
-    /// spheres search both halves.
+    /// Returns the costs of each class at or after `from` with cells of this size: for the later half of the rows
+    /// around its spheres, and for the comparisons there if the level held all spheres. Members search later spheres
+    /// only; smaller spheres search both halves.
     fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];

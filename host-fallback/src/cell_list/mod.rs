@@ -1,13 +1,11 @@
-//! Hierarchical cell list: every sphere in the one cell of its center, at the level of its size.
+//! Hierarchical cell list: every sphere is in the one cell of its center, at the level of its size.
 //!
 //! All levels are sorted together, in one numbering of cells, coarse levels first. Each sphere searches the cells
-//! around it: at its own level for later spheres only, at coarser levels for all. A pair is thus found once, from its
+//! around it: at its own level for later spheres only, at coarser levels for all. So a pair is found once, from its
 //! finer sphere or, within a level, from its earlier one.
 //!
-//! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have levels of
-//! their own. Spheres search only levels of groups that pair with theirs; each two levels are searched from one side.
-//!
-//! `density` estimates, `levels` plans, `group_members` counts the spheres of groups, `sort` builds, `search` finds.
+//! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have separate
+//! levels. Spheres search only levels of groups that pair with theirs; each two levels are searched from one side.
 
 mod density;
 mod grid;
@@ -36,7 +34,7 @@ pub(crate) use levels::LevelPlan;
 pub(crate) use sort::SortRecord;
 use sort::Sorter;
 
-/// Table entries per level at most, so that 32 bits number the entries of all levels.
+/// The most table entries per level, so that 32 bits number the entries of all levels.
 const MAX_CELLS: u64 = 1 << 26;
 /// Factors by which cells may exceed the planned size to avoid a folded table, which is slower.
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
@@ -50,14 +48,14 @@ pub(crate) struct CellList {
     /// The other levels that each level searches.
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
-    /// `true` if every two compared spheres are a pair exactly if their effective radii touch.
+    /// `true` if compared spheres are a pair exactly if their effective radii touch.
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<CachedPlan>,
     time: f32,
 }
 
-/// A plan and its inputs, by which a later call recognizes that it still applies.
+/// A plan with the inputs that tell if it still applies.
 #[derive(Debug)]
 struct CachedPlan {
     classes: [SizeClass; SIZE_CLASSES],
@@ -66,7 +64,7 @@ struct CachedPlan {
 }
 
 impl CachedPlan {
-    /// Returns the `last` plan if it was made for the same sizes and density, else a new one.
+    /// Returns the `last` plan if its inputs are unchanged, else a new one.
     fn of(last: Option<Self>, stats: &InputStats, density: &DensityProfile) -> Self {
         match last {
             Some(last) if last.classes == stats.classes && last.density == *density => last,
@@ -83,13 +81,12 @@ struct LevelGrid {
     grid: CellGrid,
     base: usize,
     members: Range<usize>,
-    /// `true` if its spheres pair among themselves.
     pairs_within: bool,
     targets: Range<usize>,
 }
 
 impl LevelGrid {
-    /// The rows of cells that its spheres search on a level, with radii up to `cap`.
+    /// Returns the rows of cells that its spheres search on a level, with radii up to `cap`.
     fn effort(&self, other: &Self, cap: f64) -> f64 {
         self.members.len() as f64 * other.grid.rows_around(self.grid.reach().min(cap))
     }
@@ -106,7 +103,6 @@ struct Target {
 struct CellLocator<'p> {
     levels: &'p [LevelGrid],
     of_class: &'p [u8; SIZE_CLASSES],
-    /// The groups of the spheres. Each has levels of its own, one group after the other.
     grouping: Grouping<'p>,
 }
 
@@ -129,10 +125,6 @@ impl CellLocator<'_> {
 }
 
 impl CellList {
-    /// Plans the levels and sorts the spheres into cells.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn build(
         &mut self,
         input: &SearchInput<'_>,
@@ -195,7 +187,7 @@ impl CellList {
         self.touch_decides
     }
 
-    /// The number of spheres in the list up to the last one that may pair.
+    /// The number of spheres up to the last one that may pair.
     pub(crate) fn paired(&self) -> usize {
         let searched = self.targets.iter().map(|target| &self.levels[target.level]);
         let own = self.levels.iter().filter(|level| level.pairs_within || !level.targets.is_empty());
@@ -206,10 +198,6 @@ impl CellList {
         self.time
     }
 
-    /// Finds all pairs.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -219,9 +207,6 @@ impl CellList {
     }
 
     /// Replaces the ids of the spheres by their positions in the list, and fills `order` with the ids.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         self.columns.renumber(order)
     }
@@ -230,7 +215,6 @@ impl CellList {
         self.sorter.entries()
     }
 
-    /// Returns [`notes`](Self::notes) for writing.
     pub(crate) fn notes_mut(&mut self) -> &mut [SortRecord] {
         self.sorter.entries_mut()
     }
@@ -241,8 +225,8 @@ impl CellList {
     }
 }
 
-/// Decides which of each two levels searches the other: within a group the finer one, between groups the one that
-/// searches fewer cells. `members` is empty if there is one group.
+/// Decides which of two levels searches the other: within a group the finer one, between groups the one that searches
+/// fewer cells. `members` is empty for one group.
 fn link(
     levels: &mut [LevelGrid],
     targets: &mut Vec<Target>,

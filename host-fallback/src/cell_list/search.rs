@@ -8,7 +8,7 @@ use crate::compare::{
 };
 use crate::input::{SearchInput, search_pieces};
 
-/// Spheres per chunk: some tens of microseconds at moderate density.
+/// Some tens of microseconds at moderate density.
 const CHUNK_SPHERES: usize = 1 << 10;
 /// Hits are queued if at least one of this number of runs contains some.
 const RUNS_PER_HIT: usize = 2;
@@ -94,7 +94,6 @@ fn wrap(at: u32, size: u32) -> u32 {
     if at < size { at } else { at - size }
 }
 
-/// Queues runs, and compares them when the queue is full.
 struct Finder<'p, V, S> {
     vector: V,
     list: &'p CellList,
@@ -161,7 +160,6 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         let first = level.base + level.grid.index(block.first);
         let (next_y, next_z) = (size_x * more_y, size_x * size_y * more_z);
         let rows = [first, first + next_y, first + next_z, first + next_y + next_z];
-        // A second row that equals the first is skipped.
         let wanted = [true, more_y > 0, more_z > 0, (more_y > 0) & (more_z > 0)];
         for (row, wanted) in rows.into_iter().zip(wanted) {
             let start = self.list.starts[row].max(from as u32);
@@ -169,7 +167,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the rows of any cell range. A range that wraps is no longer than its axis, so no row is queued twice.
+    /// Queues the rows of a cell range. A range that wraps is no longer than its axis, so no row is queued twice.
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, (at, from): (usize, usize)) {
         let (size, first, count) = (level.grid.size, block.first, block.count());
@@ -195,7 +193,6 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Compares the queued runs.
     #[inline(always)]
     fn work(&mut self) {
         let Self { vector, list, test, ref mut sink, ref runs, ref mut hits, is_crowded } = *self;

@@ -2,7 +2,7 @@
 //!
 //! A single counting sort over all cells would miss every cache for large inputs. Buckets are few enough that the first
 //! pass keeps their ends in cache, and small enough that the second pass runs in cache. Both passes are stable, so the
-//! order is the same for any number of threads.
+//! order does not depend on the number of threads.
 
 use bytemuck::Zeroable;
 
@@ -13,13 +13,12 @@ use crate::disjoint_writes::{DisjointSlice, split_at};
 use crate::input::SearchInput;
 use crate::memory::{try_collect, try_resize};
 
-/// The fewest and the most spheres per chunk of the first pass.
 const CHUNK_SPHERES: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
 /// Enough chunks to balance threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 32;
 /// The target number of spheres per bucket: 48 KiB of records.
 const BUCKET: usize = 1 << 11;
-/// The most buckets: one cache line each stays in the second-level cache.
+/// One cache line per bucket stays in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
 
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
@@ -46,19 +45,15 @@ impl Sorter {
         &self.entries
     }
 
-    /// Returns [`entries`](Self::entries) for writing.
     pub(super) fn entries_mut(&mut self) -> &mut [SortRecord] {
         &mut self.entries
     }
 
-    /// The number of entries of `starts` after those of the cells.
+    /// The entries of `starts` after the cells.
     pub(super) const PADDING: usize = 3;
 
     /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the position of the first sphere of cell
     /// `k` or a later one; the padding of `starts` repeats the end.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(super) fn sort(
         &mut self,
         input: &SearchInput<'_>,
@@ -134,8 +129,8 @@ impl Sorter {
         input.executor.for_each(&mut pieces, |piece, (keys, next)| {
             let mut place = |key: u32, id: usize, row: Xyzr| {
                 let slot = &mut next[(key >> shift) as usize];
-                // SAFETY: the exclusive prefix sums over (bucket, chunk) give every sphere a slot of its own below
-                // their number, the length of `entries`.
+                // SAFETY: the exclusive prefix sums over (bucket, chunk) give every sphere a distinct slot below their
+                // number, the length of `entries`.
                 unsafe { entries.write(*slot as usize, SortRecord { row, id: id as u32, key }) };
                 *slot += 1;
             };
@@ -185,7 +180,6 @@ impl SimdTask for Keys<'_> {
     }
 }
 
-/// Computes the start of each cell of a bucket, relative to the bucket.
 fn count(entries: &[SortRecord], first: usize, cells: &mut [u32]) {
     cells.fill(0);
     for entry in entries {

@@ -70,7 +70,7 @@ fn gas_in_a_periodic_box_matches_naive() {
 
 #[test]
 fn folded_table_matches_naive() {
-    // Its bounds hold far more cells than the table may have, and its links cross every boundary of the fold.
+    // Its bounds hold far more cells than the table, and its links cross every boundary of the fold.
     let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
     let mut spheres = scattered(2000, 3, 30.0);
     for sphere in &mut spheres {
@@ -82,7 +82,7 @@ fn folded_table_matches_naive() {
     assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
 }
 
-/// Tables of all kinds, by every algorithm; groups are kept apart and merged, and some cells are crowded.
+/// Tables of all kinds, by every algorithm; groups are kept apart and merged; some cells are crowded.
 #[test]
 fn groups_of_species_match_naive() {
     let kinds = [Interaction::Never, Interaction::Touch, Interaction::Within(0.9), Interaction::Within(4.0)];

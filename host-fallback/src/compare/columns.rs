@@ -2,10 +2,10 @@ use super::pair_test::PairTest;
 use crate::Error;
 use crate::memory::try_resize;
 
-/// The most lanes of any SIMD width. Columns are padded by this many values so that a load at their end stays inside.
+/// The most lanes of any SIMD width, which pad the columns.
 pub(crate) const MAX_LANES: usize = 16;
 
-/// Spheres as columns in any order, padded so that a whole vector can be loaded at any sphere.
+/// Spheres as columns, padded so that a whole vector can be loaded at any sphere.
 ///
 /// Invariant: if there are spheres, every column has `len + MAX_LANES` values; only [`Columns::resize`] changes
 /// lengths.
@@ -19,7 +19,7 @@ pub(crate) struct Columns {
     len: usize,
 }
 
-/// The columns `x`, `y`, `z`, the effective radius (the given radius without interactions) and the index in the input.
+/// The columns `x`, `y`, `z`, the effective radius and the index in the input.
 pub(crate) struct ColumnsMut<'c> {
     pub(crate) xyzr: [&'c mut [f32]; 4],
     pub(crate) id: &'c mut [u32],
@@ -32,10 +32,7 @@ impl Columns {
         self.len
     }
 
-    /// Sets the number of spheres to `len`. The caller must write them.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`]; the columns are then empty.
+    /// Sets the number of spheres to `len`. The caller must write them. After an error the columns are empty.
     pub(crate) fn resize(&mut self, len: usize) -> Result<ColumnsMut<'_>, Error> {
         let Self { x, y, z, r, id, .. } = self;
         self.len = 0;
@@ -51,9 +48,6 @@ impl Columns {
     }
 
     /// Moves the ids to `order` and replaces each by the sphere's position.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         try_resize(order, self.len, "the order of spheres")?;
         order.copy_from_slice(&self.id[..self.len]);
@@ -61,10 +55,6 @@ impl Columns {
         Ok(())
     }
 
-    /// Fills the columns with the spheres of these ids.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn gather(
         &mut self,
         test: &PairTest<'_>,

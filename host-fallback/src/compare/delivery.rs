@@ -3,7 +3,7 @@
 //! # Correctness
 //!
 //! The consumer runs in a thread outside the pool, so it may wait for the pool of another detector. In a searching
-//! thread, such a wait could take up other work of the own pool, which could in turn wait for the same consumer.
+//! thread, such a wait could execute other work of the same pool, which could in turn wait for this consumer.
 
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -14,10 +14,7 @@ use lazygrid_kernels::Pair;
 use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
 use crate::Error;
 
-/// Runs `search`, whose output a new thread hands to `consume` in chunks from `free_chunks`.
-///
-/// # Errors
-/// [`Error::ThreadPool`] if the thread cannot be started, and those of `search`.
+/// Runs `search`, whose output a new thread passes to `consume` in chunks from `free_chunks`.
 pub(crate) fn deliver_unordered(
     consume: PairConsumer<'_>,
     free_chunks: &mut Vec<Vec<Pair>>,
@@ -51,7 +48,7 @@ struct EndOnDrop(SyncSender<Vec<Pair>>);
 
 impl Drop for EndOnDrop {
     fn drop(&mut self) {
-        // Fails if the consumer panicked, whose thread has ended then.
+        // Fails if the consumer's thread has panicked.
         let _ = self.0.send(Vec::new());
     }
 }

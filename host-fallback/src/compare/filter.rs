@@ -8,44 +8,43 @@ use crate::disjoint_writes::{close_gaps, shared};
 use crate::executor::Executor;
 use crate::memory::try_collect;
 
-/// Pairs per chunk of work, about 0.2 ms (50 ns per pair of spheres that are far apart in memory).
+/// About 0.2 ms (50 ns per pair of spheres that are far apart in memory).
 const CHUNK_PAIRS: usize = 1 << 12;
 
-/// Decides which found pairs are reported. Indices of a second set follow those of the first.
+/// The exact filter of found pairs. Indices of a second set follow the first.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
     query: Query<'a>,
-    /// The space and the table that decide contact, if the spheres are searched in a frame.
+    /// The space and the table that decide contact, for spheres in a frame.
     contact: Option<(&'a Space, Option<&'a Interactions>)>,
     has_groups: bool,
 }
 
 impl<'a> PairFilter<'a> {
-    /// Creates the filter of a query; `None` if the search decides. `contact` has the space and the table if spheres
-    /// are searched in a frame. Species ids and exclusions are checked already.
+    /// Creates the filter of a query; `None` if the search decides. `contact` has the space and the table for spheres
+    /// in a frame. Species ids and exclusions are already checked.
     pub(crate) fn new(
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
     ) -> Option<Self> {
-        // Spheres of one set only never share a group with any of the other.
+        // Across two sets, spheres never share a group if one set has none.
         let has_groups =
             query.first().groups().is_some() && query.second().is_none_or(|second| second.groups().is_some());
         let is_needed = contact.is_some() || has_groups || query.exclusions().is_some();
         is_needed.then_some(Self { query, contact, has_groups })
     }
 
-    /// Returns `true` if it decides contact too, so that a search finds candidates only.
+    /// Returns `true` if it also decides contact, so that a search finds candidates only.
     pub fn decides_contact(&self) -> bool {
         self.contact.is_some()
     }
 
-    /// Returns `true` if it decides only contact, by radii.
     pub(crate) fn is_contact_of_radii(&self) -> bool {
         let is_by_radii = matches!(self.contact, Some((_, None)));
         is_by_radii && !self.has_groups && self.query.exclusions().is_none()
     }
 
-    /// Returns `true` if two spheres that the broad phase has found are a pair.
+    /// Returns `true` if two spheres found by the broad phase are a pair.
     pub fn accepts(&self, i: u32, j: u32) -> bool {
         // The exclusion lookup is the slowest test, so it comes last.
         !(self.has_groups && self.are_of_one_group(i, j))
@@ -53,7 +52,7 @@ impl<'a> PairFilter<'a> {
             && !self.query.exclusions().is_some_and(|exclusions| self.are_listed(exclusions, i, j))
     }
 
-    /// Removes the pairs that it rejects, in parallel, and keeps the order of the others.
+    /// Removes rejected pairs in parallel; the others keep their order.
     pub fn retain(&self, pairs: &mut Vec<Pair>, executor: Executor) {
         let accepts = |pair: &Pair| self.accepts(pair.i, pair.j);
         let none_kept = std::iter::repeat_n(0_u32, pairs.len().div_ceil(CHUNK_PAIRS));
@@ -116,7 +115,7 @@ impl<'a> PairFilter<'a> {
 mod tests {
     use super::*;
 
-    /// Rejected pairs alone in a chunk, at its ends and all of a chunk.
+    /// Chunks with rejected pairs at the ends, alone, and throughout.
     #[test]
     fn retained_pairs_keep_their_order_on_any_number_of_threads() {
         let count = 3 * CHUNK_PAIRS as u32 + 5;

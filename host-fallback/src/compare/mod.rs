@@ -1,6 +1,4 @@
 //! The contact test of two spheres, and its vector code.
-//!
-//! filter → pair_test → columns → simd → sink → delivery, scan: each file uses only those before it.
 
 mod columns;
 mod delivery;

@@ -1,4 +1,4 @@
-//! The exact contact test, which decides wherever a filter cannot.
+//! The exact contact test.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Sphere, Spheres};
@@ -7,11 +7,11 @@ use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Returns `true` if two centers are at most `cutoff` apart, computed in `f64`, where differences of `f32` coordinates
-/// cannot overflow, underflow or lose the digits that decide exact contact.
+/// Returns `true` if two centers are at most `cutoff` apart, in `f64`, where differences of `f32` coordinates cannot
+/// overflow, underflow or lose the digits that decide contact.
 ///
-/// With the lengths of a periodic space it uses minimum images. Wrapped centers are no farther apart along an axis than
-/// its length, and subtracting their distance from the length does not round.
+/// With periodic `lengths` it uses minimum images. Wrapped centers are no farther apart along an axis than its length,
+/// and subtracting their distance from the length does not round.
 #[inline]
 fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     let mut d = a.as_dvec3() - b.as_dvec3();
@@ -21,18 +21,16 @@ fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     d.x * d.x + d.y * d.y + d.z * d.z <= cutoff * cutoff
 }
 
-/// The exact test whether two spheres are a pair, and the radii that a broad phase uses.
+/// The exact pair test, and the radii that a broad phase uses.
 #[derive(Clone, Debug)]
 pub(crate) struct PairTest<'a> {
     spheres: Spheres<'a>,
     species: Option<Species<'a>>,
     space: Space,
-    /// The length of each axis, infinite if the axis is unbounded; `None` if all axes are.
+    /// Infinite for an unbounded axis; `None` if all axes are unbounded.
     lengths: Option<DVec3>,
     margin: Option<SkinMargin<'a>>,
-    /// The exact filter that is applied after the contact test.
     filter: Option<&'a PairFilter<'a>>,
-    /// The frame in which the spheres are searched.
     frame: Option<&'a SearchFrame>,
     /// `true` if spheres that certainly touch are a pair without further tests.
     is_plain: bool,
@@ -48,12 +46,12 @@ pub(crate) struct SphereRadii {
     pub(crate) widened: f32,
 }
 
-/// The margin that is added to radii in a search for candidates.
+/// The margin added to radii in a search for candidates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
-    /// The margin of the radii of each [size class](class_of).
+    /// The margin of each [size class](class_of).
     pub(crate) by_class: &'a [f32; SIZE_CLASSES],
-    /// The sphere at each position, if the ids of columns are positions in another order.
+    /// The sphere at each position, if ids of columns are positions in another order.
     pub(crate) order: Option<&'a [u32]>,
 }
 
@@ -65,7 +63,7 @@ struct Species<'a> {
 }
 
 impl<'a> PairTest<'a> {
-    /// Creates the test of spheres in unbounded space. With interactions, species ids must be checked already.
+    /// Creates the test of spheres in unbounded space, with checked species ids.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
         let species = interactions.zip(spheres.species()).map(|(table, ids)| {
@@ -85,7 +83,7 @@ impl<'a> PairTest<'a> {
         }
     }
 
-    /// Adds the frame in which the spheres are searched, and the exact filter.
+    /// Adds the frame of the search, and the exact filter.
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
         // In orthogonalized coordinates, and between effective radii of species, no contact is certain.
         let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
@@ -93,13 +91,12 @@ impl<'a> PairTest<'a> {
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
     }
 
-    /// Sets the space, into which the spheres must be wrapped already.
+    /// Sets the space; the spheres must be wrapped.
     pub(crate) fn in_space(self, space: Space) -> Self {
         let lengths = space.lengths().map(|length| length.unwrap_or(f64::INFINITY));
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
     }
 
-    /// Returns the test for candidates, with a margin.
     pub(crate) fn widened(&self, margin: SkinMargin<'a>) -> Self {
         Self { margin: Some(margin), ..self.clone() }
     }
@@ -108,8 +105,8 @@ impl<'a> PairTest<'a> {
         &self.space
     }
 
-    /// The space of the SIMD filter, for spheres up to this radius; `None` if it is unbounded and contact needs no
-    /// slack.
+    /// Returns the space of the SIMD filter for spheres up to this radius; `None` if it is unbounded and contact needs
+    /// no slack.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::is_orthogonal) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
@@ -162,8 +159,8 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
     }
 
-    /// Declares that contact by effective radii decides, which the caller guarantees for the groups of the spheres, if
-    /// no filter or frame requires more.
+    /// Declares that contact by effective radii decides, which the caller guarantees, if no filter or frame requires
+    /// more.
     pub(crate) fn decided_by_radii(&mut self) {
         self.is_plain = self.filter.is_none() && self.frame.is_none();
     }
@@ -178,8 +175,7 @@ impl<'a> PairTest<'a> {
         [center.x, center.y, center.z, radius]
     }
 
-    /// Returns `true` if the spheres at positions `i` and `j`, which touch with margins, are a candidate: their species
-    /// interact. `None` if the test is not one for candidates.
+    /// Returns `true` if the species of two spheres that touch with margins interact; `None` for a test of pairs.
     #[inline(always)]
     pub(crate) fn is_candidate(&self, i: u32, j: u32) -> Option<bool> {
         let order = self.margin?.order?;

@@ -5,7 +5,7 @@ use super::pair_test::PairTest;
 use super::simd::SimdWidth;
 use super::sink::Sink;
 
-/// Estimated time to compare with one sphere of a long run, in nanoseconds.
+/// Estimated nanoseconds per comparison in a long run.
 pub(crate) const COMPARE_NS: f32 = 0.2;
 
 #[derive(Clone, Copy)]
@@ -16,8 +16,8 @@ struct Lanes {
 
 type Among<'c> = (&'c Columns, &'c PairTest<'c>);
 
-/// Compares the sphere at `at` with a run of others, which must not contain it, and hands the pairs to `sink`. Returns
-/// the number of vectors with hits.
+/// Compares the sphere at `at` with a run of others, which must not contain it. Returns the number of vectors with
+/// hits.
 #[inline(always)]
 pub(crate) fn scan<V: SimdWidth, S: Sink>(
     vector: V,
@@ -44,20 +44,19 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
 
 /// A queue of vectors with hits.
 ///
-/// If about every second vector has a hit, no branch predictor can tell which. Comparing therefore appends to the queue
-/// without a branch, and pairs are written later.
+/// If about every second vector has a hit, branches are mispredicted. Comparing therefore appends to the queue without
+/// a branch, and pairs are written later.
 pub(crate) struct HitQueue {
     at: [u32; Self::ROOM],
     base: [u32; Self::ROOM],
-    /// A mask of possible contacts in the lower half, of certain ones in the upper half.
+    /// Possible contacts in the lower half, certain ones in the upper half.
     lanes: [u32; Self::ROOM],
     len: usize,
-    /// The number of vectors with hits since the last flush.
     hit_vectors: usize,
 }
 
 impl HitQueue {
-    /// 6 KiB in all, a small part of the first-level cache.
+    /// 6 KiB, a small part of the first-level cache.
     const ROOM: usize = 512;
 
     pub(crate) fn new() -> Self {
@@ -65,7 +64,7 @@ impl HitQueue {
         Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, hit_vectors: 0 }
     }
 
-    /// Compares like [`scan`], for spheres with many hits. [`flush`](Self::flush) hands over the last pairs.
+    /// Like [`scan`], for spheres with many hits. [`flush`](Self::flush) writes the last pairs.
     #[inline(always)]
     pub(crate) fn scan<V: SimdWidth, S: Sink>(
         &mut self,
@@ -91,7 +90,7 @@ impl HitQueue {
         }
     }
 
-    /// Hands over the queued hits. Returns the number of vectors with hits since the last flush.
+    /// Writes the queued hits. Returns the number of vectors with hits since the last flush.
     #[inline(always)]
     pub(crate) fn flush<V: SimdWidth, S: Sink>(
         &mut self,
@@ -115,7 +114,6 @@ impl HitQueue {
     }
 }
 
-/// Hands over the lanes of the vector at `base` that are pairs with the sphere at `at`.
 #[inline(always)]
 fn take<V: SimdWidth, S: Sink>(
     vector: V,

@@ -1,7 +1,7 @@
-//! Outputs of a search: pairs are counted, kept as a list, or handed over in chunks.
+//! Outputs of a search: pairs are counted, listed, or passed on in chunks.
 //!
-//! Threads share an [`Output`]; each opens a [`Sink`], and sinks of consecutive chunks of work are merged in order, so
-//! a list has the same order for any number of threads.
+//! Threads share an [`Output`]; each opens a [`Sink`]. Sinks of consecutive chunks of work are merged in order, so the
+//! order of a list does not depend on the number of threads.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -15,7 +15,7 @@ use super::simd::SimdWidth;
 use crate::Error;
 use crate::memory::{self, try_resize};
 
-/// Pairs per buffer of a thread, 64 KiB: far below a core's cache, large enough to amortize passing it on.
+/// Pairs per buffer of a thread: 64 KiB, far below a core's cache, large enough to amortize delivery.
 const CHUNK: usize = 8192;
 /// The fewest pairs for which a reused buffer is cleared.
 const MIN_CHUNK: usize = 256;
@@ -23,7 +23,7 @@ const MIN_CHUNK: usize = 256;
 /// The most partly filled chunks of a list per thread, one at each end of a thread's work.
 const PARTLY_FILLED: u64 = 8;
 
-/// The most bytes that a list of up to `pairs` pairs takes while `threads` threads write it.
+/// Returns the most bytes of a list of up to `pairs` pairs while `threads` threads write it.
 pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
     let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
@@ -37,27 +37,21 @@ pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
 pub type PairConsumer<'t> = &'t mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send);
 
 pub(crate) trait Sink: Send + Sized {
-    /// Takes the pairs of sphere `id` with the selected `lanes` of `ids`.
+    /// Adds the pairs of sphere `id` with the selected `lanes` of `ids`.
     fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
     fn pair(&mut self, pair: Pair);
 
-    /// Takes pairs of positions, each as the spheres that `order` has there.
+    /// Adds pairs of positions, as the spheres in `order`.
     #[inline(always)]
     fn places(&mut self, pairs: &[Pair], order: &[u32]) {
         pairs.iter().for_each(|&pair| self.pair(at_places(pair, order)));
     }
 
     /// Appends the pairs of the sink of the following work.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     fn merge(self, later: Self) -> Result<Self, Error>;
 
     /// Returns the sink itself, unless memory for some pairs was refused.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     fn checked(self) -> Result<Self, Error> {
         Ok(self)
     }
@@ -67,13 +61,11 @@ pub(crate) trait Sink: Send + Sized {
     }
 }
 
-/// The spheres that `order` has at two positions.
 #[inline(always)]
 pub(crate) fn at_places(pair: Pair, order: &[u32]) -> Pair {
     Pair::new(order[pair.i as usize], order[pair.j as usize])
 }
 
-/// The output of a search.
 pub(crate) trait Output: Sync {
     type Sink<'o>: Sink
     where
@@ -114,7 +106,7 @@ impl Sink for Counter {
     }
 }
 
-/// Writes pairs into chunks, which `to` keeps, hands over or counts.
+/// Writes pairs into chunks.
 pub(crate) struct ChunkedOutput<'c> {
     pub(crate) to: ChunkTarget<'c>,
     /// The range of the smaller index of wanted pairs; `None` for all.
@@ -126,7 +118,7 @@ pub(crate) struct ChunkedOutput<'c> {
 
 /// The destination of full chunks.
 pub(crate) enum ChunkTarget<'c> {
-    /// Kept in order up to `limit` pairs, then only counted.
+    /// In order up to `limit` pairs, then only counted.
     List {
         limit: u64,
         kept: AtomicU64,
@@ -151,8 +143,8 @@ impl<'c> ChunkedOutput<'c> {
         matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
-    /// Returns the `lanes` of `ids` whose pairs with sphere `id` are inside the window. Pairs outside never fill a
-    /// chunk, so chunks take no more memory than the requested pairs.
+    /// Returns the `lanes` of `ids` whose pairs with `id` are inside the window. Pairs outside never fill a chunk, so
+    /// chunks take no more memory than the requested pairs.
     #[inline(always)]
     fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         let Some(Range { start, end }) = self.window else { return lanes };
@@ -201,10 +193,7 @@ impl<'c> ChunkedOutput<'c> {
         Ok(None)
     }
 
-    /// Hands chunks to `consume` until an empty one comes.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Passes chunks to `consume` until an empty one arrives.
     pub(super) fn consume(
         &self,
         chunks: &Receiver<Vec<Pair>>,
@@ -243,21 +232,17 @@ impl<'c> Output for ChunkedOutput<'c> {
 pub(crate) struct Writer<'o, 'c> {
     output: &'o ChunkedOutput<'c>,
     found: u64,
-    /// Empty, or up to [`CHUNK`] pairs of which `len` are used, with a capacity of [`CHUNK`].
+    /// Empty, or up to [`CHUNK`] pairs (`len` are used) with a capacity of [`CHUNK`].
     chunk: Vec<Pair>,
     len: usize,
     /// `true` once the list is too long or memory is refused: further pairs are only counted.
     counting: bool,
     chunks: Vec<Vec<Pair>>,
-    /// The reason for which pairs were not written.
     refused: Option<Error>,
 }
 
 impl Writer<'_, '_> {
     /// Delivers the last chunk; returns the number of pairs, and the kept ones in order.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn finish(mut self) -> Result<(u64, Vec<Vec<Pair>>), Error> {
         self.flush()?;
         match self.refused {
@@ -278,7 +263,7 @@ impl Writer<'_, '_> {
         self.chunk[self.len..].first_chunk_mut()
     }
 
-    /// Extends the chunk, or begins another one. A chunk grows as it fills, so that few pairs clear little memory.
+    /// Extends the chunk, or begins another one. Chunks grow as they fill, so that few pairs clear little memory.
     #[cold]
     #[inline(never)]
     fn renew(&mut self) -> Result<(), Error> {
@@ -359,7 +344,7 @@ impl Sink for Writer<'_, '_> {
         if chunks.is_empty() && !self.chunk.is_empty() && self.len + len + MAX_LANES <= CHUNK {
             let needed = self.chunk.len().max(self.len + len);
             try_resize(&mut self.chunk, needed, "pairs")?;
-            // Without this, the work of many threads leaves many chunks that are nearly empty.
+            // Otherwise many threads leave many nearly empty chunks.
             self.chunk[self.len..self.len + len].copy_from_slice(&chunk[..len]);
             self.len += len;
             self.output.put_back(chunk)?;
@@ -385,6 +370,6 @@ impl Sink for Writer<'_, '_> {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // The guarded values are consistent after every statement, so a panic elsewhere leaves none half written.
+    // The guarded values are consistent after every statement, even if a thread panicked.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

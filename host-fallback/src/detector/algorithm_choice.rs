@@ -1,10 +1,9 @@
-//! The choice of the algorithm: a pure function of the input's statistics.
+//! The choice of the algorithm from the input's statistics.
 
 use lazygrid_kernels::{Algorithm, Backend};
 
 use crate::{Error, InputStats};
 
-/// The index that the CPU path builds and searches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum IndexKind {
     Naive,
@@ -15,10 +14,7 @@ pub(crate) enum IndexKind {
 }
 
 impl IndexKind {
-    /// The index of an algorithm; for `Auto` the one that takes the most memory.
-    ///
-    /// # Errors
-    /// [`Error::NotOnBackend`] for an algorithm that the CPU path does not have.
+    /// Returns the index of an algorithm; for `Auto` the one with the most memory.
     pub(crate) fn from_algorithm(algorithm: Algorithm) -> Result<Self, Error> {
         match algorithm {
             Algorithm::Naive => Ok(Self::Naive),
@@ -34,10 +30,10 @@ impl IndexKind {
 /// The number of spheres of one size class below which all pairs are compared, because sampling and sorting cost more.
 /// Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs a few microseconds.
 pub const NAIVE_BELOW: usize = 400;
-/// The number of further spheres for every size class, since each makes the cell list's plan slower.
+/// The increase per further size class, which slows the plan of the cell list.
 pub const NAIVE_PER_CLASS: usize = 80;
 
-/// Returns the algorithm, and the reason for it. `Auto` depends on the statistics of the spheres.
+/// Returns the algorithm and the reason. `Auto` depends on the statistics of the spheres.
 pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return (asked, format!("{asked}: asked for"));
@@ -55,7 +51,7 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
 /// Comparisons between two sets that cost as much as sorting and searching for one sphere.
 const COMPARED_PER_SPHERE: u64 = 200;
 
-/// Returns the algorithm and its reason for pairs of one of the first `split` spheres and one of the others.
+/// Returns the algorithm and the reason for two sets, the first of `split` spheres.
 pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return choose(asked, stats);

@@ -12,41 +12,28 @@ use crate::output::NeighborsBuilder;
 use crate::output::PairSorter;
 use crate::{Error, Neighbors, Order, PhaseTime, Settings};
 
-/// The most pairs per chunk of a stream between two sets, 8 MiB.
+/// 8 MiB.
 const MAX_STREAM_CHUNK: usize = 1 << 20;
-/// Tiles into which the threads divide a list to order it.
 const ORDER_TILES: usize = 128;
 
-/// Receives chunks of pairs, which together are one part of the result.
+/// Receives chunks of pairs, together one part of the result.
 pub type ChunkConsumer<'t> = &'t mut (dyn FnMut(&mut [Vec<Pair>]) -> ControlFlow<()> + Send);
 /// Searches in the index that a backend has built for a query.
 pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error> + Send);
 
-/// The index that a backend has built for one query. Indices of a second set follow those of the first.
+/// The index of one query. Indices of a second set follow the first.
 pub trait PairSource {
     /// Counts the pairs.
-    ///
-    /// # Errors
-    /// Fails if the backend fails.
     fn count(&mut self) -> Result<u64, Error>;
 
-    /// Hands over all pairs as one part unless there are more than `limit`. Returns their number.
-    ///
-    /// # Errors
-    /// Fails if the backend fails.
+    /// Passes all pairs as one part unless they exceed `limit`. Returns their number.
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
 
-    /// Hands over all pairs in parts with ascending first indices, of at most `limit` pairs unless a single sphere, or
-    /// the output of a device, has more.
-    ///
-    /// # Errors
-    /// Fails if the backend fails.
+    /// Passes all pairs in parts with ascending first indices, of at most `limit` pairs unless a single sphere, or the
+    /// output of a device, has more.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error>;
 
-    /// Hands over all pairs in any order.
-    ///
-    /// # Errors
-    /// Fails if the backend fails.
+    /// Passes all pairs in any order.
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;
 }
 
@@ -58,13 +45,10 @@ pub trait SearchBackend {
     /// The threads of the host.
     fn team(&self) -> &Arc<Team>;
 
-    /// The number of pairs and the phases in the report of the last call.
+    /// The number of pairs and the phases of the last report.
     fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>);
 
     /// Checks a query, chooses, builds, and lets `work` search.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a bad input, and those of the backend and of `work`.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error>;
 }
 
@@ -86,7 +70,7 @@ impl<B: SearchBackend + ?Sized> SearchBackend for Box<B> {
     }
 }
 
-/// Finds overlapping pairs on a backend, call after call, in buffers that survive between calls.
+/// Finds overlapping pairs on a backend, in buffers that are reused between calls.
 #[derive(Debug)]
 pub struct PairFinder<B> {
     backend: B,
@@ -103,20 +87,19 @@ impl<B: SearchBackend> PairFinder<B> {
         Self { backend, sorter, lists, pairs, numbering }
     }
 
-    /// The overlapping pairs, each once, in the order of the settings.
+    /// Returns the overlapping pairs, each once, in the order of the settings.
     ///
     /// # Errors
-    /// [`Error::Input`] for a bad input, [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`], and those of the
-    /// backend.
+    /// [`Error::Input`], [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`], and errors of the backend.
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
         self.list(&query.into(), self.backend.settings().order)?;
         Ok(&self.pairs)
     }
 
-    /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) returns them.
+    /// Finds the pairs in this order; [`last_pairs`](Self::last_pairs) returns them.
     ///
     /// # Errors
-    /// The errors of [`pairs`](Self::pairs).
+    /// See [`pairs`](Self::pairs).
     pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
         let Self { backend, sorter, pairs, .. } = self;
         let (limit, team) = (backend.settings().max_pairs, backend.team().clone());
@@ -163,15 +146,15 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.backend
     }
 
-    /// The phases of the last call, to which a caller that works on with its pairs adds its own.
+    /// The phases of the last call, which the caller may extend.
     pub fn phases_mut(&mut self) -> &mut Vec<PhaseTime> {
         self.backend.report_mut().1
     }
 
-    /// The pairs as neighbor lists.
+    /// Returns the pairs as neighbor lists.
     ///
     /// # Errors
-    /// The errors of [`pairs`](Self::pairs).
+    /// See [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
         let query = query.into();
         self.list(&query, Order::Canonical)?;
@@ -181,10 +164,10 @@ impl<B: SearchBackend> PairFinder<B> {
         Ok(neighbors)
     }
 
-    /// The number of pairs.
+    /// Returns the number of pairs.
     ///
     /// # Errors
-    /// The errors of [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
+    /// See [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
         let mut found = 0;
         self.backend.search(&query.into(), &mut |source| {
@@ -195,10 +178,10 @@ impl<B: SearchBackend> PairFinder<B> {
         Ok(found)
     }
 
-    /// Hands the pairs over in chunks of at most `chunk` and returns their number.
+    /// Passes the pairs to `consume` in chunks of at most `chunk` and returns their number.
     ///
     /// # Errors
-    /// The errors of [`count`](Self::count).
+    /// See [`count`](Self::count).
     pub fn stream<'a, F>(
         &mut self,
         query: impl Into<Query<'a>>,
@@ -236,7 +219,6 @@ impl<B: SearchBackend> PairFinder<B> {
     }
 }
 
-/// Writes the pairs of some chunks in canonical order.
 fn put_in_order(
     sorter: &mut PairSorter,
     (chunks, spheres): (&[Vec<Pair>], usize),
@@ -251,7 +233,6 @@ fn put_in_order(
     team.pass(found, |executor| sorter.order(executor, &parts, spheres, pairs))
 }
 
-/// Joins chunks.
 fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<(), Error> {
     if let [only] = chunks
         && only.len() > MIN_PARALLEL_SPHERES
@@ -274,7 +255,7 @@ fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<
     })
 }
 
-/// The largest ranges of indices, one after the other, that have at most `most` pairs each by their `counts`, or one index.
+/// Returns the largest consecutive ranges of indices that have at most `most` pairs each by `counts`, or one index.
 pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     let mut from = 0;
     std::iter::from_fn(move || {
@@ -294,15 +275,11 @@ pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
 #[derive(Debug, Default)]
 struct Numbering {
     split: Option<u32>,
-    /// A chunk of a stream between two sets.
     part: Vec<Pair>,
 }
 
 impl Numbering {
-    /// Begins a stream in chunks of at most `chunk` pairs. Returns the number of pairs of a chunk.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Begins a stream in chunks of at most `chunk` pairs. Returns the pairs per chunk.
     fn begin(&mut self, chunk: usize, split: Option<usize>) -> Result<usize, Error> {
         self.split = split.map(|split| split as u32);
         if split.is_none() {

@@ -20,7 +20,7 @@ use algorithm_choice::IndexKind;
 pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
 use state::{Built, DetectorState};
 
-/// Finds overlapping pairs on the CPU, call after call, reusing its buffers.
+/// Finds overlapping pairs on the CPU, reusing its buffers.
 pub type HostDetector = PairFinder<HostBackend>;
 
 /// Searches with the threads of the host.
@@ -39,8 +39,8 @@ impl PairFinder<HostBackend> {
     /// Creates a detector with these settings.
     ///
     /// # Errors
-    /// [`Error::InvalidSetting`] for a setting outside its range, [`Error::NotOnBackend`] for a GPU algorithm,
-    /// [`Error::ThreadPool`] if the system refuses the threads.
+    /// [`Error::InvalidSetting`], [`Error::NotOnBackend`] for a GPU algorithm, [`Error::ThreadPool`] if the system
+    /// refuses the threads.
     pub fn new(settings: Settings) -> Result<Self, Error> {
         HostBackend::new(settings).map(Self::on)
     }
@@ -55,7 +55,7 @@ impl HostBackend {
     /// Creates a backend with these settings.
     ///
     /// # Errors
-    /// The errors of [`HostDetector::new`].
+    /// See [`HostDetector::new`].
     pub fn new(settings: Settings) -> Result<Self, Error> {
         settings.check()?;
         let structure = IndexKind::from_algorithm(settings.algorithm)?;
@@ -78,13 +78,13 @@ impl HostBackend {
         &self.state.report
     }
 
-    /// The most bytes held for `spheres` spheres, without the result and the chunks in which threads write it.
+    /// The most bytes held for `spheres` spheres, without the result and its chunks.
     ///
     /// For the paper's grids this holds if space has up to 2²⁹ cells; beyond that, and for periodic axes shorter than
     /// three cells, up to four times as much each. The recursive grid is covered with one overfull cell of all spheres;
-    /// nested ones add up to 150 bytes per sphere. Candidates of a skin count with the most that a list may keep, 96 of
-    /// 8 bytes per sphere; few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres
-    /// in unbounded space take up to 18 bytes more each.
+    /// nested ones add up to 150 bytes per sphere. The list of a skin counts with its maximum, 96 candidates of 8 bytes
+    /// per sphere; few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in
+    /// unbounded space take up to 18 bytes more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {
@@ -119,7 +119,7 @@ impl SearchBackend for HostBackend {
         (&mut self.state.report.pairs, &mut self.state.report.phases)
     }
 
-    /// Prepares, chooses, builds, and calls `work` in the detector's pool. For small inputs only long work runs there.
+    /// Prepares, chooses, builds, and calls `work`; for small inputs only long work runs in the detector's pool.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, buffers, groups, state } = self;
         let settings = &*settings;

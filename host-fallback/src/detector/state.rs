@@ -23,7 +23,6 @@ pub(crate) struct DetectorState {
     naive: Naive,
     cell_list: CellList,
     pub(crate) skin: SkinController,
-    /// `true` if this call tests the candidate list.
     from_candidates: bool,
     hash_grid: HashGrid,
     array_grid: ArrayGrid,
@@ -47,7 +46,6 @@ impl DetectorState {
         let mut advance = || skin.advance(settings, test, cell_list, executor);
         match is_kept {
             true => report.time("measure", advance),
-            // Only a sample is measured.
             false => advance(),
         }
     }
@@ -71,7 +69,6 @@ impl DetectorState {
             (self.report.algorithm, self.report.reason) = (algorithm, reason);
             self.structure(input)?;
         }
-        // Candidates are of the cell list's groups.
         let is_by_radii = match self.report.algorithm {
             Algorithm::CellList => self.cell_list.touch_decides(),
             _ => input.grouping(true).is_by_radii(),
@@ -191,7 +188,7 @@ impl PairSource for Built<'_> {
         Ok(found)
     }
 
-    /// Delivers one part if there are at most `limit` pairs, else searches once for each range of consecutive `i`.
+    /// Delivers one part if there are at most `limit` pairs, else searches once per range of `i`.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
         let Self { state, input } = self;
         let (found, chunks) = state.collect(input, limit, None)?;

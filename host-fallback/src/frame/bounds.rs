@@ -4,7 +4,6 @@ use lazygrid_kernels::Query;
 
 use crate::executor::Executor;
 
-/// Spheres per chunk of a pass.
 const CHUNK_SPHERES: usize = 1 << 13;
 
 /// The smallest and the largest numbers `x, y, z, r` of spheres.
@@ -12,7 +11,7 @@ const CHUNK_SPHERES: usize = 1 << 13;
 pub(crate) struct Bounds {
     pub(crate) min: [f64; 4],
     pub(crate) max: [f64; 4],
-    /// NaN after any number that is not finite.
+    /// NaN after any non-finite number.
     pub(crate) zero: [f64; 4],
 }
 
@@ -20,7 +19,6 @@ impl Bounds {
     pub(crate) const EMPTY: Self =
         Self { min: [f64::INFINITY; 4], max: [f64::NEG_INFINITY; 4], zero: [0.0; 4] };
 
-    /// Computes the bounds of all spheres of a query.
     pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
         let sets = [Some(query.first()), query.second()];
         sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
@@ -37,7 +35,6 @@ impl Bounds {
         })
     }
 
-    /// Adds a sphere.
     #[inline(always)]
     pub(crate) fn add(&mut self, row: [f64; 4]) {
         for (lane, number) in row.into_iter().enumerate() {
@@ -56,7 +53,6 @@ impl Bounds {
         self
     }
 
-    /// Returns `true` if all spheres are valid.
     pub(crate) fn are_valid(&self) -> bool {
         self.zero == [0.0; 4] && self.min[3] >= 0.0
     }
@@ -65,7 +61,7 @@ impl Bounds {
         0.5 * self.min[axis] + 0.5 * self.max[axis]
     }
 
-    /// The largest distance from `origin` along an axis.
+    /// Returns the largest distance from `origin` along an axis.
     pub(super) fn reach(&self, axis: usize, origin: f64) -> f64 {
         (self.max[axis] - origin).max(origin - self.min[axis])
     }

@@ -1,19 +1,17 @@
-//! The map of spheres to a frame, for vectors.
-
 use bytemuck::cast;
 
 use super::{Axes, GROWTH, MAX_RADIUS, SearchFrame};
 
-/// The map to a frame, for all lanes of a row `x, y, z, r` at once. It computes the same numbers as [`SearchFrame::sphere`].
+/// The map to a frame, for all lanes of a row `x, y, z, r`. Its results equal [`SearchFrame::sphere`].
 pub(crate) struct FrameMap<'f> {
     pub(crate) frame: &'f SearchFrame,
     pub(crate) origin: [f64; 4],
-    /// The length of each axis; infinite for an unbounded one and for the radius. NaN in a triclinic space.
+    /// Infinite for an unbounded axis and for the radius. NaN in a triclinic space.
     pub(crate) lengths: [f64; 4],
-    /// The largest radius, beyond which it is cut; infinite for coordinates.
+    /// The radius at which radii are cut; infinite for coordinates.
     pub(crate) limit: [f64; 4],
-    /// The scale of the frame with the growth of radii, and the summand of the growth. The scale is a power of two, so that the
-    /// product rounds as if both factors were applied one after the other.
+    /// The scale of the frame with the growth of radii, and the summand of the growth. The scale is a power of two, so
+    /// the product rounds as if both factors were applied in turn.
     pub(crate) growth: [[f64; 4]; 2],
     /// Half the period of each axis; infinite for an unbounded one and for the radius.
     pub(crate) half: [f32; 4],
@@ -44,7 +42,6 @@ impl<'f> FrameMap<'f> {
         map
     }
 
-    /// Returns `true` if no axis is periodic.
     pub(crate) fn is_unbounded(&self) -> bool {
         self.lengths == [f64::INFINITY; 4]
     }
@@ -71,7 +68,8 @@ impl<'f> FrameMap<'f> {
             }
         }
         if PERIODIC && !is_near {
-            // More than one and a half lengths away from the origin, where this image is wrong, or in a triclinic space.
+            // More than one and a half lengths away from the origin, where this image is wrong, or in a triclinic
+            // space.
             return cast(self.frame.sphere(row));
         }
         // The next larger radius, since this one is positive and finite.

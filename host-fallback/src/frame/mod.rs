@@ -6,24 +6,24 @@
 //! A frame has an origin `o` and a power of two `s`. A sphere `c, r` is searched as `u = f32((c − o)·s)` with the
 //! radius `R = r·s·(1 + 2⁻²⁰) + 2⁻²³`, rounded up.
 //!
-//! 1. `s` makes all `|c − o|·s` less than 1 along axes that do not repeat, and all lengths `L·s`. Rounding `u` moves a
-//!    center by up to 2⁻²⁵ along an axis, so two centers seem at most √3·2⁻²⁴ farther apart than they are, and rounding
-//!    `L·s` to a period adds 2⁻²⁵. The radii of two spheres make up for 4·2⁻²⁴.
-//! 2. Their relative part makes up for rounding of the radii, for the 5 ulp that a GPU may be wrong by, and for the
-//!    roundings of the decision in `f64`.
-//! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along axes that repeat, `s` makes it less than 2²⁰, and the
+//! 1. `s` makes all `|c − o|·s` along unbounded axes, and all lengths `L·s`, less than 1. Rounding `u` moves a center
+//!    by up to 2⁻²⁵ along an axis, so two centers seem at most √3·2⁻²⁴ farther apart than they are, and rounding `L·s`
+//!    to a period adds 2⁻²⁵. The radii of two spheres compensate for 4·2⁻²⁴.
+//! 2. Their relative part compensates for rounding of the radii, for 5 ulp of error on a GPU, and for the roundings of
+//!    the decision in `f64`.
+//! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along periodic axes, `s` makes it less than 2²⁰, and the
 //!    rounding less than 2⁻³³.
-//! 4. A radius of more than 4 touches everything in the frame: it is cut there.
+//! 4. A radius above 4 touches everything in the frame: it is cut there.
 //!
-//! So every pair that touches in space touches in the frame too. Conversely a pair touches in space, and needs no
-//! decision, if in an orthogonal frame it touches by more than the [slack](Frame::slack):
+//! So every pair that touches in space also touches in the frame. Conversely, in an orthogonal frame a pair that
+//! touches by more than the [slack](Frame::slack) touches in space and needs no decision:
 //!
-//! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The filter of the search, of
-//!    which the slack of a periodic space is 2⁻²² of the longest axis, is wrong by less than that.
-//! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the reach `ρ`, where the second term is that of the
-//!    roundings upward, and 1.01·2⁻²².
+//! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The error of the search's
+//!    filter, whose slack in a periodic space is 2⁻²² of the longest axis, is less than that.
+//! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the cutoff `ρ`, where the second term is the roundings
+//!    upward, and 1.01·2⁻²².
 //! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the
-//!    largest reach, of which the decision's own rounding takes less than 2⁻⁴⁹.
+//!    largest cutoff, of which the decision's own rounding is less than 2⁻⁴⁹.
 
 mod bounds;
 mod map;
@@ -33,18 +33,17 @@ use lazygrid_kernels::{Orthogonalization, Space, Sphere, TriclinicCell};
 pub(crate) use bounds::Bounds;
 pub(crate) use map::FrameMap;
 
-/// The relative and the absolute part by which radii grow.
+/// The relative and the absolute growth of radii.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
-/// The largest radius in a frame.
 const MAX_RADIUS: f64 = 4.0;
-/// The part of the distance between spheres along a periodic axis that a frame is no smaller than.
+/// The smallest frame as a fraction of the distance between spheres along a periodic axis.
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
-/// The absolute part of the slack, and the part of the largest radius.
+/// The absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
-/// The smallest filled fraction with which a frame is kept, so that moving spheres keep their radii.
+/// The smallest filled fraction with which a frame is kept, so that radii of moving spheres do not change.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
-/// The map from given spheres to those that are searched.
+/// The map from given to searched spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchFrame {
     origin: [f64; 3],
@@ -68,7 +67,6 @@ impl SearchFrame {
         Self::at(origin, scale_of(Self::size(bounds, space, &origin)), space)
     }
 
-    /// Returns `true` if the frame suits spheres within these bounds.
     pub(crate) fn fits(&self, bounds: &Bounds, space: &Space) -> bool {
         (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
     }
@@ -94,7 +92,7 @@ impl SearchFrame {
         Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes }
     }
 
-    /// Returns `true` for the frame of `f32` spheres in a triclinic space, which does not depend on the spheres.
+    /// Returns `true` for `f32` spheres in a triclinic space, whose frame does not depend on the spheres.
     pub(crate) fn is_narrow(&self) -> bool {
         matches!(self.axes, Axes::Narrow(_))
     }
@@ -110,7 +108,7 @@ impl SearchFrame {
         Self { origin, scale, axes }
     }
 
-    /// The space that is searched.
+    /// The searched space.
     pub fn space(&self) -> Space {
         match &self.axes {
             Axes::Orthogonal(axes) => {
@@ -121,7 +119,7 @@ impl SearchFrame {
         }
     }
 
-    /// Returns `true` if distances in the frame are those in space, up to its scale and to rounding.
+    /// Returns `true` if distances in the frame are scaled distances in space, up to rounding.
     pub(crate) fn is_orthogonal(&self) -> bool {
         matches!(self.axes, Axes::Orthogonal(_))
     }
@@ -131,7 +129,7 @@ impl SearchFrame {
         self.scale
     }
 
-    /// The overlap in an orthogonal frame beyond which spheres up to this radius certainly touch in space.
+    /// Returns the overlap in an orthogonal frame beyond which spheres up to this radius certainly touch in space.
     pub(crate) fn slack(largest: f32) -> f32 {
         let [absolute, relative] = SLACK;
         absolute + relative * largest
@@ -165,7 +163,6 @@ impl SearchFrame {
     }
 }
 
-/// The radius in the search for a radius in units of the frame.
 #[inline]
 fn searched_radius(radius: f64) -> f32 {
     let [relative, absolute] = GROWTH;
@@ -174,25 +171,25 @@ fn searched_radius(radius: f64) -> f32 {
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 
-/// The power of two that scales a size to between one half and 1.
+/// Returns the power of two that scales `size` to between one half and 1.
 fn scale_of(size: f64) -> f64 {
     const FRACTION: u64 = (1 << 52) - 1;
     const EXPONENTS: u64 = 2047;
     if size == 0.0 {
         return 1.0;
     }
-    // The smallest sizes stay below one half, since their inverse is not a number.
+    // The smallest sizes stay below one half, because their inverse is not finite.
     let exponent = (size.max(4.0 * f64::MIN_POSITIVE).to_bits() & !FRACTION) >> 52;
-    // A quarter of twice one over the power of two below; of the largest sizes that is subnormal.
+    // A quarter of twice the inverse power of two; for the largest sizes the inverse is subnormal.
     0.25 * f64::from_bits((EXPONENTS - exponent) << 52)
 }
 
-/// The image of a coordinate within half a length of the origin, without rounding.
+/// Returns the image of a coordinate within half a length of the origin, without rounding.
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let half = 0.5 * length;
     if x.abs() <= 1.5 * length {
-        // One length is no more than twice as large, or half as large, as what it is taken from.
+        // By Sterbenz's lemma: the operands are within a factor of two.
         let image = x - length.copysign(x);
         return if x.abs() <= half { x } else { image };
     }

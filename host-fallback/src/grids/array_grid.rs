@@ -20,18 +20,10 @@ pub(crate) struct ArrayGrid {
 }
 
 impl ArrayGrid {
-    /// Builds for these spheres.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
         self.entries.build(input, report)
     }
 
-    /// Finds all pairs.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,

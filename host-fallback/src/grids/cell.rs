@@ -1,4 +1,4 @@
-//! Comparisons inside a cell. Corner masks decide which spheres are compared, so that one cell compares every pair.
+//! Comparisons inside a cell. Corner masks select the compared spheres, so that one cell compares every pair.
 
 use std::ops::Range;
 
@@ -10,10 +10,9 @@ use crate::input::{Grouping, SearchInput, search_pieces};
 use crate::memory::{try_collect, try_extend, try_push, with_growth};
 use crate::radix::{KeyedSphere, RadixKey};
 
-/// The number of corner masks.
 const MASKS: usize = 1 << MASK_BITS;
 type MaskRange = (usize, usize);
-/// For each corner mask, those at or above it whose pairs with it belong to the cell.
+/// For each corner mask, the masks at or above it whose pairs with it belong to the cell.
 const LATER_PARTNERS: [&[MaskRange]; MASKS] =
     [&[(7, 8)], &[(6, 8)], &[(5, 6), (7, 8)], &[(4, 8)], &[(7, 8)], &[(6, 8)], &[(7, 8)], &[(7, 8)]];
 const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
@@ -26,7 +25,7 @@ const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
     &[(1, 2), (3, 4), (5, 6), (7, 8)],
     &[(0, 8)],
 ];
-/// Spheres per tile side: the columns of a tile stay near the first-level cache.
+/// The columns of a tile stay near the first-level cache.
 const TILE: usize = 1024;
 /// The most spheres that one row of tiles compares with: a unit of work for a thread.
 const ROW: usize = 1 << 13;
@@ -53,7 +52,7 @@ impl<K: RadixKey> CellMember for KeyedSphere<K> {
 
 type Starts = [u32; MASKS + 1];
 
-/// Computes the start of each corner mask among members sorted by it, of which the first is at `from`.
+/// Computes the start of each corner mask among members sorted by it; the first is at `from`.
 fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, from: usize) -> Starts {
     let mut starts = [from as u32; MASKS + 1];
     for entry in run {
@@ -65,7 +64,6 @@ fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, from: usize
     starts
 }
 
-/// Returns `true` if any pair of these spheres belongs to the cell.
 pub(crate) fn owns_pairs(run: &[impl CellMember]) -> bool {
     run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.corner_mask()) == MASKS - 1
 }
@@ -77,20 +75,14 @@ fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     ids: Vec<u32>,
-    /// The spheres of one group of a cell.
     cells: Vec<Starts>,
-    /// The spheres of two groups of a cell.
     meetings: Vec<[Starts; 2]>,
-    /// The spheres of each group of a cell.
     groups: Vec<Starts>,
     columns: Columns,
 }
 
 impl Batch {
     /// Adds the entries of one cell, sorted by corner mask.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     #[inline]
     pub(crate) fn push(&mut self, run: &[impl CellMember], grouping: &Grouping<'_>) -> Result<(), Error> {
         if !owns_pairs(run) {
@@ -120,8 +112,8 @@ impl Batch {
         Ok(())
     }
 
-    /// The most bytes held for `entries` entries of one group: ids, columns, and the starts of cells of two, whose capacity is
-    /// doubled.
+    /// The most bytes for `entries` entries of one group: ids, columns, and the starts of cells of two, whose capacity
+    /// is doubled.
     pub(crate) fn memory_for(entries: u64) -> u64 {
         with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
@@ -131,9 +123,6 @@ impl Batch {
     }
 
     /// Compares inside every cell, and empties the batch.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
         let Self { ids, cells, meetings, columns, .. } = self;
         columns.gather(&input.test, ids.iter().copied())?;
@@ -154,7 +143,7 @@ struct Cells<'c, S> {
 }
 
 impl<S: Sink> Cells<'_, S> {
-    /// Compares the spheres of a group with those of the same or of another one.
+    /// Compares the spheres of a group with the same or another group.
     #[inline(always)]
     fn compare<V: SimdWidth>(
         &mut self,
@@ -165,7 +154,6 @@ impl<S: Sink> Cells<'_, S> {
         for (corner_mask, partners) in partners.iter().enumerate() {
             for at in range(of, (corner_mask, corner_mask + 1)) {
                 for &masks in *partners {
-                    // The spheres of a second group follow those of the first.
                     let run = range(with, masks);
                     let run = run.start.max(at + 1)..run.end;
                     if !run.is_empty() {
@@ -191,8 +179,7 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
     }
 }
 
-/// An overfull cell, whose comparisons are divided into rows of tiles. Spheres are gathered per row, so memory does not
-/// grow with the cell.
+/// An overfull cell, divided into rows of tiles. Spheres are gathered per row, so memory does not grow with the cell.
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCell {
     rows: Vec<TileRow>,
@@ -208,15 +195,12 @@ struct TileRow {
 }
 
 impl OverfullCell {
-    /// The most bytes held for cells of `spheres` spheres of one group.
+    /// The most bytes for cells of `spheres` spheres of one group.
     pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
 
     /// Compares inside one cell, whose entries are sorted by corner mask.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn within<'o, O: Output>(
         &mut self,
         input: &SearchInput<'_>,
@@ -229,11 +213,7 @@ impl OverfullCell {
         self.among(input, (run, &run[..0]), (output, sink))
     }
 
-    /// Compares the spheres `large` of one cell with each other and with its other spheres `small`; the entries of
-    /// both are sorted by corner mask.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Compares the spheres `large` of one cell with each other and with `small`, both sorted by corner mask.
     pub(crate) fn among<'o, O: Output>(
         &mut self,
         input: &SearchInput<'_>,
@@ -259,8 +239,8 @@ impl OverfullCell {
         self.search(input, id, (output, sink))
     }
 
-    /// Appends the members of a cell to the order, group by group; a single group needs none. Returns the positions of each group.
-    /// The first member has the index `from`, and its position.
+    /// Appends the members of a cell to the order, group by group; a single group needs none. Returns the positions of
+    /// each group. The first member has the index `from`.
     fn arrange(
         &mut self,
         members: &[impl CellMember],

@@ -1,4 +1,4 @@
-//! An array of (cell, sphere) entries, one for every cell that a sphere overlaps, sorted by cell and corner mask.
+//! (cell, sphere) entries, one for every cell that a sphere overlaps, sorted by cell and corner mask.
 
 use glam::UVec3;
 
@@ -11,9 +11,8 @@ use crate::memory::{try_reserve, try_resize};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
 
-/// Spheres per chunk of the passes that count and write entries.
 const CHUNK_SPHERES: usize = 1 << 14;
-/// The number of low bits of a key for the corner mask; the higher bits are the cell.
+/// The low bits of a key hold the corner mask; the higher bits are the cell.
 pub(crate) const MASK_BITS: u32 = 3;
 
 impl<K: RadixKey> KeyedSphere<K> {
@@ -63,7 +62,6 @@ impl KeyLayout {
     }
 }
 
-/// The sorted entries of all spheres. Buffers survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct Entries {
     pub(crate) grid: UniformGrid,
@@ -81,10 +79,6 @@ pub(crate) trait Visit {
 }
 
 impl Entries {
-    /// Writes and sorts the entries.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
         match input.is_periodic() {
             true => self.build_in::<true>(input, report),
@@ -137,7 +131,6 @@ impl Entries {
         Ok(())
     }
 
-    /// Calls `visitor` with the entries at their width.
     pub(crate) fn visit<V: Visit>(&self, visitor: V) -> V::Result {
         match self.layout.is_narrow() {
             true => visitor.visit(&self.narrow.entries, self.layout),
@@ -150,7 +143,6 @@ impl Entries {
 /// four times as much.
 pub(crate) const ENTRY: u64 = 2 * size_of::<KeyedSphere<u32>>() as u64;
 
-/// The most bytes held for entries with narrow keys.
 pub(crate) fn memory_of_entries(entries: u64) -> u64 {
     Radix::<u32>::memory_for(entries)
 }
@@ -162,11 +154,8 @@ pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
-/// mask for its corner masks, and its id, or `None` to leave it out; for many spheres it is called twice, first to count.
+/// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice, first to count.
 /// `place` wraps a cell. Returns `false`, without entries, if there are more than `most`.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
 pub(crate) fn fill<K: RadixKey>(
     (n, executor): (usize, Executor),
     (sphere, place): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
@@ -221,7 +210,7 @@ pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     })
 }
 
-/// The end of the cell's entries from `from`, by exponential search, because most runs are short.
+/// Returns the end of the cell's entries after `from`, by exponential search, because most runs are short.
 #[inline]
 pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();
@@ -234,7 +223,7 @@ pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> u
     last + window.partition_point(|entry| entry.cell() == cell)
 }
 
-/// The entries of the cells that start in chunk `piece` of `size` entries.
+/// Returns the entries of the cells that start in chunk `piece` of `size` entries.
 pub(crate) fn cells_of_piece<K: RadixKey>(
     entries: &[KeyedSphere<K>],
     piece: usize,

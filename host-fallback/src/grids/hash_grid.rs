@@ -24,7 +24,6 @@ const END: u32 = u32::MAX;
 
 #[derive(Debug, Default)]
 pub(crate) struct HashGrid {
-    /// The last entry inserted in each chain.
     heads: Vec<u32>,
     entries: Vec<Linked>,
     offsets: Vec<usize>,
@@ -64,10 +63,6 @@ impl CellMember for InChain {
 }
 
 impl HashGrid {
-    /// Counts the entries, sizes the table, and inserts.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
         match input.is_periodic() {
             true => self.build_in::<true>(input, report),
@@ -144,10 +139,6 @@ impl HashGrid {
         Ok(())
     }
 
-    /// Finds all pairs.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -186,7 +177,7 @@ impl HashGrid {
         Ok(sink)
     }
 
-    /// Gathers a chain in the order of cell, corner mask and sphere, so that the order of insertion does not matter.
+    /// Gathers a chain by cell, corner mask and sphere, so that the order of insertion does not matter.
     fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
@@ -225,12 +216,12 @@ fn cover<const PERIODIC: bool>(input: &SearchInput<'_>, grid: &UniformGrid, id: 
     grid.cover::<PERIODIC>(center, radius)
 }
 
-/// The right shift of a 64-bit hash that numbers `chains` chains, a power of two and at least 2.
+/// Returns the right shift of a 64-bit hash that numbers `chains` chains, a power of two and at least 2.
 fn shift(chains: usize) -> u32 {
     u64::BITS - chains.trailing_zeros()
 }
 
-/// The chain of a cell: multiplications by odd constants, whose upper bits are well mixed.
+/// Multiplies by odd constants, whose upper bits are well mixed.
 #[inline(always)]
 fn chain_of(cell: UVec3, shift: u32) -> usize {
     let [x, y, z] = cell.to_array().map(u64::from);

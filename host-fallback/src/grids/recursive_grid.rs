@@ -1,6 +1,6 @@
 //! The paper's RecursiveGrid: a grid for the largest spheres, whose overfull cells are split for the smaller ones.
 //!
-//! In each cell, pairs with a large sphere, one that no finer grid suits, are found among all its spheres. If more than
+//! In each cell, pairs with a large sphere (one that no finer grid suits) are found among all its spheres. If more than
 //! τ smaller spheres remain, the cell is split into a finer grid, else they are compared with each other. Finer cells
 //! are a power of two smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. A
 //! split refines the cell's entries, and the corner mask of a finer entry has only bits of the coarser one.
@@ -25,10 +25,10 @@ use crate::memory::{try_extend, try_reserve};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
 
-/// Entries per chunk of work: their spheres' columns take 40 KiB.
+/// The columns of their spheres take 40 KiB.
 const CHUNK_ENTRIES: usize = 1 << 11;
-/// The target number of spheres per finer cell if their sizes allow smaller cells. Fewer mean more entries, more mean more
-/// comparisons.
+/// The target number of spheres per finer cell if their sizes allow smaller cells. Fewer mean more entries, more mean
+/// more comparisons.
 const PER_CELL: f64 = 16.0;
 /// The most halvings of a cell in one split, so that 32 bits hold a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
@@ -103,7 +103,7 @@ impl CellSplit {
     fn merge_large(&mut self) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         let joined = !large.is_empty();
-        // All spheres were small ones, so that the capacity suffices.
+        // All spheres were small ones, so the capacity suffices.
         try_extend(small, large.drain(..), "spheres of a crowded cell")?;
         std::mem::swap(large, small);
         if joined {
@@ -147,7 +147,7 @@ struct Extent {
 enum SplitDecision {
     /// Split the cell into this many parts per axis, a power of two.
     Split(f64),
-    /// Compare spheres with a radius above this with all, then decide again.
+    /// Compare spheres above this radius with all, then decide again.
     CompareLarge(f64),
     /// Compare all with each other: no finer grid separates them.
     BruteForce,
@@ -159,8 +159,8 @@ struct NestedCell {
     top: DVec3,
     /// The number of cells of this size per axis in a top cell, a power of two.
     fineness: f64,
-    /// `fineness`, but zero on an axis on which all spheres of the top cell have one coordinate, or which is a ring of one
-    /// cell.
+    /// `fineness`, or zero on an axis on which all spheres of the top cell have one coordinate, or which is a ring of
+    /// one cell.
     scale: DVec3,
     /// This cell, relative to the top cell's corner.
     corner: DVec3,
@@ -176,7 +176,6 @@ impl NestedCell {
         Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: grid.away(top) }
     }
 
-    /// One of the `parts` finer cells per axis.
     fn finer(&self, parts: f64, at: DVec3) -> Self {
         let (fineness, scale) = (self.fineness * parts, self.scale * parts);
         Self { fineness, scale, corner: self.corner * parts + at, ..*self }
@@ -186,26 +185,25 @@ impl NestedCell {
         (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
     }
 
-    /// The axes along which the cell can be split, and the number of halvings possible along all of them.
+    /// Returns the axes along which the cell can be split, and the possible halvings along all of them.
     fn divisible(&self) -> (BVec3, f64) {
         let halvings = self.halvings();
         let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
         (axes, DVec3::select(axes, halvings, DVec3::INFINITY).min_element())
     }
 
-    /// Restricts further splits to `axes`.
     fn along(&self, axes: BVec3) -> Self {
         Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
     }
 
-    /// Lower and upper corner of the box around a sphere that is in this cell, in cells of the top grid.
+    /// Returns the box around a sphere of this cell, in cells of the top grid.
     #[inline(always)]
     fn bounds<const PERIODIC: bool>(&self, grid: &UniformGrid, member: &Member) -> (DVec3, DVec3) {
         let bounds = grid.bounds::<PERIODIC>(member.center, member.radius);
         if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
     }
 
-    /// The finer cell, of `parts` per axis, of a coordinate of the top grid, clamped to this cell.
+    /// Returns the finer cell, of `parts` per axis, of a coordinate of the top grid, clamped to this cell.
     ///
     /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
     /// cell when the cell is split again, because all but the first subtraction are exact inside the cell.
@@ -218,18 +216,10 @@ impl NestedCell {
 }
 
 impl RecursiveGrid {
-    /// Builds the top grid for these spheres.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
         self.entries.build(input, report)
     }
 
-    /// Finds all pairs.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -382,8 +372,8 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
 
 fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> SplitDecision {
     let wide = extent.wide;
-    // Centers of a cell's small spheres lie within one and a half cell sizes. No split separates others, which are here
-    // by rounding.
+    // Centers of a cell's small spheres lie within one and a half cell sizes, except for rounding; no split separates
+    // those.
     if wide == 0.0 || wide > 2.0 * cell_size {
         return SplitDecision::BruteForce;
     }

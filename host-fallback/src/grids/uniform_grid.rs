@@ -4,14 +4,13 @@
 //!
 //! A pair can share several cells. The one that reports it has, on each axis, the larger of the two spheres' lowest
 //! cells. Every (cell, sphere) entry carries a corner mask: one bit per axis, set if the cell is the sphere's lowest on
-//! that axis. Two spheres of a cell are that cell's own pair exactly if their masks together have all three bits.
+//! that axis. A cell owns the pair of two of its spheres exactly if their masks together have all three bits.
 //!
 //! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of the two begins in it and the
-//! other lies in it too. Spheres of `a` and `b` cells have one such cell if they share any, since two would mean that
-//! each begins inside the other, so that together they go all the way round: with `a + b − 2` cells at least. A ring
-//! therefore has 3 cells or more for spheres of at most 2, and 5 or more for those of 3; else it is one cell, in which
-//! all begin. For the same reason two spheres share one arc of the ring only, so inside it they can be treated as on a
-//! line.
+//! other lies in it too. Spheres of `a` and `b` cells have one such cell if they share any: two would mean that each
+//! begins inside the other, so that together they cover the ring, with `a + b − 2` cells at least. A ring therefore has
+//! at least 3 cells for spheres of at most 2, and 5 for spheres of 3; else it is one cell, in which all begin. For the
+//! same reason two spheres share one arc of the ring only, so inside it they can be treated as on a line.
 
 use std::convert::Infallible;
 
@@ -32,7 +31,7 @@ const FAR_GAP: u32 = 16;
 const MIDDLE: u32 = 1 << 31;
 /// Relative widening of radii, far above the rounding of the exact test.
 const WIDER: f64 = 1.0 + 1e-9;
-/// The largest error of a coordinate by rounding, relative to it: some ulp of `f64`.
+/// The largest relative rounding error of a coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// The factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans
 /// three.
@@ -61,7 +60,6 @@ pub(crate) struct UniformGrid {
 #[derive(Clone, Debug, Default)]
 struct PeriodicAxes {
     count: UVec3,
-    /// Cells per unit length.
     per_length: DVec3,
     origin: DVec3,
     lengths: DVec3,
@@ -118,7 +116,7 @@ impl UniformGrid {
         Self { cell_size, per_length, shift: DVec3::ZERO, first_far, periodic }
     }
 
-    /// The number of shifts per axis, of which at most one places a given sphere across a cell boundary.
+    /// The number of shifts per axis; at most one places a given sphere across a cell boundary.
     fn places(ratio: f32) -> usize {
         (ratio as usize).clamp(1, MAX_SHIFTS)
     }
@@ -127,7 +125,7 @@ impl UniformGrid {
     /// has more.
     ///
     /// At each of *p* shifts per axis a sphere overlaps one cell along that axis, except at one, where it overlaps two.
-    /// On average over all *p*³ shifts it overlaps (1 + 1/*p*)³ cells, so at the best shift the mean is no larger.
+    /// The mean over all *p*³ shifts is (1 + 1/*p*)³ cells, so the best shift has no more.
     pub(crate) fn most_cells(ratio: f32) -> f64 {
         let places = Self::places(ratio) as f64;
         if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
@@ -191,8 +189,8 @@ impl UniformGrid {
             .fold(self.cell_size, |cell_size, axis| cell_size.min(per_length[axis].recip()))
     }
 
-    /// Both corners of the box around a sphere, in cells, moved outwards by more than rounding can move them. They come
-    /// from one monotone expression.
+    /// Returns the box around a sphere, in cells, widened by more than the rounding error. Both corners come from one
+    /// monotone expression.
     #[inline(always)]
     pub(crate) fn bounds<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
         let center = center.as_dvec3();
@@ -205,7 +203,7 @@ impl UniformGrid {
         ((center - reach) * self.per_length + self.shift, (center + reach) * self.per_length + self.shift)
     }
 
-    /// The cells that a sphere overlaps. On a ring their numbers may exceed its end; see [`wrap`](Self::wrap).
+    /// Returns the cells that a sphere overlaps. On a ring their numbers may exceed its end; see [`wrap`](Self::wrap).
     #[inline(always)]
     pub(crate) fn cover<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> CellBox {
         let (low, high) = self.bounds::<PERIODIC>(center, radius);
@@ -239,7 +237,6 @@ impl UniformGrid {
         cover
     }
 
-    /// Wraps a cell number that exceeds the end of a ring.
     #[inline(always)]
     pub(crate) fn wrap<const PERIODIC: bool>(&self, mut cell: UVec3) -> UVec3 {
         if PERIODIC {
@@ -268,12 +265,12 @@ impl UniformGrid {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }
 
-    /// The longest side of a box, whose sides are given in cells, in the unit of length.
+    /// The longest side of a box given in cells, in the unit of length.
     pub(crate) fn widest(&self, sides: DVec3) -> f64 {
         (sides / self.periodic.per_length).max_element()
     }
 
-    /// The bounds of the image of a sphere that lies in the cell with this corner, in cells.
+    /// The bounds of a sphere's image in the cell with this corner, in cells.
     #[inline(always)]
     pub(crate) fn image_at(&self, corner: DVec3, (mut low, mut high): (DVec3, DVec3)) -> (DVec3, DVec3) {
         for axis in 0..3 {
@@ -318,7 +315,8 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// The number of cells: at most 8 if the cell size is at least the largest diameter, 27 if it is at least half of it.
+    /// The number of cells: at most 8 if the cell size is at least the largest diameter, 27 if it is at least half of
+    /// it.
     #[inline(always)]
     pub(crate) fn cells(self) -> usize {
         let size = self.high - self.low + 1;

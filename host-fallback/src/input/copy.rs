@@ -30,9 +30,9 @@ pub(super) fn copy(
 
 struct Wrapping<'s> {
     space: &'s Space,
-    /// The length of each axis; 0 for an unbounded one.
+    /// 0 for an unbounded axis.
     lengths: [f64; 4],
-    /// The inverse of each length; 0 for an unbounded axis.
+    /// 0 for an unbounded axis.
     per_length: [f64; 4],
 }
 
@@ -44,7 +44,7 @@ impl<'s> Wrapping<'s> {
         Self { space, lengths, per_length }
     }
 
-    /// Moves a sphere to its image within half a length of the origin. Nothing is rounded.
+    /// Moves a sphere to its image within half a length of the origin, without rounding.
     ///
     /// # Correctness
     ///
@@ -91,9 +91,6 @@ impl SimdTask for WrapChunk<'_> {
 }
 
 /// Maps spheres to their frame, and returns the bounds of the given spheres.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
 pub(super) fn map_to_frame(
     (given, targets): (GivenSpheres<'_>, &mut [Sphere]),
     (simd, executor): (Simd, Executor),

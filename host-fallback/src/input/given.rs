@@ -1,4 +1,4 @@
-//! Spheres as given, and their map to the frame in which they are searched.
+//! Spheres as given, and their map to the search frame.
 
 use lazygrid_kernels::{Space, Spheres};
 
@@ -6,10 +6,10 @@ use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
 use crate::memory::prefetch;
 
-/// The half of the largest distance of a species with any other, and `true` if it pairs with any by contact.
+/// Half the largest distance of a species with any other, and `true` if it pairs with any by contact.
 pub(super) type LargestHalf = (f64, bool);
 
-/// Spheres as given, which a frame maps to those that are searched.
+/// Spheres as given, which a frame maps to searched spheres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GivenSpheres<'a> {
     spheres: Spheres<'a>,
@@ -21,9 +21,7 @@ pub(crate) struct GivenSpheres<'a> {
 
 /// The numbers of spheres, in one of the layouts for which loops are compiled.
 pub(crate) trait GivenRows: Copy {
-    /// Prefetches sphere `k`.
     fn prefetch(self, k: usize);
-    /// The numbers of sphere `k`.
     fn get(self, k: usize) -> [f64; 4];
     /// Replaces the radius of sphere `k` by its effective radius.
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4];
@@ -42,7 +40,6 @@ pub(crate) trait GivenLoop {
 }
 
 impl<'a> GivenSpheres<'a> {
-    /// Creates them from checked species, and the distances of each species if a table decides.
     pub(super) fn new(
         spheres: Spheres<'a>,
         halves: Option<&'a [LargestHalf]>,
@@ -51,7 +48,6 @@ impl<'a> GivenSpheres<'a> {
         Self { spheres, species: spheres.species().zip(halves), frame, space }
     }
 
-    /// Returns `true` if the frame serves for these spheres, whose bounds are given.
     pub(crate) fn fits(&self, bounds: &Bounds) -> bool {
         self.frame.is_narrow() || self.frame.fits(bounds, self.space)
     }
@@ -67,7 +63,6 @@ impl<'a> GivenSpheres<'a> {
         }
     }
 
-    /// Sphere `k` as it is searched.
     pub(crate) fn searched(self, k: usize) -> Xyzr {
         FrameMap::new(self.frame).map::<true>(self.effective(k, self.get(k)))
     }

@@ -1,10 +1,8 @@
-//! The groups of spheres that a search keeps apart, and the order of spheres by group.
-
 use super::species_groups::{Meeting, SpeciesPartition};
 use crate::Error;
 use crate::memory::{try_collect, try_resize};
 
-/// The groups of spheres that a search keeps apart: those of the two sets, each divided by species.
+/// The groups of spheres that a search keeps apart: the two sets, each divided by species.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grouping<'a> {
     /// The number of spheres of the first of two sets.
@@ -14,33 +12,30 @@ pub(crate) struct Grouping<'a> {
 }
 
 impl<'a> Grouping<'a> {
-    /// The grouping of one set, or of two of which the first has `split` spheres.
+    /// Creates the grouping of one set, or of two sets, the first of `split` spheres.
     pub(crate) fn new(split: Option<usize>, species: Option<(&'a SpeciesPartition, &'a [u32])>) -> Self {
         Self { split, species }
     }
 
-    /// The number of groups of each set.
     fn per_set(&self) -> usize {
         self.species.map_or(1, |(partition, _)| partition.count)
     }
 
-    /// The number of groups.
     pub(crate) fn count(&self) -> usize {
         self.per_set() * if self.split.is_some() { 2 } else { 1 }
     }
 
-    /// The number of spheres of the first of two sets, if the sets are the only groups.
+    /// The size of the first of two sets, if the sets are the only groups.
     pub(crate) fn sets(&self) -> Option<usize> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Returns `true` if all spheres of groups that meet are a pair if and only if their effective radii touch.
+    /// Returns `true` if spheres of groups that meet are a pair exactly if their effective radii touch.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
     }
 
-    /// The group of sphere `id`.
     #[inline(always)]
     pub(crate) fn of(&self, id: usize) -> usize {
         let set = usize::from(self.split.is_some_and(|split| id >= split));
@@ -76,10 +71,7 @@ impl<'a> Grouping<'a> {
     }
 }
 
-/// Writes the indices of `spheres` spheres to `order`, group by group and ascending in each. Returns the end of each group.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
+/// Writes the indices of the spheres to `order`, group by group and ascending in each. Returns the end of each group.
 pub(crate) fn sort_by_group(
     grouping: &Grouping<'_>,
     spheres: usize,

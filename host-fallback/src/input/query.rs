@@ -1,5 +1,5 @@
-//! Prepares a query for a search: checks it, appends the second set to the first, and wraps spheres into a periodic
-//! space or maps them to a frame. Both backends start here.
+//! Prepares a query: checks it, appends the second set to the first, and wraps spheres into a periodic space or maps
+//! them to a frame. Both backends start here.
 
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ use crate::frame::{Bounds, SearchFrame};
 use crate::memory::{try_collect, try_resize};
 use crate::{Error, InputError, PhaseTime, Settings, Simd};
 
-/// Buffers for spheres that cannot be searched in place, and the last frame. They are reused between calls.
+/// Buffers for spheres that cannot be searched in place, and the last frame.
 #[derive(Debug, Default)]
 pub struct QueryBuffers {
     spheres: Vec<Sphere>,
@@ -26,9 +26,9 @@ pub struct QueryBuffers {
 /// A query that is ready for a search.
 #[derive(Debug)]
 pub struct PreparedQuery<'a> {
-    /// The spheres of the first set, followed by those of the second, with their species if both sets have them.
+    /// The spheres of both sets, with their species if both sets have them.
     pub spheres: Spheres<'a>,
-    /// The number of spheres of the first set if there are two.
+    /// The size of the first of two sets.
     pub split: Option<usize>,
     /// The frame of the spheres, whose radii are then effective radii; `None` for spheres as given.
     pub frame: Option<&'a SearchFrame>,
@@ -39,7 +39,7 @@ pub struct PreparedQuery<'a> {
 }
 
 impl PreparedQuery<'_> {
-    /// The contact test of the query. In a frame spheres have the effective radius of their species.
+    /// Returns the contact test of the query.
     pub(crate) fn test<'q>(&'q self, settings: &'q Settings) -> PairTest<'q> {
         let test = match self.frame {
             Some(frame) => PairTest::new(self.spheres, None).in_space(frame.space()),
@@ -54,8 +54,8 @@ impl QueryBuffers {
     /// wrapping into an orthogonal periodic space. The time of a copy is added to `phases`.
     ///
     /// # Errors
-    /// [`Error::Input`] for too many spheres, species outside the table, exclusions made for other numbers of spheres,
-    /// and spheres that are not valid; [`Error::OutOfMemory`].
+    /// [`Error::Input`] for too many spheres, unknown species, exclusions of other numbers of spheres, and invalid
+    /// spheres; [`Error::OutOfMemory`].
     pub fn prepare<'a>(
         &'a mut self,
         query: &Query<'a>,
@@ -84,11 +84,8 @@ impl QueryBuffers {
         Ok(PreparedQuery { spheres, split, frame, given: None, filter })
     }
 
-    /// Checks a query and prepares its spheres as given, without a copy, for a test of candidates in the last frame. `None` if
-    /// they need no frame, are two sets, or the last frame has another number type.
-    ///
-    /// # Errors
-    /// The errors of [`prepare`](Self::prepare), without those of spheres that are not valid.
+    /// Prepares the spheres as given, without a copy, for a test of candidates in the last frame. `None` if they need
+    /// no frame, are two sets, or the last frame has another number type.
     pub(crate) fn prepare_in_place<'a>(
         &'a self,
         query: &Query<'a>,
@@ -108,9 +105,6 @@ impl QueryBuffers {
     }
 
     /// Maps the spheres to the last frame, if they fit, or else to a new one.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`].
     fn map_to_frame(
         &mut self,
         query: &Query<'_>,
@@ -163,9 +157,6 @@ impl QueryBuffers {
     }
 
     /// Writes both sets as they are searched in a frame, and returns the bounds of the given spheres.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     fn fill(
         &mut self,
         query: &Query<'_>,
@@ -208,7 +199,6 @@ fn with_species<'a>(
     Ok(all.with_species(species)?)
 }
 
-/// Returns `true` if the frame of a query is that of `f32` spheres in a triclinic space.
 fn is_narrow(query: &Query<'_>, settings: &Settings) -> bool {
     settings.space.triclinic_cell().is_some() && settings.is_narrow() && !is_f64(query)
 }
@@ -230,7 +220,6 @@ fn check_and_filter<'a>(
     Ok((is_framed, PairFilter::new(*query, is_framed.then_some((space, interactions.as_ref())))))
 }
 
-/// Refuses more spheres than indices, and species outside the table.
 fn check_query(
     query: &Query<'_>,
     table: Option<&Interactions>,
@@ -242,10 +231,10 @@ fn check_query(
     query.check_each(|spheres| check_species(spheres, table, executor))
 }
 
-/// Checks a query as a search does.
+/// Checks a query like a search.
 ///
 /// # Errors
-/// The [`InputError`] with which a search would refuse the query.
+/// The [`InputError`] of a search.
 pub fn check(query: &Query<'_>, table: Option<&Interactions>, executor: Executor) -> Result<(), InputError> {
     check_query(query, table, executor)?;
     query.check_exclusions()?;

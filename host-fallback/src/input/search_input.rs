@@ -15,7 +15,6 @@ pub(crate) struct SearchInput<'a> {
     pub(crate) executor: Executor,
     /// The size of the first of two sets, if only pairs across them count.
     pub(crate) split: Option<usize>,
-    /// The groups of the species, if there is a table of interactions.
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }
 
@@ -47,8 +46,7 @@ impl<'a> SearchInput<'a> {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
 
-    /// The groups of spheres: two sets, each divided by species. Species that pair with different ones are kept apart if
-    /// `is_separate`.
+    /// Returns the groups of spheres. Species that pair with different ones are kept apart if `is_separate`.
     pub(crate) fn grouping(&self, is_separate: bool) -> Grouping<'a> {
         let species = self.groups.zip(self.test.spheres().species());
         Grouping::new(self.split, species.map(|(groups, ids)| (groups.partition(is_separate), ids)))
@@ -61,9 +59,6 @@ impl<'a> SearchInput<'a> {
 
 /// Searches chunks of work on the threads and merges their sinks in order. `search` adds the pairs of a chunk to a
 /// sink. Chunks are skipped once the caller wants no more pairs. At most `most` chunks are one task.
-///
-/// # Errors
-/// The errors of `search`, [`Error::OutOfMemory`], and [`Error::Cancelled`] if the caller cancels the search.
 pub(crate) fn search_pieces<'o, O: Output>(
     (output, input): (&'o O, &SearchInput<'_>),
     (pieces, most): (usize, usize),

@@ -1,4 +1,4 @@
-//! Species grouped by the species with which they pair, so that a search compares only spheres that may be a pair.
+//! Species grouped by their partners, so that a search compares only spheres that may pair.
 //!
 //! Present species that pair with the same present species share a group. A group without partners costs nothing but
 //! sorting, however dense its spheres are.
@@ -16,15 +16,14 @@ use crate::executor::Executor;
 
 /// The most groups that pair. The species of all further groups share the last one.
 pub(crate) const MAX_GROUPS: usize = 8;
-/// The most present species that are grouped; grouping takes time in proportion to their square.
+/// The most present species that are grouped; grouping takes quadratic time.
 const MAX_PRESENT: usize = 512;
 const CHUNK_SPHERES: usize = 1 << 14;
 const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
-/// The interactions between the species of two groups.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
-    /// `true` if some species of one group pair by touching with some of the other.
+    /// `true` if some species of one group pairs by touching with some of the other.
     pub(crate) touches: bool,
     /// The largest distance at which species pair by distance, or 0.
     pub(crate) distance: f64,
@@ -33,7 +32,6 @@ pub(crate) struct Meeting {
 }
 
 impl Meeting {
-    /// Any interaction at any distance.
     pub(crate) const ANY: Self = Self { touches: true, distance: f64::INFINITY, is_by_radii: false };
 
     fn of(species: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> Option<Self> {
@@ -88,8 +86,7 @@ impl SpeciesPartition {
         by_partners
     }
 
-    /// Returns two divisions of the species `present`: by their partners among these, and with all species that pair in one
-    /// group.
+    /// Returns two divisions of the species `present`: by their partners, and with all species that pair in one group.
     fn of_present(present: &[u32], table: &Interactions) -> [Self; 2] {
         if present.len() > MAX_PRESENT {
             return [(); 2].map(|()| Self::undivided(table.species()));
@@ -113,7 +110,7 @@ impl SpeciesPartition {
         self.count
     }
 
-    /// The group of a species of the table.
+    /// The group of a species.
     pub fn group_of(&self, species: u32) -> usize {
         self.of_species[species as usize].into()
     }
@@ -134,7 +131,6 @@ pub(crate) struct SpeciesGroups {
     present: [u64; WORDS],
     by_partners: SpeciesPartition,
     merged: SpeciesPartition,
-    /// The number of times that the groups have changed.
     version: u32,
 }
 
@@ -147,9 +143,6 @@ impl Default for SpeciesGroups {
 
 impl SpeciesGroups {
     /// Groups the species of `ids`, checked against `table`, which must be the same in every call.
-    ///
-    /// # Errors
-    /// Fails if the threads fail.
     pub(crate) fn update(
         &mut self,
         ids: &[u32],
@@ -171,7 +164,6 @@ impl SpeciesGroups {
         if is_separate { &self.by_partners } else { &self.merged }
     }
 
-    /// Returns `true` if there are several groups that pair.
     pub(crate) fn are_several(&self) -> bool {
         self.by_partners.count > self.merged.count
     }
@@ -203,7 +195,7 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
     )
 }
 
-/// The group of each present species, `None` without partners; and the number of groups.
+/// Returns the group of each present species, `None` without partners; and the number of groups.
 fn group_by_partners(present: &[u32], table: &Interactions) -> (Vec<Option<usize>>, usize) {
     let mut partners: Vec<[u64; MAX_PRESENT / 64]> = Vec::new();
     let groups: Vec<_> = present

@@ -14,7 +14,7 @@ const TABLES: usize = 4;
 /// The fewest spheres that are worth counting in several tables, which must be cleared and merged.
 const MIN_TABLED_SPHERES: usize = 512;
 
-/// Statistics of the input that a detector needs before it plans.
+/// Statistics of the input for planning.
 #[derive(Clone, Debug)]
 pub struct InputStats {
     /// The number of spheres.
@@ -34,7 +34,7 @@ pub struct InputStats {
 pub struct SizeClass {
     /// The number of spheres.
     pub count: u32,
-    /// The largest of their radii.
+    /// The largest radius.
     pub largest: f32,
 }
 
@@ -70,7 +70,7 @@ impl InputStats {
         (first..end).zip(classes.iter().copied()).rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// Returns the statistics with other sizes: `larger` maps each class to the largest radius of its spheres.
+    /// Returns the statistics with other sizes: `larger` maps each class to its largest radius.
     pub(crate) fn with_sizes(&self, larger: impl Fn(usize, f32) -> f32) -> Self {
         let mut stats = Self { spheres: self.spheres, min: self.min, max: self.max, ..Self::empty() };
         for (class, SizeClass { count, largest }) in self.occupied() {
@@ -82,10 +82,10 @@ impl InputStats {
         stats
     }
 
-    /// Checks and measures spheres whose species ids are checked already.
+    /// Checks and measures spheres with checked species ids.
     ///
     /// # Errors
-    /// [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius.
+    /// [`InputError::Sphere`] for the first invalid sphere.
     pub fn new(
         spheres: Spheres<'_>,
         interactions: Option<&Interactions>,
@@ -94,10 +94,6 @@ impl InputStats {
         Self::of(&PairTest::new(spheres, interactions), executor)
     }
 
-    /// Checks and measures the spheres of `test`, whose species ids are checked already.
-    ///
-    /// # Errors
-    /// [`InputError::Sphere`] for the first that is not valid.
     pub(crate) fn of(test: &PairTest<'_>, executor: Executor) -> Result<Self, InputError> {
         let spheres = test.spheres();
         let n = spheres.len();
@@ -140,7 +136,7 @@ impl InputStats {
         Ok(stats)
     }
 
-    /// Adds `count` spheres, given as rows `x, y, z, r` with their effective radii. Returns `true` if one may be invalid.
+    /// Adds `count` rows `x, y, z, r` with their effective radii. Returns `true` if one may be invalid.
     fn add(&mut self, count: usize, spheres: impl Iterator<Item = ([f32; 4], f32)>) -> bool {
         match count < MIN_TABLED_SPHERES {
             true => self.add_in::<1>(spheres),

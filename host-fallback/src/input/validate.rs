@@ -14,10 +14,6 @@ pub fn check_valid(query: &Query<'_>, executor: Executor) -> Result<(), InputErr
     query.check_each(|spheres| check(spheres, executor))
 }
 
-/// Checks that all spheres are valid.
-///
-/// # Errors
-/// [`InputError::Sphere`], which names the first and counts all.
 pub(super) fn check(spheres: Spheres<'_>, executor: Executor) -> Result<(), InputError> {
     let total = spheres.len() as u64;
     match find(spheres.len(), executor, |i| !spheres.is_valid(i))? {
@@ -29,10 +25,6 @@ pub(super) fn check(spheres: Spheres<'_>, executor: Executor) -> Result<(), Inpu
     }
 }
 
-/// Checks the number of spheres and their species ids.
-///
-/// # Errors
-/// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`] or [`InputError::SpeciesId`] for the first.
 pub(crate) fn check_species(
     spheres: Spheres<'_>,
     interactions: Option<&Interactions>,

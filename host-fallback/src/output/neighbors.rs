@@ -3,9 +3,9 @@ use lazygrid_kernels::{Pair, Query};
 use crate::Error;
 use crate::memory::try_resize;
 
-/// Neighbor lists in compressed sparse rows: the neighbors of sphere `k` are `indices()[offsets()[k]..offsets()[k + 1]]`,
-/// ascending. Every pair stands in the lists of both spheres; of two sets only spheres of the first have a list, with
-/// indices in the second.
+/// Neighbor lists in compressed sparse rows: the neighbors of sphere `k` are `indices()[offsets()[k]..offsets()[k +
+/// 1]]`, ascending. Every pair is in the lists of both spheres; for two sets only spheres of the first have a list,
+/// with indices in the second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Neighbors<'a> {
     offsets: &'a [u64],
@@ -13,13 +13,12 @@ pub struct Neighbors<'a> {
 }
 
 impl<'a> Neighbors<'a> {
-    /// The start of each sphere's list. It has one more number than lists; the last is the length of
-    /// [`indices`](Self::indices).
+    /// The start of each sphere's list; the last is the length of [`indices`](Self::indices).
     pub fn offsets(&self) -> &'a [u64] {
         self.offsets
     }
 
-    /// The indices of the neighbors, list after list.
+    /// The neighbors, list after list.
     pub fn indices(&self) -> &'a [u32] {
         self.indices
     }
@@ -43,7 +42,7 @@ impl<'a> Neighbors<'a> {
         self.offsets.len() - 1
     }
 
-    /// Returns `true` if there is no sphere.
+    /// Returns `true` if there are no lists.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -58,7 +57,7 @@ impl<'a> IntoIterator for Neighbors<'a> {
     }
 }
 
-/// Turns pairs into neighbor lists, in buffers that survive between calls.
+/// Turns pairs into neighbor lists, in reused buffers.
 #[derive(Debug, Default)]
 pub struct NeighborsBuilder {
     offsets: Vec<u64>,
@@ -75,11 +74,8 @@ impl NeighborsBuilder {
         self.rows(pairs, query.first().len(), query.split().is_none())
     }
 
-    /// Builds the lists of the first `rows` spheres from pairs in canonical order; if they are mirrored, the second sphere of
-    /// a pair has the first one in its list too.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Builds the lists of the first `rows` spheres from pairs in canonical order; if they are mirrored, the second
+    /// sphere of a pair also lists the first.
     pub(crate) fn rows(
         &mut self,
         pairs: &[Pair],
@@ -91,14 +87,8 @@ impl NeighborsBuilder {
 
     /// Builds the lists of `spheres` spheres from their pairs in canonical order.
     ///
-    /// The pairs in which a sphere comes second are met before those in which it comes first, each kind ascending, so
-    /// writing them in that order leaves every list sorted.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
-    ///
-    /// # Panics
-    /// Panics if an index is not below `spheres`.
+    /// The pairs in which a sphere comes second precede those in which it comes first, each kind ascending, so writing
+    /// them in that order leaves every list sorted.
     fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, next, indices } = self;
         try_resize(offsets, spheres + 1, "neighbor lists")?;
@@ -125,9 +115,6 @@ impl NeighborsBuilder {
     }
 
     /// Builds the lists of the first `rows` spheres only.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     fn fill_between(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, indices, .. } = self;
         try_resize(offsets, rows + 1, "neighbor lists")?;

@@ -14,16 +14,16 @@ use crate::memory::{try_collect, try_resize};
 
 /// Enough chunks for any number of threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 128;
-/// The write positions of this many buckets stay in the second-level cache.
+/// Their write positions stay in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
 /// The target number of pairs per bucket, 64 KiB.
 const BUCKET: usize = 1 << 13;
 
-/// The counters of this many indices per bucket stay in the cache.
+/// The most indices per bucket, whose counters stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
 /// The most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
-/// The fewest pairs of a bucket that are sorted by radix. Comparisons sort fewer, without counters.
+/// The fewest pairs of a bucket that are sorted by radix instead of by comparisons.
 const MIN_RADIX_KEYS: usize = 256;
 
 #[derive(Debug, Default)]
@@ -34,7 +34,6 @@ pub(crate) struct PairSorter {
     offsets: Vec<usize>,
 }
 
-/// The key of a pair within a bucket.
 trait PairKey: Pod + Send {
     fn new(bits: u64) -> Self;
     fn bits(self) -> u64;
@@ -105,12 +104,6 @@ impl BucketLayout {
 impl PairSorter {
     /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Threads divide the
     /// chunks, so a hundred are better than one.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`], [`Error::ThreadPool`].
-    ///
-    /// # Panics
-    /// Panics if an `i` is far above `spheres`.
     pub(crate) fn order(
         &mut self,
         executor: Executor,
@@ -186,8 +179,8 @@ impl PairSorter {
         executor.for_each(&mut rows, |k, next| {
             for &pair in piece(k) {
                 let slot = &mut next[layout.bucket(pair)];
-                // SAFETY: the exclusive prefix sums over (bucket, chunk) give every pair a slot of its own below
-                // the number of all pairs, the length of `keys`.
+                // SAFETY: the exclusive prefix sums over (bucket, chunk) give every pair a distinct slot below the
+                // number of all pairs, the length of `keys`.
                 unsafe { keys.write(*slot, layout.key(pair)) };
                 *slot += 1;
             }
@@ -196,7 +189,7 @@ impl PairSorter {
     }
 }
 
-/// Orders one bucket into `target`: a radix sort, digit by digit from the lowest. Each pass counts the next one's digits.
+/// Orders one bucket into `target` by a radix sort. Each pass counts the next one's digits.
 fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize, layout: BucketLayout) {
     if source.len() < MIN_RADIX_KEYS {
         source.sort_unstable_by_key(|key| key.bits());

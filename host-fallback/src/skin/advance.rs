@@ -1,4 +1,4 @@
-//! One pass over the spheres of a call: it measures their displacements and copies them to the order of the candidates.
+//! One pass over the spheres of a call: measures their displacements and copies them in the order of the candidates.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -12,14 +12,13 @@ use crate::frame::{Bounds, FrameMap};
 use crate::input::{GivenLoop, GivenRows, GivenSpheres};
 use crate::memory::prefetch;
 
-/// Spheres per chunk of the pass.
 pub(super) const CHUNK_SPHERES: usize = 1 << 13;
-/// The number of spheres by which a prefetch runs ahead; they lie anywhere in memory.
+/// The number of spheres that a prefetch is ahead; they lie anywhere in memory.
 const PREFETCH_SPHERES: usize = 128;
 
-/// Copies the spheres of a call to their positions in `rows`. `then` holds the center of each at the build, and as its radius the
-/// inverse square of its displacement limit. Returns the largest used fraction of a limit, or infinity if a sphere is invalid; and
-/// `true` if an effective radius has changed, or the frame no longer fits.
+/// Copies the spheres of a call to their positions in `rows`. `then` holds the center of each at the build, and as its
+/// radius the inverse square of its displacement limit. Returns the largest used fraction of a limit, or infinity if a
+/// sphere is invalid; and `true` if an effective radius has changed, or the frame no longer fits.
 pub(super) fn advance(
     (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
     (then, rows): (&[SortRecord], &mut [Xyzr]),
@@ -45,7 +44,6 @@ pub(super) fn advance(
 
 struct Advance<'a> {
     test: &'a PairTest<'a>,
-    /// The spheres and their map to the frame, if they are not mapped yet.
     given: Option<GivenSpheres<'a>>,
     then: &'a [SortRecord],
     rows: &'a mut [Xyzr],
@@ -118,17 +116,16 @@ impl GivenLoop for AdvanceGiven<'_> {
     }
 }
 
-/// The largest displacement of some spheres.
 struct Largest {
-    /// The length of each axis; infinite for an unbounded one.
+    /// Infinite for an unbounded axis.
     lengths: [f32; 4],
-    /// The bits of the square of the largest used fraction of a limit. Those of infinity and NaN are larger than all others.
+    /// The bits of the square of the largest used fraction of a limit. The bits of infinity and NaN are larger than all
+    /// others.
     part: u32,
-    /// Bits in which the rows differ from those of the last call.
+    /// Bits in which the rows differ from the last call.
     differing: [u32; 4],
     /// `true` if a sphere is invalid.
     is_refused: bool,
-    /// The bounds of spheres that were mapped to their frame.
     bounds: Bounds,
 }
 
@@ -140,7 +137,7 @@ impl Largest {
         Self { lengths, part: 0, differing: [0; 4], is_refused: false, bounds: Bounds::EMPTY }
     }
 
-    /// The square of the largest used fraction of a limit, or infinity if a sphere is invalid.
+    /// Returns the square of the largest used fraction of a limit, or infinity if a sphere is invalid.
     fn fraction(&self) -> f32 {
         let part = f32::from_bits(self.part);
         if self.is_refused || !part.is_finite() { f32::INFINITY } else { part }

@@ -21,7 +21,7 @@ use crate::{Error, Simd};
 /// The displacement limit of the spheres of each size class.
 pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
 
-/// The number of candidate vectors by which a prefetch of their spheres runs ahead.
+/// The number of candidate vectors that a prefetch of their spheres is ahead.
 const PREFETCH_VECTORS: usize = 16;
 /// The usable fraction of a displacement limit. The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
@@ -30,12 +30,12 @@ const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 /// The most candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
 /// 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
 const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
-/// The largest effective radius with which a list is built. Displacement limits vanish next to larger radii.
+/// The largest effective radius of a list. Displacement limits vanish next to larger radii.
 const MAX_RADIUS: f32 = 1e30;
 /// Displacement limits whose squares `f32` holds.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
-/// The displacement limits of a fixed skin: half of it for every sphere.
+/// Half of a fixed skin for every sphere.
 pub(super) fn fixed(distance: f32) -> DisplacementLimits {
     [distance / 2.0; SIZE_CLASSES]
 }
@@ -56,7 +56,6 @@ pub(crate) struct CandidateList {
 impl CandidateList {
     const BYTES_PER_SPHERE: u64 = size_of::<Xyzr>() as u64 + 4;
 
-    /// The most candidates in a list of `spheres` spheres.
     fn limit(spheres: u64, max_pairs: u64) -> u64 {
         max_pairs.min(spheres.saturating_mul(MAX_CANDIDATES_PER_SPHERE))
     }
@@ -82,8 +81,8 @@ impl CandidateList {
         }
     }
 
-    /// Measures the displacements. Returns the reason for a rebuild, or `None` if the list is valid. `list` holds the
-    /// positions at the build.
+    /// Measures the displacements since `list` was built. Returns the reason for a rebuild, or `None` if the list is
+    /// valid.
     ///
     /// An invalid list is dropped here, before the call can fail: no later call may use it.
     pub(crate) fn update_displacements(
@@ -122,9 +121,6 @@ impl CandidateList {
 
     /// Builds the cell list and the candidate list. Returns `false`, without a candidate list, if candidates exceed
     /// [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or if memory is refused.
-    ///
-    /// # Errors
-    /// [`Error::Cancelled`], [`Error::ThreadPool`].
     pub(crate) fn find(
         &mut self,
         (list, density_cache): (&mut CellList, &DensityCache),
@@ -212,10 +208,6 @@ impl CandidateList {
         Ok(())
     }
 
-    /// Finds the pairs among the candidates.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -236,13 +228,14 @@ impl CandidateList {
     }
 }
 
-/// The most bytes held for `spheres` spheres without species and their candidates.
+/// Returns the most bytes for `spheres` spheres without species and their candidates.
 pub(crate) fn memory_of_candidates(spheres: u64, max_pairs: u64, threads: u64) -> u64 {
     let own = with_growth(spheres.saturating_mul(CandidateList::BYTES_PER_SPHERE));
     own.saturating_add(memory_of_list(CandidateList::limit(spheres, max_pairs), threads))
 }
 
-/// The inverse squares of the limits minus the rounding error of distances; `None` if too little of a limit is left.
+/// Returns the inverse squares of the limits minus the rounding error of distances; `None` if too little of a limit is
+/// left.
 fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<DisplacementLimits> {
     let longest = test.lengths().into_iter().flatten().fold(0.0, f32::max);
     let rounding = longest * BOUNDARY_ROUNDING;
@@ -250,7 +243,7 @@ fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<D
     usable.then(|| limits.map(|limit| (limit - rounding).powi(-2)))
 }
 
-/// The minimum-image distance of two positions along each axis.
+/// Returns the minimum-image distance of two positions along each axis.
 #[inline(always)]
 pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     let mut apart = apart.abs();
@@ -262,8 +255,7 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     apart
 }
 
-/// Tests some candidates. No branch predictor can tell which of them touch, so testing appends hits without a branch,
-/// and pairs are handed over later.
+/// Tests some candidates. Branches on hits would be mispredicted, so testing appends them without a branch.
 struct CandidateTest<'t, S> {
     pairs: &'t [Pair],
     rows: &'t [Xyzr],
@@ -278,10 +270,10 @@ struct HitBuffer {
 }
 
 impl HitBuffer {
-    /// The length at which the buffer is handed over: 4 KiB, a small part of the first-level cache.
+    /// The length at which the buffer is flushed: 4 KiB, a small part of the first-level cache.
     const FULL: usize = 512;
 
-    /// Adds the pairs whose bits are set in `lanes`. Returns `true` if the buffer must be handed over.
+    /// Adds the pairs whose bits are set in `lanes`. Returns `true` if the buffer is full.
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(room) = self.pairs[self.len..].first_chunk_mut() {

@@ -8,7 +8,7 @@ use crate::input::{GivenSpheres, SearchInput};
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Settings, Skin};
 
-/// The candidate list, and whether the next call tests it, rebuilds it, or searches without one.
+/// The candidate list, and the decision to test it, rebuild it, or search without one.
 #[derive(Debug, Default)]
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
@@ -17,10 +17,8 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Updates displacements, of `given` spheres if they are not mapped to their frame yet. Returns the reason for a rebuild, or `None` if the candidate list is valid.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Updates displacements, of `given` spheres if they are not mapped to their frame yet. Returns the reason for a
+    /// rebuild, or `None` if the candidate list is valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -36,10 +34,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it is worth it, else the cell list only. Returns `true` if a candidate list exists.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Builds a candidate list if it pays, else the cell list only. Returns `true` if a candidate list exists.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,

@@ -1,4 +1,4 @@
-//! Chooses the skin: a pure function of the statistics of the spheres, their displacements, and the costs.
+//! Chooses the skin from the statistics of the spheres, their displacements, and the costs.
 //!
 //! With a skin in proportion to the displacements of each size class, all classes exceed their limits at about the same
 //! time.
@@ -9,21 +9,21 @@ use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
 
-/// The skins that are tried, in units of the largest displacement per call of the sample.
+/// The skins to try, in units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
-/// The largest relative cost, against no skin, at which a skin is chosen: the estimate of displacements is uncertain.
+/// The largest relative cost, compared with no skin, at which a skin is chosen: the estimate of displacements is
+/// uncertain.
 const MAX_RELATIVE_COST: f32 = 0.9;
-/// The most groups of size classes that are estimated separately.
+/// The most groups of size classes estimated separately.
 const MAX_CLASS_GROUPS: usize = 16;
-/// The smallest displacement limit as a fraction of the largest.
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
 /// The costs of calls with and without a candidate list. Only their ratios count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinCosts {
-    /// Nanoseconds per sphere of a search, without its result: to measure and sort.
+    /// Nanoseconds per sphere of a search, to measure and sort, without its result.
     pub search_ns: f32,
-    /// Nanoseconds per unit of cost in the CPU's level plan, which a search takes besides. 0 on a GPU.
+    /// Nanoseconds per unit of cost in the CPU's level plan. 0 on a GPU.
     pub levels_ns: f32,
     /// Nanoseconds per pair or candidate that a search finds.
     pub find_ns: f32,
@@ -33,7 +33,7 @@ pub struct SkinCosts {
     pub measure_ns: f32,
     /// Nanoseconds per candidate test.
     pub test_ns: f32,
-    /// Nanoseconds per call that a candidate list costs for any number of spheres: for its further dispatches.
+    /// Nanoseconds per call with a candidate list, for its further dispatches.
     pub call_ns: f32,
 }
 
@@ -49,14 +49,13 @@ impl SkinCosts {
         call_ns: 0.0,
     };
 
-    /// Returns the smallest number of spheres for which a call answered from candidates may cost less than a search; `None`
-    /// if it never does.
+    /// Returns the fewest spheres for which a candidate list may cost less than a search; `None` if it never does.
     pub fn min_worthwhile_spheres(&self) -> Option<u32> {
         let saved = self.search_ns - self.measure_ns;
         (saved > 0.0).then(|| (self.call_ns / saved).ceil() as u32)
     }
 
-    /// Returns `true` if each cost can have been measured: finite, not negative, and positive for a search.
+    /// Returns `true` if each cost is finite, not negative, and positive for a search.
     pub fn is_valid(&self) -> bool {
         let Self { search_ns, levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns } = *self;
         let others = [levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns];
@@ -77,12 +76,11 @@ impl SkinCosts {
 pub(super) enum SkinScaling {
     /// Limits in proportion to the largest displacements of each class.
     BySize,
-    /// One limit for all classes.
     Alike,
 }
 
 impl SkinScaling {
-    /// The displacement limit of each class for a skin in units of the largest displacement.
+    /// Returns the displacement limits for a skin in units of the largest displacement.
     pub(super) fn limits(self, steps: &[f32; SIZE_CLASSES], skin: f32) -> DisplacementLimits {
         let farthest = steps.iter().copied().fold(0.0, f32::max);
         let least = if self == Self::Alike { 1.0 } else { MIN_LIMIT_RATIO };
@@ -90,7 +88,7 @@ impl SkinScaling {
     }
 }
 
-/// The most candidates per sphere that a plan allows, which bounds memory.
+/// Bounds the memory of a plan.
 const MAX_CANDIDATES: f32 = 64.0;
 
 #[derive(Clone, Copy, Debug)]
@@ -100,8 +98,8 @@ pub(super) struct SkinChoice {
     pub(super) candidates: f32,
 }
 
-/// Chooses the skin with the least average time of a call; `None` if no skin is better. `excess` multiplies the estimated number
-/// of candidates.
+/// Chooses the skin with the least average time of a call; `None` if no skin is better. `excess` multiplies the
+/// estimated number of candidates.
 pub(super) fn choose(
     (stats, density): (&InputStats, &DensityProfile),
     (steps, growth): (&[f32; SIZE_CLASSES], DisplacementGrowth),

@@ -1,4 +1,4 @@
-//! The displacements of spheres from call to call, by size, from a sample of them.
+//! The displacements of a sample of spheres between calls, by size.
 
 use glam::Vec3;
 
@@ -10,7 +10,7 @@ use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 const MAX_SAMPLE: usize = 1 << 10;
-/// The fewest spheres per sampled one, so that the sample costs next to nothing.
+/// The fewest spheres per sampled one, so that the sample costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// The decay per call of the largest displacement of a class.
 const STEP_DECAY: f32 = 0.9;
@@ -36,10 +36,9 @@ pub(crate) struct DisplacementGrowth {
 }
 
 impl DisplacementGrowth {
-    /// The assumption before any candidate list was used.
     const ASSUMED: Self = Self { factor: 1.3, exponent: 0.75 };
 
-    /// The number of calls after which the largest displacement is `distance`, in units of that per call.
+    /// Returns the calls after which the largest displacement is `distance`, in units of the displacement per call.
     pub(crate) fn steps(self, distance: f32) -> f32 {
         (distance / self.factor).max(0.0).powf(self.exponent.recip())
     }
@@ -60,9 +59,6 @@ impl Default for DisplacementStats {
 
 impl DisplacementStats {
     /// Samples the positions of the spheres, which are `given` if they are not mapped to their frame yet.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn observe(
         &mut self,
         test: &PairTest<'_>,
@@ -108,8 +104,8 @@ impl DisplacementStats {
         *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
     }
 
-    /// The largest displacement per call of each class and its growth law; `None` before two calls. Classes without an observed
-    /// displacement get the largest one.
+    /// Returns the largest displacement per call of each class and its growth law; `None` before two calls. Classes
+    /// without an observed displacement get the largest one.
     pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
         let farthest = self.steps.iter().copied().fold(0.0, f32::max);
         let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });

@@ -9,8 +9,7 @@
 //! 2. A call measures the displacements, and tests the candidates or builds a new list. Results never depend on the
 //!    limits.
 //!
-//! `displacement` observes, `cost_model` chooses limits, `tuner` compares expectations with results, `controller` decides in
-//! each call, `advance` measures displacements, `candidate_list` stores and tests. The GPU has candidate lists of its own and shares the first three.
+//! The GPU shares `displacement`, `cost_model` and `tuner`.
 
 mod advance;
 mod candidate_list;

@@ -161,7 +161,7 @@ fn without_a_list_every_call_searches() {
     }
 }
 
-/// Couples with different gaps that move towards each other: the skin must expire in time.
+/// Couples with different gaps that approach each other: the skin must expire in time.
 #[test]
 fn spheres_that_meet_head_on_are_found_as_they_touch() {
     for skin in [Skin::Fixed(0.5), Skin::Auto] {
@@ -264,7 +264,7 @@ fn candidates_too_many_to_keep_cost_no_memory_and_no_error() {
     }
 }
 
-/// Rows of `f64`, none of which is an `f32` number.
+/// Rows of `f64` that are not `f32` numbers.
 fn wide(spheres: &[Sphere]) -> Vec<[f64; 4]> {
     let widened = |sphere: &Sphere| {
         let row: [f32; 4] = bytemuck::cast(*sphere);

@@ -1,4 +1,4 @@
-//! Learns and chooses skins from displacements and earlier candidate lists, for every backend.
+//! Chooses skins from displacements and earlier candidate lists, for every backend.
 
 use lazygrid_kernels::{Interactions, Space, Spheres};
 
@@ -13,7 +13,7 @@ use crate::input::{GivenSpheres, InputStats};
 use crate::report::RebuildReason;
 use crate::size_class::SIZE_CLASSES;
 
-/// The most searches for which a choice stands, and the number of searches without a list after an overflow.
+/// The most searches before a new choice, and the searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
 /// Ratios of observed to expected validity and number of candidates with which a choice stands.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
@@ -24,7 +24,7 @@ pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
     first: f32,
-    /// The number of searches for which the choice still stands, and that for which it stood last time.
+    /// The remaining searches before a new choice, and their last number.
     wait: u32,
     patience: u32,
     pause: u32,
@@ -53,7 +53,8 @@ impl SkinTuner {
         self.displacements.observe(test, given)
     }
 
-    /// Records the age of the list in calls, the largest used fraction of a displacement limit, and the reason for a rebuild.
+    /// Records the age of the list in calls, the largest used fraction of a displacement limit, and the reason for a
+    /// rebuild.
     pub fn record_age(&mut self, (age, moved): (u32, f32), lapsed: Option<RebuildReason>) {
         if age == 1 {
             self.first = moved;
@@ -90,11 +91,11 @@ impl SkinTuner {
         is_paused
     }
 
-    /// Chooses the skin of the next list, the same for all spheres; `None` if searching costs less. Spheres are
-    /// measured only if the last choice no longer stands. Call it before a search, or after one that built a list.
+    /// Chooses the skin of the next list for all spheres; `None` if searching costs less. Spheres are measured only for
+    /// a new choice. Call it before a search, or after one that built a list.
     ///
     /// # Errors
-    /// [`Error::Input`] for spheres that are not valid, [`Error::OutOfMemory`], [`Error::ThreadPool`].
+    /// [`Error::Input`] for invalid spheres, [`Error::OutOfMemory`], [`Error::ThreadPool`].
     pub fn skin(
         &mut self,
         spheres: Spheres<'_>,
@@ -111,8 +112,8 @@ impl SkinTuner {
         Ok(limits.map(|limits| 2.0 * limits[0]))
     }
 
-    /// The displacement limits by the last choice, or by a new one of `think`, which gets the displacements and the
-    /// excess of candidates.
+    /// Returns the displacement limits of the last choice, or of a new one by `think`, which gets the displacements and
+    /// the excess of candidates.
     pub(super) fn limits(
         &mut self,
         scaling: SkinScaling,
@@ -147,7 +148,7 @@ mod tests {
     use super::*;
     use crate::test_support::Random;
 
-    /// Costs of a backend on which a search takes as long as testing fifty candidates.
+    /// A search takes as long as testing fifty candidates.
     const COSTS: SkinCosts = SkinCosts {
         search_ns: 50.0,
         levels_ns: 0.0,
@@ -158,7 +159,7 @@ mod tests {
         call_ns: 0.0,
     };
 
-    /// Follows spheres in a periodic box that all move by `step` in every call. Returns the calls that candidates
+    /// Simulates spheres in a periodic box that all move by `step` in every call. Returns the calls that candidates
     /// served, and the last skin.
     fn follow(
         tuner: &mut SkinTuner,

@@ -7,7 +7,7 @@ use crate::frame::{Bounds, FrameMap, SearchFrame};
 /// The lengths of a periodic space in the precision of the filter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PeriodicBox {
-    /// The length of each axis; infinite for an unbounded axis, which has no nearer image.
+    /// Infinite for an unbounded axis.
     pub(super) lengths: [f32; 3],
     /// An upper bound on the error of a computed distance. Coordinates, of at most half a length, are exact; their
     /// difference is rounded to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is more
@@ -26,15 +26,14 @@ impl PeriodicBox {
         space.is_periodic().then_some(periodic)
     }
 
-    /// Creates the box of the space of a frame, unbounded or periodic, for spheres up to this radius.
+    /// Creates the box of a frame's space for spheres up to this radius.
     pub(crate) fn of_frame(space: &Space, largest: f32) -> Self {
         let lengths = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
         Self { lengths, slack: SearchFrame::slack(largest) }
     }
 }
 
-/// A SIMD width that compares minimum images. All code is compiled once more for periodic spaces, so unbounded ones pay
-/// nothing.
+/// A SIMD width between minimum images. All code is compiled again for periodic spaces, so unbounded ones pay nothing.
 #[derive(Clone, Copy)]
 pub(super) struct MinimumImage<V> {
     pub(super) vector: V,
@@ -44,7 +43,7 @@ pub(super) struct MinimumImage<V> {
 impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     const LANES: usize = V::LANES;
     type Query = V::Query;
-    /// Distances with the slack added to the sum of radii, and with it subtracted.
+    /// Distances with the slack added to the sum of radii, and subtracted.
     type SquaredDistances = [V::SquaredDistances; 2];
 
     #[inline(always)]

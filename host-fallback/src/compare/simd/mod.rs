@@ -27,14 +27,14 @@ mod x86;
 #[cfg(target_arch = "x86_64")]
 mod x86_rows;
 
-/// Relative half-width of the band. Rounding in `f32` moves `d²` against `(ri + rj)²` by at most 4 ulp, 2⁻²¹; twice
-/// that is safe and leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is
-/// at most 11 of the 16 half ulps that the band has.
+/// Relative half-width of the band. Rounding in `f32` changes `d²` relative to `(ri + rj)²` by at most 4 ulp, 2⁻²¹;
+/// twice that is safe and leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack,
+/// it is at most 11 of the 16 half ulps of the band.
 const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow and relative error says nothing.
 const FLOOR: f32 = f32::MIN_POSITIVE;
 
-/// An instruction set by the name that compiler and processor know it by.
+/// An instruction set by its name in compiler and processor.
 #[cfg(target_arch = "x86_64")]
 struct Feature {
     name: &'static str,
@@ -49,11 +49,10 @@ pub enum Simd {
     Avx512,
     /// 8 lanes, x86-64 with AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
-    /// 8 lanes of the vectors that every processor of the target has, such as two of four with SSE2 or NEON.
+    /// 8 lanes of the target's baseline vectors, such as SSE2 or NEON.
     Portable,
 }
 
-/// Writes the instruction set and the number of lanes.
 impl fmt::Display for Simd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
@@ -83,7 +82,6 @@ impl Simd {
         *WIDEST.get_or_init(|| widest().narrower(Self::allowed(env::var("LAZYGRID_SIMD").ok().as_deref())))
     }
 
-    /// The widest code that this value of `LAZYGRID_SIMD` allows.
     fn allowed(said: Option<&str>) -> Self {
         match said {
             None | Some("avx512") => Self::Avx512,
@@ -100,8 +98,7 @@ impl Simd {
         if self as u8 > other as u8 { self } else { other }
     }
 
-    /// The widest code of a processor that `has` some instruction sets. All of a width must be present, because a
-    /// virtual machine may hide any of them.
+    /// Returns the widest code for which all instruction sets are present: a virtual machine may hide any of them.
     #[cfg(target_arch = "x86_64")]
     fn widest(has: impl Fn(&Feature) -> bool) -> Self {
         if x86::Avx512::FEATURES.iter().all(&has) {
@@ -117,7 +114,7 @@ impl Simd {
     /// is given.
     pub(crate) fn run<T: SimdTask>(self, task: T, periodic: Option<PeriodicBox>) -> T::Result {
         match self.narrower(Self::detect()) {
-            // SAFETY: nothing wider is returned than `detect` does, for which this processor has all features.
+            // SAFETY: this width is no wider than `detect` returns, for which this processor has all features.
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => unsafe { x86::with_avx512(task, periodic) },
             // SAFETY: as above.
@@ -138,40 +135,38 @@ fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<Period
 
 /// Work that is compiled once per SIMD width.
 ///
-/// Only code that is inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and
-/// none passes a closure to a function that is not.
+/// Only code inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and none passes
+/// a closure to a function that is not.
 pub(crate) trait SimdTask {
     type Result;
-    /// Must be `#[inline(always)]`, so that it takes on the features of its caller.
+    /// Must be `#[inline(always)]`, to have the features of its caller.
     fn run<V: SimdWidth>(self, vector: V) -> Self::Result;
 }
 
-/// A SIMD width. A value of the type is proof that the processor has it.
+/// A SIMD width. A value of the type proves that the processor has it.
 pub(crate) trait SimdWidth: Copy {
-    /// Spheres per comparison, at most [`MAX_LANES`].
     const LANES: usize;
     type Query: Copy;
     type SquaredDistances: Copy;
 
     fn query(self, sphere: [f32; 4]) -> Self::Query;
-    /// Compares with the spheres at `base..base + LANES`, which may reach into the padding.
+    /// Compares with the spheres at `base..base + LANES`, which may include padding.
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
-    /// Lanes that may be pairs: all that are, and the lanes inside the band.
+    /// Returns the lanes that may be pairs: all pairs, and the lanes inside the band.
     fn possible(self, distances: Self::SquaredDistances) -> u32;
     fn certain(self, distances: Self::SquaredDistances) -> u32;
-    /// A bit mask of the pairs of positions in `rows` that may touch, and one of those that certainly touch.
+    /// Returns bit masks of the `pairs` of positions in `rows` that may touch, and that certainly touch.
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
-    /// The cell of the point `center + offset`, clamped to the grid. Monotone along each axis, and the same operations
+    /// Returns the cell of `center + offset`, clamped to the grid. Monotone along each axis, with the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
-    /// Adds a sphere to the bounds of given spheres.
     fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]);
-    /// Maps a sphere to a frame, as [`FrameMap::map`] does.
+    /// Maps a sphere to a frame, as [`FrameMap::map`].
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
-    /// The squared distance of two centers, between minimum images in these lengths if `PERIODIC`. The last lane has no effect.
+    /// Returns the squared distance of two centers, between minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
-    /// Appends the runs to compare with some spheres of one cell, at most five per sphere. `spheres` has their start
-    /// and number, at most [`MAX_LANES`]. A run starts after its own sphere.
+    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell, at most five per sphere. `spheres`
+    /// has their start and number. A run starts after its own sphere.
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -179,15 +174,13 @@ pub(crate) trait SimdWidth: Copy {
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     );
-    /// Writes the pairs of sphere `id` with the selected `lanes` of `ids` to the front of `pairs`, whose rest is then
+    /// Writes the pairs of sphere `id` with the selected `lanes` of `ids` to the front of `pairs`; the rest is then
     /// arbitrary. Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Writes the selected `lanes` of `pairs` to the front of `kept`, whose rest is then arbitrary. Returns their
-    /// number.
+    /// Writes the selected `lanes` of `pairs` to the front of `kept`; the rest is then arbitrary. Returns their number.
     fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
 }
 
-/// The further operations of a SIMD width for periodic spaces.
 pub(crate) trait PeriodicSimd: SimdWidth {
     /// Computes [`touching`](SimdWidth::touching) between minimum images.
     fn minimum_image_touching(
@@ -196,8 +189,8 @@ pub(crate) trait PeriodicSimd: SimdWidth {
         pairs: &[Pair; MAX_LANES],
         periodic: &PeriodicBox,
     ) -> [u32; 2];
-    /// Computes [`squared_distances`](SimdWidth::squared_distances) between minimum images: with the slack added to the sum of
-    /// radii, and with the slack subtracted, but never below zero.
+    /// Computes [`squared_distances`](SimdWidth::squared_distances) between minimum images, with the slack added to the
+    /// sum of radii, and subtracted down to zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,
@@ -207,10 +200,9 @@ pub(crate) trait PeriodicSimd: SimdWidth {
     ) -> [Self::SquaredDistances; 2];
 }
 
-/// The map from coordinates to cells for `x`, `y` and `z`; the fourth lane only fills a vector.
+/// The map from coordinates to cells; the fourth lane fills a vector.
 #[derive(Clone, Debug)]
 pub(crate) struct Axes {
-    /// Cells per unit length.
     pub(crate) per_length: [f64; 4],
     /// The cell coordinates of the lowest corner.
     pub(crate) origin: [f64; 4],

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::frame::{Bounds, FrameMap};
 
-/// Eight lanes in vectors that every processor has, two of four on most.
+/// Eight lanes in baseline vectors, two of four on most processors.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 

@@ -2,15 +2,15 @@ use std::ops::Range;
 
 use super::MAX_LANES;
 
-/// The rows around a cell that matter to its spheres: its own, and the four adjacent ones later in the table.
+/// The rows around a cell to compare with: its own, and the four adjacent ones later in the table.
 const ROWS: usize = 5;
 
 /// The neighbor rows of one cell, in a grid in which spheres touch only spheres of adjacent cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NeighborRows {
-    /// A sphere reaches lower cells along an axis only if its center less its radius is below this.
+    /// A sphere touches lower cells along an axis only if its center less its radius is below this.
     pub(crate) low: [f32; 3],
-    /// A sphere reaches higher cells along an axis only if its center plus its radius is above this.
+    /// A sphere touches higher cells along an axis only if its center plus its radius is above this.
     pub(crate) high: [f32; 3],
     /// For each row the starts of its cells `x - 1`, `x` and `x + 1`, and the end of the last. Rows outside the grid
     /// are replaced by rows inside, which `low` and `high` exclude.
@@ -19,8 +19,7 @@ pub(crate) struct NeighborRows {
 
 /// A queue of comparisons: the sphere `at` with the spheres at `start..end`.
 ///
-/// No branch predictor can tell which rows are searched and which are empty, so finding runs appends to the queue
-/// without a branch.
+/// Branches on searched and empty rows would be mispredicted, so finding runs appends to the queue without a branch.
 pub(crate) struct RunQueue {
     pub(super) at: [u32; Self::ROOM],
     pub(super) start: [u32; Self::ROOM],
@@ -29,9 +28,9 @@ pub(crate) struct RunQueue {
 }
 
 impl RunQueue {
-    /// 6 KiB in all, a small part of the first-level cache.
+    /// 6 KiB, a small part of the first-level cache.
     const ROOM: usize = 512;
-    /// The length at which the queue is full: the runs of one more vector of spheres still fit.
+    /// The length at which only the runs of one more vector of spheres fit.
     pub(super) const FULL: usize = Self::ROOM - (ROWS + 1) * MAX_LANES;
 
     pub(crate) fn new() -> Self {

@@ -60,7 +60,6 @@ pub(super) fn minimum_image_touching(
     [wide.possible(), narrow.certain()]
 }
 
-/// The squared distance of two centers.
 #[inline(always)]
 pub(super) fn squared_displacement<const PERIODIC: bool>(now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32 {
     let mut squares = [0.0; 4];

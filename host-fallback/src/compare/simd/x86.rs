@@ -9,7 +9,7 @@ use super::{
 };
 use crate::frame::{Bounds, FrameMap};
 
-/// A width from one list of instruction sets: those that its tasks are compiled with and those that the processor is
+/// Defines a width from one list of instruction sets: those that its tasks are compiled with and that the processor is
 /// checked for, including sets that `rustc` enables implicitly.
 macro_rules! width {
     ($(#[$doc:meta])* $name:ident, $run:ident: $($feature:tt)+) => {
@@ -18,7 +18,6 @@ macro_rules! width {
         pub(crate) struct $name(());
 
         impl $name {
-            /// All that the width's tasks are compiled with.
             pub(super) const FEATURES: &[Feature] =
                 &[$(Feature { name: $feature, is_detected: || is_x86_feature_detected!($feature) }),+];
         }
@@ -61,7 +60,7 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
     cell
 }
 
-/// Four pairs at a time, each in a vector of its own until their coordinates are sorted out.
+/// Four pairs at a time, each in its own vector until their coordinates are transposed.
 ///
 /// # Safety
 /// The processor must have FMA.
@@ -141,7 +140,7 @@ unsafe fn minimum_image_touching(
     masks
 }
 
-/// The methods that AVX2 and FMA suffice for, which each width here proves.
+/// The methods for which AVX2 and FMA suffice.
 macro_rules! methods_of_avx2 {
     () => {
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! Operations on one row `x, y, z, r` in a vector of its own. Compilers do not find such vectors in the loops around them.
+//! Operations on one row `x, y, z, r` per vector. Compilers do not find such vectors in the loops around them.
 
 use std::arch::x86_64::*;
 
@@ -7,8 +7,6 @@ use bytemuck::cast;
 use super::Xyzr;
 use crate::frame::{Bounds, FrameMap};
 
-/// Adds a sphere to bounds.
-///
 /// # Safety
 /// The processor must have FMA.
 #[inline(always)]
@@ -62,7 +60,7 @@ pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row:
     searched
 }
 
-/// The squared distance of two centers, with the operations of the scalar code.
+/// The squared distance, with the operations of the scalar code.
 ///
 /// # Safety
 /// The processor must have SSE3.

@@ -30,7 +30,6 @@ fn shifted_grid_has_at_most_the_announced_entries() {
     for ratio in [2.0, 3.0, 4.0, 7.5, 16.0] {
         let most = |n: usize| (1.05 * UniformGrid::most_cells(ratio) * n as f64) as usize;
         let cell_size = 2.0 * ratio;
-        // Each at a corner of eight cells.
         for spheres in [vec![Sphere::new([0.0; 3], 1.0); 1000], lattice(cell_size)] {
             let [before, after] = cells::<false>(&spheres, ratio, [None; 3]);
             assert!(before > 7 * spheres.len() && after == spheres.len(), "{ratio}: {before}, {after}");

@@ -7,7 +7,7 @@ use crate::compare::PairFilter;
 use crate::memory::{try_collect, try_push};
 use crate::output::Neighbors;
 
-/// The part of a length below which a difference of coordinates is the minimum image, with room for rounding.
+/// The fraction of a length below which a difference of coordinates is the minimum image, with a margin for rounding.
 const NEAR: f64 = 0.49;
 
 pub(super) struct Fill<'a> {
@@ -19,7 +19,7 @@ pub(super) struct Fill<'a> {
     pub options: ListOptions,
     /// Groups and exclusions, if the search has not considered them.
     pub filter: Option<PairFilter<'a>>,
-    /// For each sphere the found neighbors: their indices, or those of images.
+    /// The found neighbors of each sphere: indices of spheres or images.
     pub candidates: Neighbors<'a>,
 }
 
@@ -36,7 +36,7 @@ struct Entry {
     distance: f64,
 }
 
-/// The output arrays; those of quantities that were not requested are empty.
+/// The output arrays; those of unrequested quantities are empty.
 pub(super) struct Slots<'s> {
     pub pairs: &'s mut [Pair],
     pub shifts: &'s mut [[i32; 3]],
@@ -98,15 +98,11 @@ pub(super) struct Piece<'s> {
     counts: &'s mut [u64],
     pub start: usize,
     pub filled: usize,
-    /// Two spheres whose shift is beyond 32 bits.
+    /// Two spheres whose shift exceeds 32 bits.
     pub too_far: Option<Neighbor>,
 }
 
 impl<'s> Piece<'s> {
-    /// Divides a list into chunks.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(super) fn all(fill: &Fill<'_>, all: Slots<'s>, counts: &'s mut [u64]) -> Result<Vec<Self>, Error> {
         let mut pieces = try_collect([].into_iter(), "pieces of a list")?;
         let (mut slots, mut start) = (all, 0);
@@ -152,7 +148,8 @@ impl<'s> Piece<'s> {
         self.fill_side::<false>(fill, (i, after), near);
     }
 
-    /// Writes the entries of a sphere with some neighbors, of whose pairs it is the second sphere if they are mirrored.
+    /// Writes the entries of a sphere with some neighbors. If they are mirrored, it is the second sphere of their
+    /// pairs.
     #[inline(always)]
     fn fill_side<const MIRRORED: bool>(
         &mut self,
@@ -189,8 +186,8 @@ impl<'s> Piece<'s> {
 }
 
 impl Fill<'_> {
-    /// The differences below which a minimum image has shift 0, or `None` if rows need more than minimum images of an
-    /// orthogonal space.
+    /// Returns the differences below which a minimum image has shift 0, or `None` if rows need more than minimum images
+    /// of an orthogonal space.
     fn near(&self) -> Option<[f64; 3]> {
         let ContactTest { space, .. } = self.contact;
         let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
@@ -238,7 +235,7 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// The entry of a sphere and an image, which the search has found within their largest cutoff.
+    /// Returns the entry of a sphere and an image, found within their largest cutoff.
     #[inline(never)]
     fn image(&self, images: &PeriodicImages, i: u32, image: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
@@ -265,7 +262,7 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// The entry of two spheres that touch; `None` if they are at the cutoff of an open list.
+    /// Returns the entry of two spheres that touch; `None` if they are at the cutoff of an open list.
     #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
@@ -276,7 +273,6 @@ impl Fill<'_> {
         Some(Entry { pair: Pair { i, j }, bond, distance })
     }
 
-    /// Returns `true` if a vector between two spheres is shorter than their cutoff.
     #[inline(always)]
     fn is_closer(&self, i: u32, j: u32, vector: [f64; 3]) -> bool {
         self.reach(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)

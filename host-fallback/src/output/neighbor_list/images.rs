@@ -1,4 +1,4 @@
-//! The images of spheres within the cutoff, for spaces that are periodic in less than two cutoffs.
+//! The images of spheres within the cutoff, for spaces with a period below two cutoffs.
 //!
 //! # Correctness
 //!
@@ -19,7 +19,7 @@ const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// The fraction of the distance between images below which two cutoffs prove that minimum images suffice.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 
-/// Folded spheres and their images, in buffers that survive between calls.
+/// Folded spheres and their images.
 #[derive(Debug, Default)]
 pub struct PeriodicImages {
     first: Vec<[f64; 4]>,
@@ -55,10 +55,10 @@ impl PeriodicImages {
         !is_short
     }
 
-    /// Folds the spheres and creates their images. The spheres must be valid.
+    /// Folds valid spheres and creates their images.
     ///
     /// # Errors
-    /// [`InputError::Images`] for more images than 32-bit indices can name, [`Error::OutOfMemory`].
+    /// [`InputError::Images`] for more images than 32-bit indices; [`Error::OutOfMemory`].
     pub fn build(&mut self, contact: &ContactTest<'_>) -> Result<(), Error> {
         let Some(lattice) = Lattice::new(contact.space) else { return Ok(()) };
         let query = contact.query;
@@ -67,7 +67,7 @@ impl PeriodicImages {
         let spread = self.fold_all(&lattice, query)?;
         let growth = spread.rounding(&lattice, largest * lattice.unit());
         self.reaches.clear();
-        // Half of the largest cutoff of each sphere, so that the sum for two spheres covers their cutoff.
+        // Half the largest cutoff of each sphere, so that the sum for two spheres covers their cutoff.
         for set in [query.first(), second] {
             let reaches =
                 (0..set.len()).map(|k| half_reach(contact, set, k) * lattice.unit() * GROWTH + growth);
@@ -99,12 +99,12 @@ impl PeriodicImages {
         Ok(())
     }
 
-    /// The query that finds the pairs of a sphere and an image.
+    /// Returns the query for pairs of a sphere and an image.
     pub fn query(&self) -> Query<'_> {
         Query::new((&self.first, &self.images))
     }
 
-    /// The sphere of an image, and the numbers of cell vectors from sphere `i` to the image.
+    /// Returns the sphere of an image, and the numbers of cell vectors from sphere `i` to the image.
     pub(super) fn shift(&self, i: u32, image: u32) -> (u32, [f64; 3]) {
         let (fold, shift) = (self.folds[i as usize], self.shifts[image as usize]);
         (self.of[image as usize], [0, 1, 2].map(|edge| shift[edge] + fold[edge]))
@@ -199,7 +199,7 @@ impl Spread {
         }
     }
 
-    /// The largest rounding error of vectors between images within a cutoff.
+    /// Returns the largest rounding error of vectors between images within a cutoff.
     fn rounding(&self, lattice: &Lattice, reach: f64) -> f64 {
         let heights = lattice.heights();
         // Two folds, and the steps to the image.
@@ -207,7 +207,7 @@ impl Spread {
         lattice.rounding(2.0 * self.extent + reach, counts)
     }
 
-    /// The steps along each vector of the basis that lead to images within `reach` of the first set: first and last.
+    /// Returns the first and last step along each basis vector that lead to images within `reach` of the first set.
     fn steps(&self, lattice: &Lattice, folded: &WrappedPoint, reach: f64) -> [[f64; 2]; 3] {
         let heights = lattice.heights();
         [0, 1, 2].map(|axis| {

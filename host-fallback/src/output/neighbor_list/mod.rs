@@ -1,7 +1,7 @@
 //! Neighbor lists with geometry: shifts, vectors and distances of all images within the cutoff.
 //!
 //! If no sphere has two images of another within the cutoff, minimum images suffice; else the search is between the
-//! spheres and [their images](PeriodicImages). Chunks of rows are then filled in parallel.
+//! spheres and [their images](PeriodicImages).
 
 mod fill;
 mod images;
@@ -23,9 +23,9 @@ const CHUNK_ROWS: usize = 1 << 9;
 const CHUNK_SPHERES: usize = 1 << 13;
 
 /// A neighbor list with geometry, in compressed sparse rows: the neighbors of sphere `k` are the entries
-/// `offsets()[k]..offsets()[k + 1]`, in order of their indices, and those of one index in order of their shifts.
+/// `offsets()[k]..offsets()[k + 1]`, ordered by index, then shift.
 ///
-/// Arrays of quantities that were not requested are empty.
+/// Arrays of unrequested quantities are empty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NeighborList<'a> {
     offsets: &'a [u64],
@@ -36,28 +36,28 @@ pub struct NeighborList<'a> {
 }
 
 impl<'a> NeighborList<'a> {
-    /// The start of each sphere's neighbors. It has one more number than rows; the last is the number of entries.
+    /// The start of each sphere's neighbors; the last is the number of entries.
     pub fn offsets(&self) -> &'a [u64] {
         self.offsets
     }
 
-    /// For each entry the sphere and its neighbor. In a full list `i` may be larger than `j`, and equal to it if an image of a
-    /// sphere is its own neighbor.
+    /// The sphere and its neighbor per entry. In a full list `i` may exceed `j`, and equals it for an image of the
+    /// sphere itself.
     pub fn pairs(&self) -> &'a [Pair] {
         self.pairs
     }
 
-    /// For each entry the numbers of cell vectors to the image of the neighbor.
+    /// The numbers of cell vectors to the image of the neighbor, per entry.
     pub fn shifts(&self) -> &'a [[i32; 3]] {
         self.shifts
     }
 
-    /// For each entry the vector from sphere `i` to the image of its neighbor, `(cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    /// The vector from sphere `i` to the image of its neighbor per entry, `(cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`.
     pub fn vectors(&self) -> &'a [[f64; 3]] {
         self.vectors
     }
 
-    /// For each entry the length of the vector.
+    /// The length of the vector, per entry.
     pub fn distances(&self) -> &'a [f64] {
         self.distances
     }
@@ -67,7 +67,7 @@ impl<'a> NeighborList<'a> {
         self.pairs.len()
     }
 
-    /// Returns `true` if there is no entry.
+    /// Returns `true` if the list has no entry.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
@@ -76,15 +76,15 @@ impl<'a> NeighborList<'a> {
 /// The contact test of a query.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactTest<'a> {
-    /// The spheres and the excluded pairs.
+    /// The spheres and exclusions.
     pub query: &'a Query<'a>,
-    /// The space they are in.
+    /// The space of the spheres.
     pub space: &'a Space,
     /// The species that pair, and their distances.
     pub table: Option<&'a Interactions>,
 }
 
-/// Builds neighbor lists, in buffers that survive between calls.
+/// Builds neighbor lists in reused buffers.
 #[derive(Debug, Default)]
 pub struct NeighborListBuilder {
     lists: NeighborsBuilder,
@@ -103,8 +103,8 @@ fn read(set: Spheres<'_>, into: &mut [[f64; 4]], executor: Executor) {
 }
 
 impl NeighborListBuilder {
-    /// Builds the list from the pairs of a query in canonical order, if minimum images suffice, or from the pairs between the
-    /// spheres and their `images`.
+    /// Builds the list from the pairs of a query in canonical order, if minimum images suffice, or from the pairs
+    /// between the spheres and their `images`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`], [`Error::ThreadPool`], and [`InputError::Shift`] for a shift beyond 32 bits.

@@ -15,23 +15,25 @@ pub struct ListOptions {
 }
 
 impl ListOptions {
-    /// Every pair twice: `j` is a neighbor of `i`, and `i` one of `j`. This is the default.
+    /// Lists every pair twice: `j` is a neighbor of `i`, and `i` one of `j`. The default.
     pub fn full() -> Self {
         Self::default()
     }
 
-    /// Every pair once: `i < j`, and of two opposite images of a sphere the one whose first nonzero shift is positive. Between two sets this is the same as [`full`](Self::full).
+    /// Lists every pair once: `i < j`, and of two opposite images of a sphere the one whose first nonzero shift is
+    /// positive. For two sets it equals [`full`](Self::full).
     pub fn half() -> Self {
         Self { is_half: true, ..Self::default() }
     }
 
-    /// Leaves out neighbors whose distance, rounded, is not less than their cutoff, as ASE and matscipy do. Without it, touching
-    /// counts.
+    /// Omits neighbors whose distance, rounded, is not less than their cutoff, as ASE and matscipy do. Otherwise
+    /// touching counts.
     pub fn open(self) -> Self {
         Self { is_open: true, ..self }
     }
 
-    /// Makes every sphere whose cutoff with itself is not zero its own neighbor, at distance zero. It has no effect on two sets.
+    /// Adds every sphere whose cutoff with itself is not zero as its own neighbor, at distance zero. It does not affect
+    /// two sets.
     pub fn with_self(self) -> Self {
         Self { has_self: true, ..self }
     }
