@@ -1,18 +1,13 @@
-//! The choice of the backend, and of the algorithm on a GPU, as pure functions that also return the reason.
-//! `lazygrid_host::algorithm_choice` chooses on the CPU.
+//! Choice of the backend, as pure functions with a reason. Each backend chooses its algorithm: `gpu::choice` and
+//! `lazygrid_host::algorithm_choice`.
 
-#[cfg(feature = "gpu")]
-use lazygrid_host::SkinCosts;
 use lazygrid_kernels::Algorithm;
 
 #[cfg(feature = "gpu")]
-use crate::gpu::costs::{AdapterProfile, Crossover};
+use crate::gpu::costs::AdapterProfile;
 #[cfg(feature = "gpu")]
 use crate::gpu::device::AdapterId;
 use crate::{Backend, Error};
-
-#[cfg(feature = "gpu")]
-pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 
 /// Returns the requested backend. Naming an adapter implies `Gpu`.
 #[cfg(feature = "gpu")]
@@ -77,56 +72,12 @@ pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String
     }
 }
 
-/// Returns the algorithm on a GPU, and the reason.
-#[cfg(feature = "gpu")]
-pub(crate) fn algorithm(
-    asked: Algorithm,
-    (spheres, split, classes): (u32, Option<u32>, usize),
-    (crossover, known): (Crossover, &str),
-) -> (Algorithm, String) {
-    if asked != Algorithm::Auto {
-        return (asked, format!("{asked}: asked for"));
-    }
-    let at = crossover.of(classes);
-    if let Some(split) = split {
-        let [a, b] = [split, spheres - split].map(u64::from);
-        // At the crossover, the grid costs as much per sphere as testing it against `at / 2` spheres.
-        let is_few = 2 * a * b < (a + b) * u64::from(at);
-        let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (LARGE_INPUT_ALGORITHM, "many") };
-        return (chosen, format!("{chosen}: {a} times {b} comparisons are {few} ({known})"));
-    }
-    let sizes = if classes == 1 { "1 size class" } else { &format!("{classes} size classes") };
-    let (chosen, relation) =
-        if spheres < at { (Algorithm::Naive, "fewer than") } else { (LARGE_INPUT_ALGORITHM, "at least") };
-    (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
-}
-
-#[cfg(feature = "gpu")]
-pub(crate) fn can_use_skin(
-    asked: Algorithm,
-    chosen: Algorithm,
-    spheres: u32,
-    costs: &SkinCosts,
-) -> Result<(), String> {
-    let least = costs.min_worthwhile_spheres();
-    match least {
-        _ if !matches!(asked, Algorithm::Auto | Algorithm::CellList) => Err(format!("{asked} keeps none")),
-        _ if chosen == Algorithm::Naive => Err("all pairs of so few cost less".to_owned()),
-        Some(least) if spheres >= least => Ok(()),
-        Some(least) => Err(format!("{spheres} spheres are fewer than {least}")),
-        None => Err("testing them costs more than a new search".to_owned()),
-    }
-}
-
-#[cfg(feature = "gpu")]
-pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
-    format!("{ran} instead of {chosen}: the entries of several levels do not fit the device")
-}
-
 #[cfg(all(test, feature = "gpu"))]
 mod tests {
+    use lazygrid_host::SkinCosts;
+
     use super::*;
-    use crate::gpu::costs::{Calibration, HARDWARE_SKIN_COSTS, SOFTWARE_SKIN_COSTS, profile_of};
+    use crate::gpu::costs::{Calibration, Crossover, HARDWARE_SKIN_COSTS, SOFTWARE_SKIN_COSTS, profile_of};
     use crate::gpu::device::{AdapterSummary, card};
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
@@ -208,97 +159,6 @@ mod tests {
                     "{algorithm}: software only where nothing else can run it"
                 );
             }
-        }
-    }
-
-    #[test]
-    fn algorithms() {
-        let crossover = Crossover { naive_below: 10_000, per_class: 500 };
-        for (asked, spheres, classes, expected) in [
-            (Algorithm::Auto, 0, 0, Algorithm::Naive),
-            (Algorithm::Auto, 1, 1, Algorithm::Naive),
-            (Algorithm::Auto, 9_999, 1, Algorithm::Naive),
-            (Algorithm::Auto, 10_000, 1, LARGE_INPUT_ALGORITHM),
-            (Algorithm::Auto, 10_000, 2, Algorithm::Naive),
-            (Algorithm::Auto, 11_999, 5, Algorithm::Naive),
-            (Algorithm::Auto, 12_000, 5, LARGE_INPUT_ALGORITHM),
-            (Algorithm::Auto, u32::MAX, 256, LARGE_INPUT_ALGORITHM),
-            (Algorithm::Naive, 1_000_000, 1, Algorithm::Naive),
-            (Algorithm::ArrayGrid, 1, 1, Algorithm::ArrayGrid),
-        ] {
-            let (chosen, reason) = algorithm(asked, (spheres, None, classes), (crossover, "measured"));
-            assert_eq!(chosen, expected, "{asked}, {spheres} spheres, {classes} classes: {reason}");
-            assert!(reason.starts_with(chosen.name()), "{reason}");
-            assert_eq!(reason.contains("measured"), asked == Algorithm::Auto, "{reason}");
-        }
-        let (_, reason) =
-            algorithm(Algorithm::Auto, (3000, None, 1), (crossover, "measured on this adapter"));
-        assert_eq!(
-            reason,
-            "naive: 3000 spheres in 1 size class are fewer than 10000 (measured on this adapter)"
-        );
-    }
-
-    #[test]
-    fn two_sets_are_compared_all_with_all_if_that_costs_less() {
-        let crossover = Crossover { naive_below: 10_000, per_class: 0 };
-        for (first, second, expected) in [
-            (1, 10_000_000, Algorithm::Naive),
-            (4_999, 10_000_000, Algorithm::Naive),
-            (5_004, 10_000_000, LARGE_INPUT_ALGORITHM),
-            (9_999, 9_999, Algorithm::Naive),
-            (10_000, 10_000, LARGE_INPUT_ALGORITHM),
-        ] {
-            for (a, b) in [(first, second), (second, first)] {
-                let (chosen, reason) =
-                    algorithm(Algorithm::Auto, (a + b, Some(a), 1), (crossover, "measured"));
-                assert_eq!(chosen, expected, "{a} and {b}: {reason}");
-            }
-        }
-        assert_eq!(
-            algorithm(LARGE_INPUT_ALGORITHM, (2, Some(1), 1), (crossover, "measured")).0,
-            LARGE_INPUT_ALGORITHM
-        );
-    }
-
-    #[test]
-    fn a_crossover_is_never_above_the_measured_counts() {
-        for (naive_below, per_class, classes, expected) in [
-            (10_000, 500, 5, 12_000),
-            (Crossover::MOST, 0, 1, Crossover::MOST),
-            (4_000_000_000, 0, 1, Crossover::MOST),
-            (10_000, 60_000, 256, Crossover::MOST),
-            (u32::MAX, u32::MAX, 256, Crossover::MOST),
-        ] {
-            assert_eq!(Crossover { naive_below, per_class }.of(classes), expected);
-        }
-    }
-
-    #[test]
-    fn candidates() {
-        use Algorithm::{Auto, CellList, LazyGrid, Naive};
-        // The fixed cost of a call equals the saving for a thousand spheres.
-        let costs = SkinCosts {
-            search_ns: 11.0,
-            levels_ns: 0.0,
-            find_ns: 1.0,
-            keep_ns: 1.0,
-            measure_ns: 1.0,
-            test_ns: 1.0,
-            call_ns: 10_000.0,
-        };
-        let never = SkinCosts { measure_ns: 12.0, ..costs };
-        for (asked, chosen, spheres, costs, expected) in [
-            (Auto, CellList, 1000, costs, Ok(())),
-            (CellList, CellList, 1000, costs, Ok(())),
-            (Auto, CellList, 999, costs, Err("999 spheres are fewer than 1000")),
-            (Auto, Naive, 5000, costs, Err("all pairs of so few cost less")),
-            (Naive, Naive, 1_000_000, costs, Err("naive keeps none")),
-            (LazyGrid, LazyGrid, 1_000_000, costs, Err("lazy-grid keeps none")),
-            (Auto, CellList, u32::MAX, never, Err("testing them costs more than a new search")),
-        ] {
-            let may = can_use_skin(asked, chosen, spheres, &costs);
-            assert_eq!(may, expected.map_err(str::to_owned), "{asked}, {chosen}, {spheres}");
         }
     }
 

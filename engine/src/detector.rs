@@ -8,7 +8,9 @@ use crate::backend::BackendFinder;
 use crate::backend::DetectorBackend;
 use crate::geometry::Geometry;
 #[cfg(feature = "gpu")]
-use crate::gpu::{AutoBackend, GpuBackend, GpuDevice, SoftwareAdapter};
+use crate::gpu::{GpuDevice, SoftwareAdapter};
+#[cfg(feature = "gpu")]
+use crate::gpu_backend::{AutoBackend, GpuBackend};
 use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 
 /// Returns all overlapping pairs in canonical order, with default settings.

@@ -48,6 +48,8 @@ mod detector;
 mod geometry;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(feature = "gpu")]
+mod gpu_backend;
 mod report;
 
 pub use config::Config;

@@ -156,7 +156,7 @@ impl Default for GpuConfig {
     }
 }
 
-pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
+pub(crate) fn check(settings: &GpuConfig) -> Result<(), Error> {
     if settings.space.triclinic_cell().is_some() {
         let range =
             "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
@@ -174,7 +174,8 @@ pub(in crate::gpu) fn check(settings: &GpuConfig) -> Result<(), Error> {
     check_algorithm(settings.algorithm)
 }
 
-pub(in crate::gpu) fn check_algorithm(algorithm: Algorithm) -> Result<(), Error> {
+/// Rejects algorithms without kernels.
+pub(crate) fn check_algorithm(algorithm: Algorithm) -> Result<(), Error> {
     match algorithm {
         Algorithm::Auto => Ok(()),
         named if Algorithm::GPU.contains(&named) => Ok(()),

@@ -4,17 +4,16 @@
 //! [`GpuSession`] transfers spheres and pairs between host and device. [`CallCost`] is the cost of a call in advance.
 //! [`RadixSort`] and [`PrefixScan`] are building blocks.
 
-mod backend;
 mod calibration;
+pub(crate) mod choice;
 pub(crate) mod config;
 pub(crate) mod costs;
-mod detector;
+pub(crate) mod detector;
 pub(crate) mod device;
 mod encode;
 pub mod plan;
-mod session;
+pub(crate) mod session;
 
-pub(crate) use backend::{AutoBackend, GpuBackend};
 pub use calibration::{CrossoverSample, calibrate};
 pub use config::GpuConfig;
 pub use costs::{Calibration, Crossover};

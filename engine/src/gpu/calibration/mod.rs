@@ -15,7 +15,7 @@ use super::costs::{Calibration, Crossover};
 use super::device::GpuDevice;
 use super::session::GpuSession;
 use crate::Error;
-use crate::choice::LARGE_INPUT_ALGORITHM;
+use crate::gpu::choice::LARGE_INPUT_ALGORITHM;
 use measure::{ROUNDS, SIZES, crossing, race, time};
 
 /// Equal radii, and the classes of the paper's figure 3b.

@@ -81,7 +81,7 @@ impl<'a> From<wgpu::BufferSlice<'a>> for BufferRange<'a> {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(in crate::gpu) enum SphereBuffers<'a> {
+pub(crate) enum SphereBuffers<'a> {
     /// `x, y, z, r` as four `f32` per sphere.
     Rows(BufferRange<'a>),
     /// `x`, `y`, `z` and `r`, described by a [`ColumnLayout`].
@@ -92,14 +92,15 @@ pub(in crate::gpu) enum SphereBuffers<'a> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct GpuSpheres<'a> {
-    pub(in crate::gpu) spheres: SphereBuffers<'a>,
-    pub(in crate::gpu) count: SphereCount<'a>,
-    /// A `u32` per sphere.
-    pub(in crate::gpu) species: Option<BufferRange<'a>>,
-    /// Range of the smaller index of pairs.
-    pub(in crate::gpu) window: Range<u32>,
-    /// The size of the first of two sets; 0 for one set.
-    pub(in crate::gpu) split: u32,
+    /// The numbers of the spheres; `STORAGE` usage.
+    pub(crate) spheres: SphereBuffers<'a>,
+    pub(crate) count: SphereCount<'a>,
+    /// A `u32` species id per sphere, with interactions.
+    pub(crate) species: Option<BufferRange<'a>>,
+    /// The window of the smaller index of pairs.
+    pub(crate) window: Range<u32>,
+    /// The number of spheres of the first of two sets; 0 for one set.
+    pub(crate) split: u32,
 }
 
 impl<'a> GpuSpheres<'a> {
@@ -164,9 +165,9 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// Rejects ranges that are too short or cannot be bound, and species without a table or the reverse. Returns the
-    /// largest number of spheres.
-    pub(in crate::gpu) fn check(&self, settings: &GpuConfig, device: &wgpu::Device) -> Result<u32, Error> {
+    /// Rejects ranges that are too short or cannot be bound, and species without a table, or a table without species.
+    /// Returns the largest number of spheres.
+    pub(crate) fn check(&self, settings: &GpuConfig, device: &wgpu::Device) -> Result<u32, Error> {
         let alignment = device.limits().min_storage_buffer_offset_alignment;
         let spheres = match self.count {
             SphereCount::Host(count) => count,

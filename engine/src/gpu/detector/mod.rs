@@ -115,8 +115,8 @@ impl GpuDetector {
         self.settings.chosen(algorithm, spheres)
     }
 
-    /// Changes the space, which must keep its periodic axes.
-    pub(in crate::gpu) fn set_space(&mut self, space: Space) {
+    /// Changes the space, which must be periodic along the same axes.
+    pub(crate) fn set_space(&mut self, space: Space) {
         debug_assert_eq!(
             self.settings.space.lengths().map(|l| l.is_some()),
             space.lengths().map(|l| l.is_some())

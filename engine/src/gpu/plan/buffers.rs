@@ -121,7 +121,8 @@ pub(crate) enum Resource {
 
 pub(super) const COLUMN_NAMES: [&str; 4] = ["x", "y", "z", "r"];
 
-pub(in crate::gpu) fn column_named(binding: &str) -> Option<usize> {
+/// Returns the column that a binding of this name holds.
+pub(crate) fn column_named(binding: &str) -> Option<usize> {
     COLUMN_NAMES.iter().position(|name| *name == binding)
 }
 
@@ -148,7 +149,7 @@ pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(BufferId, u64)> {
     buffers
 }
 
-pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6] {
+pub(crate) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6] {
     [
         (BufferId::Keys(false), bytes_of(items, 4)),
         (BufferId::Keys(true), bytes_of(items, 4)),

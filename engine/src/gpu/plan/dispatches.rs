@@ -116,12 +116,12 @@ pub(super) fn deferred(
 }
 
 /// The last row may be longer than needed; kernels end early there.
-pub(in crate::gpu) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
+pub(crate) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
     let rows = groups.div_ceil(limits.groups_per_dimension).max(1);
     [groups.div_ceil(rows), rows]
 }
 
-pub(in crate::gpu) fn sort_dispatches(items: u32, tile: u32, passes: u32) -> impl Iterator<Item = Dispatch> {
+pub(crate) fn sort_dispatches(items: u32, tile: u32, passes: u32) -> impl Iterator<Item = Dispatch> {
     let tiles = items.div_ceil(tile);
     let digits = if tiles == 0 { 0 } else { 1 << k::DIGIT_BITS };
     (0..passes).flat_map(move |pass| {
@@ -134,7 +134,7 @@ pub(in crate::gpu) fn sort_dispatches(items: u32, tile: u32, passes: u32) -> imp
     })
 }
 
-pub(in crate::gpu) fn scan_dispatches(values: u32, pass: u32) -> [Dispatch; 3] {
+pub(crate) fn scan_dispatches(values: u32, pass: u32) -> [Dispatch; 3] {
     let tiles = values.div_ceil(k::SCAN_TILE);
     let dispatch = |kernel, groups| Dispatch::in_sort(kernel, groups, pass);
     [dispatch(&k::SCAN_REDUCE, tiles), dispatch(&k::SCAN_SPINE, 1), dispatch(&k::SCAN_SPREAD, tiles)]

@@ -12,6 +12,7 @@ use super::tables::TableBytes;
 use super::work_budget::{WorkBudget, tests_within_limit};
 use super::{DeviceLimits, Plan, Request, plan};
 use crate::Error;
+use crate::gpu::choice::{self, CallSize};
 use crate::gpu::config::{GpuConfig, check};
 use crate::gpu::costs::Calibration;
 
@@ -166,8 +167,8 @@ impl Plan {
 }
 
 impl GpuConfig {
-    /// Returns the parameters that all kernels read.
-    pub(in crate::gpu) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
+    /// Returns the parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
+    pub(crate) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
         let call = SearchParams {
             spheres,
             pair_capacity: self.pair_capacity,
@@ -183,7 +184,7 @@ impl GpuConfig {
         call.in_space(self.space)
     }
 
-    pub(in crate::gpu) fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
-        crate::choice::algorithm(algorithm, (spheres, None, 1), (self.crossover, "given"))
+    pub(crate) fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
+        choice::algorithm(algorithm, CallSize { spheres, split: None, classes: 1 }, self.crossover, "given")
     }
 }

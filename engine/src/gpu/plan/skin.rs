@@ -5,16 +5,16 @@ use super::buffers::{BufferId, bytes_of};
 use super::dispatches::{Dispatch, GpuPhase, interleave};
 use super::work_budget::WorkBudget;
 
-/// New for every candidate list.
-pub(in crate::gpu) const STATE: (BufferId, u64) = (BufferId::SkinState, size_of::<SkinState>() as u64);
+/// A new buffer for every candidate list.
+pub(crate) const STATE: (BufferId, u64) = (BufferId::SkinState, size_of::<SkinState>() as u64);
 
-pub(in crate::gpu) fn candidate_parts(candidates: u32, budget: WorkBudget) -> (u32, u32) {
+pub(crate) fn candidate_parts(candidates: u32, budget: WorkBudget) -> (u32, u32) {
     let groups = candidates.div_ceil(k::WORKGROUP_SIZE).max(1);
     let per_dispatch = budget.groups_per_dispatch(groups, k::WORKGROUP_SIZE.into());
     (groups.div_ceil(per_dispatch), per_dispatch)
 }
 
-pub(in crate::gpu) fn buffers(
+pub(crate) fn buffers(
     [spheres, pairs, parts]: [u32; 3],
     species: bool,
     columns: bool,
@@ -34,7 +34,7 @@ pub(in crate::gpu) fn buffers(
     buffers
 }
 
-pub(in crate::gpu) fn dispatches(
+pub(crate) fn dispatches(
     spheres: u32,
     columns: bool,
     (parts, per_dispatch): (u32, u32),

@@ -68,11 +68,13 @@ pub struct SubmissionCounts {
 }
 
 #[derive(Clone, Debug)]
-pub(in crate::gpu) struct QueuedCall {
-    pub(in crate::gpu) choice: AlgorithmChoice,
-    pub(in crate::gpu) window: Range<u32>,
-    pub(in crate::gpu) split: u32,
-    pub(in crate::gpu) keeps: bool,
+pub(crate) struct QueuedCall {
+    pub(crate) choice: AlgorithmChoice,
+    /// Pairs are asked for whose smaller index is in this window.
+    pub(crate) window: Range<u32>,
+    pub(crate) split: u32,
+    /// `true` if the candidate list may serve it.
+    pub(crate) keeps: bool,
 }
 
 impl QueuedCall {
@@ -129,18 +131,18 @@ impl GpuSession {
         })
     }
 
-    pub(in crate::gpu) fn with_interactions(
-        &self,
-        interactions: Option<Interactions>,
-    ) -> Result<Self, Error> {
+    pub(crate) fn with_interactions(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
         let settings = self.detector.settings().clone().interactions(interactions);
         let mut session = Self::new(self.gpu.clone(), settings)?;
         session.timeout = self.timeout;
         Ok(session)
     }
 
-    /// Changes the space, which must keep its periodic axes, and discards candidates.
-    pub(in crate::gpu) fn set_space(&mut self, space: Space) -> Result<(), Error> {
+    /// Changes the space of later calls, which must be periodic along the same axes. A new space discards candidates.
+    ///
+    /// # Errors
+    /// See [`set_skin`](Self::set_skin).
+    pub(crate) fn set_space(&mut self, space: Space) -> Result<(), Error> {
         if self.detector.settings().space != space {
             self.detector.set_space(space);
             if let Some(distance) = self.skin.as_ref().map(|skin| skin.detector.skin()) {
@@ -221,7 +223,7 @@ impl GpuSession {
     }
 
     /// No buffer of a grid's plan has more bytes per sphere than the input.
-    pub(in crate::gpu) fn most_spheres(&self) -> u64 {
+    pub(crate) fn most_spheres(&self) -> u64 {
         most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
 
@@ -248,15 +250,11 @@ impl GpuSession {
         self.begin_as(self.call(self.asked.algorithm), spheres)
     }
 
-    pub(in crate::gpu) fn call(&self, algorithm: Algorithm) -> QueuedCall {
+    pub(crate) fn call(&self, algorithm: Algorithm) -> QueuedCall {
         QueuedCall::new(AlgorithmChoice { algorithm, ..self.asked })
     }
 
-    pub(in crate::gpu) fn begin_as(
-        &mut self,
-        call: QueuedCall,
-        spheres: Spheres<'_>,
-    ) -> Result<Ticket, Error> {
+    pub(crate) fn begin_as(&mut self, call: QueuedCall, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         for (flight, ticket) in self.pending.iter_mut().zip(&self.tickets) {
             if ticket.strong_count() == 0 {
                 *flight = None;
@@ -385,7 +383,7 @@ impl GpuSession {
         PhaseTime::add(&mut self.timings, name, time);
     }
 
-    pub(in crate::gpu) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
+    pub(crate) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
         &mut self.pairs
     }
 

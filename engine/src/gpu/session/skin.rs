@@ -36,8 +36,8 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Like [`set_skin`](Self::set_skin), but keeps the list of an equal skin.
-    pub(in crate::gpu) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
+    /// Like [`set_skin`](Self::set_skin), but an equal skin keeps the list.
+    pub(crate) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
             (Some(skin), Some(distance)) => skin.detector.set_skin(distance),
@@ -47,7 +47,7 @@ impl GpuSession {
 
     /// Returns the age of the list in calls at the start of the last call, and the largest used fraction of the
     /// displacement limit.
-    pub(in crate::gpu) fn last_rebuild(&self) -> (u32, f32) {
+    pub(crate) fn last_rebuild(&self) -> (u32, f32) {
         self.skin.as_ref().map_or((0, 0.0), |skin| skin.last_rebuild)
     }
 
@@ -58,8 +58,8 @@ impl GpuSession {
             .map_err(|error| self.gpu.reason(error))
     }
 
-    /// The maximum of calls with and without a candidate list.
-    pub(in crate::gpu) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
+    /// Like [`memory_for`](Self::memory_for), for calls that alternate between searches and candidate lists.
+    pub(crate) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,
             None => self.with_skin(1.0)?.memory_for(spheres)?,

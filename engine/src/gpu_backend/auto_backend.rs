@@ -3,7 +3,7 @@ use std::sync::Arc;
 use lazygrid_host::{HostBackend, PhaseTime, SearchBackend, Settings, Team, Work};
 use lazygrid_kernels::Query;
 
-use super::gpu_backend::GpuBackend;
+use super::GpuBackend;
 use crate::backend::DetectorBackend;
 use crate::config::Config;
 use crate::gpu::device::GpuDevice;

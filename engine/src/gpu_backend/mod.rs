@@ -1,3 +1,11 @@
+mod auto_backend;
+mod skin_controller;
+mod slab_search;
+mod slabs;
+
+#[cfg(test)]
+mod tests;
+
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -7,17 +15,20 @@ use lazygrid_host::{
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
-use super::skin_controller::SkinController;
-use super::slab_search::{SearchRequest, SlabPairSource, SlabSearch};
+use self::skin_controller::SkinController;
+use self::slab_search::{SearchRequest, SlabPairSource, SlabSearch};
 use crate::backend::DetectorBackend;
 use crate::config::Config;
+use crate::gpu::choice::{self, CallSize};
 use crate::gpu::config::GpuConfig;
 use crate::gpu::costs::{AdapterProfile, profile_of};
 use crate::gpu::device::GpuDevice;
 use crate::gpu::plan::{DeviceLimits, tests_within_limit};
 use crate::gpu::session::GpuSession;
 use crate::report::Report;
-use crate::{Backend, Error, choice};
+use crate::{Backend, Error};
+
+pub(crate) use self::auto_backend::AutoBackend;
 
 #[derive(Debug)]
 pub(crate) struct GpuBackend {
@@ -135,7 +146,7 @@ impl SearchBackend for GpuBackend {
         let classes = stats.occupied().count();
         let (spheres, split) = (query.len() as u32, prepared.split.map(|split| split as u32));
         let (algorithm, reason) =
-            choice::algorithm(asked_for, (spheres, split, classes), (known.crossover, known.how));
+            choice::algorithm(asked_for, CallSize { spheres, split, classes }, known.crossover, known.how);
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
         let device = match prepared.frame {
@@ -255,7 +266,3 @@ fn cell_ratio(asked: Option<f32>) -> Result<f32, Error> {
     let range = "choose between 0.5 and 16";
     Err(Error::InvalidSetting { name: "cell_ratio", value: ratio.to_string(), range })
 }
-
-#[cfg(test)]
-#[path = "tests.rs"]
-mod tests;
