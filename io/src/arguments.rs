@@ -1,13 +1,13 @@
-//! Parsers of arguments that several commands share. Their errors name valid values.
+//! Argument parsers that several commands share.
 
 use std::str::FromStr;
 
 use lazygrid::Space;
 
-/// Parses `SPECIES=R`, a radius of a species.
+/// Parses `SPECIES=R`, a species' radius.
 ///
 /// # Errors
-/// Fails with a message for the user if there is no `=`, or the radius is not a finite number of at least 0.
+/// Fails with a message for the user without `=`, or unless the radius is finite and not negative.
 pub fn species_radius(text: &str) -> Result<(String, f32), String> {
     let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
     match f32::from_str(radius) {
@@ -16,10 +16,10 @@ pub fn species_radius(text: &str) -> Result<(String, f32), String> {
     }
 }
 
-/// Parses `X,Y,Z`, the lengths of a periodic box, `-` for an unbounded axis; or `none` for unbounded space.
+/// Parses `X,Y,Z`, the lengths of a periodic box, `-` for an unbounded axis; or `none`.
 ///
 /// # Errors
-/// Fails with a message for the user if the text is neither.
+/// Fails with a message for the user.
 pub fn periodic_space(text: &str) -> Result<Space, String> {
     if text == "none" {
         return Ok(Space::UNBOUNDED);
@@ -27,7 +27,6 @@ pub fn periodic_space(text: &str) -> Result<Space, String> {
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
         number => match f32::from_str(number) {
-            // The type of coordinates.
             Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(f64::from(length))),
             Ok(_) => Err(format!(
                 "the length {number} is not a finite number above zero; write - for an axis that is unbounded"

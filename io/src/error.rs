@@ -8,20 +8,20 @@ use thiserror::Error;
 /// The location of a fault in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Location {
-    /// The file, as it was named.
+    /// File, as named.
     pub path: Arc<Path>,
-    /// The position in the file.
+    /// Position in the file.
     pub at: Position,
 }
 
 /// A position in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Position {
-    /// The file as a whole.
+    /// Whole file.
     File,
-    /// A line of a text file; the first is 1.
+    /// Line, from 1.
     Line(u64),
-    /// A row of an array; the first is 0, as in the pairs that refer to it.
+    /// Row of an array, from 0, as in pairs that refer to it.
     Row(u64),
 }
 
@@ -36,146 +36,146 @@ impl fmt::Display for Location {
     }
 }
 
-/// The failure to read or write a file. Every message names the file, the line or row, and the offending text.
+/// A failure to read or write a file. Messages name the file, the line or row, and the text.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The system refused to open or read the file.
+    /// The file cannot be opened or read.
     #[error("{}: cannot read: {source}", path.display())]
     Read {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// The message of the system.
+        /// System error.
         source: io::Error,
     },
-    /// The system refused to create or write the file. What was there before is untouched.
+    /// The file cannot be created or written. An existing one is untouched.
     #[error("{}: cannot write: {source}", path.display())]
     Write {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// The message of the system.
+        /// System error.
         source: io::Error,
     },
-    /// Neither the name nor the first lines tell the format.
+    /// Neither name nor content tell the format.
     #[error(
         "{}: neither the name nor the content tells the format; say --format csv, npy, xyz, lammps or smoldyn",
         path.display()
     )]
     UnknownFormat {
-        /// The file.
+        /// File.
         path: PathBuf,
     },
-    /// Something else stands where the format wants something.
+    /// Text that does not fit the format.
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
-        /// The location.
+        /// Location.
         place: Location,
-        /// The format's requirement.
+        /// Requirement of the format.
         expected: String,
-        /// The text of the file.
+        /// Text of the file.
         found: String,
     },
-    /// A field that is not a number.
+    /// Field that is not a number.
     #[error("{place}: {column} '{text}' is not a number")]
     Number {
-        /// The location.
+        /// Location.
         place: Location,
-        /// The column's name.
+        /// Name of the column.
         column: String,
-        /// The field.
+        /// Field.
         text: String,
     },
-    /// A number that no sphere can have.
+    /// Number that no sphere can have.
     #[error("{place}: {column} is {value}; {rule}")]
     Value {
-        /// The location.
+        /// Location.
         place: Location,
-        /// The column's name.
+        /// Name of the column.
         column: String,
-        /// The number as it is written.
+        /// Number as written.
         value: String,
-        /// The valid values.
+        /// Valid values.
         rule: &'static str,
     },
-    /// The file has no radii and none was given for this species.
+    /// The file has no radii, and none was given for this species.
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
     NoRadius {
-        /// The location.
+        /// Location.
         place: Location,
-        /// The species, if the file names one.
+        /// Species, if named.
         species: Option<String>,
     },
-    /// The file ends inside a frame.
+    /// File ends inside a frame.
     #[error("{place}: the file ends after {found} of {expected} {what}")]
     Truncated {
-        /// The end of the file.
+        /// End of the file.
         place: Location,
-        /// The counted things.
+        /// Counted things.
         what: &'static str,
-        /// The actual number.
+        /// Actual number.
         found: u64,
-        /// The number that the file declares.
+        /// Declared number.
         expected: u64,
     },
-    /// The file's box repeats along edges that span none.
+    /// Box vectors that span no box.
     #[error(
         "{place}: the box cannot be periodic: {reason}; give lengths with --periodic X,Y,Z, or take space as unbounded with \
          --periodic none"
     )]
     BoxEdges {
-        /// The location of the box.
+        /// Location of the box.
         place: Location,
-        /// The fault.
+        /// Fault.
         reason: Box<lazygrid::InputError>,
     },
-    /// The file's box repeats after a length that no period can have.
+    /// A box length that is no period.
     #[error(
         "{place}: the box is periodic along {axis} and its length there is {length}, no 32-bit number above zero; give \
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
     )]
     BoxLength {
-        /// The location of the box.
+        /// Location of the box.
         place: Location,
-        /// The axis.
+        /// Axis.
         axis: &'static str,
-        /// The length.
+        /// Length.
         length: f64,
     },
-    /// A Smoldyn molecule is listed twice: several listings in one file, and nothing marks where one ends.
+    /// A Smoldyn molecule is listed twice: the file has several listings without a separator.
     #[error(
         "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
          file cannot be told apart: write one file per listing (Smoldyn's `incrementfile`)"
     )]
     RepeatedMolecule {
-        /// The location of the repeated molecule.
+        /// Location of the second occurrence.
         place: Location,
-        /// Its serial number.
+        /// Serial number.
         serial: String,
-        /// The line of its first occurrence.
+        /// Line of the first occurrence.
         first: u64,
     },
-    /// A line so long that the file is hardly a text file.
+    /// Line too long for a text file.
     #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
     LineTooLong {
-        /// The location.
+        /// Location.
         place: Location,
-        /// The longest line that is read.
+        /// Longest line.
         limit: usize,
     },
     /// More spheres in a frame than indices or memory.
     #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
     TooManySpheres {
-        /// The location.
+        /// Location.
         place: Location,
-        /// The actual number.
+        /// Actual number.
         spheres: u64,
-        /// The source of the limit.
+        /// Source of the limit.
         limit: &'static str,
     },
 }
 
 impl Error {
-    /// The place in the file, where the error has one: for who reads a file in pieces and knows where each begins.
+    /// Returns the location, for callers that read a file in pieces.
     pub fn location_mut(&mut self) -> Option<&mut Location> {
         match self {
             Self::Read { .. } | Self::Write { .. } | Self::UnknownFormat { .. } => None,
@@ -193,7 +193,7 @@ impl Error {
     }
 }
 
-/// Returns the name of a species without its state: `acid` of `acid(solution)`.
+/// `acid` of `acid(solution)`.
 pub(crate) fn bare(name: &str) -> &str {
     match name.split_once('(') {
         Some((bare, state)) if state.ends_with(')') => bare,
@@ -215,12 +215,12 @@ fn remedy(species: Option<&str>) -> String {
     }
 }
 
-/// The offending bytes as printable text, short enough to be quoted in a message.
+/// Returns offending bytes as short printable text.
 pub fn excerpt(bytes: &[u8]) -> String {
     printed(bytes, 60)
 }
 
-/// The first bytes as printable text, at most `longest`, with an ellipsis if there are more.
+/// Returns at most `longest` bytes as printable text, with an ellipsis if shortened.
 pub fn printed(bytes: &[u8], longest: usize) -> String {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(longest)]);
     let mut shown: String = text.chars().flat_map(printable).collect();

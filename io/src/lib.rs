@@ -1,5 +1,5 @@
-//! Files of spheres and pairs: [readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files,
-//! [writers](mod@write) of spheres and pairs, and the [scenes] that tests and benchmarks share.
+//! [Readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files, [writers](mod@write) of spheres and pairs,
+//! and the [scenes] of tests and benchmarks.
 
 pub mod arguments;
 pub mod read;

@@ -1,7 +1,7 @@
-//! The scenes that tests, benchmarks, `lazygrid generate` and figures share.
+//! The scenes of tests, benchmarks, `lazygrid generate` and figures.
 //!
-//! A scene is a function of the number of spheres and a seed, with the same bytes on every platform: the generator is
-//! `ChaCha8`, the sampling is arithmetic in `f64`, and transcendental functions come from `libm`.
+//! A scene is a function of the number of spheres and a seed, with the same bytes on every platform: `ChaCha8`, `f64`
+//! arithmetic, and `libm`.
 
 mod expected;
 
@@ -16,9 +16,9 @@ use rand_distr::{Distribution, StandardNormal, UnitBall, UnitSphere};
 
 pub use expected::{PairCount, periodic_box_pairs};
 
-/// Share of the ball's volume that the spheres of the uniform scenes fill, overlaps counted twice.
+/// Volume of the spheres over the ball's, in uniform scenes.
 const DENSITY: f64 = 0.05;
-/// Overlapping pairs per sphere for which the spread of the bursts is solved.
+/// Determines the spread of bursts.
 const BURST_PAIRS_PER_SPHERE: f64 = 20.0;
 
 const FIVE_SIZES: [f32; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
@@ -26,12 +26,12 @@ const TEN_POWERS: [f32; 10] =
     [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125, 0.00390625, 0.001953125];
 const TEN_TENTHS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
-/// A mixture of two sizes: transceivers of radius 1, and carriers.
+/// Two sizes: transceivers of radius 1, and carriers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Transceivers {
-    /// The number of transceivers among the spheres; all spheres if there are no more.
+    /// Transceivers, at most all spheres.
     pub count: u32,
-    /// The radius of a transceiver over that of a carrier; 0 is taken as 1.
+    /// Radius of a transceiver over a carrier's; 0 counts as 1.
     pub ratio: u32,
 }
 
@@ -43,7 +43,7 @@ impl Transceivers {
         n.min(self.count as usize)
     }
 
-    /// The radius of a carrier.
+    /// Returns the radius of a carrier.
     pub fn carrier(self) -> f32 {
         1.0 / self.ratio.max(1) as f32
     }
@@ -55,7 +55,7 @@ impl Default for Transceivers {
     }
 }
 
-/// A distribution of spheres. Lengths are in units of the largest radius.
+/// A distribution of spheres, in units of the largest radius.
 ///
 /// ```
 /// # use lazygrid_io::scenes::Scene;
@@ -66,25 +66,24 @@ impl Default for Transceivers {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scene {
-    /// Radius 1; centers uniform in a ball of which the spheres fill 5 %.
+    /// Radius 1; uniform in a ball, 5 % filled.
     Equal,
-    /// Radii 1, ½ … 1⁄16, equally frequent and in random order; centers uniform in a ball, 5 % filled.
+    /// Radii 1, ½ … 1⁄16, equally frequent, in random order; uniform in a ball, 5 % filled.
     FiveSizes,
-    /// Radii 1, ½ … 1⁄512, equally frequent and in random order; centers normal about the origin, with a density of 20
-    /// pairs per sphere. Below 42 spheres there are fewer pairs, and all centers coincide.
+    /// Radii 1, ½ … 1⁄512, equally frequent, in random order; normal about the origin, with 20 pairs per sphere.
+    /// Below 42 spheres there are fewer pairs, and all centers coincide.
     Burst,
     /// [`Burst`](Self::Burst) with radii 0.1, 0.2 … 1.
     BurstLinear,
-    /// The radii of [`Burst`](Self::Burst); all centers at the origin.
+    /// Radii of [`Burst`](Self::Burst); all centers at the origin.
     Point,
-    /// Few large spheres among many small ones, in random order; centers uniform in a ball, 5 % filled. If the large
-    /// ones fill most of that, the ball grows with them, so that a small one lies in one of them with a probability of
-    /// 5 %.
+    /// Few large spheres among small ones, in random order; uniform in a ball, 5 % filled. If the large ones fill
+    /// most of that, the ball grows, so that a small one lies in one of them with a probability of 5 %.
     Transceivers(Transceivers),
 }
 
 impl Scene {
-    /// Every scene, in the order of the command line's help; those with parameters have their defaults.
+    /// All scenes, with default parameters, in the order of the help.
     pub const ALL: [Self; 6] = [
         Self::Equal,
         Self::FiveSizes,
@@ -94,7 +93,7 @@ impl Scene {
         Self::Transceivers(Transceivers::DEFAULT),
     ];
 
-    /// The name in lower case with hyphens.
+    /// Returns the name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Equal => "equal",
@@ -106,7 +105,7 @@ impl Scene {
         }
     }
 
-    /// `n` spheres of this scene; the same for the same seed on every platform.
+    /// Returns `n` spheres, equal for equal seeds on every platform.
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let mut rng = stream(seed, 0);
         let mut radii = self.sizes().radii(n);
@@ -115,16 +114,15 @@ impl Scene {
         radii.into_iter().map(|radius| Sphere::new(cloud.sample(&mut rng), radius)).collect()
     }
 
-    /// The part of its radius by which a sphere moves in one step of the benchmarks' motion.
+    /// Step of the benchmarks' motion, in radii.
     pub const STEP: f32 = 0.1;
 
-    /// Moves every sphere by a tenth of its radius in a uniformly random direction, which depends on `seed`, `step` and
-    /// the sphere's index only.
+    /// Moves every sphere by a tenth of its radius in a random direction, by `seed`, `step` and index.
     pub fn advance(spheres: &mut [Sphere], seed: u64, step: u32) {
         Self::advance_by(Self::STEP, spheres, seed, step);
     }
 
-    /// Moves every sphere by this fraction of its radius, as [`advance`](Self::advance).
+    /// Moves every sphere by `part` of its radius, as [`advance`](Self::advance).
     pub fn advance_by(part: f32, spheres: &mut [Sphere], seed: u64, step: u32) {
         let mut rng = stream(seed, 1 + u64::from(step));
         for sphere in spheres {
@@ -133,8 +131,7 @@ impl Scene {
         }
     }
 
-    /// The number of overlapping pairs of `n` spheres of this scene before the first step: its exact mean and
-    /// variance over all seeds.
+    /// Returns the exact mean and variance over seeds of the number of overlapping pairs, before the first step.
     pub fn expected_pairs(self, n: usize) -> PairCount {
         expected::pairs(&self.sizes().classes(n), self.cloud(n))
     }
@@ -197,7 +194,7 @@ impl RadiusMix {
         }
     }
 
-    /// Returns the number of spheres in each size group, of `n` spheres.
+    /// Returns the size groups of `n` spheres.
     fn classes(self, n: usize) -> Vec<SizeGroup> {
         let class = |count: usize, radius: f32| SizeGroup { count: count as f64, radius: radius.into() };
         match self {
@@ -235,7 +232,7 @@ impl CenterDistribution {
     }
 }
 
-/// Independent streams of one seed: 0 makes the spheres, 1 + step moves them.
+/// Stream 0 makes the spheres, 1 + step moves them.
 fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream);

@@ -1,30 +1,30 @@
-//! The memory that this process may still get, and its limits.
+//! The memory that this process may still get.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The memory that the process can still get, and the limit that decides.
+/// The available memory and its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AvailableMemory {
     /// Bytes.
     pub bytes: u64,
-    /// The limit that leaves fewest.
+    /// Limit that leaves fewest.
     pub limit: MemoryLimit,
 }
 
 /// A limit of the memory of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemoryLimit {
-    /// The free memory of the system, swap included.
+    /// Free memory of the system, swap included.
     System,
-    /// A control group, such as that of a container or of a batch job.
+    /// Control group, such as of a container or batch job.
     ControlGroup,
-    /// The size of the address space, `ulimit -v`.
+    /// Address space, `ulimit -v`.
     AddressSpace,
 }
 
 impl MemoryLimit {
-    /// The limit in messages.
+    /// Returns the name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::System => "free memory of the system",
@@ -34,8 +34,8 @@ impl MemoryLimit {
     }
 }
 
-/// Returns the memory that the process can still get: the least that the system, its control groups and `RLIMIT_AS` leave.
-/// `None` if the system tells none of them, as outside Linux.
+/// Returns the least memory that the system, its control groups and `RLIMIT_AS` leave; `None` if unknown, as outside
+/// Linux.
 pub fn available_memory() -> Option<AvailableMemory> {
     let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
     let system = system(&read("/proc/meminfo")).map(|bytes| (bytes, MemoryLimit::System));
@@ -62,7 +62,7 @@ fn address_space(limits: &str, status: &str) -> Option<u64> {
     Some(limit.saturating_sub(kilobytes(status, "VmSize")?))
 }
 
-/// The least that the process's control group and those above it leave, of version 1 or 2.
+/// Returns the least that the process's control groups, version 1 or 2, leave.
 fn control_group(own: &str, root: &Path) -> Option<u64> {
     let of_line = |line: &str| {
         let (controllers, path) = line.split_once(':')?.1.split_once(':')?;
@@ -80,7 +80,7 @@ fn control_group(own: &str, root: &Path) -> Option<u64> {
     own.lines().filter_map(of_line).min()
 }
 
-/// The bytes that a control group leaves. Pages of files that it holds can be taken back.
+/// Returns what a control group leaves; its file pages can be reclaimed.
 fn left(folder: &Path, [limit, used]: [&str; 2]) -> Option<u64> {
     let read = |name: &str| -> Option<String> { fs::read_to_string(PathBuf::from(folder).join(name)).ok() };
     let number = |name: &str| read(name)?.trim().parse::<u64>().ok();

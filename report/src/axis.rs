@@ -1,16 +1,16 @@
-//! Axes: labeled values and their text. Pure functions; `plot.rs` draws.
+//! Axes: labeled values and their text.
 
 use std::ops::Range;
 
 use crate::number::{count, time};
 
-/// The largest number of labels.
+/// Most labels.
 const MAX_LABELS: usize = 8;
-/// Sets of values of a decade that get labels, in ascending size.
+/// Labeled values of a decade, in ascending size.
 const DECADES: [&[f64]; 4] = [&[1.0], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 5.0, 7.0]];
-/// Steps between labels of an axis below [`NARROW`], as multiples of powers of ten.
+/// Label steps of narrow axes, times powers of ten.
 const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
-/// The ratio of the largest to the smallest value below which decades give too few labels.
+/// Largest over smallest value; below it decades give too few labels.
 const NARROW: f64 = 6.0;
 
 /// The scale of an axis.
@@ -35,7 +35,7 @@ impl Scale {
     }
 }
 
-/// The quantity of an axis.
+/// A quantity of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Spheres: `100 k`.
@@ -60,7 +60,7 @@ impl Quantity {
     }
 }
 
-/// Formats at most three digits, or all of an integer below 10,000; with an exponent outside 0.001 to a million.
+/// Formats three digits, or all of an integer below 10,000; with an exponent outside 0.001 to a million.
 fn number(value: f64) -> String {
     let size = value.abs();
     if value.fract() == 0.0 && size < 1e4 {
@@ -88,7 +88,7 @@ pub(crate) struct LabelSpace {
 }
 
 impl LabelSpace {
-    /// Returns `true` if labels at these ascending values do not overlap.
+    /// Returns `true` if the labels do not overlap.
     fn holds(&self, ticks: &[f64], range: &Range<f64>, quantity: Quantity) -> bool {
         let [low, high] = [range.start, range.end].map(|value| self.scale.position(value));
         let position = |value: f64| (self.scale.position(value) - low) / (high - low) * self.axis;
@@ -100,7 +100,7 @@ impl LabelSpace {
     }
 }
 
-/// The values of `range` that get a label: as many as do not overlap, up to the largest number.
+/// Returns labeled values of `range`, without overlaps.
 pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
     if space.scale == Scale::Linear {
         return even(range, quantity, space);
@@ -111,7 +111,7 @@ pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
 }
 
-/// The measured values if all labels fit; otherwise as many round values as fit.
+/// Returns the measured values if all labels fit, else round values.
 pub(crate) fn ticks_at(
     measured: &[f64],
     range: &Range<f64>,
@@ -136,14 +136,13 @@ fn sparse(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     (2..powers.len().max(2)).map(move |step| powers.iter().copied().step_by(step).collect())
 }
 
-/// Equidistant values of a narrow axis.
 fn steps(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     let exponent = range.end.log10().floor() as i32;
     let is_narrow = range.end / range.start < NARROW;
     let sizes = (exponent - 3..=exponent).rev().flat_map(|k| STEPS.map(|step| scaled(step, k)));
     sizes.filter(move |_| is_narrow).filter_map(move |step| {
         let (first, last) = ((range.start / step).ceil() as u64, (range.end / step).floor() as u64);
-        // Rounded, since a multiple of 0.1 is not.
+        // Rounded: a multiple of 0.1 is not.
         let value = |k: u64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step);
         (last.saturating_sub(first) <= MAX_LABELS as u64).then(|| (first.max(1)..=last).map(value).collect())
     })
@@ -154,7 +153,7 @@ fn even(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
     let sizes = (exponent - 2..=exponent).flat_map(|k| STEPS.map(|step| scaled(step, k)));
     let multiples = |step: f64| {
         let (first, last) = ((range.start / step).ceil() as i64, (range.end / step).floor() as i64);
-        // Rounded, since a multiple of 0.1 is not; without the sign of −0.
+        // Rounded: a multiple of 0.1 is not; without the sign of −0.
         let value = |k: i64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step) + 0.0;
         (first..=last).take(MAX_LABELS + 1).map(value).collect::<Vec<f64>>()
     };

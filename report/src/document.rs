@@ -1,66 +1,66 @@
-//! A report before it is a page.
+//! A report as data.
 
 /// A report.
 #[derive(Clone, Debug, Default)]
 pub struct Document {
-    /// The title.
+    /// Title.
     pub title: String,
-    /// The sections, in order.
+    /// Sections, in order.
     pub sections: Vec<Section>,
 }
 
 /// A figure with its text, plots and tables.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
-    /// The title.
+    /// Title.
     pub title: String,
-    /// Paragraphs. Text between backticks is code; a paragraph that begins with "```sh" is a command.
+    /// Paragraphs. Backticks mark code; "```sh" begins a command.
     pub text: Vec<String>,
-    /// The plots.
+    /// Plots.
     pub plots: Vec<Plot>,
-    /// The tables, below the plots.
+    /// Tables, below the plots.
     pub tables: Vec<Table>,
-    /// Notes: skipped measurements with reasons, and cases in which a peer is faster.
+    /// Notes on skipped measurements and faster peers.
     pub notes: Vec<Note>,
 }
 
 /// A note below a figure.
 #[derive(Clone, Debug)]
 pub struct Note {
-    /// The text.
+    /// Text.
     pub text: String,
-    /// `true` for a wrong result.
+    /// Marks a wrong result.
     pub is_error: bool,
 }
 
 /// A plot.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// The file name without `.svg`.
+    /// File name without `.svg`.
     pub name: String,
-    /// The caption.
+    /// Caption.
     pub caption: String,
-    /// The plot as SVG.
+    /// Plot as SVG.
     pub svg: String,
 }
 
 /// A table.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
-    /// The caption.
+    /// Caption.
     pub caption: String,
-    /// The names of the columns.
+    /// Names of the columns.
     pub header: Vec<String>,
-    /// Rows, with a cell per column.
+    /// Rows of cells.
     pub rows: Vec<Vec<Cell>>,
 }
 
 /// A cell of a table.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// The text.
+    /// Text.
     pub text: String,
-    /// The style.
+    /// Style.
     pub kind: Kind,
 }
 
@@ -69,11 +69,11 @@ pub struct Cell {
 pub enum Kind {
     /// Plain.
     Plain,
-    /// The best value.
+    /// Best value.
     Best,
     /// Not measured.
     Absent,
-    /// A wrong answer.
+    /// Wrong answer.
     Error,
 }
 

@@ -69,17 +69,17 @@ fn cell(cell: &Cell) -> String {
     format!("<td{class}>{}</td>", escaped(&cell.text))
 }
 
-/// Converts text between backticks to code, as Markdown does.
+/// Text between backticks becomes code.
 fn inline(text: &str) -> String {
     let text = escaped(text);
     let parts: Vec<&str> = text.split('`').collect();
-    // A backtick without a second one is itself.
+    // A single backtick is text.
     let (pairs, rest) = parts.split_at((parts.len() - 1) / 2 * 2);
     let code = |pair: &[&str]| format!("{}<code>{}</code>", pair[0], pair[1]);
     pairs.chunks(2).map(code).collect::<String>() + &rest.join("`")
 }
 
-/// Escapes text, as adapter names and reasons come from other programs.
+/// Adapter names and reasons come from other programs.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

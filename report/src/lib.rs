@@ -1,6 +1,6 @@
-//! Reports of figures and simulations: text, tables and plots as one self-contained page.
+//! Reports: text, tables and plots as one self-contained page.
 //!
-//! A [`Document`] is plain data; [`plot::lines`] draws a [`Plot`] and [`html::page`] makes the page.
+//! [`plot::lines`] draws a [`Plot`]; [`html::page`] formats a [`Document`].
 
 mod axis;
 mod document;

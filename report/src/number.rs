@@ -1,4 +1,4 @@
-//! Numbers as they are written in tables and at axes.
+//! Numbers in tables and at axes.
 
 /// Formats a number of spheres for tables.
 pub fn count(n: usize) -> String {
@@ -9,7 +9,7 @@ pub fn count(n: usize) -> String {
     }
 }
 
-/// A unit for about `seconds` seconds, and its number in a second.
+/// Returns a unit for about `seconds` seconds, and its number per second.
 pub fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
         s if s < 1e-9 => (1e12, "ps"),

@@ -1,4 +1,4 @@
-//! Plots of lines, as SVG.
+//! Line plots as SVG.
 
 use std::error::Error;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use plotters::prelude::*;
 
 use crate::axis::{LabelSpace, Quantity, Scale, ticks, ticks_at};
 
-/// A point of a line with an error bar.
+/// A point with an error bar.
 #[derive(Clone, Copy, Debug)]
 pub struct PlotPoint {
     at: (f64, f64),
@@ -16,7 +16,7 @@ pub struct PlotPoint {
 }
 
 impl PlotPoint {
-    /// Creates a point from its x, its value and the ends of its bar.
+    /// Creates a point with the ends of its bar.
     pub fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
         Self { at: (x, y), bar }
     }
@@ -27,8 +27,7 @@ impl PlotPoint {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Returns `true` if the value or its bar has a position on the axes. A logarithmic axis has none for 0, of which it shows
-    /// the bar.
+    /// Returns `true` if the value or its bar is on the axes; 0 is on no logarithmic axis, unlike its bar.
     fn is_shown(&self, [x, y]: [Scale; 2]) -> bool {
         x.holds(self.at.0) && self.at.1.is_finite() && self.bar.0.is_finite() && y.holds(self.bar.1)
     }
@@ -37,13 +36,13 @@ impl PlotPoint {
 /// A line of a plot.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// The name in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// The points, in ascending x.
+    /// Points in ascending x.
     pub points: Vec<PlotPoint>,
-    /// `true` for a dashed line.
+    /// Dashed if `true`.
     pub dashed: bool,
-    /// The index of the color; related lines share one.
+    /// Index of the color; related lines share one.
     pub colour: usize,
 }
 
@@ -60,21 +59,21 @@ impl Series {
 /// The title and the axes of a plot.
 #[derive(Clone, Copy, Debug)]
 pub struct Axes<'a> {
-    /// The title of the plot.
+    /// Title of the plot.
     pub title: &'a str,
-    /// The horizontal axis: title and quantity.
+    /// Horizontal axis: title and quantity.
     pub x: (&'a str, Quantity),
-    /// The vertical axis: title and quantity.
+    /// Vertical axis: title and quantity.
     pub y: (&'a str, Quantity),
-    /// The scales of the horizontal and of the vertical axis.
+    /// Horizontal and vertical scale.
     pub scales: [Scale; 2],
 }
 
 const SIZE: (u32, u32) = (1120, 600);
-/// Width of the legend to the right of the plot, enough for the longest name.
+/// Fits the longest name.
 const LEGEND: u32 = 320;
 const FONT: &str = "sans-serif";
-/// Height of titles. Letters have about four fifths of these line heights.
+/// Height of titles; letters have about four fifths.
 const TITLE: u32 = 27;
 /// Height of the labels of axes.
 const TEXT: u32 = 22;
@@ -97,13 +96,13 @@ const COLOURS: [RGBColor; 10] = [
 ];
 const GRID: RGBColor = RGBColor(225, 225, 225);
 
-/// The largest number of points that are drawn as circles.
+/// Most points drawn as circles.
 const POINTS: usize = 50;
 
 /// Draws the plot as SVG; `None` without points.
 ///
 /// # Errors
-/// Fails if the drawing backend fails.
+/// Fails if the backend fails.
 pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
     let scales = axes.scales;
     let marks = || series.iter().flat_map(|line| line.marks(scales));
@@ -213,7 +212,7 @@ impl Ranged for AxisTicks {
     }
 }
 
-/// The range of the values with a margin. A linear axis of non-negative values begins at 0.
+/// Adds a margin; a linear axis of non-negative values begins at 0.
 fn range(scale: Scale, values: impl Iterator<Item = f64>) -> Range<f64> {
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = values.fold(ends, |(low, high), v| (low.min(v), high.max(v)));

@@ -1,10 +1,10 @@
-//! The simulation box that a file declares, and the space that follows from it.
+//! The simulation box of a file.
 
 use lazygrid::Space;
 
 use crate::error::{Error, Location};
 
-/// A simulation box: three edges, and the edges along which it is periodic.
+/// Three cell vectors, some periodic.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Cell {
     pub(super) edges: [[f64; 3]; 3],
@@ -14,10 +14,10 @@ pub(super) struct Cell {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Cell {
-    /// The periodic space of this box; orthogonal if each periodic edge lies along an axis of its own, else triclinic.
+    /// Returns the space: orthogonal if each periodic vector lies along its own axis, else triclinic.
     ///
     /// # Errors
-    /// [`Error::BoxLength`] for a length that no period can have; [`Error::BoxEdges`] for edges that span no box.
+    /// [`Error::BoxLength`] and [`Error::BoxEdges`].
     pub(super) fn space(&self, place: &Location) -> Result<Space, Error> {
         let repeats = self.edges.iter().zip(self.periodic);
         let mut lengths = [None; 3];
@@ -30,10 +30,8 @@ impl Cell {
             if !(narrow.is_finite() && narrow > 0.0) {
                 return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length });
             }
-            // The precision of coordinates.
             lengths[axis] = Some(f64::from(narrow));
         }
-        // The lengths are checked above.
         Ok(Space::periodic(lengths).unwrap_or_default())
     }
 
@@ -43,7 +41,7 @@ impl Cell {
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }
 
-    /// The axis along which an edge lies, up to rotation residues far below the rounding of coordinates to 32 bits.
+    /// Ignores residues of rotations far below 32-bit rounding.
     fn axis_of(edge: &[f64; 3]) -> Option<usize> {
         const NEGLIGIBLE: f64 = 1.0 / (1 << 30) as f64;
         let longest = (0..3).max_by(|&a, &b| edge[a].abs().total_cmp(&edge[b].abs()))?;

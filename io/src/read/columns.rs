@@ -2,24 +2,22 @@ use super::line::Line;
 use super::read_context::ReadContext;
 use crate::error::{Error, excerpt};
 
-/// The meaning of a table's column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Column {
-    /// A coordinate of the center.
+    /// Coordinate of the center.
     Axis(usize),
-    /// A coordinate of the center as a fraction of the simulation box.
+    /// Coordinate as a fraction of the box.
     Scaled(usize),
     Radius,
     Diameter,
     Species,
-    /// A number that stays with a sphere from frame to frame.
+    /// Stays with a sphere from frame to frame.
     Id,
     Group,
     Other,
 }
 
 impl Column {
-    /// The meaning of a column of this name in CSV, extended XYZ and structured arrays.
     pub(super) fn named(name: &str) -> Self {
         match name.to_ascii_lowercase().as_str() {
             "x" => Self::Axis(0),
@@ -35,15 +33,14 @@ impl Column {
     }
 }
 
-/// The columns of a table, in the order of the fields of its rows.
+/// Columns in the order of fields.
 pub(super) struct Columns {
     meanings: Vec<Column>,
     names: Vec<String>,
-    /// `true` if a row may have more fields than columns.
+    /// A row may have more fields.
     open_ended: bool,
 }
 
-/// One row of a table, before its species is looked up.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row<'a> {
     pub(super) center: [f32; 3],
@@ -52,7 +49,7 @@ pub(super) struct Row<'a> {
     pub(super) species: Option<&'a [u8]>,
     pub(super) id: Option<&'a [u8]>,
     pub(super) group: Option<&'a [u8]>,
-    /// The first column, and its field, that lost digits.
+    /// First column that lost digits, and its field.
     pub(super) rounded: Option<(usize, &'a [u8])>,
 }
 
@@ -78,7 +75,7 @@ impl Columns {
         &self.names
     }
 
-    /// Checks that the table has the required columns and no duplicates.
+    /// Checks for missing and duplicate columns.
     pub(super) fn check(&self, header: Line<'_>, context: &ReadContext) -> Result<(), Error> {
         let found = || format!("columns {}", excerpt(self.names.join(", ").as_bytes()));
         match self.lacks(context) {
@@ -170,10 +167,10 @@ impl Columns {
     }
 }
 
-/// 32-bit numbers are never written with more digits, so more of them come from 64-bit computation.
+/// More digits come from 64-bit computation.
 const EXACT_DIGITS: usize = 9;
 
-/// Returns `true` if a field has more digits than 32-bit numbers have, and another value.
+/// Returns `true` for more digits than 32-bit numbers have, and another value.
 fn loses_digits(field: &[u8], value: f32) -> bool {
     let (mut digits, mut significant) = (0, 0);
     for &b in field.iter().take_while(|b| !b"eE".contains(b)).filter(|b| b.is_ascii_digit()) {
@@ -200,7 +197,6 @@ mod tests {
             ("1234567890123", true),
             ("12345678900000", false),
             ("0.000000000000001", false),
-            // Ten digits and more, exactly.
             ("0.00048828125", false),
             ("1.00048828125", false),
             ("1.000488281251", true),

@@ -1,6 +1,6 @@
-//! The comment line of extended XYZ: `key=value` pairs between white space.
+//! `key=value` pairs in the comment line of extended XYZ.
 
-/// The value of a key, case-insensitive, without quotes or brackets.
+/// Returns a key's value, case-insensitive, without quotes or brackets.
 pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
     let mut rest = comment;
     loop {
@@ -43,7 +43,7 @@ fn token(text: &[u8], end: impl Fn(u8) -> bool) -> (&[u8], &[u8]) {
     }
 }
 
-/// Returns the end of the quote that was opened before `inside`; a quote after a backslash does not end it.
+/// Returns the end of the quote that begins before `inside`; backslashes escape.
 fn closing_quote(inside: &[u8], quote: u8) -> Option<usize> {
     let mut at = 0;
     while at < inside.len() {
@@ -56,7 +56,7 @@ fn closing_quote(inside: &[u8], quote: u8) -> Option<usize> {
     None
 }
 
-/// Returns the position of the bracket that closes the one at the beginning of `text`, counted from after it.
+/// Returns the position of the closing bracket, counted after the first.
 fn closing_bracket(text: &[u8], [open, close]: [u8; 2]) -> Option<usize> {
     let mut depth = 0_usize;
     for (at, &b) in text.iter().enumerate() {

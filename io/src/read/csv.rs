@@ -1,6 +1,6 @@
-//! Comma-separated values, or separated by semicolons or tabs: a header that names `x`, `y`, `z`, and `r`, `radius` or
-//! `diameter`, and optionally `species` and `id`, in any order and case; other columns are ignored. Lines that begin
-//! with `#` are comments; without another header, the last of them is the header, as in NumPy's `savetxt`. One frame.
+//! Values separated by commas, semicolons or tabs, one frame. A header names `x`, `y`, `z`, and `r`, `radius` or
+//! `diameter`, optionally `species` and `id`, in any order and case, among others. `#` begins comments; without a
+//! header, the last leading comment is the header, as by NumPy's `savetxt`.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};
@@ -48,7 +48,6 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
             in_comment = Some(table);
         }
     }
-    // A header without rows.
     in_comment.ok_or_else(|| {
         let (place, expected) = (lines.place(), "a header with x, y, z and r, radius or diameter".to_owned());
         Error::Syntax { place, expected, found: "an empty file".to_owned() }
@@ -56,7 +55,7 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
 }
 
 impl Csv {
-    /// The columns that a header names, with any separator.
+    /// Returns the columns of a header with any separator.
     fn of(line: Line<'_>, header: &[u8]) -> Result<Self, Error> {
         let separator = separator(header);
         let columns = fields(line, header, separator)?.map(|field| {
@@ -90,8 +89,8 @@ fn separator(header: &[u8]) -> u8 {
     most.unwrap_or(b',')
 }
 
-/// The fields between separators, without white space and quotes. A separator or a quote inside quotes is refused,
-/// because no read column needs one.
+/// Returns fields without white space and quotes. Quoted separators and quotes are refused: no read column needs
+/// them.
 fn fields<'a>(
     line: Line<'a>,
     bytes: &'a [u8],
@@ -112,7 +111,7 @@ fn unquoted(field: &[u8]) -> Option<&[u8]> {
     field.strip_prefix(b"\"")?.strip_suffix(b"\"")
 }
 
-/// Returns `true` if the first line of a file, perhaps a comment, resembles the header of a table of spheres.
+/// Returns `true` if a first line, perhaps a comment, resembles a header.
 pub(super) fn is_header(line: &[u8]) -> bool {
     let line = commented(line).unwrap_or(line);
     let separator = separator(line);
@@ -123,7 +122,6 @@ pub(super) fn is_header(line: &[u8]) -> bool {
         .all(|axis| names.iter().any(|name| unquoted(name).unwrap_or(name) == axis.as_slice()))
 }
 
-/// Returns `true` if a line is a comment.
 pub(super) fn is_comment(line: &[u8]) -> bool {
     commented(line).is_some()
 }

@@ -1,8 +1,8 @@
 //! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
 //!
-//! Positions are `x z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are `radius`
-//! or `diameter`; species are `type`, or `element` if there is no `type`; groups are `mol`. An axis is periodic if `BOX
-//! BOUNDS` says `pp`; old dumps do not say, and are unbounded.
+//! Positions are `x y z`, unwrapped `xu yu zu`, or box fractions `xs ys zs` and `xsu ysu zsu`; sizes `radius` or
+//! `diameter`; species `type`, else `element`; groups `mol`. An axis is periodic if `BOX BOUNDS` says `pp`; old dumps
+//! are unbounded.
 
 use lazygrid::Space;
 
@@ -28,7 +28,7 @@ struct Head {
     bounds: Option<Bounds>,
 }
 
-/// The simulation box: a corner, the edges from it, and where the file says so.
+/// A corner, the vectors from it, and the line in the file.
 struct Bounds {
     corner: [f64; 3],
     cell: Cell,
@@ -147,7 +147,7 @@ impl Table for Atoms {
     }
 }
 
-/// The periodic axes, from the end of `BOX BOUNDS pp pp ff`: both sides must say `p`.
+/// Parses `BOX BOUNDS pp pp ff`.
 fn periodic(item: &[u8]) -> [bool; 3] {
     let mut words = item.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).rev();
     let mut last = || words.next() == Some(b"pp");
@@ -155,14 +155,13 @@ fn periodic(item: &[u8]) -> [bool; 3] {
     [x, y, z]
 }
 
-/// The ways in which dumps describe the box.
 #[derive(Clone, Copy)]
 enum Style {
-    /// `low high`, once per axis.
+    /// `low high` per axis.
     Orthogonal,
-    /// `low high tilt`: the bounding box of a box whose edges are tilted by xy, xz and yz.
+    /// `low high tilt`: the bounding box of a box tilted by xy, xz and yz.
     Tilted,
-    /// `x y z origin`: one edge per line, and one coordinate of the corner.
+    /// `x y z origin`: a vector and a coordinate of the corner per line.
     Edges,
 }
 
@@ -183,12 +182,10 @@ impl Style {
         }
     }
 
-    /// The corner of the box and its edges.
     fn box_of(self, rows: [[f64; 4]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
         if let Self::Edges = self {
             return (rows.map(|row| row[3]), rows.map(|[x, y, z, _]| [x, y, z]));
         }
-        // The third column is zero in an orthogonal box.
         let [xy, xz, yz] = rows.map(|row| row[2]);
         let tilts = [[0.0, xy, xz, xy + xz], [0.0, yz, 0.0, yz], [0.0; 4]];
         let bound = |axis: usize, side: usize| {
@@ -202,7 +199,7 @@ impl Style {
 }
 
 impl Bounds {
-    /// The position at these fractions of the edges.
+    /// Returns the position at fractions of the vectors.
     fn place(&self, line: Line<'_>, scaled: [f64; 3]) -> Result<[f32; 3], Error> {
         let mut center = [0.0; 3];
         for (axis, (coordinate, name)) in center.iter_mut().zip(["x", "y", "z"]).enumerate() {
@@ -218,8 +215,7 @@ impl Bounds {
     }
 }
 
-/// The columns of `ITEM: ATOMS id type z radius`. Of several forms of a value, the first in the list of the module
-/// documentation is read.
+/// Parses `ITEM: ATOMS id type x y z radius`. Of several forms, the first in the module documentation is read.
 fn columns(header: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     let names: Vec<_> =
         header.words().skip(2).map(|name| String::from_utf8_lossy(name).into_owned()).collect();

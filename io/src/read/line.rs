@@ -5,10 +5,9 @@ use lazygrid::Spheres;
 
 use crate::error::{Error, Location, Position, excerpt};
 
-/// Bounds memory if a file turns out not to be text.
+/// Bounds memory if the file is not text.
 pub(super) const LONGEST_LINE: usize = 1 << 20;
 
-/// One line, and where it stands.
 #[derive(Clone, Copy)]
 pub(super) struct Line<'a> {
     pub(super) bytes: &'a [u8],
@@ -46,13 +45,11 @@ impl<'a> Line<'a> {
         Error::Syntax { place: self.place(), expected: expected.into(), found }
     }
 
-    /// The whole line as a whole number.
     pub(super) fn count(self, what: &str) -> Result<u64, Error> {
         let digits = self.bytes.trim_ascii();
         lexical_core::parse(digits).map_err(|_| self.unexpected(what))
     }
 
-    /// A field as a finite number.
     pub(super) fn number<F>(self, column: &str, field: &[u8]) -> Result<F, Error>
     where
         F: lexical_core::FromLexical + Into<f64> + Copy,
@@ -67,7 +64,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// A field as a radius: finite and not negative.
+    /// Parses a radius: finite, not negative.
     pub(super) fn radius(self, column: &str, field: &[u8]) -> Result<f32, Error> {
         let radius = self.number(column, field)?;
         if radius < 0.0 {
@@ -85,7 +82,7 @@ impl<'a> Line<'a> {
         })
     }
 
-    /// Parses a field as the number of a molecule; 0 is no molecule.
+    /// Parses a molecule's number; 0 means no molecule.
     pub(super) fn group(self, field: &[u8]) -> Result<u32, Error> {
         let refused = || Error::Syntax {
             place: self.place(),
@@ -101,7 +98,6 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The meaning of groups in a file.
 pub(super) const GROUPS: &str = "groups as whole numbers below 2^32 - 1, 0 for none";
 
 pub(super) fn group_of(number: i128) -> Option<u32> {

@@ -8,28 +8,28 @@ use super::line::{LONGEST_LINE, Line, too_long};
 use super::source::Source;
 use crate::error::{Error, Location, Position};
 
-/// A block is up to four times the one before.
+/// Each block is up to four times the previous one.
 const FIRST_BLOCK: usize = 1 << 16;
-/// The most bytes in a block, for each thread that shares in it, and in all.
+/// Most bytes of a block, per thread and in all.
 const SHARE: usize = 1 << 20;
 const LARGEST_BLOCK: usize = 32 << 20;
-/// Bytes parsed by one thread at a time, up to the end of a line.
+/// Bytes per task, up to the end of a line.
 const PIECE: usize = 1 << 17;
 
 pub(super) struct Lines {
     source: Source,
     buffer: Vec<u8>,
-    /// Receives the next bytes while the other buffer is parsed.
+    /// Receives bytes while the other buffer is parsed.
     spare: Vec<u8>,
     unread: Range<usize>,
     line: Range<usize>,
     number: u64,
     ended: bool,
-    /// The reading error, reported after the lines that were read.
+    /// Reported after the lines that were read.
     failed: Option<Error>,
 }
 
-/// Whole lines, one after the other.
+/// Whole lines.
 #[derive(Clone, Copy)]
 pub(super) struct LineBlock<'a> {
     bytes: &'a [u8],
@@ -51,7 +51,7 @@ impl Lines {
         }
     }
 
-    /// The next line that is not blank, or `None` at the end. Ends are `\n` or `\r\n`; a byte-order mark is skipped.
+    /// Returns the next non-blank line, without `\n` or `\r\n`; skips a byte-order mark.
     pub(super) fn next(&mut self) -> Result<Option<Line<'_>>, Error> {
         while self.advance()? {
             if !self.line().is_blank() {
@@ -72,7 +72,7 @@ impl Lines {
         Ok(true)
     }
 
-    /// The next line of an incomplete frame, in which `found` of `expected` of `what` were there.
+    /// Returns the next line of a frame that has `found` of `expected` `what`.
     pub(super) fn required(
         &mut self,
         what: &'static str,
@@ -86,7 +86,7 @@ impl Lines {
         }
     }
 
-    /// Hands out the last line once more, as the next.
+    /// Returns the last line once more.
     pub(super) fn put_back(&mut self) {
         // Its end and a mark before it are skipped again.
         self.unread.start = match memrchr(b'\n', &self.buffer[..self.line.start]) {
@@ -101,8 +101,8 @@ impl Lines {
         Location { path: self.source.path.clone(), at }
     }
 
-    /// Hands whole lines, at most `most` if given, to `parse`, which may divide them among threads, while `meanwhile`
-    /// runs and the following lines are read. Returns the result of `parse` and the number of lines, 0 at the end.
+    /// Hands whole lines, at most `most`, to `parse` while `meanwhile` runs and reading continues. Returns the result
+    /// and the number of lines, 0 at the end.
     pub(super) fn parse<T: Send>(
         &mut self,
         most: u64,
@@ -171,7 +171,7 @@ impl Lines {
         Ok(true)
     }
 
-    /// Moves unread bytes to the front and reads more after them.
+    /// Moves unread bytes to the front and reads more.
     fn fill(&mut self) -> Result<(), Error> {
         self.buffer.copy_within(self.unread.clone(), 0);
         self.unread = 0..self.unread.len();
@@ -200,7 +200,7 @@ struct Text<'a> {
 }
 
 impl<'a> Text<'a> {
-    /// Cuts it into pieces of whole lines, at most `most`. Returns the pieces, and the numbers of lines and bytes.
+    /// Cuts at most `most` lines into pieces. Returns pieces, lines and bytes.
     fn cut(&self, most: u64) -> (Vec<LineBlock<'a>>, u64, usize) {
         let (mut pieces, mut lines, mut at) = (Vec::new(), 0, 0);
         while lines < most && at < self.bytes.len() {
@@ -209,7 +209,7 @@ impl<'a> Text<'a> {
             let end = near.or_else(|| memchr(b'\n', rest)).map(|end| end + 1);
             let Some(mut end) = end.or(self.ended.then_some(rest.len())) else { break };
             let mut within = memchr_iter(b'\n', &rest[..end]).count() as u64;
-            // The last line of a file may have no end.
+            // The last line may have no end.
             within += u64::from(!rest[..end].ends_with(b"\n"));
             if within > most - lines {
                 within = most - lines;
@@ -228,7 +228,7 @@ struct Read {
     failed: Option<Error>,
 }
 
-/// Puts `rest` and the bytes read after it into `spare`, until that is full or has `lines` lines.
+/// Fills `spare` with `rest` and more bytes, up to `lines` lines.
 fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Read {
     spare[..rest.len()].copy_from_slice(rest);
     let mut so_far = Read { filled: rest.len(), ended: false, failed: None };
@@ -245,10 +245,6 @@ fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Re
     so_far
 }
 
-/// Gives a buffer this length.
-///
-/// # Errors
-/// [`Error::Read`] if memory is refused.
 fn try_resize(buffer: &mut Vec<u8>, length: usize, path: &Path) -> Result<(), Error> {
     let refused = |_| Error::Read { path: path.to_owned(), source: std::io::ErrorKind::OutOfMemory.into() };
     buffer.try_reserve_exact(length.saturating_sub(buffer.len())).map_err(refused)?;

@@ -9,8 +9,8 @@
 //! # Ok::<(), lazygrid_io::Error>(())
 //! ```
 //!
-//! Memory is bounded to one frame; a size that a file declares is never trusted. Radii and coordinates are `f32`,
-//! rounded once from the file's text.
+//! Memory is bounded by one frame, not by declared sizes. Radii and coordinates are `f32`, rounded once from the
+//! text.
 
 mod cell;
 mod columns;
@@ -48,7 +48,7 @@ use crate::error::Error;
 pub use pairs::pairs;
 pub use species::{Radii, Species};
 
-/// The most spheres for which memory is reserved before they are read.
+/// Most spheres reserved before they are read.
 const RESERVE: u64 = 1 << 20;
 
 /// A file format.
@@ -57,7 +57,7 @@ const RESERVE: u64 = 1 << 20;
 pub enum Format {
     /// Comma-separated values with a header.
     Csv,
-    /// A NumPy array of shape `(n, 4)`.
+    /// NumPy array of shape `(n, 4)`.
     Npy,
     /// XYZ, plain or extended.
     Xyz,
@@ -68,10 +68,10 @@ pub enum Format {
 }
 
 impl Format {
-    /// Every value.
+    /// All formats.
     pub const ALL: [Self; 5] = [Self::Csv, Self::Npy, Self::Xyz, Self::Lammps, Self::Smoldyn];
 
-    /// The name in lower case.
+    /// Returns the name in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Csv => "csv",
@@ -82,7 +82,7 @@ impl Format {
         }
     }
 
-    /// The format of a file name's extension, before `.gz` or `.zst`.
+    /// Returns the format of an extension, before `.gz` or `.zst`.
     pub fn from_extension(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         match extension.as_str() {
@@ -96,7 +96,7 @@ impl Format {
         }
     }
 
-    /// The format that the first bytes of a file look like.
+    /// Returns the format that a file's first bytes suggest.
     pub fn from_content(head: &[u8]) -> Option<Self> {
         let mut lines = head.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
         let tells = |line: &&[u8]| !line.is_empty() && (!csv::is_comment(line) || csv::is_header(line));
@@ -132,52 +132,51 @@ impl FromStr for Format {
     }
 }
 
-/// The options of a reader. The default finds the format itself and takes radii from the file.
+/// Reader options. By default, the reader finds the format and takes radii from the file.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// The format; else by extension, else by content.
+    /// Format; else by extension, then content.
     pub format: Option<Format>,
-    /// Radii by species, for files that have none; they win over a radius column.
+    /// Radii by species; they win over a radius column.
     pub radii: Radii,
-    /// The space of all frames; else the space that each frame declares: a periodic box, triclinic or not (`Lattice`
-    /// and `pbc` of extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space.
+    /// Space of all frames; else the one that each frame declares: a box, possibly triclinic (`Lattice` and `pbc` of
+    /// extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded.
     pub space: Option<Space>,
-    /// `true` if the ids of spheres are read too, from a column `id` (Smoldyn: serial numbers).
+    /// Reads ids from a column `id` (Smoldyn: serial numbers).
     pub ids: bool,
-    /// `true` if groups are read too, from a column `group`, `molecule` or `mol`.
+    /// Reads groups from a column `group`, `molecule` or `mol`.
     pub groups: bool,
 }
 
-/// The spheres of one moment.
+/// A frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
-    /// The simulator's number of the time step, where the file has one.
+    /// Number of the time step, if given.
     pub step: Option<i64>,
-    /// The space that the frame declares, or the one that was given.
+    /// Space: declared, or from the options.
     pub space: Space,
-    /// The spheres in the order of the file; finite, with radii that are not negative.
+    /// Spheres in the order of the file, finite, radii not negative.
     pub spheres: Vec<Sphere>,
-    /// A species id per sphere where the file has species; names are in [`Frames::species`].
+    /// Species id of each sphere, if given; names are in [`Frames::species`].
     pub species: Option<Vec<u32>>,
-    /// An id per sphere, where ids were asked for.
+    /// Id of each sphere, if requested.
     pub ids: Option<Vec<i64>>,
-    /// The molecule of each sphere, where groups were asked for: as the file has it, but
-    /// [`Spheres::NO_GROUP`](lazygrid::Spheres::NO_GROUP) where it has 0.
+    /// Molecule of each sphere, if requested; [`Spheres::NO_GROUP`](lazygrid::Spheres::NO_GROUP) for 0.
     pub groups: Option<Vec<u32>>,
 }
 
 impl Frame {
     fn with_capacity(spheres: u64) -> Self {
         let mut frame = Self::default();
-        // A refusal is no error yet: memory is reserved again as spheres come.
+        // On refusal, memory is reserved again as spheres come.
         let _ = frame.spheres.try_reserve_exact(spheres as usize);
         frame
     }
 
-    /// Sorts the spheres by id, if they have ids, so that frames whose rows come in different orders can be compared.
+    /// Sorts spheres by id, if any, for comparison between frames.
     ///
     /// # Errors
-    /// The least id that two spheres have.
+    /// The least repeated id.
     pub fn sort_by_id(&mut self) -> Result<(), i64> {
         let Some(ids) = &mut self.ids else { return Ok(()) };
         if !ids.is_sorted() {
@@ -197,7 +196,7 @@ impl Frame {
     }
 }
 
-/// The frames of a file, read one at a time. Ends after the first error.
+/// Frames of a file, one at a time, up to the first error.
 pub struct Frames {
     format: Format,
     reader: Reader,
@@ -205,7 +204,7 @@ pub struct Frames {
 }
 
 enum Reader {
-    /// A format of one frame per file, not read yet.
+    /// One frame per file, not read yet.
     Single(fn(Source, &mut ReadContext) -> Result<Frame, Error>, Source),
     Xyz(xyz::Xyz),
     Lammps(lammps::Lammps),
@@ -216,7 +215,7 @@ impl Frames {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`Error::Read`] if it cannot be opened; [`Error::UnknownFormat`] if the format is neither given nor clear.
+    /// [`Error::Read`]; [`Error::UnknownFormat`] if the format is neither given nor clear.
     pub fn open(path: impl AsRef<Path>, options: Options) -> Result<Self, Error> {
         let path = path.as_ref();
         let open = || {
@@ -228,10 +227,10 @@ impl Frames {
         Self::new(path, file, length, options)
     }
 
-    /// Reads from `input`; `path` serves messages and the extension, `length` is the number of bytes to come, if known.
+    /// Reads from `input`; `path` is for messages and the extension, `length` the bytes to come, if known.
     ///
     /// # Errors
-    /// The errors of [`open`](Self::open).
+    /// As [`open`](Self::open).
     pub fn new(
         path: impl AsRef<Path>,
         input: impl Read + Send + 'static,
@@ -253,17 +252,17 @@ impl Frames {
         Ok(Self { format, reader, context: ReadContext::new(options) })
     }
 
-    /// The format that is being read.
+    /// Returns the format.
     pub fn format(&self) -> Format {
         self.format
     }
 
-    /// The species met so far.
+    /// Returns the species so far.
     pub fn species(&self) -> &Species {
         &self.context.species
     }
 
-    /// Returns `true` if no frame follows: the rest of the file is blank. May wait for input.
+    /// Returns `true` if the rest of the file is blank. May wait for input.
     ///
     /// # Errors
     /// [`Error::Read`], and [`Error::LineTooLong`].

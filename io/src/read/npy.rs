@@ -1,10 +1,9 @@
-//! NumPy arrays, versions 1 to 3 of the file format. One frame. Either numbers of shape `(n, 4)`:,, z and radius, `f32`
-//! or `f64`, of either byte order and either memory order; or a structured array of shape `(n,)` with fields `x`, `y`,
-//! `z` (or `pos` with three numbers), `r`, `radius` or `diameter`, and perhaps `species` and `id`, in any order and
-//! among others.
+//! NumPy arrays, format versions 1 to 3, one frame: numbers of shape `(n, 4)` with x, y, z and radius, `f32` or
+//! `f64`, of either byte and memory order; or a structured array of shape `(n,)` with fields `x`, `y`, `z` (or `pos`
+//! with three numbers), `r`, `radius` or `diameter`, optionally `species` and `id`, in any order among others.
 //!
-//! Rows of `f32` in this machine's layout are read directly into the spheres. The file is read rather than mapped: a
-//! mapped file that another program shortens ends the process.
+//! Rows of `f32` in this machine's layout are read directly. The file is not mapped: a mapped file that another
+//! program shortens ends the process.
 
 mod dictionary;
 mod dtype;
@@ -20,9 +19,8 @@ use super::read_context::ReadContext;
 use super::source::Source;
 use crate::error::{Error, Position};
 
-/// The first bytes of every such file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
-/// Few enough values to stay in the cache between decoding and checking.
+/// In the cache between decoding and checking.
 const BLOCK: usize = 1 << 15;
 const COLUMNS: [&str; 4] = ["x", "y", "z", "radius"];
 
@@ -114,7 +112,7 @@ fn decode(
     Ok(())
 }
 
-/// Checks that a value is finite in 32 bits, and as a radius not negative.
+/// Checks for a finite 32-bit value, not negative as a radius.
 fn check(source: &Source, (row, column): (u64, &str), is_radius: bool, written: f64) -> Result<f32, Error> {
     let value = written as f32;
     let rule = if !value.is_finite() {

@@ -1,4 +1,4 @@
-//! Lists of pairs: two whole numbers on a line, between commas, semicolons or white space.
+//! Lists of pairs: two integers per line, separated by commas, semicolons or white space.
 
 use std::fs::File;
 use std::path::Path;
@@ -9,11 +9,11 @@ use super::lines::Lines;
 use super::source::Source;
 use crate::error::Error;
 
-/// The pairs of a text file, compressed or not: a [`PairFile`](crate::write::PairFile) as CSV, or a list of bonds.
-/// Blank lines, lines that begin with `#`, and a header are skipped.
+/// Reads pairs from a text file: a [`PairFile`](crate::write::PairFile) as CSV, or bonds. Skips blank lines, `#`
+/// lines, and a header.
 ///
 /// # Errors
-/// [`Error::Read`], and [`Error::Syntax`] for the first line that has not two whole numbers.
+/// [`Error::Read`], and [`Error::Syntax`] for the first other line.
 pub fn pairs(path: impl AsRef<Path>) -> Result<Vec<(i64, i64)>, Error> {
     let path = path.as_ref();
     let file = File::open(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;

@@ -10,15 +10,12 @@ use crate::error::{Error, Location, Position};
 
 pub(super) struct ReadContext {
     pub(super) species: Species,
-    /// The space that was given.
     pub(super) space: Option<Space>,
-    /// `true` if ids are wanted.
     pub(super) ids: bool,
-    /// `true` if groups are wanted.
     pub(super) groups: bool,
-    /// The lines of serial numbers, which must be unique.
+    /// Lines of serial numbers, which are unique.
     serials: HashMap<Serial, u64>,
-    /// `true` if the loss of digits was logged.
+    /// Loss of digits was logged.
     warned: bool,
 }
 
@@ -28,7 +25,7 @@ impl ReadContext {
         Self { species: Species::new(radii), space, ids, groups, serials: HashMap::new(), warned: false }
     }
 
-    /// Logs once per file that numbers have more digits than 32 bits hold.
+    /// Logs once per file that 32 bits lose digits.
     pub(super) fn warn_of_rounding(&mut self, place: Location, column: &str, text: impl Display) {
         if !std::mem::replace(&mut self.warned, true) {
             log::warn!(
@@ -38,7 +35,7 @@ impl ReadContext {
         }
     }
 
-    /// Records serial numbers with their lines, and refuses a repeated one.
+    /// Records serial numbers and lines; refuses a repeated one.
     pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
         for &(serial, line) in serials {
             if let Some(first) = self.serials.insert(serial, line) {

@@ -1,5 +1,4 @@
-//! The rows of a table as spheres, parsed by all threads of the caller's pool. For any number of threads, spheres keep
-//! the order of the file, and the first fault is reported.
+//! Tables as spheres, parsed by all threads of the caller's pool. Order and first fault are those of the file.
 
 use lazygrid::{MAX_SPHERES, Sphere};
 use rayon::prelude::*;
@@ -13,15 +12,12 @@ use super::serial::{Serial, serial};
 use super::species::Species;
 use crate::error::{Error, Location, Position};
 
-/// The contents of a table's lines.
 pub(super) trait Table: Sync {
-    /// The columns, for messages.
     fn columns(&self) -> &Columns;
 
-    /// The values of a line, or `None` for one that is no row.
+    /// Returns a line's values; `None` for no row.
     fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error>;
 
-    /// Returns `true` if ids must be unique.
     fn has_serials(&self) -> bool {
         false
     }
@@ -35,14 +31,14 @@ struct ParsedBlock {
     ids: Vec<i64>,
     groups: Vec<u32>,
     serials: Vec<(Serial, u64)>,
-    /// The first number that lost digits: line, column and field.
+    /// First number that lost digits: line, column, field.
     rounded: Option<(Location, usize, String)>,
-    /// The reason for which there are no more rows.
+    /// Ends the rows.
     error: Option<Error>,
 }
 
 impl Lines {
-    /// Adds the rows of a table to a frame: exactly `count` of `what`.
+    /// Adds exactly `count` rows of `what` to a frame.
     pub(super) fn rows(
         &mut self,
         table: &impl Table,
@@ -56,7 +52,7 @@ impl Lines {
         }
     }
 
-    /// Adds the rows of a table to a frame, up to the end of the file.
+    /// Adds all rows to a frame.
     pub(super) fn all_rows(
         &mut self,
         table: &impl Table,
@@ -66,8 +62,7 @@ impl Lines {
         self.up_to(u64::MAX, table, context, frame).map(drop)
     }
 
-    /// Adds `count` lines of a table, or all, and returns their number. Parsed blocks are appended while threads parse
-    /// the next.
+    /// Adds `count` lines or all, and returns their number. Blocks are appended while the next are parsed.
     fn up_to(
         &mut self,
         most: u64,
@@ -103,7 +98,7 @@ impl Lines {
     }
 }
 
-/// The defaults of every block: the given radii, and the wanted columns.
+/// Given radii, and wanted columns.
 struct RowDefaults {
     species: Species,
     ids: bool,
@@ -113,13 +108,13 @@ struct RowDefaults {
 impl ParsedBlock {
     fn of(piece: LineBlock<'_>, table: &impl Table, defaults: &RowDefaults) -> Self {
         let mut part = Self { species: defaults.species.with_names(), ..Self::default() };
-        // If memory is refused, the first row says so.
+        // On refusal, the first row says so.
         let _ = part.spheres.try_reserve_exact(piece.rows());
         part.error = piece.lines().try_for_each(|line| part.push(line?, table, defaults)).err();
         part
     }
 
-    /// Adds the sphere of a row, with the radius given for its species, else its own.
+    /// Adds a row's sphere, with the given radius of its species, else its own.
     fn push(&mut self, line: Line<'_>, table: &impl Table, defaults: &RowDefaults) -> Result<(), Error> {
         let Some(row) = table.row(line)? else { return Ok(()) };
         let mut radius = row.radius;
@@ -150,10 +145,6 @@ impl ParsedBlock {
     }
 }
 
-/// Appends a value of a row.
-///
-/// # Errors
-/// [`Error::TooManySpheres`] if memory is refused.
 fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> {
     let spheres = all.len() as u64 + 1;
     let refused = |_| Error::TooManySpheres { place: line.place(), spheres, limit: "memory" };
@@ -165,7 +156,7 @@ fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> 
 }
 
 impl Frame {
-    /// Appends the rows of a block to the frame.
+    /// Appends a block to the frame.
     fn add(
         &mut self,
         part: ParsedBlock,

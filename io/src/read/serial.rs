@@ -1,9 +1,9 @@
-//! Serial numbers of Smoldyn's molecules.
+//! Smoldyn's serial numbers.
 
 use super::line::Line;
 use crate::error::Error;
 
-/// A serial number. Smoldyn writes it in one part or, with a point between them, in two.
+/// One number, or two with a point between them.
 pub(super) type Serial = (u64, Option<u64>);
 
 pub(super) fn serial(line: Line<'_>, field: &[u8]) -> Result<Serial, Error> {

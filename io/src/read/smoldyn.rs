@@ -1,7 +1,7 @@
-//! Smoldyn's `listmols` output: `name(state) z serial` per molecule, radii by species. One frame.
+//! Smoldyn's `listmols` output: `name(state) x y z serial` per molecule, radii by species, one frame.
 //!
-//! Smoldyn can append several listings to one file without a separator. A repeated serial number shows that, and is
-//! refused, because molecules appear and vanish between listings.
+//! Smoldyn may append listings without a separator. A repeated serial number shows that and is refused, because
+//! molecules differ between listings.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};
@@ -48,7 +48,7 @@ fn is_name(word: &[u8]) -> bool {
     word.ends_with(b")") && word.iter().position(|&b| b == b'(').is_some_and(|at| at > 0)
 }
 
-/// Returns `true` if the first line of a file reads like one of a listing.
+/// Returns `true` if a first line resembles a listing.
 pub(super) fn is_listing(line: &[u8]) -> bool {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     words.next().is_some_and(is_name) && words.count() >= 2

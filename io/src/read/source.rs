@@ -8,11 +8,10 @@ use super::Format;
 use super::zstd::ZstdReader;
 use crate::error::{Error, Location, Position};
 
-/// Bytes to read, and where they come from.
 pub(super) struct Source {
     pub(super) path: Arc<Path>,
     input: Box<dyn Read + Send>,
-    /// The number of all bytes, if known.
+    /// Number of all bytes, if known.
     pub(super) length: Option<u64>,
 }
 
@@ -24,7 +23,6 @@ impl Source {
     ) -> Result<Self, Error> {
         const GZIP: &[u8] = b"\x1F\x8B";
         const ZSTANDARD: &[u8] = b"\x28\xB5\x2F\xFD";
-        /// Buffers compressed bytes.
         const BUFFER: usize = 1 << 18;
         let mut source = Self { path: path.into(), input: Box::new(input), length };
         let head = source.look(ZSTANDARD.len())?;

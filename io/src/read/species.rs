@@ -3,17 +3,16 @@ use std::sync::Arc;
 
 use crate::error::bare;
 
-/// Radii by species name, for files that have no radii. They win over a radius column.
+/// Radii by species name, which win over a radius column.
 pub type Radii = BTreeMap<String, f32>;
 
-/// The species of a file: names in the order of appearance, their ids, and the radii given for them.
+/// The species of a file in the order of appearance, and their given radii.
 ///
-/// A name with a state in brackets, `acid(solution)`, takes the radius of its bare name `acid` unless it has one
-/// itself.
+/// A name with a state, `acid(solution)`, takes the radius of `acid` unless it has its own.
 #[derive(Clone, Debug, Default)]
 pub struct Species {
     names: Vec<String>,
-    /// The names as they are written.
+    /// Names as written.
     keys: Vec<Box<[u8]>>,
     radii: Vec<Option<f32>>,
     ids: HashMap<Box<[u8]>, u32>,
@@ -30,24 +29,23 @@ impl Species {
         Self { given: self.given.clone(), ..Self::default() }
     }
 
-    /// The names by id.
+    /// Returns names by id.
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// The radii given for names that no sphere has: probably a misspelling.
+    /// Returns radii of unknown names, probably misspelled.
     pub fn unused_radii(&self) -> impl Iterator<Item = &str> {
         let met = |given: &str| self.names.iter().any(|name| name == given || bare(name) == given);
         self.given.keys().map(String::as_str).filter(move |given| !met(given))
     }
 
-    /// Returns `true` if radii were given by species.
     pub(super) fn any_given(&self) -> bool {
         !self.given.is_empty()
     }
 
     pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f32>) {
-        // Neighboring rows mostly have the same species and need no hashing.
+        // Rows mostly repeat the species, without hashing.
         let same = self.keys.get(self.last).is_some_and(|last| **last == *name);
         let id = match same {
             true => self.last as u32,
@@ -63,7 +61,7 @@ impl Species {
 
     fn add(&mut self, bytes: &[u8]) -> u32 {
         let name = String::from_utf8_lossy(bytes).into_owned();
-        // A frame has fewer than 2³² spheres and each adds at most one name.
+        // A frame has fewer than 2³² spheres, each with at most one new name.
         let id = self.names.len() as u32;
         self.radii.push(self.given.get(&name).or_else(|| self.given.get(bare(&name))).copied());
         self.names.push(name);

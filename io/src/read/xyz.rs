@@ -1,6 +1,5 @@
-//! XYZ: a count, a comment, then `species z` per sphere; any number of frames. In extended XYZ the comment declares
-//! columns with `Properties=`, and a box with `Lattice=`, periodic along the vectors that `pbc=` names, or along all
-//! without `pbc=`.
+//! XYZ: a count, a comment, then `species x y z` per sphere; any number of frames. In extended XYZ the comment has
+//! columns (`Properties=`) and a box (`Lattice=`), periodic along `pbc=` or all vectors.
 
 use lazygrid::Space;
 
@@ -65,7 +64,7 @@ fn columns(comment: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     Ok(columns)
 }
 
-/// The columns of `species:S:1:pos:R:3:radius:R:1`: triples of name, type and number of columns.
+/// Parses `species:S:1:pos:R:3:radius:R:1`: triples of name, type and columns.
 fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)>, Error> {
     const MOST: usize = 1000;
     let malformed = || comment.unexpected("Properties=name:type:columns, such as pos:R:3:radius:R:1");

@@ -3,7 +3,7 @@ use std::io::{self, BufRead, Read};
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
-/// A reader of Zstandard frames, each verified by its checksum.
+/// Verifies the checksum of each frame.
 pub(super) struct ZstdReader<R> {
     input: R,
     decoder: FrameDecoder,

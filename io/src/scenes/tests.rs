@@ -50,7 +50,7 @@ fn sizes_are_as_frequent_as_they_should_be_and_shuffled() {
         }
         let in_order = scene.sizes().radii(n);
         let moved = spheres.iter().zip(&in_order).filter(|(s, radius)| s.radius != **radius).count();
-        // With two sizes, the rarer one 30 times, hardly any keeps its position.
+        // The rarer of two sizes, 30 spheres, hardly keeps a position.
         let enough = match scene.sizes() {
             RadiusMix::EquallyOften([_]) => 0,
             RadiusMix::EquallyOften(_) => n / 2,
@@ -78,7 +78,6 @@ fn transceivers_are_as_many_and_as_large_as_asked_for() {
     assert_eq!(Scene::ALL[5], Scene::Transceivers(Transceivers::default()));
 }
 
-/// A carrier lies in a transceiver with a probability of 5 % if those fill the ball.
 #[test]
 fn pairs_of_transceivers_are_bounded_however_large_they_are() {
     for count in [1, 100, 10_000] {
@@ -144,7 +143,7 @@ fn a_step_is_a_tenth_of_the_radius() {
         for (a, b) in before.iter().zip(&after) {
             let moved = (b.center - a.center) / a.radius;
             assert_eq!(a.radius, b.radius);
-            // Far out, adding to a coordinate of size 30 rounds the step of the smallest spheres.
+            // Far out, coordinates of size 30 round the step of the smallest spheres.
             assert!((moved.length() - 0.1).abs() < 1e-2, "{scene}: {moved}");
             mean += moved / before.len() as f32;
         }
@@ -165,7 +164,7 @@ fn closed_forms_agree_with_brute_force() {
         let error = (expected.variance / seeds as f64).sqrt();
         assert!((mean - expected.mean).abs() <= 4.0 * error, "{scene}: {mean}, {expected:?} ± {error}");
         let variance = counts.iter().map(|&c| (c as f64 - expected.mean).powi(2)).sum::<f64>() / seeds as f64;
-        // The sample variance of 40 values has a relative standard deviation of √(2/40) = 0.22.
+        // The variance of 40 values has a relative deviation of √(2/40) = 0.22.
         let ratio = if expected.variance == 0.0 { 1.0 + variance } else { variance / expected.variance };
         assert!((0.4..1.9).contains(&ratio), "{scene}: variance {variance}, {expected:?}");
     }
@@ -191,7 +190,7 @@ fn all_pairs_overlap_at_a_point() {
 
 #[test]
 fn periodic_box_by_hand() {
-    // Three pairs of reach 2, two each of reach 3, none of reach 4 among one sphere: (3·8 + 3·27)·(4π/3)/V.
+    // Three pairs of reach 2, three of reach 3: (3·8 + 3·27)·(4π/3)/V.
     let pairs = periodic_box_pairs(&[(3, 1.0), (1, 2.0)], 1000.0);
     let p = |reach: f64| 4.0 / 3.0 * std::f64::consts::PI * reach.powi(3) / 1000.0;
     assert!((pairs.mean - 3.0 * (p(2.0) + p(3.0))).abs() < 1e-12);

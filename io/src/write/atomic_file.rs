@@ -7,22 +7,21 @@ use super::encoder::{Encoder, encoder};
 use super::temporary::Temporary;
 use crate::Error;
 
-/// A file that is written under a temporary name in its directory, compressed if its name ends in `.gz` or `.zst`. It
-/// is removed unless it is committed.
+/// A file with a temporary name until it is committed, else removed; compressed for `.gz` and `.zst`.
 #[must_use = "a file that is not published disappears"]
 pub struct AtomicFile {
     path: PathBuf,
-    /// `None` for standard output, and for FIFOs and devices, which cannot be replaced.
+    /// `None` for standard output, FIFOs and devices, which cannot be replaced.
     temporary: Option<Temporary>,
     out: Box<dyn Encoder>,
 }
 
 impl AtomicFile {
-    /// Creates an empty file for `path`, and removes temporary files of killed processes from the directory. Output to
-    /// a FIFO or a device goes there at once.
+    /// Creates an empty file for `path`, and removes temporary files of killed processes. FIFOs and devices are
+    /// written directly.
     ///
     /// # Errors
-    /// [`Error::Write`] if the directory takes no new file.
+    /// [`Error::Write`] if the directory accepts no new file.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, Error> {
         let path = path.into();
         if fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
@@ -41,7 +40,7 @@ impl AtomicFile {
         }
     }
 
-    /// Writes to standard output at once.
+    /// Writes to standard output.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -49,7 +48,7 @@ impl AtomicFile {
         Self::at_once(PathBuf::from(STDOUT), Ok(io::stdout()))
     }
 
-    /// A file without a commit: everything goes to `to` at once.
+    /// Writes directly to `to`, without a commit.
     fn at_once(path: PathBuf, to: io::Result<impl Write + Send + 'static>) -> Result<Self, Error> {
         match to.and_then(|to| encoder(&path, to)) {
             Ok(out) => Ok(Self { path, temporary: None, out }),
@@ -60,15 +59,15 @@ impl AtomicFile {
     /// Writes to the file.
     ///
     /// # Errors
-    /// [`Error::Write`] with what the system said, such as that the disk is full.
+    /// [`Error::Write`] with the system's error.
     pub fn write_with(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
         write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
     }
 
-    /// Gives the file its name, in place of an existing file.
+    /// Renames the file, in place of an existing one.
     ///
     /// # Errors
-    /// [`Error::Write`] if the last bytes cannot be written or the name cannot be given.
+    /// [`Error::Write`].
     pub fn commit(self) -> Result<(), Error> {
         let Self { path, temporary, out } = self;
         let published = out.finish().and_then(|()| temporary.map_or(Ok(()), |file| file.rename(&path)));
@@ -82,7 +81,7 @@ impl fmt::Debug for AtomicFile {
     }
 }
 
-/// The name of standard output in messages.
+/// In messages.
 pub(super) const STDOUT: &str = "standard output";
 
 #[cfg(test)]

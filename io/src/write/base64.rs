@@ -1,6 +1,6 @@
 use std::io::{self, Write};
 
-/// Writes bytes as base64 (RFC 4648), four letters for each three bytes.
+/// Writes bytes as base64 (RFC 4648).
 ///
 /// # Errors
 /// Fails if the writer fails.

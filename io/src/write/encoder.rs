@@ -5,10 +5,9 @@ use std::thread::JoinHandle;
 use flate2::write::GzEncoder;
 use ruzstd::encoding::{CompressionLevel, FrameCompressor};
 
-/// Bytes gathered before they go to the system.
+/// Bytes per system call.
 const BUFFER: usize = 1 << 20;
 
-/// The compression of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Compression {
     Gzip,
@@ -27,7 +26,7 @@ impl Compression {
 
 pub(super) fn uncompressed(path: &Path) -> &Path {
     match (Compression::from_extension(path), path.file_stem()) {
-        // Only the end is cut off, so that directories stay.
+        // Cuts the end only, so that directories stay.
         (Some(_), Some(stem)) => Path::new(stem),
         _ => path,
     }
@@ -58,8 +57,7 @@ impl<W: Write + Send> Encoder for GzEncoder<W> {
     }
 }
 
-/// Compresses into a single frame, which all readers read to its end. The compressor pulls its input, so it has a
-/// thread of its own at the other end of a pipe.
+/// A single frame. The compressor pulls its input, so it has a thread at the other end of a pipe.
 struct Zstandard {
     running: Option<(BufWriter<PipeWriter>, JoinHandle<io::Result<()>>)>,
 }
@@ -95,7 +93,7 @@ impl Encoder for Zstandard {
     }
 }
 
-/// Compresses all of `source`. The compressor expects writing to succeed, so errors are reported afterwards.
+/// The compressor expects writing to succeed, so errors are reported afterwards.
 fn compress(source: impl Read, out: impl Write) -> io::Result<()> {
     struct Patient<W> {
         out: W,

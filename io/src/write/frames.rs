@@ -1,4 +1,4 @@
-//! Frames of a simulation, for [`read`](crate::read), OVITO and Python.
+//! Frames of a simulation for [`read`](crate::read), OVITO and Python.
 
 use std::io::{self, Write};
 
@@ -10,33 +10,32 @@ use super::{header_of, number};
 /// A particle of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle<'a> {
-    /// The id, the same in all frames.
+    /// Id, the same in all frames.
     pub id: u32,
-    /// The number of its species, from 0.
+    /// Species index.
     pub species: u32,
-    /// The name of its species, without white space.
+    /// Name of its species, without white space.
     pub name: &'a str,
-    /// The position and the radius.
+    /// Position and radius.
     pub sphere: Sphere,
 }
 
 /// The header of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameInfo {
-    /// The number of the time step.
+    /// Number of the time step.
     pub step: u32,
-    /// The time.
+    /// Time.
     pub time: f64,
-    /// The lower and the upper end of the box along each axis, if there is one.
+    /// Lower and upper end of the box by axis, if any.
     pub bounds: Option<[[f32; 2]; 3]>,
-    /// The axes along which space repeats.
+    /// Periodic axes.
     pub periodic: [bool; 3],
 }
 
-/// Bytes of a particle in a NumPy file.
+/// Bytes per particle in a NumPy file.
 pub const NPY_ROW: u64 = size_of::<Row>() as u64;
 
-/// A row of a NumPy file.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Row {
@@ -45,10 +44,10 @@ struct Row {
     sphere: Sphere,
 }
 
-/// Writes a frame of extended XYZ, with columns for id, species, position and radius. Several may follow one another.
+/// Appends a frame of extended XYZ: id, species, position, radius.
 ///
 /// # Errors
-/// Fails with the message of the system.
+/// Fails if the writer fails.
 pub fn xyz<'a>(
     out: &mut (impl Write + ?Sized),
     info: &FrameInfo,
@@ -72,10 +71,10 @@ pub fn xyz<'a>(
     Ok(())
 }
 
-/// Writes a NumPy file of one frame: a structured array with the fields `id`, `species`, `x`, `y`, `z` and `r`.
+/// Writes a NumPy file of one frame, a structured array: `id`, `species`, `x`, `y`, `z`, `r`.
 ///
 /// # Errors
-/// Fails with the message of the system.
+/// Fails if the writer fails.
 pub fn npy<'a>(
     out: &mut (impl Write + ?Sized),
     particles: impl ExactSizeIterator<Item = Particle<'a>>,
@@ -87,7 +86,7 @@ pub fn npy<'a>(
     Ok(())
 }
 
-/// Returns the header of a NumPy file of `particles` particles, whose length serves estimates.
+/// Returns the NumPy header for `particles` particles.
 pub fn npy_frame_header(particles: usize) -> Vec<u8> {
     let fields = [("id", "u4"), ("species", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("r", "f4")];
     let fields = fields.map(|(name, kind)| format!("('{name}', {})", number(kind))).join(", ");
@@ -105,7 +104,6 @@ mod tests {
 
     fn spheres() -> Vec<Sphere> {
         let mut spheres = Scene::FiveSizes.spheres(500, 9);
-        // Numbers of all magnitudes, and no number twice in a row.
         let extreme = [f32::MAX, f32::MIN_POSITIVE, 1e-45, -0.0, 0.1, 16_777_217.0];
         spheres.extend(extreme.map(|x| Sphere::new([x, -x, 1.0 / 3.0], x.abs())));
         spheres

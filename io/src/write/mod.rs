@@ -1,4 +1,4 @@
-//! Writers of results and scenes. A file appears under its name only when it is complete.
+//! Writers. A file appears under its name only when complete.
 
 mod atomic_file;
 mod base64;
@@ -18,17 +18,17 @@ pub use pairs::{Output, PairFile, neighbors};
 pub use spheres::{SphereFormat, spheres};
 pub use temporary::remove_temporaries;
 
-/// The format of a table of whole numbers.
+/// A format of integer tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableFormat {
-    /// Text with a header line.
+    /// Text with a header.
     Csv,
     /// NumPy arrays.
     Npy,
 }
 
 impl TableFormat {
-    /// The format of a file name's extension, before `.gz` or `.zst`.
+    /// Returns the format of an extension, before `.gz` or `.zst`.
     pub fn from_extension(path: &Path) -> Option<Self> {
         match encoder::uncompressed(path).extension().and_then(OsStr::to_str)? {
             "csv" => Some(Self::Csv),
@@ -38,8 +38,8 @@ impl TableFormat {
     }
 }
 
-/// Returns the header of a NumPy file for an array of numbers of type `kind`, such as `u4` or `f8`, in this machine's byte
-/// order. `shape` is a Python tuple.
+/// Returns a NumPy header for numbers of a type such as `u4`, in this machine's byte order. `shape` is a Python
+/// tuple.
 pub fn npy_header(kind: &str, shape: &str) -> Vec<u8> {
     header_of(&number(kind), shape)
 }

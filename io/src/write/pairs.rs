@@ -10,17 +10,17 @@ use super::text::Rows;
 use super::{AtomicFile, TableFormat, npy_header};
 use crate::Error;
 
-/// The output of pairs or neighbors, and its format.
+/// The output of pairs or neighbors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Output {
-    /// The file, compressed if it ends in `.gz` or `.zst`; `None` for standard output.
+    /// File, compressed for `.gz` or `.zst`; `None` for standard output.
     pub path: Option<PathBuf>,
-    /// The format.
+    /// Format.
     pub format: TableFormat,
 }
 
 impl Output {
-    /// The files that [`PairFile`] or [`neighbors`] writes.
+    /// Returns the files that [`PairFile`] or [`neighbors`] writes.
     pub fn files(&self, neighbors: bool, ids: bool) -> Vec<PathBuf> {
         match &self.path {
             None => Vec::new(),
@@ -32,7 +32,7 @@ impl Output {
         }
     }
 
-    /// Its name in messages.
+    /// Returns its name in messages.
     pub fn name(&self) -> &Path {
         self.path.as_deref().unwrap_or(Path::new(STDOUT))
     }
@@ -53,7 +53,7 @@ fn sibling(path: &Path, part: &str) -> PathBuf {
     name.into()
 }
 
-/// A table `i,j` of zero-based pairs, or `id_i,id_j` of their ids.
+/// A table `i,j` of zero-based pairs, or `id_i,id_j` of ids.
 #[derive(Debug)]
 pub struct PairFile<'a> {
     file: AtomicFile,
@@ -62,7 +62,7 @@ pub struct PairFile<'a> {
 }
 
 impl<'a> PairFile<'a> {
-    /// Creates a table for `pairs` pairs, which the caller then adds. Writes ids, one per sphere, if given.
+    /// Creates a table for `pairs` pairs, of the `ids` of spheres if given.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -96,7 +96,7 @@ impl<'a> PairFile<'a> {
         }
     }
 
-    /// The complete file, not published yet.
+    /// Returns the complete file, not committed.
     pub fn finish(self) -> AtomicFile {
         self.file
     }
@@ -123,10 +123,10 @@ fn header_line(ids: bool) -> &'static [u8] {
 
 /// Writes neighbor lists, without committing them.
 ///
-/// CSV: one table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. As NumPy two files, for
-/// `near.npy` `near.offsets.npy`, `n + 1` numbers of type `u8` (64 bits), and `near.indices.npy` of type `u4`; the
-/// neighbors of sphere `k` are `indices[offsets[k]:offsets[k + 1]]`. With ids there is `near.ids.npy` too, of type
-/// `i8`: `ids[k]` is that of sphere `k`. Several files cannot go to standard output.
+/// CSV: a table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. NumPy: for `near.npy`,
+/// `near.offsets.npy` with `n + 1` numbers `u8` (64 bits), and `near.indices.npy` of `u4`; the neighbors of sphere
+/// `k` are `indices[offsets[k]:offsets[k + 1]]`. With ids also `near.ids.npy` of `i8`, by sphere. Several files
+/// cannot go to standard output.
 ///
 /// # Errors
 /// [`Error::Write`].

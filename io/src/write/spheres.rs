@@ -9,19 +9,19 @@ use super::text::Rows;
 use super::{AtomicFile, npy_header};
 use crate::Error;
 
-/// The format of spheres.
+/// A format of spheres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SphereFormat {
-    /// A table `x,y,z,r`.
+    /// Table `x,y,z,r`.
     Csv,
-    /// A NumPy array of shape `(n, 4)` and type `f4`.
+    /// NumPy array of shape `(n, 4)` and type `f4`.
     Npy,
     /// Extended XYZ with position and radius.
     Xyz,
 }
 
 impl SphereFormat {
-    /// The format of a file name's extension, before `.gz` or `.zst`.
+    /// Returns the format of an extension, before `.gz` or `.zst`.
     pub fn from_extension(path: &Path) -> Option<Self> {
         match uncompressed(path).extension().and_then(OsStr::to_str)? {
             "csv" => Some(Self::Csv),
@@ -32,7 +32,7 @@ impl SphereFormat {
     }
 }
 
-/// Writes spheres to a file; they read back to the same values.
+/// Writes spheres, which read back exactly.
 ///
 /// # Errors
 /// [`Error::Write`].

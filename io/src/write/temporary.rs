@@ -1,8 +1,7 @@
-//! Incomplete files: hidden files in the directories of the files that they become.
+//! Hidden incomplete files in the directories of the final ones.
 //!
-//! The writing process locks each of them, `.lazygrid-HOST-RANDOM.part`, for as long as it lives. If it is killed, the
-//! next process on the same host that writes to the directory removes the files that it can lock; on a file system
-//! without locks, none.
+//! The writing process locks `.lazygrid-HOST-RANDOM.part` while it lives. After a kill, the next process of the same
+//! host that writes to the directory removes the files that it can lock; without file locks, none.
 
 use std::fs::{self, File};
 use std::io;
@@ -16,7 +15,7 @@ const PREFIX: &str = ".lazygrid-";
 const SUFFIX: &str = ".part";
 const RANDOM: usize = 12;
 
-/// The unfinished files of this process, and the folders searched for orphans.
+/// Unfinished files of this process, and directories searched for orphans.
 static BEGUN: Mutex<Begun> = Mutex::new(Begun { files: Vec::new(), swept: Vec::new() });
 
 struct Begun {
@@ -28,14 +27,13 @@ fn begun() -> MutexGuard<'static, Begun> {
     BEGUN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The name of a file that is not complete. Dropping it removes the file.
+/// An incomplete file, removed by a drop.
 #[derive(Debug)]
 pub(super) struct Temporary {
     path: Option<TempPath>,
 }
 
 impl Temporary {
-    /// A new, empty file in this directory.
     pub(super) fn create(directory: &Path) -> io::Result<(File, Self)> {
         let mut begun = begun();
         if !begun.swept.iter().any(|swept| swept == directory) {
@@ -50,7 +48,7 @@ impl Temporary {
         Ok((file, Self { path: Some(path) }))
     }
 
-    /// Gives the file its name, in place of any that has it.
+    /// Renames the file, in place of any other.
     pub(super) fn rename(mut self, path: &Path) -> io::Result<()> {
         let mut begun = begun();
         let Some(temporary) = self.path.take() else { return Ok(()) };
@@ -64,36 +62,35 @@ impl Drop for Temporary {
         if let Some(temporary) = self.path.take() {
             let mut begun = begun();
             begun.files.retain(|file| **file != *temporary);
-            // Removed while no other thread can read the list.
+            // No other thread can read the list.
             drop(temporary);
         }
     }
 }
 
-/// Removes everything that this process has begun to write and not committed. Later calls wait for the end of the
-/// process, which must be near. For signal handlers.
+/// Removes all uncommitted files of this process. Later calls wait for its end. For signal handlers.
 pub fn remove_temporaries() {
     let begun = begun();
     for file in &begun.files {
-        // Otherwise removed when the directory is next used.
+        // Otherwise the next use of the directory removes it.
         let _ = fs::remove_file(file);
     }
     std::mem::forget(begun);
 }
 
-/// Creates a file that is locked from the first moment at which another process may see it.
+/// Creates a file that is locked before another process can remove it.
 fn create_locked(path: &Path) -> io::Result<File> {
     let file = File::options().write(true).create_new(true).open(path)?;
     let taken = io::Error::from(io::ErrorKind::AlreadyExists);
     match file.try_lock() {
-        // Between the two calls another process may have taken it for an orphan.
+        // Another process took it for an orphan.
         Err(fs::TryLockError::WouldBlock) => Err(taken),
         Ok(()) if !is_at(&file, path) => Err(taken),
         Ok(()) | Err(fs::TryLockError::Error(_)) => Ok(file),
     }
 }
 
-/// Removes the orphans of this host in a directory.
+/// Removes this host's orphans in a directory.
 fn sweep(directory: &Path) {
     let Ok(entries) = fs::read_dir(directory) else { return };
     let prefix = prefix();
@@ -105,7 +102,7 @@ fn sweep(directory: &Path) {
     }
 }
 
-/// Removes a file unless a process that lives holds its lock.
+/// Removes a file unless a live process locks it.
 fn remove_orphan(path: &Path) {
     let Ok(file) = File::options().write(true).open(path) else { return };
     if file.try_lock().is_ok() && is_at(&file, path) && fs::remove_file(path).is_ok() {
@@ -118,7 +115,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     matches!((open, Handle::from_path(path)), (Ok(open), Ok(named)) if open == named)
 }
 
-/// The prefix of this host's files; over a network, locks may have no effect.
+/// Per host: over a network, locks may have no effect.
 fn prefix() -> String {
     let host = gethostname::gethostname();
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
@@ -159,7 +156,6 @@ mod tests {
         assert!(!at(&format!("{own}abcdefghijk1.part")).exists());
         assert!(at(&format!("{own}abcdefghijk0.part")).exists());
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), kept.len() + 2);
-        // Its process has ended.
         drop(live);
         sweep(directory.path());
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), kept.len() + 1);

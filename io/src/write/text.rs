@@ -8,7 +8,6 @@ pub(super) struct Rows<W> {
 }
 
 impl<W: Write> Rows<W> {
-    /// Bytes gathered before they are handed on.
     const BLOCK: usize = 1 << 16;
 
     pub(super) fn new(out: W) -> Self {

@@ -8,7 +8,6 @@ pub(super) struct Description<'a> {
     pub(super) shape: Vec<u64>,
 }
 
-/// The type of an array's elements.
 pub(super) enum Descr<'a> {
     Plain(&'a [u8]),
     Structured(Vec<Field<'a>>),
@@ -17,7 +16,7 @@ pub(super) enum Descr<'a> {
 pub(super) struct Field<'a> {
     pub(super) name: &'a [u8],
     pub(super) kind: &'a [u8],
-    /// The shape of a field that is an array.
+    /// Shape of an array field.
     pub(super) shape: Vec<u64>,
 }
 
@@ -39,7 +38,7 @@ impl<'a> Dictionary<'a> {
                 b"shape" => shape = Some(self.tuple()?),
                 _ => return None,
             }
-            // The last entry may have a comma too.
+            // The last comma is optional.
             let _ = self.token(b",");
         }
         Some(Description { descr: descr?, fortran: fortran?, shape: shape? })

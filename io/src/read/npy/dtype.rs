@@ -1,4 +1,3 @@
-/// The type of a stored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Dtype {
     pub(super) class: DtypeKind,
@@ -6,16 +5,15 @@ pub(super) struct Dtype {
     pub(super) width: usize,
 }
 
-/// The class of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum DtypeKind {
-    /// A floating-point number of 32 or 64 bits.
+    /// 32 or 64 bits.
     Float,
     Signed,
     Unsigned,
-    /// Text of one byte per character.
+    /// One byte per character.
     Bytes,
-    /// Text of four bytes per character.
+    /// Four bytes per character.
     Text,
     Other,
 }
@@ -24,7 +22,7 @@ impl Dtype {
     pub(super) const NATIVE_F32: Self =
         Self { class: DtypeKind::Float, big_endian: cfg!(target_endian = "big"), width: 4 };
 
-    /// The kind that NumPy writes as `<f8` or `|S12`.
+    /// Parses `<f8` or `|S12`.
     pub(super) fn parse(text: &[u8]) -> Option<Self> {
         const WIDEST: usize = 1 << 16;
         let (&order, rest) = text.split_first()?;
@@ -44,14 +42,14 @@ impl Dtype {
             (b'u', 1 | 2 | 4 | 8) => DtypeKind::Unsigned,
             (b'S', _) => DtypeKind::Bytes,
             (b'U', _) => DtypeKind::Text,
-            // A reference to a Python object stands for no bytes.
+            // Objects stand for no bytes.
             (b'O', _) => return None,
             _ => DtypeKind::Other,
         };
         (width <= WIDEST).then_some(Self { class, big_endian, width })
     }
 
-    /// The number in these bytes, of a class that is [`Float`](DtypeKind::Float).
+    /// For [`Float`](DtypeKind::Float).
     #[inline]
     pub(super) fn float(self, bytes: &[u8]) -> f64 {
         match self.width {
@@ -60,8 +58,7 @@ impl Dtype {
         }
     }
 
-    /// The whole number in these bytes, of a class that is [`Signed`](DtypeKind::Signed) or
-    /// [`Unsigned`](DtypeKind::Unsigned).
+    /// For [`Signed`](DtypeKind::Signed) or [`Unsigned`](DtypeKind::Unsigned).
     pub(super) fn whole(self, bytes: &[u8]) -> i128 {
         let (bits, unused) = (self.bits(bytes), 64 - 8 * self.width as u32);
         match self.class {
@@ -70,7 +67,7 @@ impl Dtype {
         }
     }
 
-    /// The text in these bytes, without trailing zeros.
+    /// Without trailing zeros.
     pub(super) fn text(self, bytes: &[u8]) -> String {
         match self.class {
             DtypeKind::Text => {

@@ -16,7 +16,6 @@ pub(super) struct Fields {
     width: usize,
 }
 
-/// A field: what it means, and where in a row it stands.
 struct Location {
     name: String,
     meaning: Column,
@@ -44,7 +43,7 @@ impl Fields {
             for (k, (name, meaning)) in meanings(field).into_iter().enumerate() {
                 let start = start + k * kind.width;
                 let is_whole = matches!(kind.class, DtypeKind::Signed | DtypeKind::Unsigned);
-                // A field of that name may be something else if no groups are requested.
+                // A field of that name may mean something else if no groups are requested.
                 let meaning = if meaning == Column::Group && !is_whole { Column::Other } else { meaning };
                 match (meaning, kind.class) {
                     (Column::Other, _) => {}

@@ -6,7 +6,7 @@ use super::fields::Fields;
 use super::{MAGIC, Source, syntax, truncated};
 use crate::error::{Error, Position, excerpt};
 
-/// The longest header that is read; a longer one does not describe a plain table.
+/// Longer one describes no plain table.
 const LONGEST_HEADER: usize = 1 << 16;
 
 pub(super) struct Header {
@@ -16,7 +16,7 @@ pub(super) struct Header {
 }
 
 pub(super) enum Layout {
-    /// Four numbers in a row, or in columns.
+    /// Four numbers in rows or columns.
     Plain {
         kind: Dtype,
         fortran: bool,
@@ -58,7 +58,7 @@ impl Header {
         Ok(header)
     }
 
-    /// Refuses a file shorter or longer than its header says, before memory is reserved.
+    /// Compares the file's length with the header, before memory is reserved.
     pub(super) fn check_length(&self, source: &Source) -> Result<(), Error> {
         let row = match &self.layout {
             Layout::Plain { kind, .. } => 4 * kind.width as u64,

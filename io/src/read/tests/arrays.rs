@@ -1,5 +1,3 @@
-//! NumPy's format.
-
 use super::*;
 
 pub(super) fn npy(version: u8, header: &str, data: &[u8]) -> Vec<u8> {
@@ -33,7 +31,7 @@ fn npy_in_every_arrangement() {
         for (descr, data) in stored {
             let file = npy(version, &header(descr, fortran, 2), &data);
             assert_eq!(rows("a.npy", file.clone(), &[]), TWO, "{descr} {fortran} {version}");
-            // Read again without an extension, and from a pipe whose length is not known.
+            // Without an extension, and from a pipe of unknown length.
             let frame = Frames::new("a", Cursor::new(file), None, Options::default()).unwrap().next();
             assert_eq!(bytemuck::cast_slice::<_, [f32; 4]>(&frame.unwrap().unwrap().spheres), TWO);
         }
@@ -102,7 +100,7 @@ fn npy_refusals_name_row_and_value() {
     ] {
         assert_eq!(refusal("a.npy", file, &[]), message);
     }
-    // A pipe that promises a terabyte and ends: refused without making room for it.
+    // A pipe that promises a terabyte and ends reserves no memory for it.
     for fortran in [false, true] {
         let file = npy(1, &header("<f4", fortran, 4_000_000_000), &data);
         let mut frames = Frames::new("a.npy", Cursor::new(file), None, Options::default()).unwrap();

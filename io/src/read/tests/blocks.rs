@@ -2,7 +2,7 @@ use std::fmt::Write;
 
 use super::*;
 
-/// Delivers a text in pieces of odd sizes, as a pipe does.
+/// Delivers text in odd sizes, like a pipe.
 struct Trickle {
     text: Vec<u8>,
     at: usize,
@@ -65,7 +65,7 @@ fn is_of(frame: &Frame, names: &[String], rows: std::ops::Range<usize>) {
     }
 }
 
-/// Rows with comments and blank lines between them, and the number of the line of each.
+/// Rows among comments and blank lines, and their line numbers.
 fn csv(rows: usize) -> (String, Vec<usize>) {
     let (mut text, mut lines, mut line) = ("id,species,x,y,z,r\r\n".to_owned(), Vec::new(), 1);
     for k in 0..rows {
@@ -131,7 +131,7 @@ fn frames_of_all_sizes_follow_one_another() {
     }
 }
 
-/// A frame is delivered as soon as its last line is read, before any further input.
+/// Its last line is enough.
 #[test]
 fn a_frame_is_not_held_up_by_the_next() {
     struct Live(Vec<u8>);
@@ -150,7 +150,7 @@ fn a_frame_is_not_held_up_by_the_next() {
     assert_eq!(frames.next().unwrap().unwrap().spheres.len(), 20_000);
 }
 
-/// Frames before a fault are delivered before its error.
+/// Earlier frames precede the error.
 #[test]
 fn a_disk_that_fails_later_does_not_hide_an_error() {
     struct Failing(Cursor<Vec<u8>>);

@@ -1,11 +1,11 @@
-//! Every reader on damaged and on arbitrary bytes.
+//! Readers on damaged and arbitrary bytes.
 
 use proptest::prelude::*;
 
 use super::arrays::{flat, header, npy};
 use super::*;
 
-/// One valid file per format, small enough that a mutation mostly has an effect.
+/// Small valid files: a mutation mostly has an effect.
 fn samples() -> [(Format, Vec<u8>); 9] {
     let data: Vec<u8> = flat(true).iter().flat_map(|&v| f64::from(v).to_le_bytes()).collect();
     let fields = "('id', '<i2'), ('species', '|S1'), ('pos', '<f4', (3,)), ('r', '<f8')";
@@ -29,7 +29,7 @@ fn samples() -> [(Format, Vec<u8>); 9] {
     ]
 }
 
-/// For any bytes, a reader gives valid spheres or one error, and its frames are no larger than the file.
+/// For any bytes, a reader gives valid spheres or one error, and no frame larger than the file.
 fn survives(format: Option<Format>, bytes: Vec<u8>) -> Result<(), TestCaseError> {
     let radii = options(format, &[("A", 1.0), ("B", 2.0)]);
     for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {
@@ -55,7 +55,7 @@ fn survives(format: Option<Format>, bytes: Vec<u8>) -> Result<(), TestCaseError>
     Ok(())
 }
 
-/// Replaces, removes, repeats and inserts bytes, and fragments that mean something to a reader.
+/// Replaces, removes, repeats and inserts bytes and meaningful fragments.
 fn mutate(mut bytes: Vec<u8>, edits: Vec<(usize, u8, usize)>) -> Vec<u8> {
     const FRAGMENTS: [&[u8]; 12] =
         [b"\n", b"-", b"9999999999999", b"nan", b"1e999", b",", b" ", b"\"", b"(", b"ITEM: ", b"'", b"\xFF"];

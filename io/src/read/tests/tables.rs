@@ -7,7 +7,7 @@ fn csv_with_other_separators_and_comments() {
         "x;y;z;r\n1;2;3;0.5\n-4;5e-3;6.25;0\n",
         "x\ty\tz\tr\n1\t2\t3\t0.5\n -4 \t5e-3\t6.25\t0\n",
         "# units: µm; made by hand\n\nx,y,z,diameter\n1,2,3,1\n  # between\n-4,5e-3,6.25,0\n#end",
-        // The output of numpy.savetxt(…, header="x,y,z,r", delimiter=",").
+        // Output of numpy.savetxt(…, header="x,y,z,r", delimiter=",").
         "# some title\n# x,y,z,r\n1.0e+00,2.0e+00,3.0e+00,5.0e-01\n-4,5e-3,6.25,0\n",
         "# z,y,x,r\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "\"x\";\"y\";\"note, or not\";\"z\";\"r\"\n1;2;\"a, b\";3;0.5\n-4;5e-3;;6.25;0\n",
@@ -72,7 +72,7 @@ fn ids_come_from_the_file() {
     assert!(ids("a.npy", plain).unwrap_err().contains("a structured array with a field `id`"));
 }
 
-/// A structured array of these fields with the rows `TWO`, species 3 and 5, and ids 70 and 1.
+/// A structured array with the rows `TWO`, species 3 and 5, ids 70 and 1.
 fn structured(fields: &str, row: impl Fn([f32; 4], u8, u8) -> Vec<u8>) -> Vec<u8> {
     let header = format!("{{'descr': [{fields}], 'fortran_order': False, 'shape': (2,), }}\n");
     let data = [row(TWO[0], 3, 70), row(TWO[1], 5, 1)].concat();
