@@ -1,12 +1,10 @@
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
-/// Makes a panic in any thread of this process end the job on all ranks, with exit code 101, after the panic's message
-/// was written.
+/// Makes a panic in any thread end the job on all ranks, with exit code 101, after its message.
 ///
-/// Otherwise the other ranks would wait until the launcher's time limit: unwinding ends in `MPI_Finalize`, which waits
-/// for them in turn. A program calls this once, after MPI is initialized; the library does not, since a panic hook
-/// belongs to the whole program.
+/// Otherwise the other ranks would wait for the launcher's time limit: unwinding ends in `MPI_Finalize`, which waits
+/// for them. A program calls this once after MPI is initialized; a panic hook is not the library's to set.
 pub fn abort_on_panic() {
     let before = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -3,11 +3,10 @@ use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
 use crate::Error;
 
-/// Returns the result of this rank if no rank failed, else the error of the first rank that did. Collective, also for
-/// ranks that failed.
+/// Returns this rank's result if no rank failed, else the error of the first that did. Collective.
 ///
 /// # Errors
-/// The error of the first rank that has one, the same on all ranks.
+/// The same on all ranks.
 pub fn agree<T>(comm: &impl Communicator, result: Result<T, Error>) -> Result<T, Error> {
     let rank = comm.rank();
     let own = if result.is_err() { rank } else { i32::MAX };

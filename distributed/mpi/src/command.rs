@@ -1,5 +1,3 @@
-//! The subcommands of `lazygrid-mpi`.
-
 pub(crate) mod args;
 mod bench_scaling;
 mod input;
@@ -25,7 +23,7 @@ use crate::command::summary::Summary;
 pub(crate) use bench_scaling::bench_scaling;
 pub(crate) use simulate::simulate;
 
-/// Collective: every rank returns the same.
+/// Collective.
 pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {
     let target = agree(world, Target::of(args).map_err(|message| refused(world, message)))?;
     let mut times = Times::default();
@@ -79,7 +77,6 @@ impl Times {
 fn print(world: &SimpleCommunicator, text: &str) -> Result<(), Error> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // The reader has read enough.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(refused(world, format!("cannot write to standard output: {error}")))
         }

@@ -10,10 +10,10 @@ use crate::Error;
 use crate::agree::agree;
 use crate::rank_segments::RankSegments;
 
-/// A communicator of ranks over MPI. All its methods are collective, except for its getters.
+/// Ranks over MPI. Methods are collective, except getters.
 pub(crate) struct MpiCommunicator {
     comm: SimpleCommunicator,
-    /// The most bytes of a message.
+    /// Most bytes of a message.
     limit: u64,
     sent: u64,
 }
@@ -27,13 +27,12 @@ impl MpiCommunicator {
         &self.comm
     }
 
-    /// Returns the bytes sent since the last call of this method.
+    /// Returns the bytes sent since its last call.
     pub(crate) fn take_sent(&mut self) -> u64 {
         std::mem::take(&mut self.sent)
     }
 
-    /// Exchanges the segments `leaving` and `coming` in rounds. `most` is the largest number of elements from one rank
-    /// to another, on all ranks.
+    /// Exchanges segments in rounds. `most` is the largest number of elements between two ranks.
     fn exchange_in_rounds<T: Pod>(
         &mut self,
         what: &str,
@@ -44,7 +43,7 @@ impl MpiCommunicator {
         let limit = self.limit / size_of::<T>() as u64;
         let rounds = MessageRounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
         self.count_sent(leaving.total() * size_of::<T>(), 1);
-        // Rounds send about equally much, so the first needs the largest buffers.
+        // Rounds are about equal, so the first needs the largest buffers.
         let buffers =
             try_zeroed(what, leaving.in_round(rounds, 0).total() as u64, self.rank()).and_then(|out| {
                 Ok((out, try_zeroed(what, coming.in_round(rounds, 0).total() as u64, self.rank())?))
@@ -52,7 +51,7 @@ impl MpiCommunicator {
         let (mut out, mut into): (Vec<T>, Vec<T>) = self.agree(buffers)?;
         for round in 0..rounds.count(most) {
             let (leaving, coming) = (leaving.in_round(rounds, round), coming.in_round(rounds, round));
-            // The segments of a round are copied together, because offsets in a message have 32 bits too.
+            // A round copies its segments: offsets in a message have 32 bits.
             let ranks = 0..leaving.lengths().len();
             out.clear();
             ranks.clone().for_each(|rank| out.extend_from_slice(&send[leaving.of(rank)]));
@@ -69,7 +68,7 @@ impl MpiCommunicator {
         Ok(())
     }
 
-    /// Sends one message from each rank to each, within the limit.
+    /// Exchanges one message between all ranks, within the limit.
     fn message<T: Pod>(
         &self,
         (out, leaving): (&[T], &RankSegments),
@@ -148,7 +147,7 @@ impl RankCommunicator for MpiCommunicator {
         let leaving = RankSegments::new(counts.to_vec());
         let coming = RankSegments::new(told.iter().map(|&count| count as usize).collect());
         let buffer = try_zeroed(what, told.iter().sum(), self.rank());
-        // Elements that stay on this rank are not sent.
+        // Elements that stay are not sent.
         let (from_own, to_own) = (leaving.of(own), coming.of(own));
         let lengths = coming.lengths().to_vec();
         let (leaving, coming) = (leaving.without(own), coming.without(own));

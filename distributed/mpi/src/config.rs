@@ -3,17 +3,17 @@ use lazygrid_ranks::Settings;
 
 use crate::Error;
 
-/// The owner rule: the caller or the library assigns spheres to ranks.
+/// Assigns spheres to ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Ownership {
-    /// The caller: spheres stay on their ranks.
+    /// Assigned by the caller: spheres stay on their ranks.
     #[default]
     Keep,
-    /// [`rebalance`](crate::Distributed::rebalance): spheres move to the rank in whose domain they are. Domains are
-    /// kept from step to step, and rebuilt only if a rank has more than `bound` times the mean load.
+    /// Assigned by [`rebalance`](crate::Distributed::rebalance): spheres move to the rank of their domain. Domains are rebuilt
+    /// only if a rank has more than `bound` times the mean load.
     Balance {
-        /// Largest over mean number of spheres, 1 or more.
+        /// Largest over mean number of spheres, at least 1.
         bound: f64,
     },
 }
@@ -23,22 +23,22 @@ impl Ownership {
     pub const BALANCE: Self = Self::Balance { bound: 1.2 };
 }
 
-/// The ranks at which the pairs of a list arrive.
+/// The ranks that get a pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Delivery {
-    /// Each pair on one rank, an owner of one of its spheres.
+    /// One owner of one of its spheres.
     #[default]
     Once,
-    /// Each pair at every rank that owns one of its spheres: one or two.
+    /// Every owner of one of its spheres.
     Owners,
 }
 
-/// The settings of a [`Distributed`](crate::Distributed).
+/// Settings of a [`Distributed`](crate::Distributed).
 ///
 /// All ranks need the same space, interactions, ownership, delivery, order and message limit, which
-/// [`Distributed::new`](crate::Distributed::new) compares. Backend, threads, the most pairs of a list and the settings
-/// of the [detector](Self::detector) may differ.
+/// [`Distributed::new`](crate::Distributed::new) compares. Backend, threads, the limit of pairs and the
+/// [detector](Self::detector) may differ.
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) detector: lazygrid::Config,
@@ -71,65 +71,64 @@ impl Default for Config {
 }
 
 impl Config {
-    /// The owner rule: the caller or the library assigns spheres to ranks. Default: the caller, [`Ownership::Keep`].
+    /// Assignment of spheres to ranks. Default: [`Ownership::Keep`].
     pub fn ownership(mut self, ownership: Ownership) -> Self {
         self.ownership = ownership;
         self
     }
 
-    /// The ranks at which the pairs of a list arrive. Default: each on one rank, [`Delivery::Once`].
+    /// Ranks that get a pair of a list. Default: [`Delivery::Once`].
     pub fn delivery(mut self, delivery: Delivery) -> Self {
         self.delivery = delivery;
         self
     }
 
-    /// The space the spheres live in. Default: unbounded.
+    /// Space. Default: unbounded.
     pub fn space(mut self, space: Space) -> Self {
         self.space = space;
         self
     }
 
-    /// The species that pair, and their distances. The spheres of all ranks then carry species ids.
+    /// Species that pair, and their distances; all spheres then have species.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.interactions = Some(interactions);
         self
     }
 
-    /// The order of a rank's list: by ids, or none. Default: [`Order::Canonical`], by ids.
+    /// Order of a rank's list. Default: [`Order::Canonical`], by ids.
     pub fn order(mut self, order: Order) -> Self {
         self.order = order;
         self
     }
 
-    /// The backend of each rank. Default: [`Backend::Auto`], by which the first ranks of a node take one real GPU each and
-    /// the others the CPU. [`Backend::Gpu`] lets ranks of a node share GPUs if there are too few.
+    /// Backend of each rank. Default: [`Backend::Auto`], by which the first ranks of a node take a real GPU each and
+    /// the others the CPU. With [`Backend::Gpu`], ranks share GPUs if there are too few.
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
         self
     }
 
-    /// Threads of each rank. Default: its share of the cores that it and other ranks of its node may run on.
+    /// Threads of each rank. Default: its share of the cores of its node.
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = Some(threads);
         self
     }
 
-    /// The most pairs that the list of a rank may hold, 32 bytes each. Default: 2²⁷ (4 GiB). Counting and streaming have no
-    /// limit.
+    /// Most pairs in a rank's list, 32 bytes each. Default: 2²⁷ (4 GiB). Counting and streaming have no limit.
     pub fn max_pairs(mut self, max_pairs: u64) -> Self {
         self.max_pairs = max_pairs;
         self
     }
 
-    /// The most bytes of a message; larger data are sent in rounds. At most 2³¹ − 1, as MPI counts in 32 bits; at least
-    /// 64 per rank. Default: 2²⁸.
+    /// Most bytes of a message; larger data take rounds. From 64 per rank to 2³¹ − 1, as MPI counts in 32 bits.
+    /// Default: 2²⁸.
     pub fn message_limit(mut self, bytes: u64) -> Self {
         self.message_limit = bytes;
         self
     }
 
-    /// All other settings of a detector, such as its algorithm. Space, interactions, order, backend and limits of this
-    /// configuration override these.
+    /// Other settings of a detector, such as its algorithm. Space, interactions, order, backend and limits are those
+    /// of this configuration.
     pub fn detector(mut self, detector: lazygrid::Config) -> Self {
         self.detector = detector;
         self
@@ -153,19 +152,19 @@ impl Config {
             .with("message_limit", self.message_limit)
     }
 
-    /// Refuses settings outside their range.
+    /// Refuses settings out of range.
     pub(crate) fn check(&self, ranks: u32) -> Result<(), Error> {
         let refuse = |name: &str, value: String, range: String| {
             Err(Error::Setting { name: name.to_owned(), value, range })
         };
-        // The largest element that is sent has 32 bytes.
+        // The largest element has 32 bytes.
         let least = 64 * u64::from(ranks);
         if !(least..=i32::MAX as u64).contains(&self.message_limit) {
             let range =
                 format!("choose between {least} (64 for each of {ranks} ranks) and {} bytes", i32::MAX);
             return refuse("message_limit", self.message_limit.to_string(), range);
         }
-        // Ghosts and bounding boxes are computed in f32.
+        // Ghosts and bounding boxes are `f32`.
         if !self.space.is_narrow() {
             let value = format!("{:?}", self.space.lengths());
             return refuse("space", value, "round its lengths to f32, or use one process".to_owned());

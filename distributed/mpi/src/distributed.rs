@@ -18,10 +18,10 @@ use crate::{
     SphereRef,
 };
 
-/// Finds overlapping pairs among the spheres of all ranks of a communicator, call after call.
+/// Finds overlapping pairs among the spheres of all ranks.
 ///
-/// Every method except [`report`](Self::report) is collective: all ranks call it, in the same order. The answer is that
-/// of one process with all the spheres, for any distribution.
+/// Every method except [`report`](Self::report) is collective: all ranks call it in the same order. The result is
+/// that of one process with all spheres, for any distribution.
 pub struct Distributed {
     comm: MpiCommunicator,
     config: Config,
@@ -40,12 +40,11 @@ struct Prepared {
 }
 
 impl Distributed {
-    /// Creates a detector for the ranks of this communicator, which it duplicates so that messages do not mix.
-    /// Collective.
+    /// Creates a detector for these ranks. Duplicates the communicator, so messages do not mix. Collective.
     ///
     /// # Errors
-    /// On all ranks alike: [`Error::Setting`] for a setting outside its range; [`Error::Settings`] if a setting that
-    /// [`Config`] names is not the same on all ranks; [`Error::Detection`] if the detector of a rank cannot be created.
+    /// On all ranks: [`Error::Setting`] out of range; [`Error::Settings`] if a setting of [`Config`] differs;
+    /// [`Error::Detection`] if a rank's detector cannot be created.
     pub fn new(communicator: &impl Communicator, config: Config) -> Result<Self, Error> {
         let mut comm = MpiCommunicator::new(communicator.duplicate(), config.message_limit);
         comm.agree(config.check(comm.ranks()))?;
@@ -73,15 +72,13 @@ impl Distributed {
         })
     }
 
-    /// Moves the spheres of all ranks to the ranks in whose domains they are, if the [ownership](Config::ownership) is
-    /// [`Balance`](Ownership::Balance); only checks them if it is [`Keep`](Ownership::Keep). Searches give the same
-    /// pairs with or without it.
+    /// Moves spheres to the ranks of their domains if the [ownership](Config::ownership) is
+    /// [`Balance`](Ownership::Balance), else checks them. Searches give the same pairs without it.
     ///
-    /// Afterwards a rank has spheres sorted by previous rank, its own among them, each rank's in their
-    /// previous order.
+    /// Afterwards spheres are sorted by previous rank, each rank's in their previous order.
     ///
     /// # Errors
-    /// [`Error::Input`] and [`Error::OutOfMemory`]; the spheres are then where they were.
+    /// [`Error::Input`] and [`Error::OutOfMemory`]; no sphere has moved.
     pub fn rebalance(&mut self, particles: &mut OwnedSpheres) -> Result<RebalanceReport, Error> {
         let bound = match self.config.ownership {
             Ownership::Balance { bound } => bound,
@@ -103,11 +100,11 @@ impl Distributed {
         Ok(RebalanceReport { owned: LoadBalance::of(&counts), moved: 0, rebuilt: false, migration })
     }
 
-    /// Moves further data, one element per sphere in the previous order, to where a [`rebalance`](Self::rebalance)
-    /// moved the spheres. The result is in their present order.
+    /// Moves further data, one element per sphere in the previous order, like a [`rebalance`](Self::rebalance).
+    /// Returns the present order.
     ///
     /// # Errors
-    /// [`Error::Input`] if a rank has not one element per sphere; [`Error::OutOfMemory`].
+    /// [`Error::Input`] for another number of elements; [`Error::OutOfMemory`].
     pub fn migrate_data<T: Pod>(&mut self, migration: &Migration, column: &[T]) -> Result<Vec<T>, Error> {
         let (rank, length, expected) = (self.comm.rank(), column.len(), migration.spheres());
         let lengths = lazygrid::InputError::Lengths { what: "column", length, expected };
@@ -120,22 +117,21 @@ impl Distributed {
         migration.apply(&mut self.comm, "what follows the spheres", |k| column[k as usize])
     }
 
-    /// Gathers elements of all ranks on rank 0, in the order of ranks. The others get none.
+    /// Gathers elements on rank 0, by rank.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] if rank 0 has no room for all.
+    /// [`Error::OutOfMemory`].
     pub fn gather<T: Pod>(&mut self, elements: &[T]) -> Result<Vec<T>, Error> {
         gather(&mut self.comm, "what is gathered", elements)
     }
 
-    /// Returns the overlapping pairs that this rank reports, in the configured order. Each pair of all ranks is in the
-    /// list of exactly one, or with [`Delivery::Owners`] in that of each rank that owns one of its spheres. The slice
-    /// lives until the next call.
+    /// Returns the pairs that this rank reports, in the configured order, until the next call. Each pair is in the
+    /// list of one rank, or with [`Delivery::Owners`] of each owner of one of its spheres.
     ///
     /// # Errors
-    /// [`Error::Input`] for spheres that are not finite, negative radii, unknown species or lengths that differ;
-    /// [`Error::DuplicateId`]; [`Error::TooManyPairs`] for more than [`Config::max_pairs`] on a rank;
-    /// [`Error::OutOfMemory`]; [`Error::Detection`].
+    /// [`Error::Input`] for non-finite spheres, negative radii, unknown species or different lengths;
+    /// [`Error::DuplicateId`]; [`Error::TooManyPairs`] above [`Config::max_pairs`]; [`Error::OutOfMemory`];
+    /// [`Error::Detection`].
     pub fn pairs(&mut self, local: LocalSpheres<'_>) -> Result<&[GlobalPair], Error> {
         let prepared = self.prepare(local)?;
         let mut list =
@@ -160,10 +156,10 @@ impl Distributed {
         Ok(&self.pairs)
     }
 
-    /// Counts the pairs on all ranks together.
+    /// Counts the pairs of all ranks.
     ///
     /// # Errors
-    /// Those of [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
+    /// As [`pairs`](Self::pairs), without [`Error::TooManyPairs`].
     pub fn count(&mut self, local: LocalSpheres<'_>) -> Result<u64, Error> {
         let prepared = self.prepare(local)?;
         let search = &mut self.search;
@@ -174,12 +170,11 @@ impl Distributed {
         Ok(self.report.pairs.total)
     }
 
-    /// Hands the pairs that this rank reports to `consume`, in chunks of at most `chunk` pairs and in any order.
-    /// Returns the number of pairs of all ranks. `consume` may stop the search of its rank, whose further pairs are
-    /// then not counted.
+    /// Hands this rank's pairs to `consume`, in unordered chunks of at most `chunk`. Returns the pairs of all ranks.
+    /// `consume` may stop its rank's search, whose further pairs are not counted.
     ///
     /// # Errors
-    /// Those of [`count`](Self::count).
+    /// As [`count`](Self::count).
     pub fn stream<F>(&mut self, local: LocalSpheres<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
     where
         F: FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
@@ -192,7 +187,7 @@ impl Distributed {
         Ok(self.report.pairs.total)
     }
 
-    /// The report of the last call; the same on all ranks, except for the fields of this rank.
+    /// Returns the report of the last call, equal on all ranks except for fields of this rank.
     pub fn report(&self) -> &Report {
         &self.report
     }
@@ -258,11 +253,11 @@ impl Distributed {
     }
 }
 
-/// A list up to its limit; further pairs are counted.
+/// Pairs up to a limit; further ones are counted.
 struct List {
     pairs: Vec<GlobalPair>,
     limit: u64,
-    /// The bytes that were refused.
+    /// Refused bytes.
     refused: Option<u64>,
 }
 
@@ -287,7 +282,7 @@ impl List {
     }
 }
 
-/// Sends pairs to the other owner.
+/// Sends pairs to their other owners.
 fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Error> {
     let rank = comm.rank();
     let other = |pair: &GlobalPair| if pair.a.rank == rank { pair.b.rank } else { pair.a.rank };
@@ -295,7 +290,7 @@ fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec
     lazygrid_ranks::send_to_ranks(comm, "pairs for their other owner", send).map(|(came, _)| came)
 }
 
-/// The detector of this rank, and one for pairs with ghosts if the first cannot find these.
+/// Returns this rank's detector, and one for ghosts if the first cannot find these.
 fn detectors(config: &Config, node: NodeRank) -> Result<(Detector, Option<Detector>), String> {
     let ours = |detector: lazygrid::Config| {
         detector.space(config.space).interactions(config.interactions.clone()).order(Order::Unordered)
@@ -315,12 +310,11 @@ fn detectors(config: &Config, node: NodeRank) -> Result<(Detector, Option<Detect
     if report.backend == Backend::Cpu && of_two {
         return Ok((made, None));
     }
-    // Ghosts are few, and a GPU would be given all owned spheres once more for them. The paper's grids have one set.
+    // Ghosts are few, and a GPU would get all owned spheres again. The paper's grids have one set.
     let across = Detector::new(ours(lazygrid::Config::default()).backend(Backend::Cpu));
     Ok((made, Some(across.map_err(|error| error.to_string())?)))
 }
 
-/// The threads of this rank.
 fn pool(threads: usize) -> Result<ThreadPool, String> {
     ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -1,18 +1,18 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// The failure of a call, which is the same on all ranks. Every message names the value, the limit and the remedy.
+/// An error, equal on all ranks, with value, limit and remedy.
 #[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Error {
-    /// The input of one rank is refused.
+    /// Refused input of a rank.
     #[error("rank {rank}: {message}")]
     Input {
-        /// The rank; the first, if there are several.
+        /// First such rank.
         rank: u32,
-        /// The index of the first such sphere on the rank, if it is one sphere.
+        /// First such sphere of the rank, if it is one sphere.
         index: Option<u32>,
-        /// The fault and the remedy.
+        /// Fault and remedy.
         message: String,
     },
     /// Two spheres have the same id.
@@ -21,59 +21,59 @@ pub enum Error {
         first[1], first[0], second[1], second[0]
     )]
     DuplicateId {
-        /// The id; the smallest, if there are several.
+        /// Smallest such id.
         id: u64,
         /// Rank and index of one.
         first: [u32; 2],
         /// Rank and index of the other.
         second: [u32; 2],
     },
-    /// A setting outside its range.
+    /// Setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
     Setting { name: String, value: String, range: String },
-    /// A setting is not the same on all ranks.
+    /// Setting differs between ranks.
     #[error("{message}")]
     Settings {
-        /// The name of the setting; the first, if several differ.
+        /// First such setting.
         name: String,
-        /// Two ranks that have different values: rank 0, and the first that differs from it.
+        /// Rank 0, and the first that differs from it.
         ranks: [u32; 2],
-        /// The values of these two ranks, the number of ranks that differ, and the remedy.
+        /// Values, the number of ranks that differ, and the remedy.
         message: String,
     },
-    /// The system refused memory to one rank.
+    /// A rank lacks memory.
     #[error(
         "rank {rank}: no memory for {what}: {bytes} bytes were refused; use more nodes or fewer ranks on each, or \
          count or stream the pairs"
     )]
     OutOfMemory {
         rank: u32,
-        /// The purpose of the memory.
+        /// Purpose.
         what: String,
-        /// The requested bytes.
+        /// Requested bytes.
         bytes: u64,
     },
-    /// The list of one rank would hold more pairs than allowed. Nothing was truncated.
+    /// A rank's list has more pairs than allowed. Nothing was truncated.
     #[error(
         "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
          use more ranks, or raise `max_pairs`"
     )]
     TooManyPairs { rank: u32, found: u64, limit: u64 },
-    /// The detector of one rank failed.
+    /// Detector of one rank failed.
     #[error("rank {rank}: {message}")]
     Detection {
         rank: u32,
-        /// The message of the detector.
+        /// Error of the detector.
         message: String,
     },
-    /// More than one message can carry.
+    /// More data than a message can carry.
     #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
     Message {
-        /// The data that was to be sent.
+        /// Data.
         what: String,
-        /// Its size in bytes.
+        /// Size in bytes.
         needed: u64,
-        /// The limit in bytes.
+        /// Limit in bytes.
         limit: u64,
     },
 }

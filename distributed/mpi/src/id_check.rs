@@ -4,10 +4,10 @@ use lazygrid_ranks::{Communicator, Digest};
 use crate::communicator::{MpiCommunicator, try_zeroed};
 use crate::{Error, LocalSpheres};
 
-/// Checks that no two spheres of all ranks have the same id.
+/// Checks that ids are unique.
 #[derive(Debug, Default)]
 pub(crate) struct IdCheck {
-    /// The digest of the last ids that were found to be unique.
+    /// Digest of the last unique ids.
     unique: Option<Digest>,
 }
 
@@ -18,7 +18,7 @@ struct IdSummary {
     spheres: u64,
 }
 
-/// An id with the index of its sphere, sent to the rank that looks for duplicates.
+/// An id and its sphere's index, for the rank that compares.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct IdRecord {
@@ -27,8 +27,8 @@ struct IdRecord {
 }
 
 impl IdCheck {
-    /// Refuses duplicate ids, and returns the number of spheres of each rank. A set of ids equal to that of the last
-    /// call, on any ranks, is not compared again.
+    /// Refuses duplicate ids, and returns the spheres by rank. A set equal to that of the last call is not compared
+    /// again.
     pub(crate) fn check(
         &mut self,
         comm: &mut MpiCommunicator,
@@ -46,14 +46,14 @@ impl IdCheck {
     }
 }
 
-/// Sends each id to the rank that its hash chooses, so equal ids meet on one rank.
+/// Equal ids meet on the rank of their hash.
 fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Error> {
     let (rank, ranks) = (comm.rank(), comm.ranks());
     let records = comm.agree(records(local, (rank, ranks)))?;
     let (records, counts) = comm.all_to_all_v("ids", &records.0, &records.1)?;
     let from = (0..).zip(&counts).flat_map(|(rank, &count)| std::iter::repeat_n(rank, count));
     let met = try_zeroed("ids", records.len() as u64, rank).map(|mut met: Vec<IdRecord>| {
-        // Ordered by id, rank and index; the index of a sphere has 32 bits.
+        // Sorted by id, rank and index, which has 32 bits.
         let placed =
             |(record, rank): (&IdRecord, u64)| IdRecord { index: rank << 32 | record.index, ..*record };
         met.iter_mut().zip(records.iter().zip(from).map(placed)).for_each(|(met, record)| *met = record);
@@ -69,7 +69,7 @@ fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Er
     comm.agree(duplicate)
 }
 
-/// Returns a record per sphere, ordered by home rank, and the number of records for each rank.
+/// Returns records by home rank, and their number for each rank.
 fn records(local: LocalSpheres<'_>, (rank, ranks): (u32, u32)) -> Result<(Vec<IdRecord>, Vec<usize>), Error> {
     let mut counts = vec![0; ranks as usize];
     let mut records: Vec<IdRecord> = try_zeroed("ids", local.ids.len() as u64, rank)?;

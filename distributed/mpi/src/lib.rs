@@ -1,6 +1,6 @@
 //! Overlapping spheres over many ranks, through MPI.
 //!
-//! A simulator hands over its communicator and the spheres of each rank, and gets the pairs across ranks, each once:
+//! A simulator passes its communicator and each rank's spheres, and gets the pairs across ranks, each once:
 //!
 //! ```no_run
 //! use lazygrid::Sphere;
@@ -23,10 +23,10 @@
 //! # }
 //! ```
 //!
-//! Every method of [`Distributed`] is collective: all ranks of the communicator call it, in the same order. An error on
-//! one rank is the same error on all of them, and names the rank.
+//! Methods of [`Distributed`] are collective: all ranks call them in the same order. An error is the same on all
+//! ranks, and names one.
 //!
-//! The algorithm is in `lazygrid-ranks`; this crate sends the data.
+//! `lazygrid-ranks` has the algorithm.
 
 mod abort;
 mod agree;

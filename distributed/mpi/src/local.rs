@@ -3,7 +3,7 @@ use lazygrid_ranks::Particle;
 
 use crate::Error;
 
-/// The spheres of one rank with their ids, borrowed.
+/// Borrowed spheres of a rank.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalSpheres<'a> {
     pub(crate) spheres: Spheres<'a>,
@@ -11,13 +11,13 @@ pub struct LocalSpheres<'a> {
 }
 
 impl<'a> LocalSpheres<'a> {
-    /// Creates a set of spheres, as rows or columns, with species if there are interactions; and one id for each,
-    /// unique among all ranks. Centers and radii are in one length unit on all ranks.
+    /// Creates a set of spheres, as rows or columns, with species if there are interactions, and ids that are unique
+    /// among all ranks. All ranks have one length unit.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }
 
-    /// Refuses what no rank can compute with. `species` is the number of species of the interaction table.
+    /// `species` is the size of the interaction table.
     pub(crate) fn check(&self, rank: u32, species: Option<u32>) -> Result<(), Error> {
         let refuse = |index: Option<u32>, error: InputError| {
             Err(Error::Input { rank, index, message: error.to_string() })
@@ -66,22 +66,22 @@ impl<'a> LocalSpheres<'a> {
     }
 }
 
-/// The spheres of one rank with their ids, owned, so that they can [move](crate::Distributed::rebalance).
+/// Owned spheres of a rank, which can [move](crate::Distributed::rebalance).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedSpheres {
     /// Centers and radii.
     pub spheres: Vec<Sphere>,
-    /// An id per sphere, unique among all ranks.
+    /// Id of each sphere, unique among all ranks.
     pub ids: Vec<u64>,
-    /// A species per sphere; none if there are no interactions.
+    /// Species of each sphere, with interactions.
     pub species: Option<Vec<u32>>,
 }
 
 impl OwnedSpheres {
-    /// The spheres as a search takes them.
+    /// Borrows the spheres.
     ///
     /// # Errors
-    /// [`InputError::Lengths`] if there is not one species per sphere.
+    /// [`InputError::Lengths`] unless each sphere has a species.
     pub fn local(&self) -> Result<LocalSpheres<'_>, InputError> {
         let spheres = Spheres::from(&self.spheres);
         let spheres = match &self.species {

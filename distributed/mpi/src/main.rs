@@ -1,4 +1,4 @@
-//! The `lazygrid-mpi` command: overlapping pairs of the spheres in a file, and runs of the simulator, by many ranks.
+//! The `lazygrid-mpi` command.
 
 mod command;
 
@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The arguments of this rank, or the common exit code if those of some rank are invalid. Collective.
+/// Returns this rank's arguments, or the common exit code if some rank's are invalid. Collective.
 fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> Result<Args, ExitCode> {
     let mut refused = vec![false; world.size() as usize];
     world.all_gather_into(&parsed.is_err(), &mut refused[..]);
@@ -52,7 +52,6 @@ fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> 
     };
     let is_first = world.rank() as usize == first;
     if let (Err(usage), true) = (&parsed, is_first) {
-        // Nothing more can be done if standard error is closed.
         let _ = usage.print();
     }
     if refused.iter().all(|&refused| refused) {
@@ -70,7 +69,6 @@ fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> 
     Err(ExitCode::from(2))
 }
 
-/// A failure is ignored, as no other stream is left to report it.
 fn say(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }

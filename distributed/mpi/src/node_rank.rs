@@ -1,4 +1,4 @@
-//! The resources of a rank on its node: threads and a GPU.
+//! Threads and GPU of a rank on its node.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -6,17 +6,17 @@ use lazygrid::Backend;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 
-/// A rank among those of its node.
+/// A rank on its node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NodeRank {
-    /// Its number among them, from 0.
+    /// From 0.
     pub(crate) rank: usize,
-    /// The number of ranks that may run on the same cores.
+    /// Ranks that may run on the same cores.
     sharing: usize,
 }
 
 impl NodeRank {
-    /// Returns the place of this process. Collective.
+    /// Collective.
     pub(crate) fn of(comm: &SimpleCommunicator) -> Self {
         let node = comm.split_shared(comm.rank());
         let own = cores_hash();
@@ -25,7 +25,6 @@ impl NodeRank {
         Self { rank: node.rank() as usize, sharing: all.iter().filter(|&&other| other == own).count() }
     }
 
-    /// Threads for this rank, unless configured.
     pub(crate) fn threads(self) -> usize {
         let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
         (cores / self.sharing.max(1)).max(1)
@@ -39,7 +38,7 @@ impl NodeRank {
     }
 }
 
-/// The default number of threads of a rank: its share of the cores that it and other ranks of its node may run on.
+/// Returns a rank's default threads: its share of the cores that it and other ranks of its node may run on.
 /// Collective.
 pub fn threads(communicator: &impl Communicator) -> usize {
     NodeRank::of(&communicator.duplicate()).threads()
@@ -49,12 +48,11 @@ pub fn threads(communicator: &impl Communicator) -> usize {
 pub(crate) enum RankDevice {
     Asked,
     Cpu,
-    /// On the GPU with this index.
+    /// Index among the real GPUs.
     Gpu(usize),
 }
 
-/// Each of the first ranks of a node has a GPU of its own. The others compute on the CPU, or share GPUs if only GPUs
-/// will do.
+/// The first ranks of a node get a GPU each. The others take the CPU, or share GPUs if only GPUs are allowed.
 fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
     match (asked, gpus) {
         // The detector reports missing GPUs.
@@ -64,7 +62,7 @@ fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
     }
 }
 
-/// Counts the real GPUs. They come first in the list of adapters.
+/// Real GPUs come first among adapters.
 #[cfg(feature = "gpu")]
 fn gpus() -> usize {
     // Drivers take long to answer.
@@ -77,7 +75,7 @@ fn gpus() -> usize {
     0
 }
 
-/// Equal for processes of a node that may run on the same cores, and for all if the system does not report cores.
+/// Equal for processes that may run on the same cores; for all if the system does not report cores.
 fn cores_hash() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let cores = status.lines().find(|line| line.starts_with("Cpus_allowed_list"));

@@ -1,35 +1,35 @@
 use bytemuck::{Pod, Zeroable};
 
-/// A sphere of a pair, 16 bytes.
+/// A sphere of a pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct SphereRef {
-    /// Its id.
+    /// Id.
     pub id: u64,
-    /// The rank that owns it.
+    /// Owner.
     pub rank: u32,
-    /// Its index among the spheres of that rank, from 0.
+    /// Index on that rank, from 0.
     pub index: u32,
 }
 
-/// Two overlapping spheres, the one with the smaller id first, 32 bytes. The derived order is that by ids.
+/// Two overlapping spheres, the smaller id first. Ordered by ids.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct GlobalPair {
-    /// The sphere with the smaller id.
+    /// Sphere with the smaller id.
     pub a: SphereRef,
-    /// The other one.
+    /// Other sphere.
     pub b: SphereRef,
 }
 
 impl GlobalPair {
-    /// The pair of two spheres, in either order.
+    /// Creates the pair of two spheres in any order.
     #[inline]
     pub fn new(one: SphereRef, other: SphereRef) -> Self {
         if one.id <= other.id { Self { a: one, b: other } } else { Self { a: other, b: one } }
     }
 
-    /// Both ids, the smaller one first.
+    /// Returns both ids, the smaller first.
     #[inline]
     pub fn ids(&self) -> [u64; 2] {
         [self.a.id, self.b.id]

@@ -9,7 +9,6 @@ pub(crate) struct RankSegments {
 }
 
 impl RankSegments {
-    /// Creates consecutive segments of these lengths.
     pub(crate) fn new(lengths: Vec<usize>) -> Self {
         let starts = lengths.iter().scan(0, |next, length| Some(std::mem::replace(next, *next + length)));
         Self { starts: starts.collect(), lengths }
@@ -31,7 +30,7 @@ impl RankSegments {
         self.starts[rank]..self.starts[rank] + self.lengths[rank]
     }
 
-    /// Omits the segment of this rank.
+    /// Omits the segment of `rank`.
     pub(crate) fn without(mut self, rank: usize) -> Self {
         self.lengths[rank] = 0;
         self

@@ -6,21 +6,20 @@ use lazygrid_ranks::{
 use crate::communicator::{MpiCommunicator, try_zeroed};
 use crate::{Error, LocalSpheres, OwnedSpheres};
 
-/// The result of [`rebalance`](crate::Distributed::rebalance).
+/// A result of [`rebalance`](crate::Distributed::rebalance).
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RebalanceReport {
-    /// The new distribution of the spheres among ranks.
+    /// New distribution of spheres.
     pub owned: LoadBalance,
-    /// The number of all spheres that changed rank.
+    /// Spheres that changed rank.
     pub moved: u64,
-    /// `true` if the partition was rebuilt.
+    /// Rebuilt partition, if `true`.
     pub rebuilt: bool,
-    /// The destinations of the spheres, for [data that belongs to them](crate::Distributed::migrate_data).
+    /// Destinations, for [further data](crate::Distributed::migrate_data).
     pub migration: Migration,
 }
 
-/// Moves the spheres of all ranks to the ranks in whose domains they are.
 pub(crate) fn rebalance(
     comm: &mut MpiCommunicator,
     partitioner: &mut Partitioner,
@@ -43,8 +42,7 @@ pub(crate) fn rebalance(
     Ok(RebalanceReport { owned, moved, rebuilt, migration })
 }
 
-/// Checks the spheres of all ranks. Returns whether they have species, on which ranks with spheres must agree, and the
-/// spheres of this rank.
+/// Returns whether the spheres have species, on which ranks with spheres must agree, and this rank's spheres.
 fn checked<'a>(
     comm: &mut MpiCommunicator,
     particles: &'a OwnedSpheres,

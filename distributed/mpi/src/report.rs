@@ -1,19 +1,19 @@
 use lazygrid_ranks::LoadBalance;
 
-/// The report of the last call, on all ranks together unless a field says otherwise.
+/// A report of the last call on all ranks, unless a field says otherwise.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Report {
-    /// The distribution of the spheres among ranks.
+    /// Distribution of the spheres.
     pub owned: LoadBalance,
-    /// The distribution of the ghosts: spheres that were sent to a rank for the search.
+    /// Distribution of the ghosts: spheres sent to a rank for the search.
     pub ghosts: LoadBalance,
-    /// The distribution of the pairs among the ranks that report them.
+    /// Distribution of the reported pairs.
     pub pairs: LoadBalance,
-    /// Pairs that were met and are reported by another rank.
+    /// Pairs found here and reported by another rank.
     pub elsewhere: u64,
-    /// Bytes that this rank sent during the call, including messages to all ranks.
+    /// Bytes that this rank sent.
     pub sent: u64,
-    /// The report of this rank's detector.
+    /// Report of this rank's detector.
     pub detector: String,
 }

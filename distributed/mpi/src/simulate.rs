@@ -7,26 +7,25 @@ use mpi::traits::Communicator;
 use crate::communicator::MpiCommunicator;
 use crate::{Config, Error};
 
-/// The result of a run over ranks, the same on all of them.
+/// A run's result, equal on all ranks.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Simulated {
-    /// The way in which it ended.
+    /// End of the run.
     pub end: RunEnd,
-    /// The number of steps done.
+    /// Completed steps.
     pub steps: u32,
-    /// A line for each thing that was counted.
+    /// Line per count.
     pub summary: String,
 }
 
-/// Does a run of the simulator on all ranks of a communicator, with the files of `lazygrid simulate`. All ranks need to
-/// see its directory, and have the same run. `watch` is called on every rank with the steps that are done, and stops
-/// all if it breaks on one.
+/// Runs the simulator on all ranks with the files of `lazygrid simulate`. All ranks need the same run and see its
+/// directory. `watch` is called on every rank with the completed steps, and stops all if it breaks on one.
 ///
-/// Ranks compute on the CPU, in the caller's rayon pool, and send from the calling thread.
+/// Ranks compute in the caller's rayon pool, and send from the calling thread.
 ///
 /// # Errors
-/// [`Error::Input`] with the simulator's message, such as that the model needs an order across ranks.
+/// [`Error::Input`] with the simulator's message.
 pub fn simulate(
     communicator: &impl Communicator,
     run: &Run,

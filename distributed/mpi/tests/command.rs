@@ -1,5 +1,4 @@
-//! `lazygrid-mpi detect` under `mpirun`, against one process. Runs where `../../test.sh` runs it, which sets what MPI
-//! needs.
+//! `lazygrid-mpi detect` under `mpirun`, run by `../../test.sh`.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -148,9 +147,9 @@ fn an_input_error_is_printed_once_with_its_place_in_the_file() {
     assert!(said.contains("--output <FILE>"), "{said}");
 }
 
-/// Standard error of two ranks with different arguments, both of which must end with this code.
+/// Returns standard error of two ranks with different arguments, which end with this code.
 fn of_two(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
-    // If a program fails, Open MPI ends the others, and its own exit code is not always theirs.
+    // Open MPI ends the others after a failure, with unreliable exit codes.
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
     let [one, other] = arguments;
     let output = Command::new("mpirun")

@@ -1,5 +1,4 @@
-//! `lazygrid-mpi simulate` under `mpirun`, against the simulator in one process. Runs where `../../test.sh` runs it, which
-//! sets what MPI needs.
+//! `lazygrid-mpi simulate` under `mpirun`, run by `../../test.sh`, against one process.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -78,7 +77,7 @@ fn state(directory: &Path) -> State {
     state
 }
 
-/// Compares `steps` steps of a shipped scenario with one process, on these numbers of ranks.
+/// Compares `steps` steps of a shipped scenario on these numbers of ranks with one process.
 fn compare(name: &str, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
     let directory = tempfile::tempdir().unwrap();
     let (path, one) = (scenario(name), directory.path().join("run"));
@@ -144,9 +143,9 @@ fn an_error_is_printed_once() {
     assert!(!Path::new(&at("out")).exists());
 }
 
-/// The error of two ranks with different arguments, both of which must end with code 1.
+/// Returns the error of two ranks with different arguments, which end with code 1.
 fn error_of_two(arguments: [&[&str]; 2]) -> String {
-    // If a program fails, Open MPI ends the others, and its own exit code is not always theirs.
+    // Open MPI ends the others after a failure, with unreliable exit codes.
     let command = env!("CARGO_BIN_EXE_lazygrid-mpi");
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
     let [one, other] = arguments;

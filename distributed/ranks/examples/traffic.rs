@@ -1,4 +1,4 @@
-//! Prints the bytes that a step sends and the balance of ranks, counted with all ranks in one process. Nothing is timed.
+//! Prints the bytes sent per step and the balance, with all ranks in one process.
 //!
 //!     cargo run --release -p lazygrid-ranks --example traffic [SPHERES [RANKS]…]
 
@@ -21,7 +21,7 @@ impl Random {
     }
 }
 
-/// Spheres in a cube of which they fill 5 %, of radii that halve from one to the next.
+/// Spheres that fill 5 % of a cube, with radii that halve.
 fn uniform(spheres: usize, sizes: i32) -> Vec<Sphere> {
     let mut random = Random(1);
     let radius = |k: usize| 0.5_f32.powi(k as i32 % sizes);
@@ -30,7 +30,7 @@ fn uniform(spheres: usize, sizes: i32) -> Vec<Sphere> {
     (0..spheres).map(|k| Sphere::new([(); 3].map(|()| edge * random.next()), radius(k))).collect()
 }
 
-/// Uniform spheres with one sphere half as wide as the cube.
+/// Adds a sphere half as wide as the cube.
 fn giant(spheres: usize) -> Vec<Sphere> {
     let mut all = uniform(spheres, 1);
     let edge = (spheres as f32 * 4.19 / 0.05).cbrt();

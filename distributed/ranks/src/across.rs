@@ -1,4 +1,4 @@
-//! The search between the spheres of a rank and its ghosts.
+//! The search between a rank's spheres and its ghosts.
 
 use std::ops::ControlFlow;
 
@@ -7,7 +7,6 @@ use lazygrid::{Detector, Error, Sphere, Spheres};
 use crate::Particle;
 use crate::memory::try_collect;
 
-/// The most pairs that are delivered at once.
 const CHUNK_PAIRS: usize = 1 << 14;
 
 pub(crate) fn pairs_across<F>(

@@ -3,15 +3,14 @@ use bytemuck::Pod;
 use crate::Difference;
 use crate::memory::try_collect;
 
-/// The elements of all ranks, those of rank 0 first, and the count of each rank.
+/// Elements by rank, and the count of each rank.
 pub type RankData<T> = (Vec<T>, Vec<usize>);
 
-/// The collective operations that the algorithm needs.
+/// The collective operations of the algorithm.
 ///
-/// Every method is collective unless its documentation says otherwise: all ranks call it, in the same order. The
-/// parameter `what` names the data in messages. `lazygrid-mpi` implements the trait over MPI.
+/// Methods are collective unless stated: all ranks call them in the same order. `what` names the data in messages.
 pub trait Communicator {
-    /// The failure of a transport or of a [rank](Self::failure), the same on all ranks.
+    /// Error of a transport or a [rank](Self::failure), equal on all ranks.
     type Error;
 
     /// Returns the index of this rank. Not collective.
@@ -20,19 +19,19 @@ pub trait Communicator {
     /// Returns the number of ranks. Not collective.
     fn ranks(&self) -> u32;
 
-    /// Returns the sum of each element over all ranks, which give equally many.
+    /// Returns the sum of each element over all ranks.
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64>;
 
-    /// Returns the elements of every rank, on all ranks.
+    /// Returns the elements of all ranks, on all ranks.
     ///
     /// # Errors
-    /// Fails if they cannot be sent.
+    /// Fails if the transport fails.
     fn all_gather<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<RankData<T>, Self::Error>;
 
-    /// Sends `counts[rank]` consecutive elements of `send` to each rank, and returns the elements for this rank.
+    /// Sends `counts[rank]` consecutive elements to each rank, and returns those for this rank.
     ///
     /// # Errors
-    /// Fails if they cannot be sent.
+    /// Fails if the transport fails.
     fn all_to_all_v<T: Pod>(
         &mut self,
         what: &str,
@@ -40,27 +39,27 @@ pub trait Communicator {
         counts: &[usize],
     ) -> Result<RankData<T>, Self::Error>;
 
-    /// Returns `result` if no rank failed, else the error of the first rank that did, the same on all ranks.
+    /// Returns `result` if no rank failed, else the error of the first that did, on all ranks.
     ///
     /// # Errors
-    /// Fails with the failure of that rank.
+    /// That of the first rank that failed.
     fn agree<T>(&self, result: Result<T, Self::Error>) -> Result<T, Self::Error>;
 
-    /// Returns the failure of this rank, with a message. Not collective.
+    /// Returns a failure of this rank. Not collective.
     fn failure(&self, message: String) -> Self::Error;
 
-    /// Returns the failure of a detector of this rank, or of its memory. Not collective.
+    /// Returns a failure of this rank's detector or memory. Not collective.
     fn detector_failure(&self, error: lazygrid::Error) -> Self::Error {
         self.failure(error.to_string())
     }
 
-    /// Returns the error for a setting that is not the same on all ranks. Not collective.
+    /// Returns the error of a setting that differs. Not collective.
     fn difference(&self, difference: Difference) -> Self::Error {
         self.failure(difference.to_string())
     }
 }
 
-/// Gathers the elements of all ranks on rank 0, in the order of ranks. The other ranks get none. Collective.
+/// Gathers elements on rank 0, by rank. Collective.
 ///
 /// # Errors
 /// Fails if the communicator fails.
@@ -74,7 +73,7 @@ pub fn gather<T: Pod, C: Communicator>(
     communicator.all_to_all_v(what, own, &counts).map(|(all, _)| all)
 }
 
-/// Sends each element to its rank. Elements for one rank stay in order. Collective.
+/// Sends each element to its rank, in order. Collective.
 ///
 /// # Errors
 /// Fails if the communicator fails.
@@ -92,10 +91,7 @@ pub fn send_to_ranks<T: Pod, C: Communicator>(
     communicator.all_to_all_v(what, &elements, &counts)
 }
 
-/// Returns what this rank made if memory was refused on no rank. Collective.
-///
-/// # Errors
-/// Fails with the failure of the first rank that has one.
+/// Returns this rank's result if no rank lacked memory. Collective.
 pub(crate) fn agree_on_memory<T, C: Communicator>(
     communicator: &C,
     made: Result<T, lazygrid::Error>,

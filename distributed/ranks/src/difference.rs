@@ -1,17 +1,17 @@
 use std::fmt;
 
-/// A setting that is not the same on all ranks.
+/// A setting that differs between ranks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// The name of the setting.
+    /// Name of the setting.
     pub setting: String,
-    /// Two ranks that have different values: rank 0, and the first that differs from it.
+    /// Rank 0, and the first that differs from it.
     pub ranks: [u32; 2],
-    /// The values of these two ranks.
+    /// Values.
     pub values: [String; 2],
-    /// The number of ranks that differ from rank 0.
+    /// Ranks that differ from rank 0.
     pub differing: u32,
-    /// The number of all ranks.
+    /// Number of ranks.
     pub all: u32,
 }
 

@@ -1,20 +1,19 @@
 use bytemuck::{Pod, Zeroable};
 
-/// A bijection of 64-bit words whose every output bit depends on every input bit (the finalizer of SplitMix64).
+/// The finalizer of SplitMix64: a bijection whose every output bit depends on every input bit.
 pub(crate) fn mix(word: u64) -> u64 {
     let word = (word ^ (word >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let word = (word ^ (word >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     word ^ (word >> 31)
 }
 
-/// Returns the tie breaker of a sphere among spheres of equal coordinates: a hash of the id, so that a plane halves even
-/// spheres at one point. Different ids have different tie breakers.
+/// Returns a hash of the id, distinct for distinct ids, by which a plane divides spheres of equal coordinates.
 #[inline]
 pub fn tie_breaker(id: u64) -> u64 {
     mix(id.wrapping_add(0x9E37_79B9_7F4A_7C15))
 }
 
-/// Returns a hash of words in their order. A sequence and its prefix have different hashes.
+/// Hashes words in order; a sequence and its prefix differ.
 pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
     let (hash, length) = words
         .into_iter()
@@ -22,8 +21,8 @@ pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
     mix(hash ^ tie_breaker(length))
 }
 
-/// A digest of a set of ids, independent of their order and ranks. Digests of parts [join](Self::join) to the digest of the
-/// whole. Different sets have equal digests with a probability of about 2⁻¹²⁸.
+/// A digest of a set of ids, independent of order and ranks. Digests of parts [join](Self::join). Different sets
+/// collide with a probability of about 2⁻¹²⁸.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Digest {
@@ -31,7 +30,7 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// Returns the digest of ids.
+    /// Digests ids.
     pub fn of(ids: impl IntoIterator<Item = u64>) -> Self {
         ids.into_iter().fold(Self::default(), |digest, id| {
             let one = mix(id ^ 0xA076_1D64_78BD_642F);
@@ -40,13 +39,13 @@ impl Digest {
         })
     }
 
-    /// Returns the digest of the union of two disjoint sets.
+    /// Joins the digests of disjoint sets.
     pub fn join(self, other: Self) -> Self {
         let sum = |k: usize| self.sums[k].wrapping_add(other.sums[k]);
         Self { sums: [sum(0), sum(1)] }
     }
 
-    /// Returns the rank that checks this id for duplicates.
+    /// Returns the rank that checks this id.
     pub fn home_rank(id: u64, ranks: u32) -> u32 {
         ((u128::from(mix(id ^ 0x8EBC_6AF0_9C88_C6E3)) * u128::from(ranks.max(1))) >> 64) as u32
     }

@@ -1,5 +1,4 @@
-//! All ranks in one process, by the functions that a rank calls: for tests, and to count the traffic on any number of
-//! ranks.
+//! All ranks in one process, by the functions of a rank: for tests, and to count traffic.
 
 use std::ops::ControlFlow;
 
@@ -11,16 +10,16 @@ use crate::{
     SphereWrapper, WrappedSphere, tie_breaker,
 };
 
-/// The report of one rank.
+/// A rank's report.
 #[derive(Clone, Debug, Default)]
 pub struct Reported {
-    /// The pairs as ids, the smaller one first, in any order.
+    /// Pairs of ids, the smaller first, in any order.
     pub pairs: Vec<[u64; 2]>,
-    /// The numbers of pairs that it found.
+    /// Numbers of pairs.
     pub counts: PairCounts,
 }
 
-/// The spheres that every rank owns, and the ghosts that it receives.
+/// The spheres of every rank, and its ghosts.
 #[derive(Clone, Debug)]
 pub struct InProcessRanks {
     wrapper: SphereWrapper,
@@ -30,7 +29,7 @@ pub struct InProcessRanks {
 }
 
 impl InProcessRanks {
-    /// Creates ranks that own the given particles.
+    /// Creates ranks with these particles.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -54,7 +53,7 @@ impl InProcessRanks {
         Ok(Self { wrapper, owned, ghosts, bounds })
     }
 
-    /// Creates ranks that own the particles in their domains, by a partition of the particles' sample.
+    /// Creates ranks whose particles are those of their domains.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -72,25 +71,25 @@ impl InProcessRanks {
         Self::with_owners(owned, wrapper)
     }
 
-    /// The number of spheres that each rank owns.
+    /// Returns the distribution of spheres.
     pub fn owned(&self) -> LoadBalance {
         LoadBalance::of(&self.owned.iter().map(|own| own.len() as u64).collect::<Vec<_>>())
     }
 
-    /// The number of ghosts that each rank receives.
+    /// Returns the distribution of ghosts.
     pub fn ghosts(&self) -> LoadBalance {
         LoadBalance::of(&self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>())
     }
 
-    /// The number of bounding boxes of all ranks.
+    /// Returns the number of boxes of all ranks.
     pub fn bounds(&self) -> u64 {
         self.bounds
     }
 
-    /// Returns the report of each rank. The wrapper must have the space and the interactions of `config`.
+    /// Returns each rank's report. The wrapper must have the space and interactions of `config`.
     ///
     /// # Errors
-    /// The same as [`Detector::new`] and [`Detector::count`].
+    /// As [`Detector::new`] and [`Detector::count`].
     pub fn pairs(&self, config: &Config) -> Result<Vec<Reported>, Error> {
         let each = self.owned.iter().zip(&self.ghosts).enumerate();
         each.map(|(rank, (owned, ghosts))| self.pairs_of(rank as u32, config, owned, ghosts)).collect()

@@ -1,25 +1,25 @@
-//! Overlapping spheres over many ranks, as pure functions: which rank owns a sphere, which spheres become ghosts, and which
-//! rank reports a pair.
+//! Overlapping spheres over many ranks: who owns a sphere, which spheres become ghosts, who reports a pair.
 //!
-//! Functions that need messages take a [`Communicator`]. `lazygrid-mpi` has one over MPI, and [`threads`] has one for ranks
-//! that are threads. The tests of this crate and [`in_process`] play all ranks in one process.
+//! Messages go through a [`Communicator`]: MPI in `lazygrid-mpi`, [`threads`], or all ranks in one process
+//! ([`in_process`]).
 //!
-//! 1. A [`Partition`] cuts space into one domain per rank, from a [sample] of all spheres. It is optional: the placement of
-//!    spheres does not change the answer.
-//! 2. Every rank tells all others its [`ClassBounds`]: one bounding box for each binade of radius ([`SizeClass`]) and each
-//!    group of species that occurs among its spheres.
-//! 3. *The larger sphere becomes a ghost at the owner of the smaller one*; within a class, ghosts go one way between two
-//!    ranks ([`ghost_rule`]). Only spheres that may pair with a sphere of a bounding box are sent ([`RankBounds::ghosts`]).
-//! 4. Each rank searches among its own spheres, and between its own spheres and its ghosts ([`Search`]). The owner of the
-//!    smaller sphere reports a pair of two ranks.
+//! 1. A [`Partition`] cuts space into a domain per rank, from a [sample] of all spheres. Optional: placement does not
+//!    change the result.
+//! 2. Every rank tells all others its [`ClassBounds`]: a bounding box for each binade of radius ([`SizeClass`]) and
+//!    each species group.
+//! 3. *The larger sphere becomes a ghost at the owner of the smaller one*; within a class, ghosts go one way between
+//!    two ranks ([`ghost_rule`]). Only spheres that may pair with one in a bounding box are sent
+//!    ([`RankBounds::ghosts`]).
+//! 4. Each rank searches its own spheres, and between these and its ghosts ([`Search`]). The owner of the smaller
+//!    sphere reports a pair of two ranks.
 //!
-//! All ranks need the same space and interactions, which [`Settings`] compares.
+//! [`Settings`] compares what all ranks must share.
 //!
 //! # Correctness
 //!
-//! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the other's owner. The
-//!    rule looks at size classes and ranks only, so both ranks know its result without a message.
-//! 2. *No pair is lost.* Every sphere that may pair with a sphere of a bounding box overlaps the box by a test that no
+//! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the other's
+//!    owner, by a rule of size classes and ranks that both know.
+//! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box by a test that no
 //!    rounding makes fail ([`ClassBounds::overlaps`]).
 
 mod across;

@@ -1,25 +1,25 @@
-/// The distribution of a load, such as spheres, among ranks.
+/// The distribution of a load among ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LoadBalance {
-    /// The load of all ranks together.
+    /// Sum over ranks.
     pub total: u64,
-    /// The load of the rank with the largest one.
+    /// Largest load of a rank.
     pub most: u64,
-    /// The number of ranks.
+    /// Number of ranks.
     pub ranks: u32,
 }
 
 impl LoadBalance {
-    /// For few spheres per rank, this many more do not count as imbalance.
+    /// With few spheres per rank, this surplus is no imbalance.
     const SLACK: f64 = 64.0;
 
-    /// Creates the summary of the load of each rank.
+    /// Summarizes the load of each rank.
     pub fn of(each: &[u64]) -> Self {
         let most = each.iter().copied().max().unwrap_or(0);
         Self { total: each.iter().sum(), most, ranks: each.len() as u32 }
     }
 
-    /// Returns the largest load over the mean load; 1 if there is no load.
+    /// Returns the largest over the mean load; 1 without load.
     pub fn imbalance(&self) -> f64 {
         match self.total {
             0 => 1.0,
@@ -27,8 +27,8 @@ impl LoadBalance {
         }
     }
 
-    /// Returns `true` if a rank has more than `bound` times the mean load. `fresh` is the imbalance of the partition when it
-    /// was built: rebuilding does not improve a partition that is about as good as then.
+    /// Returns `true` if a rank has more than `bound` times the mean load. `fresh` is the imbalance of the new
+    /// partition: rebuilding does not improve one that is about as good.
     pub fn is_imbalanced(&self, bound: f64, fresh: f64) -> bool {
         let mean = self.total as f64 / f64::from(self.ranks.max(1));
         self.most as f64 > mean * bound.max(fresh * 1.05) + Self::SLACK

@@ -1,11 +1,8 @@
-//! Fallible buffers whose length follows from the input.
+//! Fallible buffers.
 
 use lazygrid::Error;
 
-/// Collects `count` values.
-///
-/// # Errors
-/// [`Error::OutOfMemory`], in which `what` names the values.
+/// Collects `count` values, which `what` names in errors.
 pub(crate) fn try_collect<T>(
     count: usize,
     values: impl Iterator<Item = T>,
@@ -17,10 +14,6 @@ pub(crate) fn try_collect<T>(
     Ok(all)
 }
 
-/// Appends a value.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
 #[inline]
 pub(crate) fn try_push<T>(all: &mut Vec<T>, value: T, what: &'static str) -> Result<(), Error> {
     if all.len() == all.capacity() {

@@ -2,10 +2,10 @@ use std::ops::Range;
 
 use crate::Error;
 
-/// The rounds of an exchange that one message cannot carry, as MPI counts elements in 32-bit integers.
+/// Rounds of an exchange beyond one message, as MPI counts elements in 32 bits.
 ///
-/// In a round each rank sends at most `limit / ranks` elements to each other rank, so neither sent nor received
-/// elements exceed the limit.
+/// A round has at most `limit / ranks` elements from each rank to each, so neither sent nor received elements exceed
+/// the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageRounds {
     per_rank: u64,
@@ -15,7 +15,7 @@ impl MessageRounds {
     /// Creates rounds of at most `limit` elements per message.
     ///
     /// # Errors
-    /// [`Error::MessageLimit`] if the limit is below one element per rank.
+    /// [`Error::MessageLimit`] below one element per rank.
     pub fn new(limit: u64, ranks: u32) -> Result<Self, Error> {
         match limit / u64::from(ranks.max(1)) {
             0 => Err(Error::MessageLimit { limit, ranks }),
@@ -23,13 +23,12 @@ impl MessageRounds {
         }
     }
 
-    /// Returns the number of rounds if no rank sends more than `most` elements to another. All ranks must give the same
-    /// number.
+    /// Returns the rounds for at most `most` elements between two ranks, a number common to all ranks.
     pub fn count(self, most: u64) -> u64 {
         most.div_ceil(self.per_rank)
     }
 
-    /// Returns the range of `length` elements that a round sends.
+    /// Returns a round's range of `length` elements.
     pub fn range(self, length: u64, round: u64) -> Range<u64> {
         let start = round.saturating_mul(self.per_rank).min(length);
         start..start.saturating_add(self.per_rank).min(length)

@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
 
-/// A sphere as it becomes_ghost between ranks, 32 bytes.
+/// A sphere as sent between ranks, 32 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Particle {
@@ -11,6 +11,6 @@ pub struct Particle {
     pub id: u64,
     /// Species; 0 without interactions.
     pub species: u32,
-    /// Index among the spheres of its owner.
+    /// Index on its owner.
     pub index: u32,
 }

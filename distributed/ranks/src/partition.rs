@@ -4,13 +4,13 @@ use glam::Vec3;
 use crate::Error;
 use crate::sample::Sample;
 
-/// A plane that cuts a region in two: spheres with a lower `(coordinate, tie breaker)` are on the left. 16 bytes.
+/// A plane through a region: spheres with a lower `(coordinate, tie breaker)` are left. 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BisectionPlane {
     axis: u32,
     at: f32,
-    /// The tie breaker of the sphere at the plane.
+    /// Tie breaker of the sphere at the plane.
     tie_breaker: u64,
 }
 
@@ -21,20 +21,19 @@ impl BisectionPlane {
     }
 }
 
-/// Space cut into one part per rank, by recursive bisection. Only the balance of ranks depends on it, so it can be kept
-/// for many steps.
+/// Recursive bisection of space into one part per rank. Only balance depends on it, so it can be kept for many steps.
 ///
-/// Each plane compares `(coordinate, tie breaker)`. [Tie breakers](crate::tie_breaker) differ between spheres, so
-/// planes divide spheres of equal coordinates evenly, even if all are at one point.
+/// Planes compare `(coordinate, tie breaker)`. [Tie breakers](crate::tie_breaker) are distinct, so planes divide
+/// spheres of equal coordinates evenly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
     parts: u32,
-    /// The plane of each region, then the planes of its left side, then those of its right side.
+    /// Plane of each region, then of its left side, then of its right side.
     planes: Vec<BisectionPlane>,
 }
 
 impl Partition {
-    /// Cuts space so that all parts have about equally many spheres of the sample. Reorders the sample.
+    /// Divides the sample about equally. Reorders it.
     pub fn new(sample: &mut [Sample], parts: u32) -> Self {
         let parts = parts.max(1);
         let mut planes = Vec::with_capacity(parts as usize - 1);
@@ -42,27 +41,26 @@ impl Partition {
         Self { parts, planes }
     }
 
-    /// Creates the partition of another rank from its [planes](Self::planes).
+    /// Creates a partition from its [planes](Self::planes).
     ///
     /// # Errors
-    /// [`Error::Planes`] if `parts` parts have another number of planes, or a plane has no valid axis.
+    /// [`Error::Planes`] for a wrong number of planes or an invalid axis.
     pub fn from_planes(parts: u32, planes: Vec<BisectionPlane>) -> Result<Self, Error> {
         let sound = planes.iter().all(|plane| plane.axis < 3) && planes.len() as u64 + 1 == u64::from(parts);
         if sound { Ok(Self { parts, planes }) } else { Err(Error::Planes { planes: planes.len(), parts }) }
     }
 
-    /// The planes, from which another rank makes the same partition; one less than parts.
+    /// Returns the planes, one less than parts.
     pub fn planes(&self) -> &[BisectionPlane] {
         &self.planes
     }
 
-    /// The number of parts.
+    /// Returns the number of parts.
     pub fn parts(&self) -> u32 {
         self.parts
     }
 
-    /// Returns the part of a sphere, below [`parts`](Self::parts), by the center of its
-    /// [`WrappedSphere`](crate::WrappedSphere).
+    /// Returns a sphere's part by the center of its [`WrappedSphere`](crate::WrappedSphere).
     #[inline]
     pub fn part_of(&self, center: Vec3, tie_breaker: u64) -> u32 {
         let (mut first, mut parts, mut node) = (0, self.parts, 0);
@@ -75,7 +73,7 @@ impl Partition {
             } else {
                 first += left;
                 parts -= left;
-                // Skip this plane and those of the left side.
+                // Skips this plane and its left side.
                 node += left as usize;
             }
         }

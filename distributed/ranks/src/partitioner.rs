@@ -6,7 +6,7 @@ use crate::memory::try_collect;
 use crate::sample::{Sample, SampleFilter};
 use crate::{Communicator, LoadBalance, Partition, WrappedSphere, tie_breaker};
 
-/// Assigns spheres to the domains of ranks, and keeps the partition of space from step to step.
+/// Assigns spheres to domains, and keeps the partition between steps.
 #[derive(Clone, Debug, Default)]
 pub struct Partitioner {
     current: Option<FreshPartition>,
@@ -15,24 +15,24 @@ pub struct Partitioner {
 #[derive(Clone, Debug)]
 struct FreshPartition {
     partition: Partition,
-    /// The imbalance when the partition was built.
+    /// Imbalance of the new partition.
     fresh: f64,
 }
 
-/// The destination of each sphere.
+/// Destinations of spheres.
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// The rank of each sphere of this rank.
+    /// Rank of each sphere.
     pub ranks: Vec<u32>,
-    /// The resulting distribution of the spheres among ranks.
+    /// Resulting distribution.
     pub owned: LoadBalance,
-    /// `true` if the partition was rebuilt.
+    /// Rebuilt partition, if `true`.
     pub rebuilt: bool,
 }
 
 impl Partitioner {
-    /// Returns the ranks in whose domains the spheres of this rank are. Rebuilds the partition if a rank would have more
-    /// than `bound` times the mean number of spheres. Collective.
+    /// Returns the ranks of the spheres' domains. Rebuilds the partition if a rank would have more than `bound` times
+    /// the mean. Collective.
     ///
     /// # Errors
     /// Fails if the communicator fails.
@@ -60,7 +60,7 @@ impl Partitioner {
     }
 }
 
-/// Returns the rank of each sphere of this rank, and the resulting load of all ranks.
+/// Returns the rank of each sphere, and the load of all ranks.
 fn owners<C: Communicator>(
     communicator: &mut C,
     partition: &Partition,
@@ -75,7 +75,7 @@ fn owners<C: Communicator>(
     Ok((parts, owned))
 }
 
-/// Cuts the sample of all ranks on rank 0, and tells the planes to all ranks.
+/// Cuts the sample on rank 0, and sends the planes to all.
 fn partition<C: Communicator>(
     communicator: &mut C,
     (spheres, ids): (&[WrappedSphere], &[u64]),
@@ -95,17 +95,17 @@ fn partition<C: Communicator>(
     communicator.agree(partition)
 }
 
-/// The destinations of the spheres of this rank.
+/// The destinations of a rank's spheres.
 #[derive(Clone, Debug, Default)]
 pub struct Migration {
-    /// Indices before the migration, by destination; ascending within a destination.
+    /// Previous indices, by destination, then ascending.
     order: Vec<u32>,
-    /// The number of spheres that go to each rank, this one included.
+    /// Spheres for each rank, this one included.
     counts: Vec<usize>,
 }
 
 impl Migration {
-    /// Creates the migration in which all `spheres` of `rank` stay.
+    /// Creates a migration in which all `spheres` of `rank` stay.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -115,7 +115,7 @@ impl Migration {
         Ok(Self { order: try_collect(spheres, 0..spheres as u32, "the order of spheres")?, counts })
     }
 
-    /// Creates the migration of each sphere to its rank, `destinations[k]` below `ranks`.
+    /// Creates a migration of each sphere to its rank below `ranks`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -124,23 +124,23 @@ impl Migration {
         destinations.iter().for_each(|&rank| counts[rank as usize] += 1);
         let mut order: Vec<u32> =
             try_collect(destinations.len(), 0..destinations.len() as u32, "the order of spheres")?;
-        // Unstable, as a stable sort allocates; the index keeps the order.
+        // A stable sort allocates; the index keeps the order.
         order.sort_unstable_by_key(|&k| (destinations[k as usize], k));
         Ok(Self { order, counts })
     }
 
-    /// The number of spheres before the migration.
+    /// Returns the number of spheres before the migration.
     pub fn spheres(&self) -> usize {
         self.order.len()
     }
 
-    /// The number of spheres that leave `rank`, this rank.
+    /// Returns the number of spheres that leave `rank`, this rank.
     pub fn sent_count(&self, rank: u32) -> usize {
         self.spheres() - self.counts[rank as usize]
     }
 
-    /// Moves data of the spheres, `data(k)` for sphere `k`, to where the spheres went. Returns the data of rank 0's spheres,
-    /// then of rank 1's and so on, each in the order that it had on its rank. Collective.
+    /// Moves `data(k)` of each sphere `k` to its destination. Returns data by previous rank, in its order there.
+    /// Collective.
     ///
     /// # Errors
     /// Fails if the communicator fails.

@@ -1,33 +1,31 @@
-//! A sample of all spheres for a [`Partition`](crate::Partition). A hash of the id chooses the spheres, so each rank samples
-//! its own without a message.
+//! A sample for a [`Partition`](crate::Partition), chosen by a hash of ids, without a message.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::hash::{mix, tie_breaker};
 
-/// Spheres of the sample per part. The error of a part's size is about the reciprocal root of this number, 1.1 %.
+/// Part's size errs by about the reciprocal root of it, 1.1 %.
 pub const SAMPLES_PER_PART: u64 = 8192;
-/// For any number of parts: 40 MB on the rank that gathers them.
+/// 40 MB on the rank that gathers them.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
-/// A sphere of the sample, 20 bytes.
+/// A sampled sphere, 20 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Sample {
     center: [f32; 3],
-    /// In two halves, because a 64-bit number would make the sphere 24 bytes.
+    /// Halves: a 64-bit number would make the sample 24 bytes.
     tie_breaker: [u32; 2],
 }
 
 impl Sample {
-    /// Creates the sample of the sphere with this id, by the center of its [`WrappedSphere`](crate::WrappedSphere).
+    /// Samples a sphere by its id and the center of its [`WrappedSphere`](crate::WrappedSphere).
     pub fn new(center: Vec3, id: u64) -> Self {
         let tie_breaker = tie_breaker(id);
         Self { center: center.to_array(), tie_breaker: [(tie_breaker >> 32) as u32, tie_breaker as u32] }
     }
 
-    /// Returns the coordinate along an axis.
     #[inline]
     pub(crate) fn at(&self, axis: usize) -> f32 {
         self.center[axis]
@@ -39,26 +37,26 @@ impl Sample {
     }
 }
 
-/// The filter that chooses the spheres of a sample.
+/// Chooses samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleFilter {
-    /// The largest hash that is in the sample.
+    /// Largest sampled hash.
     largest: u64,
 }
 
 impl SampleFilter {
-    /// Creates the filter for a number of spheres on all ranks and a number of parts.
+    /// Creates a filter for all `spheres` and `parts`.
     pub fn new(spheres: u64, parts: u32) -> Self {
         let wanted = (SAMPLES_PER_PART * u64::from(parts)).min(MAX_SAMPLES);
         let fraction = wanted as f64 / spheres.max(1) as f64;
-        // The cast saturates, so a fraction of 1 or more takes all spheres.
+        // The cast saturates: a fraction of 1 or more takes all.
         Self { largest: (fraction * 2_f64.powi(64)) as u64 }
     }
 
-    /// Returns `true` if the sphere with this id is in the sample.
+    /// Returns `true` if the sphere with this id is sampled.
     #[inline]
     pub fn takes(self, id: u64) -> bool {
-        // With the hash of the tie breaker, all samples at one point would be on one side of its plane.
+        // With the hash of the tie breaker, samples at one point would all be on one side of its plane.
         mix(id ^ 0x2545_F491_4F6C_DD1D) <= self.largest
     }
 }

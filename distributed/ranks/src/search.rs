@@ -7,41 +7,40 @@ use crate::ghosts::ghost_rule::{RankAndClass, becomes_ghost};
 use crate::memory::try_collect;
 use crate::{Ghosts, Particle, SizeClass, SphereWrapper};
 
-/// The most pairs that are delivered at once.
 const CHUNK_PAIRS: usize = 1 << 14;
 
-/// The kind of a pair that [`Search::run`] delivers.
+/// A kind of pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PairKind {
     /// Two owned spheres, the smaller index first.
     Local,
-    /// An owned sphere and a ghost, in this order.
+    /// Owned sphere, then a ghost.
     WithGhost,
 }
 
-/// The numbers of pairs that a search found.
+/// Numbers of pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PairCounts {
-    /// Pairs of owned spheres.
+    /// Owned spheres.
     pub local: u64,
-    /// Pairs of an owned sphere and a ghost that this rank reports.
+    /// With ghosts, reported by this rank.
     pub with_ghosts: u64,
-    /// Pairs of an owned sphere and a ghost that the owner of the ghost reports.
+    /// With ghosts, reported by the ghost's owner.
     pub elsewhere: u64,
 }
 
 impl PairCounts {
-    /// The number of pairs that this rank reports.
+    /// Returns the pairs that this rank reports.
     pub fn reported(&self) -> u64 {
         self.local + self.with_ghosts
     }
 }
 
-/// Finds the pairs that a rank reports.
+/// Finds a rank's pairs.
 #[derive(Debug)]
 pub struct Search {
     detector: Detector,
-    /// The detector between two sets, if it is another one.
+    /// For two sets, if different.
     across: Option<Detector>,
     wrapper: SphereWrapper,
     rank: u32,
@@ -51,8 +50,8 @@ pub struct Search {
 impl Search {
     /// Creates the search of `rank` among `ranks`.
     ///
-    /// The detector must have the space and the interactions of the wrapper, and all ranks the same ones; its order does
-    /// not matter. `across`, if given, searches between owned spheres and ghosts. It has the same settings on the CPU.
+    /// The detector must have the wrapper's space and interactions, equal on all ranks; its order does not matter.
+    /// `across`, if given, searches ghosts instead, with the same settings on the CPU.
     pub fn new(
         detector: Detector,
         across: Option<Detector>,
@@ -62,16 +61,16 @@ impl Search {
         Self { detector, across, wrapper, rank, ranks }
     }
 
-    /// The detector among owned spheres, with the report of its last call.
+    /// Returns the detector of owned spheres.
     pub fn detector(&self) -> &Detector {
         &self.detector
     }
 
-    /// Delivers the pairs that this rank reports, as indices of owned spheres and of ghosts, in chunks and in any order,
-    /// until `consume` breaks.
+    /// Delivers this rank's pairs as indices of owned spheres and ghosts, in unordered chunks, until `consume`
+    /// breaks.
     ///
     /// # Errors
-    /// The same as [`Detector::count`].
+    /// As [`Detector::count`].
     pub fn run<F>(&mut self, owned: Spheres<'_>, ghosts: &Ghosts, mut consume: F) -> Result<PairCounts, Error>
     where
         F: FnMut(PairKind, &[[u32; 2]]) -> ControlFlow<()> + Send,
@@ -103,10 +102,10 @@ impl Search {
         Ok(counts)
     }
 
-    /// Counts the pairs that this rank reports. Looks at single pairs only if the other rank may report some.
+    /// Counts this rank's pairs, one by one only if the other rank may report some.
     ///
     /// # Errors
-    /// Those of [`Detector::count`].
+    /// As [`Detector::count`].
     pub fn count(&mut self, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<PairCounts, Error> {
         if ghosts.particles().is_empty() || owned.is_empty() {
             return Ok(PairCounts { local: self.detector.count(owned)?, ..PairCounts::default() });
@@ -147,16 +146,15 @@ impl Classes {
         })
     }
 
-    /// Returns `true` if this rank reports the pair of an owned sphere and a ghost: the ghost was sent for this sphere.
+    /// Returns `true` if this rank reports a pair: the ghost was sent for this sphere.
     #[inline]
     fn reports(&self, [own, ghost]: [u32; 2]) -> bool {
         let own = RankAndClass { rank: self.rank, class: self.owned[own as usize] };
         becomes_ghost(self.ghosts[ghost as usize], own, self.ranks)
     }
 
-    /// Returns `true` if this rank reports every pair of an owned sphere and a ghost.
     fn all_report(&self) -> bool {
-        // A sphere that becomes a ghost for the largest class becomes one for all others.
+        // A ghost for the largest class is one for all others.
         let largest = self.owned.iter().max();
         largest.is_none_or(|&class| {
             let own = RankAndClass { rank: self.rank, class };

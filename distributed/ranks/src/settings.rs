@@ -1,14 +1,14 @@
-//! Settings that all ranks must share, and their comparison.
+//! Settings that all ranks must share.
 //!
 //! # Correctness
 //!
-//! 1. Every setting has a digest of 64 bits: a hash of its name and of its value as a text, or as words. The hash is
-//!    written out in this crate, so it depends on no build, no seed and no address.
-//! 2. Numbers enter by their exact value: the shortest decimal text of a float that reads back as the same float, or
-//!    its bits. −0 counts as 0. NaN cannot occur: spaces, tables and bounds refuse it.
-//! 3. All ranks get all digests in one collective call, and compare them by the same rule. Hence all ranks see the same
-//!    difference, or none, and only then do two of them send the texts of their values.
-//! 4. Unequal values have equal digests with a probability of about 2⁻⁶⁴.
+//! 1. A setting has a 64-bit digest of its name and value, as text or words. The hash is written out in this crate,
+//!    independent of builds, seeds and addresses.
+//! 2. Numbers enter exactly: as the shortest decimal text that reads back, or as bits. −0 counts as 0. Spaces, tables
+//!    and bounds refuse NaN.
+//! 3. All ranks get all digests in one collective call, and compare them by the same rule, so all see the same
+//!    difference or none. Only then two of them send the texts.
+//! 4. Unequal values collide with a probability of about 2⁻⁶⁴.
 
 use std::fmt::{self, Write};
 
@@ -17,7 +17,7 @@ use lazygrid::{Interaction, Interactions, Space};
 use crate::hash::sequence;
 use crate::{Communicator, Difference};
 
-/// The settings that all ranks of a communicator must share, in the order of comparison. An empty text is no value.
+/// Settings in the order of comparison. An empty text is no value.
 ///
 /// ```
 /// # use lazygrid_ranks::{Communicator, Settings, threads};
@@ -42,30 +42,29 @@ struct Setting {
 }
 
 impl Settings {
-    /// Creates settings with only the version of the program. Programs of different versions may carry data in
-    /// different layouts.
+    /// Creates settings with the program's version, since versions may differ in data layouts.
     pub fn new(version: impl fmt::Display) -> Self {
         Self { each: Vec::new() }.with("version", version)
     }
 
-    /// Adds a setting whose text says all of its value.
+    /// Adds a setting by its complete text.
     pub fn with(self, name: &'static str, value: impl fmt::Display) -> Self {
         let text = value.to_string();
         let digest = sequence(words(name).chain(words(&text)));
         self.add(Setting { name, text, digest })
     }
 
-    /// Adds a setting whose value is a text too long for a message, by the digest of the text and `what` it is.
+    /// Adds a setting whose text is too long for a message, as a digest and `what` it is.
     pub fn with_long(self, name: &'static str, what: impl fmt::Display, value: impl fmt::Display) -> Self {
         self.with_words(name, what, words(&value.to_string()))
     }
 
-    /// Adds a space as the setting `space`.
+    /// Adds `space`.
     pub fn with_space(self, space: &Space) -> Self {
         self.with("space", describe(space))
     }
 
-    /// Adds a table of interactions, or its absence, as the setting `interactions`.
+    /// Adds `interactions`, possibly absent.
     pub fn with_interactions(self, table: Option<&Interactions>) -> Self {
         let name = "interactions";
         let Some(table) = table else { return self.with(name, "no table") };
@@ -90,11 +89,11 @@ impl Settings {
         self
     }
 
-    /// Compares these settings with those of all other ranks. Collective: one exchange of 8 bytes per setting from each
-    /// rank, and further ones only to describe a difference.
+    /// Compares the settings of all ranks. Collective: one exchange of 8 bytes per setting, more only to describe a
+    /// difference.
     ///
     /// # Errors
-    /// [`Communicator::difference`] on all ranks if a setting is not the same on all; those of the communicator.
+    /// [`Communicator::difference`] on all ranks for a difference; the communicator's.
     pub fn agree<C: Communicator>(&self, communicator: &mut C) -> Result<(), C::Error> {
         let own: Vec<u64> = self.each.iter().map(|setting| setting.digest).collect();
         let (all, counts) = communicator.all_gather("digests of settings", &own)?;
@@ -103,7 +102,7 @@ impl Settings {
         let at = |rank: usize| of_ranks[rank].get(place);
         let differing = (0..of_ranks.len()).filter(|&rank| at(rank) != at(0)).count() as u32;
         let ranks = [0, other as u32];
-        // Ranks of different programs may not have the setting.
+        // Other programs may lack the setting.
         let own = self.each.get(place).filter(|_| ranks.contains(&communicator.rank()));
         let (name, text) = own.map_or(("", ""), |setting| (setting.name, &setting.text));
         let names = communicator.all_gather("names of settings", name.as_bytes())?;
@@ -130,7 +129,7 @@ fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [
     })
 }
 
-/// The first index at which a rank differs from rank 0, and that rank.
+/// Returns the first index at which a rank differs from rank 0, and that rank.
 fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
     let first = of_ranks.first()?;
     let places = of_ranks.iter().map(|own| own.len()).max()?;
@@ -144,7 +143,7 @@ fn words(text: &str) -> impl Iterator<Item = u64> {
     std::iter::once(text.len() as u64).chain(text.as_bytes().chunks(8).map(word))
 }
 
-/// An interaction in two words. 0 takes the place of −0.
+/// Two words, with 0 for −0.
 fn entry(interaction: Interaction) -> [u64; 2] {
     match interaction {
         Interaction::Never => [0, 0],
@@ -153,14 +152,13 @@ fn entry(interaction: Interaction) -> [u64; 2] {
     }
 }
 
-/// A space as a complete text, with 0 in place of −0.
+/// A complete text, with 0 for −0.
 fn describe(space: &Space) -> String {
     if !space.is_periodic() {
         return "unbounded".to_owned();
     }
     let mut text = "periodic along".to_owned();
     for edge in space.cell_vectors() {
-        // Writing to a string does not fail.
         let _ = match edge.map(|edge| edge.map(|length| length + 0.0)) {
             Some([x, y, z]) => write!(text, " ({x}, {y}, {z})"),
             None => write!(text, " -"),

@@ -1,5 +1,4 @@
-/// The binade of a radius: all radii from a power of two to below the next one. Radius 0 and subnormal radii share the
-/// lowest class.
+/// The binade of a radius. Radius 0 and subnormal radii share the lowest class.
 ///
 /// ```
 /// # use lazygrid_ranks::SizeClass;
@@ -11,17 +10,17 @@
 pub struct SizeClass(u8);
 
 impl SizeClass {
-    /// The number of possible classes.
+    /// Number of classes.
     pub const COUNT: usize = 256;
 
-    /// The class of a radius that is finite and not negative.
+    /// Returns the class of a finite, non-negative radius.
     #[inline]
     pub fn of(radius: f32) -> Self {
-        // The cast drops the sign, as −0 is a radius of 0.
+        // The cast drops the sign of −0.
         Self((radius.to_bits() >> 23) as u8)
     }
 
-    /// The index of the class: 0 for the smallest radii, below [`COUNT`](Self::COUNT).
+    /// Returns the index, 0 for the smallest radii, below [`COUNT`](Self::COUNT).
     #[inline]
     pub fn index(self) -> usize {
         self.0.into()

@@ -3,19 +3,19 @@ use std::collections::hash_map::Entry;
 
 use lazygrid::{Interaction, Interactions};
 
-/// Groups of species that pair with the same species. Each group has bounding boxes of its own, so a ghost goes only to
-/// ranks that have a partner for it.
+/// Groups of species with the same partners. Each has its own bounding boxes, so a ghost goes only to ranks with a
+/// partner.
 #[derive(Clone, Debug)]
 pub(crate) struct SpeciesGroups {
-    /// The group of each species.
+    /// Group of each species.
     groups: Vec<u32>,
-    /// For each group a bit per group that it may pair with.
+    /// Groups that may pair, as bits.
     partners: Vec<u64>,
 }
 
 impl SpeciesGroups {
-    /// Every group may add a bounding box per size class, which all ranks get. Further groups share these, which sends
-    /// more ghosts and loses none.
+    /// Groups add bounding boxes, which all ranks get. Further groups share these, which sends more ghosts and loses
+    /// none.
     const MAX_GROUPS: u32 = 16;
 
     pub(crate) fn new(table: &Interactions) -> Self {
@@ -43,7 +43,7 @@ impl SpeciesGroups {
         Self { groups, partners }
     }
 
-    /// The group of a species; a group of its own for all species that are not in the table.
+    /// Returns a species' group; unknown species have one of their own.
     #[inline]
     pub(crate) fn of(&self, species: u32) -> u32 {
         self.groups.get(species as usize).copied().unwrap_or(self.partners.len() as u32)

@@ -1,4 +1,4 @@
-//! Ranks as threads of one process, which send each other bytes: a [`Communicator`] for tests, without MPI.
+//! Ranks as threads: a [`Communicator`] for tests without MPI.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -6,14 +6,14 @@ use bytemuck::Pod;
 
 use crate::{Communicator, RankData};
 
-/// One rank. Its methods panic if another rank has ended or is in another call, so that none waits for ever.
+/// A rank. Methods panic if another rank has ended or is in another call, so none waits for ever.
 pub struct Thread {
     rank: u32,
     to: Vec<Sender<Vec<u8>>>,
     from: Vec<Receiver<Vec<u8>>>,
 }
 
-/// Runs `work` on `ranks` ranks, and returns their results in the order of ranks.
+/// Runs `work` on `ranks` ranks, and returns their results.
 ///
 /// # Panics
 /// If `work` panics on a rank.

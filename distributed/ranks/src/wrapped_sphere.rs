@@ -8,33 +8,33 @@ use crate::{Particle, SizeClass};
 /// A sphere wrapped into the box, with its effective radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrappedSphere {
-    /// Center; along periodic axes within half a length of the origin. In a triclinic space in orthogonalized coordinates.
+    /// Center, within half a length of the origin along periodic axes; orthogonalized in triclinic spaces.
     pub center: Vec3,
-    /// Effective radius: the centers of two spheres that may pair are at most the sum of their effective radii apart.
+    /// Effective radius: spheres that may pair are within the sum of both.
     pub radius: f32,
-    /// The group of its species; see [`SphereWrapper::can_pair`].
+    /// Species group; see [`SphereWrapper::can_pair`].
     pub group: u32,
 }
 
 impl WrappedSphere {
-    /// The binade of its effective radius.
+    /// Returns the class of the effective radius.
     #[inline]
     pub fn class(&self) -> SizeClass {
         SizeClass::of(self.radius)
     }
 }
 
-/// Wraps spheres: knows the space, and the interactions if there are any.
+/// Wraps spheres of a space with interactions.
 #[derive(Clone, Debug, Default)]
 pub struct SphereWrapper {
     space: Space,
-    /// The orthogonalized coordinates of a triclinic space.
+    /// For triclinic spaces.
     orthogonal: Option<Orthogonalization>,
-    /// `None` if all spheres that touch pair.
+    /// `None` if all touching spheres pair.
     species: Option<SpeciesTable>,
 }
 
-/// The part of the interactions that the exchange of ghosts needs, by species.
+/// Interactions by species, for the exchange of ghosts.
 #[derive(Clone, Debug)]
 struct SpeciesTable {
     effective_radius: Vec<EffectiveRadius>,
@@ -42,7 +42,7 @@ struct SpeciesTable {
 }
 
 impl SphereWrapper {
-    /// Creates the wrapper of a space and of interactions.
+    /// Creates a wrapper.
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
         let species = interactions.map(|table| SpeciesTable {
             effective_radius: (0..table.species()).map(|species| table.effective_radius(species)).collect(),
@@ -52,19 +52,18 @@ impl SphereWrapper {
         Self { space, orthogonal, species }
     }
 
-    /// The space of wrapped spheres: for a triclinic space that of its orthogonalized coordinates.
+    /// Returns the space of wrapped spheres, orthogonalized if triclinic.
     pub fn space(&self) -> Space {
         self.orthogonal.map_or(self.space, |orthogonal| orthogonal.space())
     }
 
-    /// Returns `true` if a sphere of the one group may pair with a sphere of the other. Without interactions all spheres
-    /// are of group 0 and may pair.
+    /// Returns `true` if spheres of two groups may pair. Without interactions all are of group 0.
     #[inline]
     pub fn can_pair(&self, one: u32, other: u32) -> bool {
         self.species.as_ref().is_none_or(|species| species.groups.can_pair(one, other))
     }
 
-    /// Wraps a sphere. A species that is not in the table has the sphere's radius and may pair with all others.
+    /// Wraps a sphere. An unknown species has the sphere's radius and may pair with all.
     #[inline]
     pub fn wrap(&self, sphere: Sphere, species: u32) -> WrappedSphere {
         let (radius, group) = match &self.species {
@@ -85,7 +84,7 @@ impl SphereWrapper {
         }
     }
 
-    /// Wraps the spheres of particles, in their order.
+    /// Wraps particles, in order.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].

@@ -1,4 +1,4 @@
-//! The pairs of all ranks together are those of the naive search, for any placement of spheres on ranks.
+//! All ranks' pairs are those of the naive search, for any placement.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -11,11 +11,10 @@ use lazygrid_ranks::{Particle, SphereWrapper};
 use proptest::prelude::*;
 use proptest::sample::select;
 
-/// The owner of each sphere.
 #[derive(Clone, Debug)]
 enum Placement {
     Balanced,
-    /// Given by these words, one per sphere in turn.
+    /// One word per sphere, in turn.
     Given(Vec<u32>),
     Single(u32),
 }
@@ -137,7 +136,7 @@ proptest! {
 }
 
 proptest! {
-    // Most ranks are empty, and each of them makes a detector.
+    // Each rank makes a detector.
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]

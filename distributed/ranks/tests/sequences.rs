@@ -1,4 +1,4 @@
-//! One search per rank, call after call: any input may change between two calls and any call may fail.
+//! One search per rank, call after call: any input may change, and any call may fail.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -19,22 +19,22 @@ const EDGE: f32 = 12.0;
 
 #[derive(Clone, Debug)]
 enum Change {
-    /// This many calls with the same spheres.
+    /// Calls with the same spheres.
     Repeat(u8),
     Drift(u8, f32),
-    /// All radii, or those of every fourth sphere, are multiplied.
+    /// Multiplies all radii, or every fourth.
     Radii {
         factor: f32,
         all: bool,
     },
-    /// About 500 spheres on a rank are too many for a comparison of all with all.
+    /// Bounds the naive comparison to about 500 spheres per rank.
     Resize(u32),
     Teleport(u64),
     Species,
     Place(Placement),
 }
 
-/// A call that fails on a rank, since a sphere has a negative radius or is not finite.
+/// A sphere with a negative radius, or not finite.
 #[derive(Clone, Copy, Debug)]
 struct Fail {
     rank: u32,
@@ -45,7 +45,6 @@ struct Fail {
 enum Placement {
     Spread,
     Single(u32),
-    /// Each rank has a part of space.
     Rebalanced,
 }
 
@@ -179,7 +178,6 @@ fn has_spheres(frame: &Frame, rank: u32, ranks: u32) -> bool {
     frame.particles.iter().any(|one| owner(frame.placement, one.id, ranks) == rank)
 }
 
-/// A rank with what it keeps from call to call.
 struct Rank<C> {
     communicator: C,
     wrapper: SphereWrapper,
@@ -290,7 +288,7 @@ proptest! {
     }
 }
 
-/// Tiny radii leave few candidates, which are kept until the radii are large.
+/// Tiny radii leave few candidates, kept until radii are large.
 #[test]
 fn candidate_list_of_tiny_spheres_is_rebuilt_when_radii_grow() {
     for (ranks, skin) in [(1, Skin::Auto), (3, Skin::Auto), (2, Skin::Fixed(0.2))] {

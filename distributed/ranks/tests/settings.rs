@@ -1,4 +1,4 @@
-//! Settings that differ between ranks are the same error on all of them, which names the setting and two ranks.
+//! Settings that differ are the same error on all ranks, which names the setting and two ranks.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -8,7 +8,7 @@ use lazygrid_ranks::{Communicator, Settings, threads};
 fn compare(ranks: u32, of: impl Fn(u32) -> Settings + Sync) -> Option<String> {
     let compared = threads::on(ranks, |mut rank| {
         let compared = of(rank.rank()).agree(&mut rank);
-        // No rank takes a message of the other call.
+        // No rank gets a message of another call.
         assert_eq!(rank.all_reduce_sum(&[1]), [u64::from(ranks)]);
         compared
     });
@@ -32,7 +32,7 @@ fn equal_settings_agree() {
     let reacts = table(&[(0, 1, Interaction::Within(0.5))]);
     for ranks in [1, 2, 5] {
         let settings = |rank| {
-            // Spaces and tables that compare equal are the same setting.
+            // Equal spaces and tables are equal settings.
             let zero = if rank % 2 == 0 { 0.0 } else { -0.0 };
             Settings::new("1").with_space(&sheared(zero)).with_interactions(Some(&reacts)).with("steps", 3)
         };
@@ -108,7 +108,6 @@ fn any_difference_of_interactions_is_found() {
     }
 }
 
-/// Programs of different versions may compare different settings.
 #[test]
 fn a_setting_that_some_ranks_do_not_have_is_named() {
     for has in [0, 1] {

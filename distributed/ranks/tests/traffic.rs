@@ -1,4 +1,4 @@
-//! Loads, ghosts and pairs of ranks in scenes of thousands of spheres.
+//! Loads, ghosts and pairs in scenes of thousands of spheres.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -73,10 +73,10 @@ fn coincident_spheres_and_their_pairs_are_balanced() {
         let (pairs, reported) = found(&in_process, Space::UNBOUNDED);
         assert_eq!((pairs.len() as u64, reported.total), (n * (n - 1) / 2, n * (n - 1) / 2));
         assert!(pairs.windows(2).all(|two| two[0] != two[1]), "a pair twice on {ranks} ranks");
-        // If two ranks are half of all ranks apart, one of them reports all pairs of both.
+        // One of two ranks half of all apart reports all common pairs.
         let most = 1.02 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
         assert!(reported.imbalance() <= most, "{} on {ranks} ranks", reported.imbalance());
-        // Own spheres with each other and with ghosts are compared, but no ghosts with each other.
+        // No ghosts are compared with each other.
         let ranks = in_process.pairs(&Config::default().threads(1)).unwrap();
         assert!(ranks.iter().all(|rank| rank.counts.elsewhere == 0));
     }
@@ -93,8 +93,7 @@ fn domains_balance_spheres_outside_the_sample() {
 
 #[test]
 fn ghosts_are_near_domain_boundaries() {
-    // A cube of 50³ spheres, 100 across, whose eight parts have three borders. A sphere crosses one at up to 0.8, from
-    // one side only.
+    // A cube of 50³ spheres, 100 across, in eight parts with three borders, each crossed at up to 0.8 from one side.
     let near = 3.0 * 0.8 / 100.0;
     for (name, spheres, most) in [
         ("uniform", uniform(125_000, &[0.4]), 1.1),
@@ -118,7 +117,7 @@ fn giant_becomes_a_ghost_and_spheres_in_it_do_not() {
     assert!(ghosts(&particles).abs_diff(ghosts(&alone)) <= 20, "{} {}", ghosts(&particles), ghosts(&alone));
 }
 
-/// Two ranks with a crowd of species 0 in the same place; a sphere of species 1 on rank 1 is its only partner.
+/// Two ranks share a crowd of species 0; a sphere of species 1 on rank 1 is its only partner.
 #[test]
 fn ghosts_go_only_to_ranks_with_a_partner_species() {
     let mut crowd = uniform(2000, &[0.6]);
@@ -146,7 +145,7 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
         let ranks =
             InProcessRanks::with_owners(owned.clone(), SphereWrapper::new(Space::UNBOUNDED, Some(&table)))
                 .unwrap();
-        // All spheres are of one class, so rank 0 sends: its part of the crowd near the target, or the target itself.
+        // One class, so rank 0 sends: its crowd near the target, or the target.
         let expected = if second == 0 { near } else { 1 };
         assert_eq!(ranks.ghosts().total, expected, "the target is on rank {first}");
         let found = ranks.pairs(&Config::default().interactions(table.clone()).threads(1)).unwrap();

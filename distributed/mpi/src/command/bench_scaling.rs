@@ -1,4 +1,4 @@
-//! `lazygrid-mpi bench-scaling`: times steps in which every sphere moves, on all ranks.
+//! `lazygrid-mpi bench-scaling`.
 
 use std::fmt::Write;
 use std::time::{Duration, Instant};
@@ -20,11 +20,11 @@ struct Step {
     rebalance: Duration,
     search: Duration,
     moved: u64,
-    /// Bytes that all ranks sent in the search.
+    /// Bytes sent by all ranks in the search.
     sent: u64,
 }
 
-/// Collective, as all of the command.
+/// Collective.
 pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> Result<(), Error> {
     let ranks = world.size() as u64;
     let spheres = args.spheres.unwrap_or_else(|| args.per_rank.saturating_mul(ranks));
@@ -34,7 +34,7 @@ pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> 
     }
     let mut distributed = Distributed::new(world, config)?;
     let mut particles = own_part(world, args.scene, spheres)?;
-    // The first step moves all spheres and allocates the buffers, which no other does.
+    // Only the first step moves all spheres and allocates buffers.
     let first = step(world, &mut distributed, &mut particles)?;
     let mut steps = Vec::new();
     for number in 1..=args.steps {
@@ -71,7 +71,7 @@ fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
     Duration::from_secs_f64(most)
 }
 
-/// Returns a line of JSON with the times of the median step.
+/// Returns the median step's times as JSON.
 fn row(args: &BenchScaling, (first, steps): (&Step, &[Step]), report: &Report) -> String {
     let spheres = report.owned.total.max(1) as f64;
     let median = |of: fn(&Step) -> f64| {
@@ -101,7 +101,7 @@ fn row(args: &BenchScaling, (first, steps): (&Step, &[Step]), report: &Report) -
     line
 }
 
-/// Creates the spheres of this rank: consecutive ids, so the first step must move almost all spheres.
+/// Consecutive ids: the first step must move almost all spheres.
 fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<OwnedSpheres, Error> {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let ids = super::npy::share(spheres, rank, ranks)..super::npy::share(spheres, rank + 1, ranks);
@@ -117,7 +117,7 @@ fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<Ow
     Ok(OwnedSpheres { spheres: own, ids: ids.collect(), species: None })
 }
 
-/// Returns sphere `id` of `spheres`, which fill 5 % of a cube or of the middle of a cloud.
+/// Returns sphere `id`; all fill 5 % of a cube or of the middle of a cloud.
 fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     let cubes = match scene {
         Scene::FiveSizes => 0.2 * (0..5).map(|k| 0.125_f64.powi(k)).sum::<f64>(),
@@ -128,7 +128,7 @@ fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     match scene {
         Scene::Uniform => Sphere::new(cube(edge), 1.0),
         Scene::FiveSizes => Sphere::new(cube(edge), 0.5_f32.powi((id % 5) as i32)),
-        // The sum of four uniform numbers has a standard deviation of 0.58.
+        // Four uniform numbers sum up to a standard deviation of 0.58.
         Scene::Gaussian => {
             let sum = |axis: u64| (0..4).map(|k| random(id, 8 * axis + k) - 0.5).sum::<f32>();
             Sphere::new(Vec3::from([1, 2, 3].map(sum)) * (edge / 1.45), 1.0)

@@ -1,4 +1,4 @@
-//! The spheres of a file, each rank some of them.
+//! The spheres of a file, read in parts.
 
 use std::fs::File;
 use std::io::Read;
@@ -13,18 +13,18 @@ use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 use super::args::Detect;
 use super::{npy, refused, text};
 
-/// The placeholder for the number of a rank in a file name.
+/// Replaced by the rank's index.
 const RANK: &str = "{rank}";
 
 pub(crate) struct Input {
-    /// The spheres of this rank, numbered through all ranks in the order of the file.
+    /// Numbered through all ranks in the order of the file.
     pub(crate) particles: OwnedSpheres,
     pub(crate) space: Space,
 }
 
 #[derive(Debug)]
 enum FileSplit {
-    /// Each rank has a file of its own.
+    /// One file per rank.
     Own(PathBuf),
     /// Rank 0 reads everything.
     Whole,
@@ -42,7 +42,7 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
         FileSplit::Whole if part.0 == 0 => whole(&args.file, args),
         FileSplit::Whole => Ok(Frame::default()),
         FileSplit::Rows(rows) => rows.read(&args.file, args.options(), part),
-        // Lines are counted by all ranks before one of them may fail.
+        // All ranks count lines before one may fail.
         FileSplit::Lines(text) => {
             let rank_lines =
                 agree(world, text.lines_of(&args.file, part).map_err(|message| refused(world, message)))?;
@@ -73,7 +73,7 @@ impl FileSplit {
         }
         let known =
             args.format.or_else(|| Format::from_extension(path)).or_else(|| Format::from_content(&head));
-        // Compressed files have to be read from the start.
+        // Compressed files are read from the start.
         let compressed = head.starts_with(b"\x1F\x8B") || head.starts_with(b"\x28\xB5\x2F\xFD");
         let split = match known {
             _ if compressed => None,
@@ -107,7 +107,7 @@ fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
 fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Result<Space, Error> {
     let mut edges = own.cell_vectors().map(|edge| edge.unwrap_or([0.0; 3]));
     world.process_at_rank(0).broadcast_into(edges.as_flattened_mut());
-    // No edge is zero.
+    // No vector is zero.
     let first = Space::triclinic(edges.map(|edge| (edge != [0.0; 3]).then_some(edge)));
     let first = first.map_err(|error| refused(world, error.to_string()));
     let agreed = first.and_then(|first| match split {
@@ -125,7 +125,7 @@ fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Re
     agree(world, agreed)
 }
 
-/// The sum of what the ranks before this one have.
+/// Returns the sum over previous ranks.
 fn before(world: &SimpleCommunicator, own: u64) -> u64 {
     let mut all = vec![0_u64; world.size() as usize];
     world.all_gather_into(&own, &mut all[..]);

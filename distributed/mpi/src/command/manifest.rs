@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::output::Target;
 
-/// Writes the manifest. Scripts depend on its names.
+/// Scripts depend on its names.
 pub(crate) fn write(
     target: &Target,
     files: &[PathBuf],
@@ -16,7 +16,7 @@ pub(crate) fn write(
         .zip(pairs)
         .enumerate()
         .map(|(rank, (file, pairs))| {
-            // Relative to the manifest, so that both can be moved.
+            // Relative, so that both can be moved.
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             json!({ "rank": rank, "file": name, "pairs": pairs })
         })

@@ -1,4 +1,4 @@
-//! Rows of a NumPy array: each rank reads its own, under a header for these rows alone.
+//! Rows of a NumPy array: each rank reads its own, under a header of its own.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
@@ -7,22 +7,21 @@ use std::path::Path;
 use lazygrid_io::Position;
 use lazygrid_io::read::{Format, Frame, Frames, Options};
 
-/// The longest header that is read.
 const LONGEST: usize = 1 << 16;
 
-/// An array of consecutive rows.
+/// Consecutive rows.
 #[derive(Debug)]
 pub(crate) struct Rows {
-    /// All bytes before the rows.
+    /// Bytes before the rows.
     header: Vec<u8>,
-    /// The position of the number of rows in the header.
+    /// Position of the number of rows in the header.
     digits: std::ops::Range<usize>,
     rows: u64,
     width: u64,
 }
 
 impl Rows {
-    /// Finds the rows of a file; `None` if it must be read as a whole, also to report a fault.
+    /// Finds the rows of a file; `None` to read all of it, also to report a fault.
     pub(crate) fn of(path: &Path) -> io::Result<Option<Self>> {
         let length = path.metadata()?.len();
         let mut head = Vec::new();
@@ -30,7 +29,7 @@ impl Rows {
         Ok(Self::parse(head, length))
     }
 
-    /// Parses the first bytes of a file of this length.
+    /// Parses the head of a file of this length.
     fn parse(mut header: Vec<u8>, length: u64) -> Option<Self> {
         let bytes = |range: std::ops::Range<usize>| header.get(range);
         let (begin, size) = match bytes(6..7)?[0] {
@@ -54,13 +53,13 @@ impl Rows {
         whole.then(|| Self { header, digits, rows, width: body / rows })
     }
 
-    /// The header of an array of fewer rows, of the same length.
+    /// Returns a header of fewer rows, of the same length.
     fn header_for(&self, rows: u64) -> Vec<u8> {
         let digits = rows.to_string();
         let missing = self.digits.len().saturating_sub(digits.len());
         let mut header = self.header.clone();
         header.splice(self.digits.clone(), digits.into_bytes());
-        // The format wants the line break last.
+        // The format wants a final line break.
         let line_break = header.len().saturating_sub(1);
         header.splice(line_break..line_break, std::iter::repeat_n(b' ', missing));
         header
@@ -99,7 +98,6 @@ impl Rows {
     }
 }
 
-/// The start of a rank's rows.
 pub(crate) fn share(all: u64, rank: u64, ranks: u64) -> u64 {
     (u128::from(all) * u128::from(rank) / u128::from(ranks.max(1))) as u64
 }

@@ -17,7 +17,7 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// Returns the output that the options name; `None` if pairs are only counted.
+    /// Returns the output; `None` if pairs are only counted.
     pub(crate) fn of(args: &Detect) -> Result<Option<Self>, String> {
         let Some(path) = &args.output else { return Ok(None) };
         let Some(format) = TableFormat::from_extension(path) else {
@@ -47,7 +47,7 @@ impl Target {
 
     fn renamed(&self, name: impl Fn(&str, &str) -> String) -> PathBuf {
         let file = self.path.file_name().unwrap_or_default().to_string_lossy();
-        // The extension is there, or there would be no format.
+        // The extension is present, or there would be no format.
         let dot = [".csv", ".npy"].iter().filter_map(|ending| file.rfind(ending)).max().unwrap_or(file.len());
         self.path.with_file_name(name(&file[..dot], &file[dot..]))
     }
@@ -57,7 +57,7 @@ impl Target {
     }
 }
 
-/// Writes the pairs of all ranks, as ids; those of a rank are in order. Returns the files, on rank 0. Collective.
+/// Writes all pairs as ids, in order per rank. Returns the files on rank 0. Collective.
 pub(crate) fn write(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,

@@ -11,7 +11,7 @@ use mpi::traits::Communicator;
 use crate::command::args::Simulate;
 use crate::command::{print, refused};
 
-/// Collective: every rank returns the same.
+/// Collective.
 pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<(), Error> {
     let say = |error: &dyn std::fmt::Display| refused(world, error.to_string());
     let run = agree(world, read(world, args).map_err(|error| say(&error)))?;
@@ -36,7 +36,7 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
     }
 }
 
-/// Every rank reads the scenario, and the first logs its warnings.
+/// The first rank logs the warnings.
 fn read(world: &SimpleCommunicator, args: &Simulate) -> Result<Run, lazygrid_sim::Error> {
     let level = log::max_level();
     if world.rank() != 0 {
@@ -47,7 +47,7 @@ fn read(world: &SimpleCommunicator, args: &Simulate) -> Result<Run, lazygrid_sim
     run
 }
 
-/// Makes later signals ask the run to stop, with a checkpoint.
+/// Lets later signals stop the run with a checkpoint.
 fn signals() -> std::io::Result<Arc<AtomicBool>> {
     let asked = Arc::new(AtomicBool::new(false));
     #[cfg(unix)]

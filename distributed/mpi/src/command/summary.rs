@@ -10,12 +10,12 @@ pub(crate) struct Summary<'a> {
     pub(crate) report: &'a Report,
     pub(crate) space: Space,
     pub(crate) files: Vec<PathBuf>,
-    /// The times of rank 0, which include waiting for other ranks.
+    /// Times of rank 0, including waits.
     pub(crate) times: Vec<(&'static str, Duration)>,
 }
 
 impl Summary<'_> {
-    /// One line of JSON. Scripts depend on its names.
+    /// Scripts depend on its names.
     pub(crate) fn json(&self) -> String {
         let report = self.report;
         let times: Map<String, Value> =

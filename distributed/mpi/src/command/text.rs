@@ -1,4 +1,4 @@
-//! Lines of a text file: each rank reads whole lines, after the common header.
+//! Lines of a text file: each rank reads whole lines after the common header.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -9,16 +9,15 @@ use lazygrid_io::read::{Format, Frame, Frames, Options};
 
 use super::npy::share;
 
-/// The most bytes of comments and header before the first row.
+/// Most bytes before the first row.
 const LONGEST: u64 = 1 << 16;
 
-/// The rows of a text file, of which every line is one.
+/// Rows, one per line.
 #[derive(Debug)]
 pub(crate) struct TextRows {
     format: Format,
-    /// The lines before the rows, which every rank reads.
+    /// Lines before the rows, read by every rank.
     head: Vec<u8>,
-    /// The end of the file.
     end: u64,
 }
 
@@ -27,12 +26,12 @@ pub(crate) struct RankLines {
     format: Format,
     head: Vec<u8>,
     bytes: Vec<u8>,
-    /// `true` for rank 0, which also reports an empty file.
+    /// Rank 0, which also reports an empty file.
     is_first: bool,
 }
 
 impl TextRows {
-    /// Finds the rows of a file; `None` if there is no first row.
+    /// Finds the rows of a file, if any.
     pub(crate) fn of(path: &Path, format: Format) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
         let mut start = Vec::new();
@@ -47,7 +46,7 @@ impl TextRows {
         }))
     }
 
-    /// The whole lines that begin in a rank's share of the bytes.
+    /// Returns the lines that begin in a rank's share of the bytes.
     pub(crate) fn lines_of(&self, path: &Path, (rank, ranks): (u64, u64)) -> Result<RankLines, String> {
         let from = self.head.len() as u64;
         let cut = |rank| from + share(self.end.saturating_sub(from), rank, ranks);
@@ -71,7 +70,7 @@ impl RankLines {
         newlines(&self.bytes)
     }
 
-    /// Reads its spheres. `before` is the number of lines of earlier ranks, for messages.
+    /// Reads the spheres. `before` counts lines of earlier ranks, for messages.
     pub(crate) fn read(self, path: &Path, options: Options, before: u64) -> Result<Frame, String> {
         if self.bytes.is_empty() && !self.is_first {
             return Ok(Frame::default());
@@ -100,7 +99,7 @@ fn newlines(bytes: &[u8]) -> u64 {
     bytes.iter().filter(|&&byte| byte == b'\n').count() as u64
 }
 
-/// The length of the comments and the header; `None` if they do not end.
+/// Returns the length of comments and header; `None` if they do not end.
 fn head(start: &[u8]) -> Option<usize> {
     let mut length = 0;
     for line in start.split_inclusive(|&byte| byte == b'\n') {
@@ -117,7 +116,7 @@ fn head(start: &[u8]) -> Option<usize> {
     None
 }
 
-/// Returns the start of the first line at or after `at`, among the rows.
+/// Returns the first line that begins at or after `at`.
 fn line_from(file: &mut File, (first, end): (u64, u64), at: u64) -> io::Result<u64> {
     if at <= first {
         return Ok(first);
@@ -125,7 +124,7 @@ fn line_from(file: &mut File, (first, end): (u64, u64), at: u64) -> io::Result<u
     if at >= end {
         return Ok(end);
     }
-    // A line begins at `at` where the byte before it ends one.
+    // The byte before a line ends one.
     file.seek(SeekFrom::Start(at - 1))?;
     let skipped = BufReader::new(file.take(end - (at - 1))).skip_until(b'\n')?;
     Ok(at - 1 + skipped as u64)

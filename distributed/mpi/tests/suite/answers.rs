@@ -7,7 +7,6 @@ use mpi::traits::Communicator;
 
 use crate::scenes::{Scene, config, expected, gathered, id, local, sum};
 
-/// Placements of spheres on ranks.
 #[derive(Clone, Copy, Debug)]
 enum Placement {
     InTurn,
@@ -29,7 +28,7 @@ impl Placement {
 pub(crate) fn every_scene(world: &SimpleCommunicator) {
     let ranks = (world.rank() as u32, world.size() as u32);
     for space in [Space::UNBOUNDED, Space::periodic([Some(30.0), None, Some(44.0)]).unwrap()] {
-        // Kept from one scene to the next, as a simulation would.
+        // Reused, as by a simulation.
         let mut kept = Distributed::new(world, config().space(space)).unwrap();
         let balance = config().space(space).ownership(Ownership::BALANCE);
         let mut balanced = Distributed::new(world, balance).unwrap();
@@ -127,19 +126,18 @@ pub(crate) fn streams(world: &SimpleCommunicator) {
     assert_eq!(total, Ok(listed.len() as u64));
     assert_eq!(gathered(world, &streamed), listed);
     assert_eq!(distributed.count(local(&particles)), Ok(listed.len() as u64));
-    // One rank has seen enough; the others go on.
+    // One rank stops; the others continue.
     let stopped = distributed.stream(local(&particles), 1, |_| match rank {
         0 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     });
     stopped.unwrap();
-    // Columns instead of rows.
     let column = |f: fn(&lazygrid::Sphere) -> f32| particles.spheres.iter().map(f).collect::<Vec<_>>();
     let (x, y, z) = (column(|s| s.center.x), column(|s| s.center.y), column(|s| s.center.z));
     let r = column(|s| s.radius);
     let columns = lazygrid::Spheres::columns(&x, &y, &z, &r).unwrap();
     assert_eq!(distributed.count(LocalSpheres::new(columns, &particles.ids)), Ok(listed.len() as u64));
-    // One that does not search between two sets.
+    // Without a search of two sets.
     let grid = lazygrid::Config::default().algorithm(lazygrid::Algorithm::RecursiveGrid);
     let mut distributed = Distributed::new(world, config().detector(grid)).unwrap();
     assert_eq!(gathered(world, distributed.pairs(local(&particles)).unwrap()), listed);

@@ -1,4 +1,4 @@
-//! Settings and failures of single ranks: each is the same error on all, or none for settings that may differ.
+//! Different settings and failures of single ranks are the same error on all.
 
 use lazygrid::{Algorithm, Backend, Interaction, Interactions, Order, Skin, Space};
 use lazygrid_mpi::{Config, Delivery, Distributed, Error, OwnedSpheres, Ownership, Settings, agree_on};
@@ -12,11 +12,11 @@ fn part(world: &SimpleCommunicator) -> OwnedSpheres {
     Scene::Uniform.part(900, world.rank() as u32, |k| (k % ranks) as u32)
 }
 
-/// The error of [`Distributed::new`] if rank `odd` has the second configuration and all others the first.
+/// The error of [`Distributed::new`] if rank `odd` has the second configuration.
 fn refused(world: &SimpleCommunicator, odd: i32, [all, one]: [&Config; 2]) -> Error {
     let own = if world.rank() == odd { one } else { all };
     let error = Distributed::new(world, own.clone()).err().expect("ranks disagree");
-    // The communicator is at the same place on all ranks.
+    // The communicator is in the same state on all ranks.
     let mut distributed = Distributed::new(world, config()).expect("ranks agree");
     assert!(distributed.count(local(&part(world))).is_ok());
     error
@@ -107,7 +107,7 @@ pub(crate) fn failures_of_one(world: &SimpleCommunicator) {
         assert_eq!(named(of_one(config().message_limit(limit))), "message_limit");
         let error = of_one(config().detector(eager.clone()));
         assert!(matches!(error, Error::Detection { rank, .. } if rank as i32 == odd), "{error}");
-        // Without the feature `gpu`, or on a machine that has no GPU.
+        // Without the feature `gpu`, or without a GPU.
         #[cfg(not(feature = "gpu"))]
         {
             let error = of_one(config().backend(Backend::Gpu));

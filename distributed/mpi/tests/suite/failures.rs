@@ -5,7 +5,7 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 
 use crate::scenes::{Scene, config, local};
 
-/// For `test.sh`: the last rank panics while the others wait for it.
+/// For `test.sh`: the last rank panics while the others wait.
 pub(crate) fn panic(world: &SimpleCommunicator) {
     assert!(world.rank() + 1 < world.size(), "a panic on rank {}, as was asked for", world.rank());
     world.barrier();
@@ -41,7 +41,6 @@ pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
         let before = particles.ids.clone();
         refused(distributed.rebalance(&mut particles).unwrap_err());
         assert_eq!(particles.ids, before);
-        // The next call works.
         assert!(distributed.count(local(&part(world, 800))).is_ok());
     }
 }
@@ -79,7 +78,7 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank() as u32, world.size() as u32 - 1);
     let particles = part(world, 800);
     let mut distributed = Distributed::new(world, config()).unwrap();
-    // Ids are missing on one rank.
+    // One rank lacks ids.
     let ids = if rank == last { &particles.ids[1..] } else { &particles.ids[..] };
     let Err(Error::Input { rank: named, index: None, message }) =
         distributed.count(LocalSpheres::new(&particles.spheres, ids))
@@ -87,13 +86,12 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
         panic!("ids were missing")
     };
     assert!(named == last && message.contains("`ids`"), "{message}");
-    // A list that is too long on all ranks: the first is named, with its exact number.
+    // Too many pairs on all ranks: the first is named, with its number.
     let limit = |limit| config().max_pairs(limit);
     let point = Scene::Point.part(400, rank, |k| (k % u64::from(last + 1)) as u32);
     let error = Distributed::new(world, limit(10)).unwrap().pairs(local(&point)).unwrap_err();
     let Error::TooManyPairs { rank: 0, found, limit: 10 } = error else { panic!("{error}") };
     assert!(found > 10);
-    // Species.
     let table = Interactions::new(2, Interaction::Touch).unwrap();
     let mut distributed = Distributed::new(world, config().interactions(table)).unwrap();
     let error = distributed.count(local(&particles)).unwrap_err().to_string();

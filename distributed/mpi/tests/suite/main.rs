@@ -1,5 +1,5 @@
-//! Properties that hold on any number of ranks. All ranks run every case; a panic on one of them ends the job.
-//! `../../test.sh` runs it under `mpirun`; by itself it has one rank.
+//! Properties for any number of ranks, which all run every case. `../../test.sh` uses `mpirun`; alone it has one
+//! rank.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![allow(clippy::print_stdout, reason = "a test program, of which rank 0 says what it did")]
@@ -47,7 +47,7 @@ fn main() {
     if std::env::var_os("LAZYGRID_TEST_MPI_PANIC").is_some() {
         failures::panic(&world);
     }
-    // Cargo passes the arguments after `--`: names of cases, or parts of them.
+    // Cargo passes names of cases.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     let mut passed = 0;
     for (name, case) in CASES {

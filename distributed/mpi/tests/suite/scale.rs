@@ -9,14 +9,14 @@ const MILLION: u64 = 1_000_000;
 
 pub(crate) fn million(world: &SimpleCommunicator) {
     let ranks = world.size() as u64;
-    // Fewer ranks add nothing to one process after the other.
+    // Fewer ranks add nothing.
     let scenes: &[Scene] = match ranks {
         8 => &[Scene::Uniform, Scene::FiveSizes, Scene::Giant, Scene::Gaussian, Scene::WideSizes],
         _ => &[Scene::FiveSizes],
     };
     for &scene in scenes {
         let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
-        // In blocks, as a file would be read.
+        // In blocks, like a file.
         let mut particles = scene.part(MILLION, world.rank() as u32, |k| (k * ranks / MILLION) as u32);
         let report = distributed.rebalance(&mut particles).unwrap();
         assert!(
@@ -48,7 +48,7 @@ pub(crate) fn million(world: &SimpleCommunicator) {
     }
 }
 
-/// A step with small displacements sends at most two bytes per sphere besides migrated spheres.
+/// Small displacements send at most two bytes per sphere besides migrated spheres.
 fn steady(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,
@@ -65,7 +65,7 @@ fn steady(
     assert!(scene == Scene::WideSizes || sent <= 2.0, "{scene:?}: {sent} bytes per sphere");
 }
 
-/// Number and digest of the pairs of one process; on all ranks.
+/// Number and digest of one process's pairs, on all ranks.
 fn whole(world: &SimpleCommunicator, scene: Scene) -> (u64, u64) {
     let (mut count, mut own) = (0, 0);
     if world.rank() == 0 {
@@ -95,7 +95,7 @@ pub(crate) fn one_point(world: &SimpleCommunicator) {
     assert!(report.owned.imbalance() <= 1.05, "{}", report.owned.imbalance());
     assert_eq!(distributed.count(local(&particles)), Ok(n * (n - 1) / 2));
     let report = distributed.report();
-    // Two ranks that are half of all ranks apart: one of them reports all pairs of both.
+    // One of two ranks half of all apart reports all common pairs.
     let most = 1.03 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
     assert!(report.pairs.imbalance() <= most, "{:?}", report.pairs);
     assert_eq!(report.elsewhere, 0);

@@ -1,4 +1,4 @@
-//! Scenes of which every rank makes its part, and the gathering of answers.
+//! Scenes made in parts.
 
 use lazygrid::{Backend, Detector, Space, Sphere, Spheres};
 use lazygrid_mpi::{Config, GlobalPair, LocalSpheres, OwnedSpheres};
@@ -14,7 +14,7 @@ pub(crate) enum Scene {
     FiveSizes,
     Giant,
     Gaussian,
-    /// Radii over four orders of magnitude.
+    /// Four orders of magnitude.
     WideSizes,
     Point,
 }
@@ -23,7 +23,7 @@ impl Scene {
     pub(crate) const ALL: [Self; 6] =
         [Self::Uniform, Self::FiveSizes, Self::Giant, Self::Gaussian, Self::WideSizes, Self::Point];
 
-    /// Sphere `k` of `n`. The same on every rank.
+    /// Sphere `k` of `n`, the same on every rank.
     pub(crate) fn sphere(self, k: u64, n: u64) -> Sphere {
         let edge = (n as f32).cbrt() * 4.0;
         let cube = || [0, 1, 2].map(|axis| edge * (random(k, axis) - 0.5));
@@ -43,7 +43,7 @@ impl Scene {
         (0..n).map(|k| self.sphere(k, n)).collect()
     }
 
-    /// The spheres of the rank that `owner` names, with ids that are neither small nor in order.
+    /// The spheres of `rank`; ids are neither small nor in order.
     pub(crate) fn part(self, n: u64, rank: u32, owner: impl Fn(u64) -> u32) -> OwnedSpheres {
         let mine = || (0..n).filter(|&k| owner(k) == rank);
         OwnedSpheres {
@@ -69,7 +69,7 @@ fn normal(k: u64, axis: u64) -> f32 {
     (0..6).map(|j| random(k, 16 + 8 * axis + j)).sum::<f32>() - 3.0
 }
 
-/// The configuration of all tests: the CPU, and one thread per rank.
+/// The CPU, one thread per rank.
 pub(crate) fn config() -> Config {
     Config::default().backend(Backend::Cpu).threads(1)
 }
@@ -78,7 +78,7 @@ pub(crate) fn local(particles: &OwnedSpheres) -> LocalSpheres<'_> {
     particles.local().unwrap()
 }
 
-/// The pairs of one process, as sorted pairs of ids.
+/// Pairs of one process, as sorted ids.
 pub(crate) fn expected(spheres: &[Sphere], space: Space) -> Vec<[u64; 2]> {
     let config = lazygrid::Config::default().backend(Backend::Cpu).space(space).threads(1);
     let mut detector = Detector::new(config).unwrap();

@@ -1,4 +1,4 @@
-//! One detector over all ranks, call after call: any input may change between two calls and any call may fail.
+//! One detector, call after call: any input may change, and any call may fail.
 
 use std::ops::ControlFlow;
 
@@ -10,17 +10,16 @@ use mpi::traits::Communicator;
 
 use crate::scenes::{config, gathered, id, random, sum};
 
-/// The edge of the cube that spheres are in.
 const EDGE: f32 = 12.0;
 
-/// The spheres of all ranks, the same on every rank. RankDevice `k` has the id `id(k)`.
+/// Spheres of all ranks. Sphere `k` has the id `id(k)`.
 struct World {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
-    /// The rank of each sphere.
+    /// Rank of each sphere.
     owners: Vec<u32>,
     ranks: u32,
-    /// The number of random choices so far.
+    /// Random choices so far.
     drawn: u64,
 }
 
@@ -46,7 +45,7 @@ impl World {
         self.owners.truncate(n);
     }
 
-    /// Changes something, and returns how many calls are made before the next change.
+    /// Returns the calls before the next change.
     fn change(&mut self) -> u64 {
         match self.choose(9) {
             0 => return 1 + self.choose(5),
@@ -111,10 +110,10 @@ impl World {
     }
 }
 
-/// A call that fails with the changed input, and must have no later effect.
+/// A call that fails must have no later effect.
 fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, kind): (&OwnedSpheres, u64)) {
     let mut bad = particles.clone();
-    // The first rank that has a sphere differs from case to case.
+    // The first rank with a sphere differs between cases.
     let has = sum(world, u64::from(!bad.ids.is_empty()) << world.rank());
     if has == 0 {
         return;
@@ -128,7 +127,6 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, k
             0 => bad.spheres[0].radius = -1.0,
             1 => bad.spheres[0].center.y = f32::NAN,
             2 => drop(bad.ids.pop()),
-            // Groups, below.
             _ => {}
         }
     }

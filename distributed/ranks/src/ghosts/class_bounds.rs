@@ -3,23 +3,23 @@ use lazygrid::Space;
 
 use crate::{SizeClass, WrappedSphere};
 
-/// The bounding box of a rank's spheres of one size class and one group of species: the box of their centers, and their
-/// largest effective radius. 32 bytes.
+/// The box of the centers of a rank's spheres of one size class and species group, and their largest effective
+/// radius. 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ClassBounds {
     low: [f32; 3],
     high: [f32; 3],
-    /// All radii of the spheres are of one class, so the radius implies the class.
+    /// Implies the class.
     radius: f32,
     group: u32,
 }
 
 impl ClassBounds {
-    /// Creates one bounding box for each class and group that occurs among the spheres, by rising class, then group.
+    /// Returns a box for each class and group, ascending.
     pub fn all_of(spheres: &[WrappedSphere]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
-        // Boxes are few, and equal spheres often follow each other.
+        // Boxes are few, and equal spheres often adjacent.
         let mut last = 0;
         for sphere in spheres {
             if !all.get(last).is_some_and(|bounds| bounds.has_kind_of(sphere)) {
@@ -52,30 +52,30 @@ impl ClassBounds {
         self.radius = self.radius.max(sphere.radius);
     }
 
-    /// The size class of all spheres in the box.
+    /// Returns the size class.
     #[inline]
     pub fn class(&self) -> SizeClass {
         SizeClass::of(self.radius)
     }
 
-    /// The group of species of all spheres in the box.
+    /// Returns the species group.
     #[inline]
     pub fn group(&self) -> u32 {
         self.group
     }
 
-    /// Returns `true` if a sphere may overlap a sphere in this box. `false` is always right.
+    /// Returns `true` if a sphere may overlap one in this box. `false` is always right.
     #[inline]
     pub fn overlaps_sphere(&self, space: &Space, sphere: &WrappedSphere) -> bool {
         self.overlaps(space, &Self::around(sphere))
     }
 
-    /// Returns `true` if a sphere in the one box may overlap a sphere in the other. `false` is always right.
+    /// Returns `true` if spheres of both boxes may overlap. `false` is always right.
     ///
     /// # Correctness
     ///
-    /// 1. This test evaluates the contact test in the same `f64` operations.
-    /// 2. Its distance along each axis is at most that of any two spheres in the boxes, and its radii are at least theirs.
+    /// 1. The test has the `f64` operations of the contact test.
+    /// 2. Its distance by axis is at most that of any two spheres, and its radii are at least theirs.
     /// 3. Every operation is monotone, with or without rounding.
     #[inline]
     pub fn overlaps(&self, space: &Space, other: &Self) -> bool {
@@ -90,12 +90,12 @@ impl ClassBounds {
     }
 }
 
-/// The least distance of two intervals `[low, high]`, on a ring if the axis has a length.
+/// Returns the least distance of two intervals, on a ring if `length` is given.
 #[inline]
 fn gap(a: [f64; 2], b: [f64; 2], length: Option<f32>) -> f64 {
     let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);
     match length {
-        // Points of the intervals are at most this span apart, or at least the rest of the ring.
+        // Points are at most this span apart, or at least the rest of the ring.
         Some(length) => direct.min((f64::from(length) - (a[1].max(b[1]) - a[0].min(b[0]))).max(0.0)),
         None => direct,
     }

@@ -1,21 +1,21 @@
-//! The rule that says which of two spheres on different ranks becomes a ghost: the larger one, at the owner of the smaller.
-//! Within a size class ghosts go one way between two ranks.
+//! The ghost of a pair on two ranks: the larger sphere, at the owner of the smaller. Within a size class ghosts go
+//! one way between two ranks.
 
 use std::cmp::Ordering;
 
 use crate::SizeClass;
 
-/// The owner and the size class of a sphere.
+/// Owner and size class of a sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RankAndClass {
-    /// The rank that owns the sphere.
+    /// Owner.
     pub rank: u32,
-    /// The class of its effective radius.
+    /// Class of the effective radius.
     pub class: SizeClass,
 }
 
-/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. Of two spheres on
-/// different ranks exactly one becomes a ghost; of two spheres on one rank neither does.
+/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. On different
+/// ranks exactly one of two spheres does; on one rank neither.
 #[inline]
 pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> bool {
     if sphere.rank == other.rank {
@@ -27,10 +27,10 @@ pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> b
     }
 }
 
-/// Returns `true` if ghosts of one class go from rank `from` to rank `to`, and not the other way round.
+/// Returns `true` if ghosts of one class go from rank `from` to `to`, and not back.
 ///
-/// A rank sends to the ranks up to half of all ranks ahead of it, and receives from the others, so that all ranks send to
-/// equally many. Two ranks that are exactly half of all ranks apart alternate.
+/// A rank sends to the ranks up to half of all ahead of it, so all send to equally many. Two ranks exactly half of
+/// all apart alternate.
 #[inline]
 pub fn sends_ghosts(from: u32, to: u32, ranks: u32) -> bool {
     let (from, to, ranks) = (u64::from(from), u64::from(to), u64::from(ranks.max(1)));

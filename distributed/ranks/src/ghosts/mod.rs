@@ -1,4 +1,4 @@
-//! Ghosts: spheres of other ranks that may pair with spheres of this rank.
+//! Ghosts: spheres of other ranks that may pair with this rank's.
 
 mod class_bounds;
 pub mod ghost_rule;
@@ -11,17 +11,16 @@ use crate::{Communicator, Particle};
 pub use class_bounds::ClassBounds;
 pub use rank_bounds::RankBounds;
 
-/// The spheres of other ranks that came to this rank, ordered by the rank that owns them.
+/// The ghosts of a rank, by owner.
 #[derive(Clone, Debug, Default)]
 pub struct Ghosts {
     particles: Vec<Particle>,
-    /// The first ghost of each rank, and the number of all ghosts.
+    /// First ghost of each rank, and the number of all.
     starts: Vec<usize>,
 }
 
 impl Ghosts {
-    /// Creates ghosts from the particles of rank 0, then those of rank 1 and so on, with the count of each rank. Particles
-    /// beyond the sum of the counts are dropped.
+    /// Creates ghosts from particles by rank, with counts. Drops particles beyond the counts.
     pub fn new(mut particles: Vec<Particle>, counts: &[usize]) -> Self {
         let mut starts = vec![0];
         for count in counts {
@@ -31,7 +30,7 @@ impl Ghosts {
         Self { particles, starts }
     }
 
-    /// Sends the particles at the indices `leaving[rank]` to each rank, and receives the ghosts of this rank. Collective.
+    /// Sends the particles `leaving[rank]` to each rank, and receives this rank's ghosts. Collective.
     ///
     /// # Errors
     /// Fails if the communicator fails.
@@ -47,12 +46,12 @@ impl Ghosts {
         Ok(Self::new(ghosts, &counts))
     }
 
-    /// All ghosts.
+    /// Returns all ghosts.
     pub fn particles(&self) -> &[Particle] {
         &self.particles
     }
 
-    /// The rank that owns ghost `k`.
+    /// Returns the owner of ghost `k`.
     #[inline]
     pub fn rank_of(&self, k: u32) -> u32 {
         (self.starts.partition_point(|&start| start <= k as usize) - 1) as u32

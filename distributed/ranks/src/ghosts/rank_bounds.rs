@@ -6,23 +6,23 @@ use super::ghost_rule::{RankAndClass, becomes_ghost};
 use crate::memory::try_push;
 use crate::{Communicator, SphereWrapper, WrappedSphere};
 
-/// The bounding boxes of all ranks.
+/// Bounding boxes of all ranks.
 #[derive(Clone, Debug, Default)]
 pub struct RankBounds {
     bounds: Vec<ClassBounds>,
-    /// The first box of each rank, and the number of all boxes.
+    /// First box of each rank, and the number of all.
     starts: Vec<usize>,
 }
 
-/// The spheres of a rank that one of its boxes holds.
+/// Spheres in a box of a rank.
 struct BoxedSpheres<'a> {
     bounds: &'a ClassBounds,
-    /// Their indices, ascending.
+    /// Ascending indices.
     members: Vec<u32>,
 }
 
 impl RankBounds {
-    /// Creates the bounds from the boxes of each rank.
+    /// Creates bounds from each rank's boxes.
     pub fn new(of_ranks: impl IntoIterator<Item = Vec<ClassBounds>>) -> Self {
         let mut all = Self { bounds: Vec::new(), starts: vec![0] };
         for bounds in of_ranks {
@@ -32,7 +32,7 @@ impl RankBounds {
         all
     }
 
-    /// Tells all ranks the bounding boxes of these spheres, and receives theirs. Collective.
+    /// Sends this rank's boxes to all, and receives theirs. Collective.
     ///
     /// # Errors
     /// Fails if the communicator fails.
@@ -45,18 +45,18 @@ impl RankBounds {
         Ok(Self::new(counts.iter().map(|&count| bounds.by_ref().take(count).collect())))
     }
 
-    /// The number of ranks.
+    /// Returns the number of ranks.
     pub fn ranks(&self) -> u32 {
         self.starts.len().saturating_sub(1) as u32
     }
 
-    /// The bounding boxes of a rank.
+    /// Returns a rank's boxes.
     pub fn of_rank(&self, rank: u32) -> &[ClassBounds] {
         &self.bounds[self.starts[rank as usize]..self.starts[rank as usize + 1]]
     }
 
-    /// Returns the spheres of `rank` that become ghosts: for each rank the ascending indices of the spheres that may pair
-    /// with a sphere of that rank and for which the [rule](becomes_ghost) says so.
+    /// Returns by rank the ascending indices of spheres of `rank` that become ghosts there: those that may pair
+    /// there, by the [rule](becomes_ghost).
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -88,7 +88,7 @@ impl RankBounds {
         (0..self.ranks()).into_par_iter().map(to).collect()
     }
 
-    /// The boxes of rank `to` that may hold a partner of spheres in `bounds` and to which these become ghosts.
+    /// Returns the boxes of rank `to` that may have a partner of spheres in `bounds`, which become ghosts there.
     fn near(
         &self,
         from: RankAndClass,
@@ -104,7 +104,7 @@ impl RankBounds {
     }
 }
 
-/// The bounding boxes of a rank, each with the indices of the spheres in it.
+/// Returns a rank's boxes with their spheres.
 fn boxed<'a>(spheres: &[WrappedSphere], all: &'a [ClassBounds]) -> Result<Vec<BoxedSpheres<'a>>, Error> {
     let mut boxed: Vec<_> = all.iter().map(|bounds| BoxedSpheres { bounds, members: Vec::new() }).collect();
     for (k, sphere) in (0..).zip(spheres) {
