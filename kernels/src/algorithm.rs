@@ -3,15 +3,15 @@ use std::str::FromStr;
 
 use crate::UnknownName;
 
-/// The algorithms that find overlapping pairs. All find the same set; they differ in time and memory.
-/// Their text form (`Display`, `FromStr`) is that of the command line: `cell-list`, `recursive-grid`, …
+/// The algorithms. All find the same pairs; they differ in time and memory. Text form (`Display`, `FromStr`):
+/// `cell-list`, `recursive-grid`, …
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Algorithm {
     /// Chosen per call from the number of spheres and the spread of their radii.
     #[default]
     Auto,
-    /// Tests all pairs. The reference for all others, and the fastest for a few hundred spheres.
+    /// Tests all pairs: the reference, and the fastest for a few hundred spheres.
     Naive,
     /// Uniform grid in a hash table with separate chaining (Stroobant et al., section 3.1). CPU.
     HashGrid,
@@ -19,11 +19,11 @@ pub enum Algorithm {
     ArrayGrid,
     /// Uniform grid of the largest diameter whose overfull cells are split again (section 3.2). CPU.
     RecursiveGrid,
-    /// Each sphere in the one cell of its center, with a level per size class. CPU and GPU.
+    /// Each sphere in the cell of its center, with a level per size class. CPU and GPU.
     CellList,
     /// Nested grids; all smaller objects continue to the next level (section 3.2). GPU.
     EagerGrid,
-    /// Nested grids; only the smaller objects of overfull cells continue to the next level (section 3.2). GPU.
+    /// Nested grids; only smaller objects of overfull cells continue to the next level (section 3.2). GPU.
     LazyGrid,
 }
 
@@ -40,11 +40,11 @@ impl Algorithm {
         Self::LazyGrid,
     ];
 
-    /// The algorithms of the CPU path, the naive one first.
+    /// The algorithms on the CPU, naive first.
     pub const CPU: &'static [Self] =
         &[Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
 
-    /// The algorithms that have GPU kernels, the naive one first.
+    /// The algorithms on the GPU, naive first.
     pub const GPU: &'static [Self] =
         &[Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid, Self::CellList];
 

@@ -3,18 +3,17 @@ use std::str::FromStr;
 
 use crate::UnknownName;
 
-/// The processor that does the work.
+/// The processor of a search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// The CPU, or a real GPU if there is one. A call with spheres in the host's memory runs on the GPU if it has
-    /// enough spheres for the GPU to answer earlier, by measurement or estimate. An algorithm that only GPUs have takes
-    /// a software adapter if there is no real one.
+    /// The CPU, or a hardware GPU if present. Spheres in host memory are searched on the GPU if measurement or estimate
+    /// says that it is faster. An algorithm that only GPUs have falls back to a software adapter.
     #[default]
     Auto,
     /// The CPU, through rayon.
     Cpu,
-    /// A wgpu adapter, software ones included. Never falls back.
+    /// A wgpu adapter, hardware or software. Never falls back.
     Gpu,
 }
 

@@ -2,18 +2,18 @@ use thiserror::Error;
 
 use crate::{Algorithm, Backend, MAX_SPHERES};
 
-/// An invalid input. Every message names the value, the limit and the remedy.
+/// An invalid input. Messages name the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum InputError {
-    /// Spheres with a center that is not finite, or a radius that is negative, infinite or NaN.
+    /// Spheres with a non-finite value or a negative radius.
     #[error(
         "sphere {index} has center ({x}, {y}, {z}) and radius {r}: {count} of {total} spheres are invalid \
          (non-finite value or negative radius); fix or remove them",
         x = .center[0], y = .center[1], z = .center[2], r = .radius
     )]
     Sphere {
-        /// Index of the first such sphere.
+        /// The first such sphere.
         index: u32,
         /// Its center.
         center: [f64; 3],
@@ -40,7 +40,7 @@ pub enum InputError {
     /// More spheres than 32-bit indices can name.
     #[error("{count} spheres exceed the {MAX_SPHERES} that 32-bit indices can name; split the input")]
     TooManySpheres {
-        /// The number that was given.
+        /// The number of spheres.
         count: u64,
     },
     /// A species id outside the interaction table.
@@ -61,7 +61,7 @@ pub enum InputError {
     SpeciesCount {
         /// The requested number.
         count: u32,
-        /// The most there may be.
+        /// The most species.
         limit: u32,
     },
     /// The system refused memory for an interaction table.
@@ -74,19 +74,19 @@ pub enum InputError {
         /// The requested bytes.
         bytes: u64,
     },
-    /// An interaction table is set but the spheres carry no species ids.
+    /// Spheres without species ids, though an interaction table is set.
     #[error(
         "interactions are set but the spheres have no species ids; add them with `Spheres::with_species`"
     )]
     SpeciesMissing,
-    /// A length of a periodic axis that is not finite or not above 0.
+    /// A periodic length that is not finite or not above 0.
     #[error(
         "the length {length} of the periodic axis {axis} must be finite and above 0; omit the length of an unbounded axis"
     )]
     PeriodicLength {
         /// The axis: `x`, `y` or `z`.
         axis: char,
-        /// The length given.
+        /// The length.
         length: f64,
     },
     /// Cell vectors that span no box.
@@ -96,10 +96,10 @@ pub enum InputError {
         .vectors.iter().flatten().map(|[x, y, z]| format!("({x}, {y}, {z})")).collect::<Vec<_>>().join(", ")
     )]
     CellVectors {
-        /// The cell vectors given.
+        /// The cell vectors.
         vectors: Box<[Option<[f64; 3]>; 3]>,
     },
-    /// More images of spheres are within the cutoff of others than indices can name.
+    /// More images within the cutoff than indices can name.
     #[error(
         "{images} images of spheres are within the cutoff {reach} of others, more than the {MAX_SPHERES} that 32-bit indices can \
          name; choose a smaller cutoff or a larger box"
@@ -130,9 +130,9 @@ pub enum InputError {
         i: u32,
         /// The second index.
         j: u32,
-        /// The number of spheres of the first set.
+        /// The size of the first set.
         first: usize,
-        /// The number of spheres of the second set.
+        /// The size of the second set.
         second: usize,
     },
     /// Invalid offsets of compressed sparse rows of excluded pairs.
@@ -150,13 +150,13 @@ pub enum InputError {
         /// The number of indices.
         indices: usize,
     },
-    /// Exclusions that were made for other numbers of spheres.
+    /// Exclusions for other numbers of spheres.
     #[error(
         "the exclusions were made for {}, but the call has {}; create `Exclusions` again when the number of spheres changes",
         sets(.made_for), sets(.given)
     )]
     ExclusionSizeMismatch {
-        /// The numbers of spheres of the exclusions, of one set or of both.
+        /// The numbers of spheres of the exclusions, of one set or both.
         made_for: (usize, Option<usize>),
         /// The numbers of spheres of the call.
         given: (usize, Option<usize>),
@@ -168,19 +168,19 @@ pub enum InputError {
         a: u32,
         /// The other.
         b: u32,
-        /// The distance given.
+        /// The distance.
         distance: f64,
     },
 }
 
-/// The failure of a call. Every message names the value, the limit and the remedy.
+/// The failure of a call. Messages name the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
     /// An invalid input.
     #[error(transparent)]
     Input(InputError),
-    /// A setting outside its range.
+    /// A setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
     InvalidSetting {
         /// The setting.
@@ -193,19 +193,19 @@ pub enum Error {
     /// The algorithm does not run on the backend.
     #[error("{algorithm} does not run on the {backend} backend; choose {}", runs_on(*backend))]
     NotOnBackend {
-        /// The algorithm asked for.
+        /// The requested algorithm.
         algorithm: Algorithm,
-        /// The backend asked for.
+        /// The requested backend.
         backend: Backend,
     },
-    /// A list would hold more pairs than `max_pairs` allows. The count is exact; nothing was truncated.
+    /// More pairs than `max_pairs`. The count is exact; nothing was truncated.
     #[error(
         "{found} pairs exceed the limit of {limit} for a list; count or stream the pairs, or raise `max_pairs`"
     )]
     TooManyPairs {
         /// The number of pairs.
         found: u64,
-        /// The limit that was set.
+        /// The limit.
         limit: u64,
     },
     /// The caller cancelled the search.
@@ -226,10 +226,10 @@ pub enum Error {
     ThreadPool {
         /// The requested number.
         threads: usize,
-        /// The message of the operating system.
+        /// The operating system's message.
         reason: String,
     },
-    /// The requested GPU backend cannot be used. An explicit choice never falls back.
+    /// The requested GPU backend cannot be used.
     #[error("the GPU backend is not available: {reason}; choose the `cpu` or `auto` backend")]
     GpuUnavailable {
         /// The reason.
@@ -249,7 +249,7 @@ pub enum Error {
         "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
     )]
     NoAdapter {
-        /// The request and the answer.
+        /// The reason.
         reason: String,
     },
     /// The request matches no adapter, or several.
@@ -301,7 +301,7 @@ pub enum Error {
     /// The device was unplugged, reset by its driver, or destroyed by its owner.
     #[error("the device was lost ({reason}); create a new device and a new detector")]
     DeviceLost {
-        /// The message of the driver.
+        /// The driver's message.
         reason: String,
     },
     /// The device rejected a call because of an error of this library or of a given buffer.
@@ -320,7 +320,7 @@ pub enum Error {
         /// The time limit.
         seconds: u64,
     },
-    /// All call slots of a session are in use, or the ticket is of a failed call.
+    /// All call slots of a session are in use, or the ticket's call has failed.
     #[error(
         "all {calls} call slots are in use, or this call failed; finish a call before beginning the next"
     )]
@@ -337,7 +337,7 @@ pub enum Error {
         size: u64,
         /// The required size.
         needed: u64,
-        /// The usage that is missing, if any.
+        /// The missing usage, if any.
         usage: &'static str,
     },
     /// An interaction table without a species buffer, or the reverse.

@@ -1,4 +1,4 @@
-//! The GPU kernels: WGSL sources and the metadata that a host needs to run them. Nothing here calls a device.
+//! The GPU kernels: WGSL sources and the metadata to run them, without device calls.
 
 use crate::layout::{SearchParams, SortCounts};
 use crate::wgsl;
@@ -17,21 +17,21 @@ pub use sizes::{
 };
 pub use subgroup_probe::SubgroupProbe;
 
-/// The use of a binding by a kernel; the position in [`Kernel::bindings`] is the binding number of group 0.
+/// The use of a binding; its position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
     /// A uniform buffer.
     Uniform,
-    /// A storage buffer that is only read.
+    /// A read-only storage buffer.
     Read,
-    /// A storage buffer that is read and written.
+    /// A writable storage buffer.
     ReadWrite,
 }
 
-/// One buffer that a kernel binds.
+/// A binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Binding {
-    /// The variable's name in the shader.
+    /// The variable in the shader.
     pub name: &'static str,
     /// Its use.
     pub access: Access,
@@ -49,17 +49,17 @@ const fn write(name: &'static str) -> Binding {
     Binding { name, access: Access::ReadWrite }
 }
 
-/// The differences between the texts of one kernel.
+/// The variant of a kernel's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// The device's smallest subgroup size if subgroup operations are used; `None` works everywhere.
+    /// The smallest subgroup size if subgroup operations are used; `None` works everywhere.
     pub subgroups: Option<u32>,
-    /// `true` if an interaction table decides which spheres pair.
+    /// `true` if an interaction table decides pairs.
     pub species: bool,
     /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// `true` if a radix pass sorts tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`]: 20 KiB of workgroup memory instead
-    /// of at least 12.
+    /// `true` if radix passes sort tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`]: 20 KiB of workgroup memory
+    /// instead of at least 12.
     pub wide_tiles: bool,
 }
 
@@ -67,8 +67,8 @@ impl Variant {
     /// The smallest subgroup whose radix ranking tables fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
-    /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given, and wide tiles if its workgroup
-    /// memory, in bytes, holds them. The call decides the rest.
+    /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given, wide tiles if
+    /// `workgroup_memory` (bytes) suffices. The call decides the rest.
     pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
         let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
         // Ranking tables of small subgroups need more workgroup memory than some devices have.
@@ -98,14 +98,14 @@ impl Variant {
         tables.max(self.radix_tile())
     }
 
-    /// Returns the number of keys that one workgroup sorts in a radix pass.
+    /// Returns the keys that one workgroup sorts in a radix pass.
     pub fn radix_tile(self) -> u32 {
         if self.wide_tiles { WIDE_TILE } else { NARROW_TILE }
     }
 }
 
 impl SortCounts {
-    /// Returns the counts for a sort of `items` keys in tiles of `tile` keys: one counter per digit and tile.
+    /// Returns the counts for a sort of `items` keys in tiles of `tile` keys.
     pub fn for_sort(items: u32, tile: u32) -> Self {
         Self { items, counters: items.div_ceil(tile) << DIGIT_BITS }
     }
@@ -114,7 +114,7 @@ impl SortCounts {
 /// One compute stage.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// Entry point, and the name of the file.
+    /// The entry point and file name.
     pub name: &'static str,
     /// Threads per workgroup.
     pub workgroup_size: u32,
@@ -126,7 +126,7 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Returns the buffers that the kernel binds in group 0, by binding number.
+    /// Returns the bindings of group 0, by number.
     pub fn bindings(&self, variant: Variant) -> impl Iterator<Item = Binding> + use<> {
         let species = if variant.species { self.species_bindings } else { &[] };
         self.bindings.iter().chain(species).copied()
@@ -142,7 +142,7 @@ impl Kernel {
         }
     }
 
-    /// Returns every variant with a text of its own, over all subgroup sizes.
+    /// Returns every variant with a distinct text, over all subgroup sizes.
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
@@ -158,14 +158,14 @@ impl Kernel {
         found
     }
 
-    /// Returns the kernel's complete WGSL text for naga.
+    /// Returns the complete WGSL text for naga.
     pub fn wgsl(&self, variant: Variant) -> String {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
-    /// Returns the text for compilers that follow the WGSL standard strictly, such as those of browsers. These require
-    /// `enable subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations that only this
-    /// library knows to be uniform, for which naga warns.
+    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers. These require
+    /// `enable subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations whose uniformity
+    /// only this library knows, for which naga warns.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
         let text = Preprocessor { variant, strict: true }.expand(self.source);
@@ -191,7 +191,7 @@ macro_rules! kernels {
 }
 
 kernels! {
-    /// Tests of what kernels assume about subgroups.
+    /// Tests the assumptions about subgroups.
     SUBGROUP_PROBE = "probe" / "subgroup_probe", WORKGROUP_SIZE, subgroups: true, periodic: false, [write("probe")],
         species: [];
     /// Clears the accumulators of a call.
@@ -200,7 +200,7 @@ kernels! {
     /// Wraps each sphere to its image nearest to the origin.
     SPHERES_WRAP = "grid" / "spheres_wrap", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), read("given"), write("wrapped")], species: [];
-    /// Bounds of the valid spheres and number of the invalid ones.
+    /// Reduces the valid spheres to bounds and counts the invalid ones.
     BOUNDS_REDUCE = "grid" / "bounds_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("species_params")];
@@ -227,10 +227,10 @@ kernels! {
     /// Clamps and stores the number of entries.
     ENTRIES_FINISH = "grid" / "entries_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("sort_counts")], species: [];
-    /// Sums of the tiles of a scan.
+    /// Sums the tiles of a scan.
     SCAN_REDUCE = "sort" / "scan_reduce", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), read("values"), write("sums")], species: [];
-    /// Prefix sums of those, and the total.
+    /// Prefix sums of the tile sums, and the total.
     SCAN_SPINE = "sort" / "scan_spine", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), write("sums"), write("total")], species: [];
     /// Prefix sums of all values, in place.
@@ -253,7 +253,7 @@ kernels! {
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("species"), read("table")];
-    /// Dispatch arguments of the search for far pairs.
+    /// Dispatch arguments of `runs_search_far`.
     RUNS_SEARCH_FAR_DISPATCH_ARGS = "grid" / "runs_search_far_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of entries far apart in a run.
@@ -310,7 +310,7 @@ kernels! {
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("sorted_species"), read("table")];
-    /// Dispatch arguments of the search of later candidates.
+    /// Dispatch arguments of `cell_list_search_overflow`.
     CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS = "cell_list" / "cell_list_search_overflow_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of the spheres of deferred blocks with their later candidates.

@@ -1,6 +1,5 @@
-//! Rust counterparts of the structures in the shaders, whose sizes and offsets a test compares. Structures with vectors
-//! have WGSL's layout (`ShaderType`), and `repr(C)` keeps their members in order, which the test needs. The others
-//! consist of words alone (`Pod`).
+//! Rust counterparts of shader structures; a test compares sizes and offsets. Structures with vectors have WGSL's
+//! layout (`ShaderType`), and `repr(C)` keeps the order of members. The others consist of words (`Pod`).
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -12,102 +11,100 @@ mod columns;
 
 pub use columns::ColumnLayout;
 
-/// The parameters of one search. The first word is the number of spheres, so that the same buffer can be bound as
-/// `count_source`.
+/// The parameters of a search. The first word is the number of spheres, so the buffer also serves as `count_source`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SearchParams {
-    /// The number of spheres, or its maximum if a buffer holds the number.
+    /// The number of spheres, or its maximum if a buffer holds it.
     pub spheres: u32,
-    /// The number of pairs that the output buffer holds.
+    /// The capacity of the output in pairs.
     pub pair_capacity: u32,
-    /// The number of (cell, object) entries that the entry buffers hold.
+    /// The capacity of the entry buffers in (cell, object) entries.
     pub entry_capacity: u32,
     /// Bits of a cell's key.
     pub key_bits: u32,
     /// Cell size as a multiple of the largest diameter.
     pub cell_ratio: f32,
-    /// The number of species of the interaction table; 0 without one.
+    /// The species of the interaction table; 0 without one.
     pub species: u32,
-    /// The number of workgroups of the naive search.
+    /// Workgroups of the naive search.
     pub search_groups: u32,
-    /// Threads per workgroup of the consumer of the pairs by indirect dispatch.
+    /// Threads per workgroup of the indirectly dispatched consumer.
     pub consumer_workgroup_size: u32,
-    /// The begin of the window: only pairs whose smaller index is in `window_begin..window_end` are counted and written, so that
-    /// a result larger than the output can be fetched in windows.
+    /// The start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written,
+    /// to fetch large results in parts.
     pub window_begin: u32,
     /// The end of the window.
     pub window_end: u32,
-    /// The cells that pass their smaller spheres to the next level: 0 none, 1 all, 2 those with more than `tau`.
+    /// The cells that pass smaller spheres to the next level: 0 none, 1 all, 2 with more than `tau`.
     pub split_policy: u32,
-    /// The most smaller spheres in a cell that is not split.
+    /// The most smaller spheres of an unsplit cell.
     pub tau: u32,
-    /// The number of counters in either half of the occupancy table, a power of two.
+    /// Counters in either half of the occupancy table, a power of two.
     pub occupancy_slots: u32,
-    /// The tiles of deferred blocks that one submission compares, unless a single block has more; [`Self::UNLIMITED`] without a
-    /// limit.
+    /// Tiles of deferred blocks per submission, unless a single block has more; [`Self::UNLIMITED`] without a limit.
     pub tiles_per_submission: u32,
-    /// The length of the axis x if it is periodic, else 0.
+    /// The length of a periodic x axis, else 0.
     pub period_x: f32,
-    /// The length of the axis y if it is periodic, else 0.
+    /// The length of a periodic y axis, else 0.
     pub period_y: f32,
-    /// The length of the axis z if it is periodic, else 0.
+    /// The length of a periodic z axis, else 0.
     pub period_z: f32,
-    /// The number of cells that the table of a cell list holds.
+    /// The capacity of a cell list's table in cells.
     pub cells: u32,
-    /// The number of counters in that table: two more.
+    /// The counters of that table: two more.
     pub counters: u32,
-    /// The first index of the second set: only pairs across the two sets are found. 0 for one set.
+    /// The first index of the second set, if only pairs across the sets are found; 0 for one set.
     pub second_set_start: u32,
-    /// Keys per tile if a cell list is sorted by radix; 0 if it is sorted by counting.
+    /// Keys per tile of a radix sort of a cell list; 0 for a counting sort.
     pub radix_tile: u32,
-    /// The candidates of one sphere that one invocation tests.
+    /// Candidates of a sphere that one invocation tests.
     pub candidates_per_invocation: u32,
-    /// The workgroups for the later candidates of each block; 0 if the device computes the number.
+    /// Workgroups for the later candidates of each block; 0 if the device computes them.
     pub overflow_workgroups: u32,
     /// 1 if pairs of a cell list hold positions in cell order.
     pub pairs_in_cell_order: u32,
-    /// The sides of a cell list that are compared: [`Self::FIRST_WITH_ITSELF`], [`Self::FIRST_WITH_SECOND`] and
+    /// The compared sides of a cell list: [`Self::FIRST_WITH_ITSELF`], [`Self::FIRST_WITH_SECOND`] and
     /// [`Self::SECOND_WITH_ITSELF`].
     pub side_pairs: u32,
-    /// The interaction of all spheres of compared sides, if it is the same for all: a distance, or [`Self::TOUCH`]; else
+    /// The common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else
     /// [`Self::BY_SPECIES`].
     pub interaction: f32,
-    /// The number of the first workgroup of a dispatch that takes a part of a kernel's workgroups.
+    /// The first workgroup of a partial dispatch.
     pub first_workgroup: u32,
-    /// The most workgroups of each dispatch that tests candidates; 0 without a limit.
+    /// The most workgroups per dispatch of candidate tests; 0 without a limit.
     pub workgroups_per_dispatch: u32,
-    /// Always 0, which shader compilers cannot know: it guards expressions whose order of evaluation matters.
+    /// Always 0, unknown to shader compilers: guards expressions whose order of evaluation matters.
     pub opaque_zero: u32,
 }
 
-/// The digit that a radix pass sorts by.
+/// The digit of a radix pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RadixPass {
     /// The lowest bit of the digit.
     pub shift: u32,
-    /// The mask of a key after the shift.
+    /// The mask after the shift.
     pub mask: u32,
     /// 1 if the payload is the index of each key, and is not read.
     pub is_first: u32,
 }
 
 impl SearchParams {
-    /// The value of [`tiles_per_submission`](Self::tiles_per_submission) without a limit.
+    /// No limit of [`tiles_per_submission`](Self::tiles_per_submission).
     pub const UNLIMITED: u32 = u32::MAX;
 
-    /// Compares spheres of the first side with each other.
+    /// Compares the first side with itself.
     pub const FIRST_WITH_ITSELF: u32 = 1;
-    /// Compares spheres of the first side with those of the second.
+    /// Compares the first side with the second.
     pub const FIRST_WITH_SECOND: u32 = 2;
-    /// Compares spheres of the second side with each other.
+    /// Compares the second side with itself.
     pub const SECOND_WITH_ITSELF: u32 = 4;
-    /// In an interaction table: two species never pair.
+    /// Interaction of two species that never pair.
     pub const NEVER: f32 = -1.0;
-    /// Spheres pair if they touch.
+    /// Interaction of spheres that pair if they touch.
     pub const TOUCH: f32 = -2.0;
-    /// The interaction table decides for each pair of species.
+    /// The interaction table decides per pair of species.
     pub const BY_SPECIES: f32 = -3.0;
 
     /// Returns these parameters with the periods of `space`.
@@ -117,13 +114,13 @@ impl SearchParams {
     }
 }
 
-/// Statistics of the spheres, computed on the device.
+/// Statistics of the spheres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounds {
     /// The lowest corner of all boxes, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// The highest corner of all boxes, in the same encoding.
+    /// The highest corner of all boxes, in this encoding.
     pub high: [u32; 3],
     /// Bits of the smallest effective radius.
     pub radius_min: u32,
@@ -131,7 +128,7 @@ pub struct Bounds {
     pub radius_max: u32,
     /// The depths that occur, one bit each.
     pub depth_mask: u32,
-    /// The number of spheres of each depth that continue below the first level.
+    /// Spheres per depth that continue below the first level.
     pub descending: [u32; 32],
 }
 
@@ -139,27 +136,27 @@ pub struct Bounds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct LevelKeys {
-    /// Key bits of each axis.
+    /// Key bits per axis.
     pub bits: UVec3,
     /// The first key.
     pub base: u32,
 }
 
-/// The grids that the device chose.
+/// The grids of a call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct Grid {
     /// A common corner of cells of all levels.
     pub origin: Vec3,
-    /// The number of spheres of the call.
+    /// The number of spheres.
     pub spheres: u32,
     /// Cells of depth 0 per unit of length.
     pub inverse_edge: Vec3,
-    /// 1 if no distance test of the call can overflow or underflow.
+    /// 1 if no distance test can overflow or underflow.
     pub ordinary: u32,
     /// The lowest cell of depth 0.
     pub low: IVec3,
-    /// The value of the parameters; 0 if one level is enough.
+    /// The policy of the parameters; 0 if one level suffices.
     pub split_policy: u32,
     /// The highest cell of depth 0.
     pub high: IVec3,
@@ -167,26 +164,26 @@ pub struct Grid {
     pub level_mask: u32,
     /// Cells of depth 0 around each periodic axis; 0 for an unbounded one.
     pub ring_cells: Vec3,
-    /// The depths that have spheres, one bit each.
+    /// The depths with spheres, one bit each.
     pub depth_mask: u32,
-    /// The key bit that marks passive entries, or 0.
+    /// The key bit of passive entries, or 0.
     pub passive: u32,
-    /// The keys of each depth.
+    /// The keys per depth.
     pub levels: [LevelKeys; 32],
 }
 
-/// The result except the pairs, as it lies in the outcome buffer.
+/// The result except the pairs: the content of the outcome buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Outcome {
-    /// Low word of the number of pairs found.
+    /// Low word of the number of pairs.
     pub found_lo: u32,
-    /// High word of the number of pairs found.
+    /// High word of the number of pairs.
     pub found_hi: u32,
     /// The bits [`Self::OVERFLOW_PAIRS`], [`Self::OVERFLOW_ENTRIES`], [`Self::OVERFLOW_SPHERES`] and
     /// [`Self::OVERFLOW_CANDIDATES`].
     pub overflow: u32,
-    /// The number of invalid spheres (non-finite value, negative radius or unknown species), which pair with nothing.
+    /// The number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
     pub quarantined: u32,
     /// Workgroups for a consumer with one thread per written pair.
     pub dispatch_x: u32,
@@ -194,23 +191,23 @@ pub struct Outcome {
     pub dispatch_y: u32,
     /// Third dimension of that dispatch, 1.
     pub dispatch_z: u32,
-    /// The number of blocks that the first search deferred.
+    /// The number of blocks deferred by the first search.
     pub deferred_blocks: u32,
     /// Low word of the number of entries.
     pub entries_lo: u32,
     /// High word of the number of entries.
     pub entries_hi: u32,
-    /// The number of spheres of the call.
+    /// The number of spheres.
     pub spheres: u32,
-    /// The most tiles that one of those blocks is compared with.
+    /// The most tiles of a deferred block.
     pub deferred_max_tiles: u32,
-    /// The first of those blocks in the last submission.
+    /// The first deferred block of the last submission.
     pub deferred_begin: u32,
-    /// The end of those blocks in the last submission.
+    /// The end of the deferred blocks of the last submission.
     pub deferred_end: u32,
     /// Cell list: the spheres in the fullest cell that smaller spheres left, or would have left; 0 without such a cell.
     pub max_occupancy: u32,
-    /// 1 if pairs hold positions in cell order (`GpuConfig::pairs_in_cell_order`), 0 if they hold input indices.
+    /// 1 if pairs hold positions in cell order (`GpuConfig::pairs_in_cell_order`), 0 for input indices.
     pub pairs_in_cell_order: u32,
 }
 
@@ -220,9 +217,9 @@ pub struct Outcome {
 pub struct SkinParams {
     /// Half of the skin, which is added to radii.
     pub half_skin: f32,
-    /// The square of the displacement limit, a little less than half the skin.
+    /// The squared displacement limit, a little less than half the skin.
     pub limit_squared: f32,
-    /// The number of candidates that the buffer holds.
+    /// The capacity in candidates.
     pub candidate_capacity: u32,
 }
 
@@ -230,22 +227,22 @@ pub struct SkinParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SkinState {
-    /// Bits of the square of the largest displacement since the list was built; 0 between calls.
+    /// Bits of the largest squared displacement since the list was built; 0 between calls.
     pub displacement: u32,
-    /// 1 if some sphere was exchanged; 0 between calls.
+    /// 1 if a sphere was exchanged; 0 between calls.
     pub input_changed: u32,
     /// 1 if the list holds all candidates.
     pub is_complete: u32,
     /// The number of spheres.
     pub spheres: u32,
-    /// The reason for the rebuild of the last call: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
-    /// [`DISPLACEMENT`](Self::DISPLACEMENT); 0 without a rebuild.
+    /// The reason for the last call's rebuild: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
+    /// [`DISPLACEMENT`](Self::DISPLACEMENT); 0 without one.
     pub rebuild_reason: u32,
-    /// The number of calls since the rebuild.
+    /// Calls since the rebuild.
     pub age: u32,
     /// The number of candidates.
     pub candidates: u32,
-    /// Bits of the square of the largest displacement at the last call.
+    /// Bits of the largest squared displacement at the last call.
     pub last_displacement: u32,
 }
 
@@ -254,83 +251,81 @@ impl SkinState {
     pub const NO_LIST: u32 = 1;
     /// The number of spheres, a radius or a species changed.
     pub const INPUT_CHANGED: u32 = 2;
-    /// Some sphere moved farther than the displacement limit.
+    /// A sphere exceeded the displacement limit.
     pub const DISPLACEMENT: u32 = 3;
 }
 
 impl Outcome {
     /// Overflow bit: more pairs than the output holds. The count is exact.
     pub const OVERFLOW_PAIRS: u32 = 1;
-    /// Overflow bit: more entries than planned. The number of pairs is a lower bound, that of entries is exact. The caller must
-    /// raise the capacity and retry.
+    /// Overflow bit: more entries than planned. The number of pairs is a lower bound, the number of entries exact. The
+    /// caller must raise the capacity and retry.
     pub const OVERFLOW_ENTRIES: u32 = 2;
     /// Overflow bit: more spheres than prepared for; the others were ignored.
     pub const OVERFLOW_SPHERES: u32 = 4;
-    /// Overflow bit: more candidates than the buffer holds. The number of pairs is a lower bound, and
-    /// [`candidates_needed`](Self::candidates_needed) is exact. The caller must raise the capacity and retry.
+    /// Overflow bit: more candidates than the buffer holds. The number of pairs is a lower bound,
+    /// [`candidates_needed`](Self::candidates_needed) exact. The caller must raise the capacity and retry.
     pub const OVERFLOW_CANDIDATES: u32 = 8;
-    /// Overflow bit: a further part of the search remains ([`has_remaining_work`](Self::has_remaining_work)); until it ran,
-    /// the number of pairs is a lower bound.
+    /// Overflow bit: the search [has remaining work](Self::has_remaining_work); the number of pairs is a lower bound.
     pub const OVERFLOW_WORK: u32 = 16;
-    /// Offset of the indirect-dispatch arguments in bytes.
+    /// Offset of the indirect dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
-    /// Returns `true` if a further part of the search must search deferred blocks; until then pairs are missing.
+    /// Returns `true` if deferred blocks remain; until a further part has run, pairs are missing.
     pub fn has_remaining_work(&self) -> bool {
         self.deferred_end < self.deferred_blocks
     }
 
-    /// Returns the number of pairs found, written or not.
+    /// Returns the number of pairs, written or not.
     pub fn found(&self) -> u64 {
         u64::from(self.found_hi) << 32 | u64::from(self.found_lo)
     }
 
-    /// Returns the number of entries that the grid of the call needs, written or not.
+    /// Returns the number of entries that the grid needs, written or not.
     pub fn entries_needed(&self) -> u64 {
         u64::from(self.entries_hi) << 32 | u64::from(self.entries_lo)
     }
 
-    /// Returns the number of candidate pairs that the skin of the call needs, written or not.
+    /// Returns the number of candidates that the skin needs, written or not.
     pub fn candidates_needed(&self) -> u64 {
         self.entries_needed()
     }
 }
 
-/// Statistics of the spheres of a cell list, computed on the device. All zeros mean no sphere.
+/// Statistics of the spheres of a cell list. All zeros mean no sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct InputStats {
     /// Complements of the lowest center, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// The highest center, in the same encoding.
+    /// The highest center, in this encoding.
     pub high: [u32; 3],
     /// Complement of the bits of the smallest effective radius.
     pub smallest: u32,
     /// The number of invalid spheres.
     pub quarantined: u32,
-    /// The number of spheres in each size class, of the first side and then of the second. A class is an exponent of the
-    /// effective radius.
+    /// Spheres per size class (exponent of the effective radius), of the first side and then of the second.
     pub members: [u32; 512],
-    /// The bits of the largest radius of each class.
+    /// Bits of the largest radius per class.
     pub largest: [u32; 256],
 }
 
-/// The flags and the interaction range of a species.
+/// Flags and interaction range of a species.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SpeciesParams {
     /// [`TOUCHES`](Self::TOUCHES), [`SECOND_SIDE`](Self::SECOND_SIDE) and [`IDLE`](Self::IDLE).
     pub flags: u32,
-    /// Half the largest distance at which the species pairs.
+    /// Half the largest interaction distance.
     pub half: f32,
 }
 
 impl SpeciesParams {
-    /// Some pair of the species is decided by contact.
+    /// The species has pairs decided by contact.
     pub const TOUCHES: u32 = 1;
-    /// The spheres of the species are on the second side of a cell list.
+    /// The species is on the second side of a cell list.
     pub const SECOND_SIDE: u32 = 2;
-    /// The species pairs with no species.
+    /// The species never pairs.
     pub const IDLE: u32 = 4;
 }
 
@@ -340,15 +335,15 @@ impl SpeciesParams {
 pub struct CellListLevel {
     /// Cells around each axis.
     pub cells: UVec3,
-    /// The level's first cell in the table.
+    /// The first cell in the table.
     pub base: u32,
-    /// The cell at which an unbounded axis begins.
+    /// The first cell of an unbounded axis.
     pub low: UVec3,
     /// Fixed-point units per unit of length, a power of two.
     pub units_per_length: f32,
     /// Cells per unit of length on a periodic axis.
     pub cells_per_length: Vec3,
-    /// Bits of the coordinate at or above which neighboring floats are farther apart than a cell; infinity if none is.
+    /// Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     pub far: u32,
     /// The largest radius of the level.
     pub max_radius: f32,
@@ -358,38 +353,38 @@ pub struct CellListLevel {
     pub searches_itself: u32,
 }
 
-/// The cells of a cell list, as the device chose them.
+/// The cells of a cell list.
 #[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLayout {
-    /// The number of spheres of the call.
+    /// The number of spheres.
     pub spheres: u32,
     /// Cells of all levels.
     pub cells: u32,
     /// Fixed-point units per cell.
     pub units_per_cell: u32,
-    /// The levels that have cells, one bit each.
+    /// The levels with cells, one bit each.
     pub levels: u32,
     /// 1 if smaller spheres leave overfull cells of the first level.
     pub has_overfull_cells: u32,
-    /// 1 if no distance test of the call can overflow or underflow.
+    /// 1 if no distance test can overflow or underflow.
     pub ordinary: u32,
     /// Levels of the size classes, four per word.
     pub class_levels: [u32; 64],
-    /// The levels of the first side, followed by those of the second.
+    /// The levels of the first side, then of the second.
     pub level: [CellListLevel; 2 * CellListLayout::LEVELS],
 }
 
 impl CellListLayout {
-    /// Levels of each side.
+    /// Levels per side.
     pub const LEVELS: usize = 16;
 }
 
-/// The numbers of keys to sort and of values to scan.
+/// The sizes of a sort and of a scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortCounts {
-    /// The number of keys to sort.
+    /// The number of keys.
     pub items: u32,
     /// The number of values to scan.
     pub counters: u32,

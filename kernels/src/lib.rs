@@ -1,17 +1,14 @@
-//! The vocabulary that every lazygrid detector shares: spheres in, pairs out, and the rules between them.
+//! The types and rules that all lazygrid detectors share, without device calls.
 //!
-//! This crate makes no device call. It holds the types whose memory layout the CPU detectors, the GPU kernels and the
-//! bindings agree on.
-//!
-//! * [`Sphere`], [`Spheres`] — input, as rows or as columns, without copying;
-//! * [`Query`] — one set of spheres or two, and the excluded pairs;
+//! * [`Sphere`], [`Spheres`] — input, as rows or columns, without copying;
+//! * [`Query`] — one or two sets of spheres, and exclusions;
 //! * [`Interactions`] — the species that pair, and their distances;
 //! * [`Exclusions`] — pairs that are never reported, such as bonds;
-//! * [`Space`] — unbounded, or periodic along some axes or cell vectors;
-//! * [`Pair`] — one overlapping pair, smaller index first;
-//! * [`Algorithm`], [`Backend`] — the detectors by name, and the processor that runs them;
-//! * [`Error`], [`InputError`] — the failures of a call, and the faults of an input;
-//! * [`kernel`], [`layout`] — the GPU kernels in WGSL with their metadata, and the structures they share with Rust;
+//! * [`Space`] — unbounded, or periodic along axes or cell vectors;
+//! * [`Pair`] — an overlapping pair, smaller index first;
+//! * [`Algorithm`], [`Backend`] — the detectors and their processors;
+//! * [`Error`], [`InputError`] — failures and invalid inputs;
+//! * [`kernel`], [`layout`] — the GPU kernels in WGSL, and the structures they share with Rust;
 //! * [`wgsl`] — the WGSL preprocessor.
 
 mod algorithm;

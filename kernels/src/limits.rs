@@ -1,2 +1,2 @@
-/// The most spheres of one call: indices are `u32`, and the last two values are reserved.
+/// The most spheres of a call: indices are `u32`, and two values are reserved.
 pub const MAX_SPHERES: u64 = u32::MAX as u64 - 1;

@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-/// An unknown name, as a `FromStr` of this library returns it.
+/// An unknown name, the error of `FromStr`.
 ///
 /// ```
 /// # use lazygrid_kernels::{Algorithm, UnknownName};
@@ -16,7 +16,7 @@ pub struct UnknownName {
 }
 
 impl UnknownName {
-    /// Creates the error for a `name` that is not among the `known` ones; `what` says what it should name.
+    /// Creates the error for a `name` that is not among the `known` ones; `what` is the kind of name.
     pub fn new(what: &'static str, name: &str, known: &[&str]) -> Self {
         Self { what, name: name.to_owned(), known: known.join(", ") }
     }

@@ -1,4 +1,4 @@
-//! Every loop of every kernel has a bound that its text shows, so that it ends on any device and for any data. Accepted
+//! Every loop of every kernel has a bound that its text shows, so it ends on any device and for any data. Accepted
 //! loops have a single comparison as condition, and a counter that only their own update changes:
 //! * `for (var k = a; k < b; k++)`, also downward or with a constant step or factor, if `b` does not change while the
 //!   loop runs and the counter cannot pass it by wrapping;
@@ -16,7 +16,7 @@ use naga::{
 
 type Value = Handle<Expression>;
 
-/// Returns the number of loops in a text, and an error with its line for each loop without a bound.
+/// Returns the number of loops, and an error with its line for each loop without a bound.
 fn judge(source: &str) -> (usize, Vec<String>) {
     let module =
         naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(source)));
@@ -54,8 +54,6 @@ impl Scope<'_> {
         }
     }
 
-    /// # Errors
-    /// Returns the reason if no bound is visible.
     fn bound(&self, before: &[Statement], body: &Block, continuing: &Block) -> Result<(), &'static str> {
         let mut head = body.iter().filter(|statement| !matches!(statement, Statement::Emit(_)));
         let Some(Statement::If { condition, accept, reject }) = head.next() else {
@@ -172,7 +170,7 @@ impl Scope<'_> {
         }
     }
 
-    /// Returns `true` if a value does not change while a loop runs: it is computed before, or from values that do not change.
+    /// Returns `true` if a value is computed before the loop, or from values that do not change.
     fn is_fixed(&self, value: Value, parts: [&Block; 2]) -> bool {
         let mut made_inside = HashSet::new();
         parts.iter().for_each(|part| collect_made(part, &mut made_inside));

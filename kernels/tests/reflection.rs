@@ -1,4 +1,4 @@
-//! Compares the metadata and the Rust layouts with every shader, with naga and without a device.
+//! Compares the metadata and the Rust layouts with every shader, by naga.
 
 #[path = "../../tests/src/reflection.rs"]
 mod reflection;

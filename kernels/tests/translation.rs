@@ -21,7 +21,8 @@ fn between<'a>(text: &'a str, opening: &str, closing: &str) -> &'a str {
     text.split_once(opening).and_then(|(_, rest)| rest.split_once(closing)).map_or("", |(inside, _)| inside)
 }
 
-/// The inputs of an HLSL entry point without a semantic: parameters, and members of structures among their types.
+/// Returns the inputs of an HLSL entry point without a semantic: parameters, and members of structures among their
+/// types.
 fn hlsl_faults(hlsl: &str, entry: &str) -> Vec<String> {
     let mut faults = Vec::new();
     for input in between(hlsl, &format!("void {entry}("), ")\n").split(", ").filter(|input| !input.is_empty())

@@ -1,16 +1,16 @@
-//! The result of the probe of subgroups, and the decision that follows from it.
+//! The result of the subgroup probe, and the decision.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::WORKGROUP_SIZE;
 
-/// The result of [`SUBGROUP_PROBE`](super::SUBGROUP_PROBE): tests of what kernels assume about subgroups.
+/// The result of [`SUBGROUP_PROBE`](super::SUBGROUP_PROBE).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SubgroupProbe {
     /// The bits [`Self::PARTIAL`], [`Self::OUT_OF_ORDER`] and [`Self::NO_SUBGROUPS`].
     pub faults: u32,
-    /// The number of invocations that ran.
+    /// The number of invocations.
     pub invocations: u32,
     /// The smallest subgroup.
     pub smallest: u32,
@@ -27,11 +27,11 @@ impl SubgroupProbe {
     pub const NO_SUBGROUPS: u32 = 4;
     /// The number of workgroups of the probe.
     pub const WORKGROUPS: u32 = 64;
-    /// The content of the buffer before the probe runs.
+    /// The buffer before the probe runs.
     pub const BEFORE: Self = Self { faults: 0, invocations: 0, smallest: u32::MAX, largest: 0 };
 
-    /// Returns the reason not to use subgroup operations in kernels that are compiled for subgroups of at least `smallest`
-    /// lanes; `None` if all assumptions hold.
+    /// Returns the reason not to use subgroup operations in kernels for subgroups of at least `smallest` lanes; `None`
+    /// if all assumptions hold.
     pub fn refusal(&self, smallest: u32) -> Option<&'static str> {
         if self.invocations != Self::WORKGROUPS * WORKGROUP_SIZE || self.smallest > self.largest {
             return Some("the probe of subgroups did not run as dispatched");

@@ -1,13 +1,13 @@
 use bytemuck::{Pod, Zeroable};
 
-/// The positions of spheres in four arrays of `f32`, for `x`, `y`, `z` and `r`: the number of sphere `i` is
-/// `first + i · stride`. The default describes arrays that hold nothing else.
+/// The positions of spheres in four `f32` arrays `x`, `y`, `z` and `r`: sphere `i` is at `first + i · stride`. The
+/// default is for dense arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ColumnLayout {
     /// The position of the first sphere.
     pub first: [u32; 4],
-    /// The distance from a sphere to the next. With a stride of 0 all spheres share one number, such as a radius.
+    /// The distance between consecutive spheres; 0 if all share one number, such as a radius.
     pub stride: [u32; 4],
 }
 
@@ -18,7 +18,7 @@ impl Default for ColumnLayout {
 }
 
 impl ColumnLayout {
-    /// Returns the bytes of each array that `spheres` spheres need.
+    /// Returns the bytes of each array for `spheres` spheres.
     pub fn bytes(&self, spheres: u32) -> [u64; 4] {
         let last = u64::from(spheres.max(1)) - 1;
         let bytes = |(first, stride)| 4 * (u64::from(first) + last * u64::from(stride) + 1);

@@ -4,9 +4,9 @@ const WHAT: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
 ///
-/// A query takes them by [`Query::without`](crate::Query::without). The caller may name a pair in either order, in both, and
-/// more than once. A lookup is a binary search in a row, and only pairs that touch are looked up. To exclude whole molecules,
-/// [groups](crate::Spheres::with_groups) cost less.
+/// [`Query::without`](crate::Query::without) applies them. Pairs may be in either order and repeated. A lookup is a
+/// binary search in a row, for touching pairs only. To exclude whole molecules, [groups](crate::Spheres::with_groups)
+/// cost less.
 ///
 /// ```
 /// # use lazygrid_kernels::Exclusions;
@@ -24,10 +24,10 @@ pub struct Exclusions {
 }
 
 impl Exclusions {
-    /// Creates exclusions of these pairs among `spheres` spheres. A pair of a sphere with itself is ignored.
+    /// Creates exclusions among `spheres` spheres. A pair of a sphere with itself is ignored.
     ///
     /// # Errors
-    /// Returns [`InputError::ExcludedIndex`] for the first pair with an index out of range, [`InputError::TooManySpheres`] and
+    /// [`InputError::ExcludedIndex`] for the first pair with an index out of range, [`InputError::TooManySpheres`] and
     /// [`Error::OutOfMemory`].
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let mut pairs = checked((spheres, spheres), pairs)?;
@@ -36,10 +36,10 @@ impl Exclusions {
         Self::of((spheres, None), pairs)
     }
 
-    /// Creates exclusions of pairs of one sphere of the first set and one of the second, each by its index in its set.
+    /// Creates exclusions of one sphere of the first set and one of the second, by index in each set.
     ///
     /// # Errors
-    /// Returns the errors of [`new`](Self::new).
+    /// See [`new`](Self::new).
     pub fn across(
         first: usize,
         second: usize,
@@ -48,12 +48,12 @@ impl Exclusions {
         Self::of((first, Some(second)), checked((first, second), pairs)?)
     }
 
-    /// Creates exclusions from compressed sparse rows, the format of neighbor lists: sphere `i` and each of
-    /// `indices[offsets[i]..offsets[i + 1]]`, in any order. One of the two rows of a pair is enough.
+    /// Creates exclusions from compressed sparse rows: sphere `i` and each of `indices[offsets[i]..offsets[i + 1]]`, in
+    /// any order. One of the two rows of a pair suffices.
     ///
     /// # Errors
-    /// Returns [`InputError::ExcludedOffsets`] if offsets do not begin with 0, decrease, or do not end with the number of
-    /// indices; otherwise the errors of [`new`](Self::new).
+    /// [`InputError::ExcludedOffsets`] if offsets do not begin with 0, decrease, or do not end with the number of
+    /// indices; otherwise as [`new`](Self::new).
     pub fn from_csr(offsets: &[usize], indices: &[u32]) -> Result<Self, Error> {
         let wrong = |at: usize, offset: usize| {
             let (offsets, indices) = (offsets.len(), indices.len());
@@ -90,7 +90,7 @@ impl Exclusions {
         Ok(Self { offsets, others, second })
     }
 
-    /// Returns the numbers of spheres that the exclusions were made for: of one set, or of both sets.
+    /// Returns the numbers of spheres of one set, or of both.
     pub fn spheres(&self) -> (usize, Option<usize>) {
         (self.offsets.len() - 1, self.second)
     }
@@ -105,11 +105,11 @@ impl Exclusions {
         self.others.is_empty()
     }
 
-    /// Returns `true` if this pair is excluded. For one set the order does not matter; for two sets, `i` is in the first and `j`
+    /// Returns `true` if this pair is excluded, in either order for one set; for two sets, `i` is in the first and `j`
     /// in the second.
     ///
     /// # Panics
-    /// Panics if the row is out of range.
+    /// If the row is out of range.
     #[inline]
     pub fn contains(&self, i: u32, j: u32) -> bool {
         let (row, other) = if self.second.is_none() { (i.min(j), i.max(j)) } else { (i, j) };

@@ -14,7 +14,7 @@ pub struct ImageVector {
 }
 
 impl ImageVector {
-    /// Returns the length of the vector. Nothing overflows or underflows.
+    /// Returns the length of the vector, without overflow or underflow.
     #[inline]
     pub fn length(&self) -> f64 {
         let root = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
@@ -31,7 +31,7 @@ impl ImageVector {
     }
 }
 
-/// Lengths whose squares, and the rounding errors of these, are normal numbers.
+/// Lengths whose squares, and their rounding errors, are normal numbers.
 const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
 const PLAIN_SQUARES: std::ops::RangeInclusive<f64> = 1.1e-289..=9.6e288;
 /// Powers of two that scale other lengths into that range.
@@ -54,8 +54,8 @@ impl Space {
         ImageVector { shift: shift.map(|count| count as i32), vector }
     }
 
-    /// The exact contact test: returns `true` if minimum images of the spheres `a` and `b`, given as `x, y, z, r`, touch, or are
-    /// within `distance` if it is given. Nothing overflows or underflows.
+    /// The exact contact test: returns `true` if minimum images of the spheres `a` and `b`, given as `x, y, z, r`,
+    /// touch, or are within `distance` if given. Nothing overflows or underflows.
     #[inline]
     pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)
@@ -84,14 +84,14 @@ impl Space {
         if PLAIN.contains(&largest) {
             is_within(vector, reach)
         } else if largest < *PLAIN.start() {
-            // Differences are multiples of the smallest number, so that nothing is lost yet.
+            // Differences are multiples of the smallest number, so nothing is lost yet.
             is_within(vector.map(|number| number * UP), reach * UP)
         } else {
             self.decide_scaled([a, b], distance, way)
         }
     }
 
-    /// Decides with all numbers scaled down by a power of two, so that no difference or sum overflows.
+    /// Decides with all numbers scaled by a power of two, so that no difference or sum overflows.
     #[cold]
     fn decide_scaled(
         &self,

@@ -2,26 +2,26 @@ use std::sync::Arc;
 
 use crate::InputError;
 
-/// The condition for two spheres of given species to be a pair.
+/// The condition for spheres of two species to pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Interaction {
     /// Never a pair.
     Never,
-    /// A pair if the spheres overlap or touch: center distance ≤ `ri + rj`.
+    /// A pair if the spheres touch: center distance ≤ `ri + rj`.
     #[default]
     Touch,
-    /// A pair if the center distance is at most this, for any radii: a reaction's binding radius.
+    /// A pair if the center distance is at most this, for any radii, such as a binding radius.
     Within(f64),
 }
 
 impl Interaction {
-    /// Returns the cutoff of a pair whose radii add up to `radii`; `None` if the spheres never pair.
+    /// Returns the cutoff of a pair with the sum of radii `radii`; `None` if the spheres never pair.
     #[inline]
     pub fn cutoff(self, radii: f64) -> Option<f64> {
         self.distance().map(|distance| distance.unwrap_or(radii))
     }
 
-    /// Returns the cutoff that is independent of the radii, if one exists; `None` if the spheres never pair.
+    /// Returns the cutoff if it is independent of the radii; `None` if the spheres never pair.
     #[inline]
     pub fn distance(self) -> Option<Option<f64>> {
         match self {
@@ -32,9 +32,8 @@ impl Interaction {
     }
 }
 
-/// A symmetric table of the interaction of any two species.
-/// Reaction radii in reaction–diffusion models are not sums of radii, and most species pairs do not react. Detectors apply
-/// the table before they report a pair.
+/// A symmetric table of the interaction of any two species, for reaction–diffusion models, whose reaction radii are not
+/// sums of radii.
 ///
 /// ```
 /// # use lazygrid_kernels::{Interaction, Interactions};
@@ -53,14 +52,14 @@ pub struct Interactions {
 }
 
 impl Interactions {
-    /// The most species a table may have; 4096² entries are 128 MiB.
+    /// The most species of a table; 4096² entries are 128 MiB.
     pub const MAX_SPECIES: u32 = 4096;
 
-    /// Creates a table for species `0..species` in which every pair of species has the interaction `all`.
+    /// Creates a table for species `0..species` in which every pair has the interaction `all`.
     ///
     /// # Errors
-    /// Returns [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`], [`InputError::TableMemory`] if memory is refused, and
-    /// [`InputError::Distance`] as [`Self::set`] does.
+    /// [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`], [`InputError::TableMemory`] if memory is refused, and
+    /// [`InputError::Distance`] as in [`Self::set`].
     pub fn new(species: u32, all: Interaction) -> Result<Self, InputError> {
         if species > Self::MAX_SPECIES {
             return Err(InputError::SpeciesCount { count: species, limit: Self::MAX_SPECIES });
@@ -71,11 +70,11 @@ impl Interactions {
         Ok(Self { species, table: Arc::new(table), is_narrow: is_narrow(all) })
     }
 
-    /// Sets the interaction of species `a` with species `b`, and of `b` with `a`.
+    /// Sets the interaction of species `a` and `b`, in both orders.
     ///
     /// # Errors
-    /// Returns [`InputError::SpeciesId`] for a species outside the table, [`InputError::Distance`] for a distance that is negative
-    /// or not finite, and [`InputError::TableMemory`] if the table is shared with a clone and memory for a copy is refused.
+    /// [`InputError::SpeciesId`] for an unknown species, [`InputError::Distance`] for a negative or non-finite
+    /// distance, and [`InputError::TableMemory`] if memory for a copy of a shared table is refused.
     pub fn set(&mut self, a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
         for id in [a, b] {
             if id >= self.species {
@@ -91,20 +90,20 @@ impl Interactions {
         Ok(())
     }
 
-    /// Returns the interaction of species `a` with species `b`.
+    /// Returns the interaction of two species.
     ///
     /// # Panics
-    /// Panics if a species is not in the table.
+    /// If a species is not in the table.
     #[inline]
     pub fn get(&self, a: u32, b: u32) -> Interaction {
         self.table[a as usize * self.species as usize + b as usize]
     }
 
-    /// Returns the table with every distance replaced by contact. Spheres with their
-    /// [effective radius](Self::effective_radius) then have all pairs that this table has, and more.
+    /// Returns the table with every distance replaced by contact. Spheres with their [effective
+    /// radius](Self::effective_radius) then have all pairs of this table, and more.
     ///
     /// # Errors
-    /// Returns [`InputError::TableMemory`] if memory is refused.
+    /// [`InputError::TableMemory`].
     pub fn contact_only(&self) -> Result<Self, InputError> {
         let contact = |interaction: &Interaction| match interaction {
             Interaction::Never => Interaction::Never,
@@ -126,7 +125,8 @@ impl Interactions {
         self.species
     }
 
-    /// Returns half the largest distance of this species with any other, or 0, and `true` if some pair is decided by contact.
+    /// Returns half the largest distance of this species with any other, or 0, and `true` if it has pairs decided by
+    /// contact.
     pub fn largest_half(&self, species: u32) -> (f64, bool) {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
         row.iter().fold((0.0, false), |(half, touches), with| match *with {
@@ -149,18 +149,18 @@ impl Interactions {
     }
 }
 
-/// The rule for a species' effective radius: any two spheres that may pair have centers no farther apart than the sum of
-/// their effective radii, so that culling by plain radii stays valid.
+/// The rule for a species' effective radius: the centers of spheres that may pair are no farther apart than the sum of
+/// their effective radii, so culling by radii is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectiveRadius {
-    /// `true` if some pair of this species is decided by contact.
+    /// `true` if the species has pairs decided by contact.
     pub touches: bool,
-    /// Half the largest interaction distance with any species.
+    /// Half the largest interaction distance.
     pub half: f32,
 }
 
 impl EffectiveRadius {
-    /// Returns the effective radius of a sphere of this species with this radius.
+    /// Returns the effective radius of a sphere with this radius.
     #[inline]
     pub fn for_radius(self, radius: f32) -> f32 {
         if self.touches { self.half.max(radius) } else { self.half }
@@ -171,10 +171,6 @@ fn entries(species: u32) -> usize {
     species as usize * species as usize
 }
 
-/// Returns an empty table with the capacity for all entries.
-///
-/// # Errors
-/// [`InputError::TableMemory`].
 fn reserved(species: u32) -> Result<Vec<Interaction>, InputError> {
     let mut table = Vec::new();
     let bytes = entries(species) as u64 * size_of::<Interaction>() as u64;
@@ -182,10 +178,7 @@ fn reserved(species: u32) -> Result<Vec<Interaction>, InputError> {
     Ok(table)
 }
 
-/// Returns the table to write to. Copies it if a clone shares it.
-///
-/// # Errors
-/// [`InputError::TableMemory`].
+/// Copies the table if a clone shares it.
 fn own(table: &mut Arc<Vec<Interaction>>, species: u32) -> Result<&mut Vec<Interaction>, InputError> {
     if Arc::get_mut(table).is_none() {
         let mut copy = reserved(species)?;

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::triclinic::{combination, inverse, power_of_two_below};
 use crate::Space;
 
-/// The reduced basis of a periodic space, and the distance between images.
-/// Lengths are in a unit of its own, a power of two times the unit of the spheres, in which no product overflows.
+/// The reduced basis of a periodic space, and the distance between images. Its unit is a power of two times the unit of
+/// the spheres, in which no product overflows.
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice {
     rank: usize,
@@ -24,7 +24,7 @@ pub struct WrappedPoint {
     pub point: [f64; 3],
     /// The multiple of each basis vector that was subtracted.
     pub counts: [f64; 3],
-    /// The fraction of each basis vector that remains, between 0 and 1 up to rounding.
+    /// The remaining fraction of each basis vector, between 0 and 1 up to rounding.
     pub fractions: [f64; 3],
 }
 
@@ -56,18 +56,19 @@ impl Lattice {
         self.rank
     }
 
-    /// Returns the factor from lengths of the spheres to the unit of the lattice, a power of two.
+    /// Returns the factor from the unit of the spheres to the unit of the lattice, a power of two.
     pub fn unit(&self) -> f64 {
         self.unit
     }
 
-    /// Returns, for each basis vector, the distance between neighboring images of the plane that the other vectors span, in the
-    /// unit of the lattice. No image of a point is nearer to it than the smallest of the first [`rank`](Self::rank) heights.
+    /// Returns, for each basis vector, the distance between neighboring images of the plane that the other vectors
+    /// span, in the unit of the lattice. No image of a point is nearer than the smallest of the first
+    /// [`rank`](Self::rank) heights.
     pub fn heights(&self) -> [f64; 3] {
         self.inverse.map(|row| row.length().recip())
     }
 
-    /// Wraps a point into the box of the basis vectors. It does not move along vectors that are not periodic.
+    /// Wraps a point into the box of the basis vectors, along periodic vectors only.
     pub fn wrap(&self, point: [f64; 3]) -> WrappedPoint {
         let mut folded = DVec3::from(point) * self.unit;
         let mut counts = [0.0; 3];
@@ -95,9 +96,9 @@ impl Lattice {
         [0, 1, 2].map(|edge| (0..3).map(|k| counts[k] * self.turns[k][edge]).sum())
     }
 
-    /// Returns an upper bound of the rounding error of vectors between images, in the unit of the lattice, for up to `counts`
-    /// basis vectors added to coordinates of up to `extent`: in [`wrap`](Self::wrap), in [`image`](Self::image), and in
-    /// [`Space::image`].
+    /// Returns an upper bound of the rounding error of vectors between images, in the unit of the lattice, for up to
+    /// `counts` basis vectors added to coordinates of up to `extent`: in [`wrap`](Self::wrap), in
+    /// [`image`](Self::image), and in [`Space::image`].
     pub fn rounding(&self, extent: f64, counts: [f64; 3]) -> f64 {
         const PART: f64 = 1.0 / (1_u64 << 47) as f64;
         // No cell vector is longer than 2 in the unit of the lattice.

@@ -1,9 +1,9 @@
 use bytemuck::{Pod, Zeroable};
 
-/// One overlapping pair of spheres, by their indices in the input; always `i < j`.
+/// An overlapping pair by input indices; always `i < j`.
 ///
-/// The derived ordering (by `i`, then `j`) is the canonical order of results. The layout is that of `[u32; 2]`, so that C,
-/// NumPy or a GPU buffer can take a slice of pairs as it is (`bytemuck::cast_slice`).
+/// The derived ordering (by `i`, then `j`) is the canonical order of results. The layout is `[u32; 2]`
+/// (`bytemuck::cast_slice`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pair {

@@ -1,10 +1,9 @@
 use crate::{Exclusions, InputError, Spheres};
 
-/// The input of a search: one set of spheres, whose pairs are found, or two sets, across which pairs are found; and the
-/// excluded pairs.
+/// The input of a search: one set of spheres, or two sets, across which pairs are found; and exclusions.
 ///
-/// Every search of a detector takes anything that converts into a query: a set of spheres, a tuple of two sets, or a query
-/// with exclusions.
+/// Searches accept anything that converts into a query: a set of spheres, a tuple of two sets, or a query with
+/// exclusions.
 ///
 /// ```
 /// # use lazygrid_kernels::{Exclusions, Query, Sphere};
@@ -29,7 +28,7 @@ impl<'a> Query<'a> {
         of.into()
     }
 
-    /// Excludes these pairs from the result. The search checks that they were made for the same numbers of spheres.
+    /// Excludes these pairs. The search checks that they were made for these numbers of spheres.
     pub fn without(self, pairs: &'a Exclusions) -> Self {
         Self { exclusions: Some(pairs), ..self }
     }
@@ -46,24 +45,24 @@ impl<'a> Query<'a> {
         self.second
     }
 
-    /// Returns the excluded pairs, if any were given.
+    /// Returns the exclusions.
     #[inline]
     pub fn exclusions(&self) -> Option<&'a Exclusions> {
         self.exclusions
     }
 
-    /// Returns the number of spheres of both sets together.
+    /// Returns the number of spheres of both sets.
     #[inline]
     pub fn len(&self) -> usize {
         self.first.len() + self.second.map_or(0, |second| second.len())
     }
 
-    /// Returns `true` if there is no sphere.
+    /// Returns `true` if the query has no sphere.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns the index at which the second set begins in the numbering of a search; `None` for one set.
+    /// Returns the first index of the second set in the numbering of a search; `None` for one set.
     #[inline]
     pub fn split(&self) -> Option<usize> {
         self.second.map(|_| self.first.len())
@@ -72,7 +71,7 @@ impl<'a> Query<'a> {
     /// Checks that the exclusions were made for these numbers of spheres.
     ///
     /// # Errors
-    /// Returns [`InputError::ExclusionSizeMismatch`] if they were made for other numbers.
+    /// [`InputError::ExclusionSizeMismatch`].
     pub fn check_exclusions(&self) -> Result<(), InputError> {
         let given = (self.first.len(), self.second.map(|second| second.len()));
         match self.exclusions.map(Exclusions::spheres) {
@@ -84,7 +83,7 @@ impl<'a> Query<'a> {
     /// Runs a check on each set. An error of the second set becomes an [`InputError::SecondSet`].
     ///
     /// # Errors
-    /// Returns the errors of `check`.
+    /// The errors of `check`.
     pub fn check_each(
         &self,
         check: impl Fn(Spheres<'a>) -> Result<(), InputError>,

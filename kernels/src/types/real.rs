@@ -13,7 +13,6 @@ impl Real for f64 {}
 pub(crate) mod sealed {
     use super::{Strided, Wide};
 
-    /// The operations of a coordinate type; callers cannot name it.
     #[expect(unnameable_types, reason = "nothing else is a coordinate type")]
     pub trait Sealed: Copy + Into<f64> + Send + Sync + 'static {
         /// Returns the columns if they are `f32`.
@@ -46,7 +45,7 @@ pub(crate) mod sealed {
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Radii<'a, T> {
-    /// One radius for all. Half a cutoff gives the pairs of points within the cutoff.
+    /// One radius for all: half a cutoff finds the points within the cutoff.
     All(T),
     /// One radius per point.
     Each(&'a [T]),
@@ -55,7 +54,7 @@ pub enum Radii<'a, T> {
 /// Columns in strided memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Strided<'a, T> {
-    /// Each column from the value of the first sphere. Memory between values that are read may be uninitialized.
+    /// Each column from the value of the first sphere. Unread memory between values may be uninitialized.
     axes: [&'a [MaybeUninit<T>]; 3],
     /// The number of values from one center to the next.
     step: usize,
@@ -77,22 +76,17 @@ pub enum Wide<'a> {
     F64(Strided<'a, f64>),
 }
 
-/// Views initialized values as possibly uninitialized ones.
 fn maybe<T>(values: &[T]) -> &[MaybeUninit<T>] {
     // SAFETY: `MaybeUninit<T>` has the layout of `T`, and a shared slice of it cannot be written through.
     unsafe { &*(std::ptr::from_ref(values) as *const [MaybeUninit<T>]) }
 }
 
 impl<'a, T: Copy> Strided<'a, T> {
-    /// Columns of one length.
     pub(crate) fn of_columns([x, y, z, r]: [&'a [T]; 4]) -> Self {
         Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
     }
 
     /// Creates strided spheres from centers `x, y, z`.
-    ///
-    /// # Errors
-    /// Returns [`InputError::Lengths`] unless there is one radius per center.
     pub(crate) fn of_points(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
         let radii = match radii {
             Radii::All(radius) => Source::All(radius),
@@ -107,12 +101,12 @@ impl<'a, T: Copy> Strided<'a, T> {
         Ok(Self { axes, step: 3, radii, count: centers.len() })
     }
 
-    /// Creates strided spheres from columns `x, y, z, r` of `count` spheres. `steps` are the numbers of values from one center
-    /// and one radius to the next; a radius step of 0 gives all spheres one radius.
+    /// Creates strided spheres from columns `x, y, z, r` of `count` spheres. `steps` are the numbers of values between
+    /// consecutive centers and radii; a radius step of 0 shares one radius.
     ///
     /// # Safety
-    /// For every `k` below `count`, value `k * steps[0]` of the first three columns and value `k * steps[1]` of the last one must
-    /// be inside the column and initialized.
+    /// For every `k` below `count`, value `k * steps[0]` of the first three columns and value `k * steps[1]` of the
+    /// last one must be inside the column and initialized.
     pub unsafe fn from_parts(columns: [&'a [MaybeUninit<T>]; 4], steps: [usize; 2], count: usize) -> Self {
         let ([x, y, z, r], [step, radius_step]) = (columns, steps);
         Self { axes: [x, y, z], step, radii: Source::Each(r, radius_step), count }
@@ -122,10 +116,8 @@ impl<'a, T: Copy> Strided<'a, T> {
         self.count
     }
 
-    /// Returns sphere `i`.
-    ///
     /// # Panics
-    /// Panics if `i` is not below the number of spheres.
+    /// If `i` is not below the number of spheres.
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [T; 4] {
         assert!(i < self.count, "sphere {i} of {}", self.count);
@@ -150,7 +142,6 @@ impl Wide<'_> {
         }
     }
 
-    /// Returns sphere `i`, not rounded.
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [f64; 4] {
         match self {

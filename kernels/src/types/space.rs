@@ -3,17 +3,13 @@ use glam::{DVec3, Vec3};
 use super::triclinic::TriclinicCell;
 use crate::InputError;
 
-/// The space of the spheres: along each axis unbounded or periodic with some length, or a triclinic cell with up to three
-/// cell vectors.
+/// The space of the spheres: along each axis unbounded or periodic, or a triclinic cell with up to three cell vectors.
 ///
-/// In a periodic space, the distance of two spheres is that of their minimum images: along a periodic axis of length `L`, a
-/// difference `d` of coordinates counts as `d − L·round(d/L)`. Two spheres are a pair once if that distance is at most their
-/// cutoff, however many of their images are; a sphere never pairs with its own image. This holds for any radii, also for
-/// those larger than the box.
-/// In a triclinic cell, images are at integer multiples of the cell vectors. The minimum image is found at any tilt, also
-/// if tilts are longer than half a cell vector.
-/// Only differences of coordinates count: the box may begin anywhere, and coordinates may lie outside of it, such as those
-/// of unwrapped trajectories.
+/// In a periodic space, the distance of two spheres is the distance of their minimum images: along a periodic axis of
+/// length `L`, a coordinate difference `d` counts as `d − L·round(d/L)`. Two spheres pair once if that distance is at
+/// most their cutoff, for any number of images in reach and any radii; a sphere never pairs with its own image. In a
+/// triclinic cell, images are at integer multiples of the cell vectors, and the minimum image is found at any tilt. The
+/// box may begin anywhere, and coordinates may lie outside of it, as in unwrapped trajectories.
 ///
 /// ```
 /// # use lazygrid_kernels::Space;
@@ -36,11 +32,10 @@ impl Space {
     /// Unbounded along all axes.
     pub const UNBOUNDED: Self = Self { lengths: [None; 3], triclinic: None };
 
-    /// Creates a space that is periodic along those of the axes `x`, `y`, `z` that have a length, in the length unit of the
-    /// spheres.
+    /// Creates a space that is periodic along the axes with a length, in the unit of the spheres.
     ///
     /// # Errors
-    /// Returns [`InputError::PeriodicLength`] for a length that is not finite or not above zero.
+    /// [`InputError::PeriodicLength`] for a length that is not finite or not above zero.
     pub fn periodic(lengths: [Option<f64>; 3]) -> Result<Self, InputError> {
         for (axis, length) in ['x', 'y', 'z'].into_iter().zip(lengths) {
             if let Some(length) = length.filter(|length| !(length.is_finite() && *length > 0.0)) {
@@ -54,14 +49,13 @@ impl Space {
         Self { lengths: lengths.map(|length| length.map(f64::from)), triclinic: None }
     }
 
-    /// Creates a space that is periodic along up to three cell vectors of any direction, in the length unit of the spheres. Space
-    /// is not periodic along an omitted vector.
-    /// The box that LAMMPS writes as lengths `lx, ly, lz` and tilts `xy, xz, yz` has the cell vectors `(lx, 0, 0)`,
-    /// `(xy, ly, 0)` and `(xz, yz, lz)`. A cell of ASE has its rows as cell vectors; omit those that `pbc` denies. If each cell
-    /// vector lies along an axis of its own, the space is that of [`periodic`](Self::periodic).
+    /// Creates a space that is periodic along up to three cell vectors of any direction, in the unit of the spheres. A
+    /// LAMMPS box of lengths `lx, ly, lz` and tilts `xy, xz, yz` has the cell vectors `(lx, 0, 0)`, `(xy, ly, 0)` and
+    /// `(xz, yz, lz)`. The rows of an ASE cell are its cell vectors; omit rows without `pbc`. Vectors along different
+    /// axes give the space of [`periodic`](Self::periodic).
     ///
     /// # Errors
-    /// Returns [`InputError::CellVectors`] if vectors are not finite, zero, or so nearly in one line or plane that the box is
+    /// [`InputError::CellVectors`] if vectors are not finite, zero, or so nearly in one line or plane that the box is
     /// thinner than 2⁻²⁴ of its longest vector, or thinner than `f32` can represent.
     pub fn triclinic(cell_vectors: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
         if let Some(lengths) = along_axes(&cell_vectors) {
@@ -74,7 +68,7 @@ impl Space {
         })
     }
 
-    /// Returns the length of each periodic axis; for a [triclinic](Self::triclinic) cell, the length of each cell vector.
+    /// Returns the length of each periodic axis, or of each cell vector of a [triclinic](Self::triclinic) cell.
     pub fn lengths(&self) -> [Option<f64>; 3] {
         self.lengths
     }
@@ -99,7 +93,7 @@ impl Space {
         }
     }
 
-    /// Returns the cell vectors along which space is periodic.
+    /// Returns the periodic cell vectors.
     pub fn cell_vectors(&self) -> [Option<[f64; 3]>; 3] {
         match &self.triclinic {
             Some(cell) => cell.vectors(),
@@ -109,7 +103,7 @@ impl Space {
         }
     }
 
-    /// Returns the triclinic cell, if not all cell vectors lie along the axes.
+    /// Returns the triclinic cell, unless all cell vectors lie along the axes.
     pub fn triclinic_cell(&self) -> Option<&TriclinicCell> {
         self.triclinic.as_ref()
     }
@@ -119,10 +113,12 @@ impl Space {
         self.lengths != [None; 3]
     }
 
-    /// Returns the image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and `L/2`.
+    /// Returns the image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and
+    /// `L/2`.
     ///
-    /// Exact: the result is an integer number of lengths away, and `f32` can represent it. Coordinates that are not finite give
-    /// NaN. In a triclinic cell, the result is the image with at most half of each vector of the reduced basis, rounded.
+    /// Exact: the result is an integer number of lengths away, and `f32` can represent it. Non-finite coordinates give
+    /// NaN. In a triclinic cell, the result is the image with at most half of each vector of the reduced basis,
+    /// rounded.
     pub fn wrap(&self, point: Vec3) -> Vec3 {
         if let Some(cell) = &self.triclinic {
             let (_, [x, y, z]) = cell.minimum_image(point.as_dvec3().to_array());
@@ -137,9 +133,9 @@ impl Space {
         wrapped
     }
 
-    /// Returns the squared distance of the minimum images of two points, as the exact test of the CPU path computes it. In a
-    /// triclinic cell, differences of coordinates are wrapped in `f64`, which is as exact as the coordinates for points up to
-    /// 2²⁰ boxes away.
+    /// Returns the squared distance of minimum images, as the exact test of the CPU computes it. In a triclinic cell,
+    /// differences of coordinates are wrapped in `f64`, which is as exact as the coordinates for points up to 2²⁰ boxes
+    /// away.
     pub fn distance_squared(&self, a: Vec3, b: Vec3) -> f64 {
         if self.triclinic.is_some() || !self.is_narrow() {
             let [x, y, z] = self.minimum_image(a.as_dvec3().to_array(), b.as_dvec3().to_array()).vector;
@@ -171,14 +167,12 @@ fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     Some(lengths)
 }
 
-/// Returns the remainder of `x` of least magnitude.
-/// # Correctness
-/// Nothing is rounded. A remainder is a multiple of the last place of `length`, or half of that if `x` is less than
-/// `length`, and it is at most half of `length`, so that 24 bits hold it. The integer part and its product with `length` fit
-/// the 53 bits of `f64`.
+/// Returns the remainder of `x` of least magnitude. # Correctness Nothing is rounded. A remainder is a multiple of the
+/// last place of `length`, or half of that if `x` is less than `length`, and it is at most half of `length`, so 24 bits
+/// hold it. The integer part and its product with `length` fit the 53 bits of `f64`.
 #[inline(always)]
 fn wrap(x: f32, length: f32) -> f32 {
-    /// Below this number of lengths, the integer part gives the exact remainder: it is wrong only next to a tie.
+    /// Below this number of lengths, the integer part gives the exact remainder, except next to a tie.
     const NEAR: f64 = (1 << 20) as f64;
     let lengths = f64::from(x) / f64::from(length);
     if lengths.abs() < NEAR {

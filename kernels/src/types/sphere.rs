@@ -6,8 +6,7 @@ use crate::InputError;
 
 /// A sphere: center and radius in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
 ///
-/// Any finite center is allowed, anywhere in space. Radius 0 is a point. Detectors reject a negative, infinite or NaN radius
-/// and a center that is not finite.
+/// Radius 0 is a point. Detectors reject a negative radius and non-finite values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Sphere {
@@ -23,7 +22,7 @@ impl Sphere {
         Self { center: center.into(), radius }
     }
 
-    /// Returns `true` if the detectors accept this sphere: all values finite and the radius not negative.
+    /// Returns `true` if all values are finite and the radius is not negative.
     #[inline]
     pub fn is_valid(&self) -> bool {
         self.center.is_finite() && self.radius.is_finite() && self.radius >= 0.0
@@ -36,8 +35,8 @@ impl From<[f32; 4]> for Sphere {
     }
 }
 
-/// A borrowed set of spheres, never copied here: rows (`&[Sphere]`, `&[[T; 4]]`), columns (four `&[T]`) or points with radii,
-/// where `T` is `f32` or `f64`; and optionally a species id and a group per sphere. No number is rounded.
+/// A borrowed set of spheres, never copied here: rows (`&[Sphere]`, `&[[T; 4]]`), columns (four `&[T]`) or points with
+/// radii, where `T` is `f32` or `f64`; and optionally a species id and a group per sphere. No number is rounded.
 ///
 /// ```
 /// # use lazygrid_kernels::{Sphere, Spheres};
@@ -61,17 +60,17 @@ enum Layout<'a> {
 }
 
 impl<'a> Spheres<'a> {
-    /// The group of spheres without a group: see [`with_groups`](Self::with_groups).
+    /// The number of no group: see [`with_groups`](Self::with_groups).
     pub const NO_GROUP: u32 = u32::MAX;
 
     fn of(layout: Layout<'a>) -> Self {
         Self { layout, species: None, groups: None }
     }
 
-    /// Borrows spheres stored as structure of arrays: `x`, `y`, `z` and `r`, all of one length.
+    /// Borrows columns `x`, `y`, `z` and `r` of one length.
     ///
     /// # Errors
-    /// Returns [`InputError::Lengths`] if the lengths differ.
+    /// [`InputError::Lengths`] if the lengths differ.
     pub fn columns<T: Real>(x: &'a [T], y: &'a [T], z: &'a [T], r: &'a [T]) -> Result<Self, InputError> {
         for (what, column) in [("y", y), ("z", z), ("r", r)] {
             if column.len() != x.len() {
@@ -88,7 +87,7 @@ impl<'a> Spheres<'a> {
     /// Borrows points, with one radius for all, or one each.
     ///
     /// # Errors
-    /// Returns [`InputError::Lengths`] unless there is one radius per point.
+    /// [`InputError::Lengths`] unless there is one radius per point.
     pub fn points<T: Real>(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
         Ok(Self::strided(Strided::of_points(centers, radii)?))
     }
@@ -101,7 +100,7 @@ impl<'a> Spheres<'a> {
     /// Adds a species id per sphere, for [`Interactions`](crate::Interactions).
     ///
     /// # Errors
-    /// Returns [`InputError::Lengths`] unless there is one id per sphere.
+    /// [`InputError::Lengths`] unless there is one id per sphere.
     pub fn with_species(mut self, species: &'a [u32]) -> Result<Self, InputError> {
         if species.len() != self.len() {
             let (length, expected) = (species.len(), self.len());
@@ -111,11 +110,11 @@ impl<'a> Spheres<'a> {
         Ok(self)
     }
 
-    /// Adds a group per sphere, such as a molecule or a rigid body. Two spheres of one group are never a pair, except those of
-    /// [`NO_GROUP`](Self::NO_GROUP). With two sets, equal numbers mean the same group in both.
+    /// Adds a group per sphere, such as a molecule or a rigid body. Spheres of one group never pair, except in
+    /// [`NO_GROUP`](Self::NO_GROUP). With two sets, equal numbers mean one group in both.
     ///
     /// # Errors
-    /// Returns [`InputError::Lengths`] unless there is one group per sphere.
+    /// [`InputError::Lengths`] unless there is one group per sphere.
     pub fn with_groups(mut self, groups: &'a [u32]) -> Result<Self, InputError> {
         if groups.len() != self.len() {
             let (length, expected) = (groups.len(), self.len());
@@ -136,15 +135,15 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Returns `true` if there is no sphere.
+    /// Returns `true` if the set has no sphere.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns sphere `i`, rounded to `f32`: see [`get_f64`](Self::get_f64).
+    /// Returns sphere `i`, rounded to `f32`; see [`get_f64`](Self::get_f64).
     ///
     /// # Panics
-    /// Panics if `i` is not below [`len`](Self::len), as indexing a slice does.
+    /// If `i` is not below [`len`](Self::len).
     #[inline(always)]
     pub fn get(&self, i: usize) -> Sphere {
         match self.layout {
@@ -154,7 +153,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Returns sphere `i`, rounded. Never inlined: it would lengthen the loops of searches, which read rows and columns of `f32`.
+    /// Never inlined: it would lengthen the loops of searches over `f32` rows and columns.
     #[cold]
     #[inline(never)]
     fn rounded(&self, i: usize) -> Sphere {
@@ -164,7 +163,7 @@ impl<'a> Spheres<'a> {
     /// Returns the numbers `x, y, z, r` of sphere `i` as given.
     ///
     /// # Panics
-    /// Panics if `i` is not below [`len`](Self::len).
+    /// If `i` is not below [`len`](Self::len).
     #[inline]
     pub fn get_f64(&self, i: usize) -> [f64; 4] {
         match self.layout {
@@ -177,7 +176,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Returns `true` if the detectors accept sphere `i`, as given.
+    /// Returns `true` if detectors accept sphere `i`.
     pub fn is_valid(&self, i: usize) -> bool {
         let numbers = self.get_f64(i);
         numbers.iter().all(|number| number.is_finite()) && numbers[3] >= 0.0
@@ -188,12 +187,12 @@ impl<'a> Spheres<'a> {
         matches!(self.layout, Layout::RowsF64(_) | Layout::Wide(Wide::F64(_)))
     }
 
-    /// Returns `true` if the spheres are stored as rows or columns of `f32`, as searches read them.
+    /// Returns `true` for rows or columns of `f32`, which searches read in place.
     pub fn is_narrow(&self) -> bool {
         matches!(self.layout, Layout::Rows(_) | Layout::Columns(_))
     }
 
-    /// Returns the spheres as one slice if they are stored as rows.
+    /// Returns rows as one slice.
     #[inline]
     pub fn as_rows(&self) -> Option<&'a [Sphere]> {
         match self.layout {
@@ -202,7 +201,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Returns the spheres as one slice if they are stored as rows of `f64`.
+    /// Returns rows of `f64` as one slice.
     #[inline]
     pub fn as_rows_f64(&self) -> Option<&'a [[f64; 4]]> {
         match self.layout {
@@ -211,13 +210,13 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Returns the species ids, if any were given.
+    /// Returns the species ids.
     #[inline]
     pub fn species(&self) -> Option<&'a [u32]> {
         self.species
     }
 
-    /// Returns the groups, if any were given.
+    /// Returns the groups.
     #[inline]
     pub fn groups(&self) -> Option<&'a [u32]> {
         self.groups

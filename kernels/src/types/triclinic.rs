@@ -1,4 +1,5 @@
-//! Triclinic cells: the minimum image in a tilted periodic box, and the orthogonal space in which its pairs are searched.
+//! Triclinic cells: the minimum image in a tilted periodic box, and the orthogonal space in which its pairs are
+//! searched.
 
 use glam::{DVec3, Vec3};
 
@@ -7,44 +8,42 @@ use crate::{InputError, Space, Sphere};
 
 /// The thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
-/// The most steps and swaps of the lattice reduction. Boxes of the allowed thickness take some hundreds.
+/// The most steps and swaps of the lattice reduction. Boxes of the allowed thickness need some hundreds.
 const MAX_REDUCTION_STEPS: usize = 1 << 16;
 /// The most steps that wrap a vector: each leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
 /// The gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
 const LLL_DELTA: f64 = 0.99;
-/// The growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three axes.
+/// The growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
+/// axes.
 const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 /// The inverse of the number of lengths at which the rounding of `f64` reaches that of `f32`.
 const FAR: f64 = 1.0 / (1 << 20) as f64;
-/// The growth of orthogonalized radii: more than the 5 ulp of the squared cutoff that a GPU may be wrong by.
+/// The growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
-/// The cell of a space whose cell vectors are not all along axes.
-/// All images of a sphere are at integer multiples of *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and
-/// Lovász), so that its vectors are nearly as short and orthogonal as the images allow, at any tilt.
+/// The cell of a space with a cell vector that is not along an axis. All images of a sphere are at integer multiples of
+/// *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and Lovász), so its vectors are nearly as short and
+/// orthogonal as the images allow, at any tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
     rank: usize,
     /// A power of two that scales lengths before they meet the basis, so that no product overflows.
     unit: f64,
-    /// The reduced vectors, and after them unit vectors that are orthogonal to all before.
+    /// The reduced vectors, followed by unit vectors that are orthogonal to all before.
     basis: [DVec3; 3],
     turns: [[f64; 3]; 3],
-    /// The part of each basis vector that is orthogonal to those before it, divided by its squared length.
+    /// The part of each basis vector that is orthogonal to its predecessors, divided by its squared length.
     steps: [DVec3; 3],
     /// The rows of the inverse of the basis: they give the fractions of a vector.
     inverse: [DVec3; 3],
-    /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Read in every call, hence stored.
+    /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Read in every call,
+    /// hence stored.
     is_narrow: bool,
 }
 
 impl TriclinicCell {
-    /// Creates the cell with these vectors.
-    ///
-    /// # Errors
-    /// Returns [`InputError::CellVectors`] if the vectors are not finite, or span a box far thinner than it is long.
     pub(crate) fn new(vectors: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
         let refused = || InputError::CellVectors { vectors: Box::new(vectors) };
         let largest = vectors.iter().flatten().flatten().fold(0.0_f64, |most, number| most.max(number.abs()));
@@ -82,7 +81,7 @@ impl TriclinicCell {
     /// Returns the map to the orthogonal space at this scale.
     pub fn orthogonal_space(&self, scale: f64) -> Orthogonalization {
         let heights = heights(&self.inverse);
-        // In a unit that is a power of two as well, so that nothing is rounded twice.
+        // In a unit that is also a power of two, so that nothing is rounded twice.
         let factor = scale / self.unit;
         let lengths = [0, 1, 2].map(|k| match k < self.rank {
             true => f64::from(((heights[k] * factor) as f32).max(f32::MIN_POSITIVE)),
@@ -99,7 +98,6 @@ impl TriclinicCell {
         Self { vectors, unit: self.unit / scale, ..self }
     }
 
-    /// Returns `true` if `f32` spheres can be searched in orthogonalized coordinates at [`Orthogonalization::SCALE`].
     pub(crate) fn is_narrow(&self) -> bool {
         self.is_narrow
     }
@@ -129,13 +127,14 @@ impl TriclinicCell {
         self.rank
     }
 
-    /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image.
-    /// # Correctness
-    /// 1. A vector with at most half of each basis vector is at most `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for the
-    ///    minimum image. `rₖ` is the part of the `k`-th basis vector that is orthogonal to those before it.
+    /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image. #
+    /// Correctness
+    /// 1. A vector with at most half of each basis vector is at most `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for
+    ///    the minimum image. `rₖ` is the part of the `k`-th basis vector that is orthogonal to its predecessors.
     /// 2. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`.
     /// 3. Hence only −1, 0 and 1 times the third vector can lead there from at most half of it.
-    /// 4. In each of these three planes the same holds for the second vector. Along the first one, rounding finds the image.
+    /// 4. In each of these three planes the same holds for the second vector. Along the first one, rounding finds the
+    ///    image.
     pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let scaled = DVec3::from(vector) * self.unit;
         let mut counts = [0.0; 3];
@@ -177,8 +176,8 @@ impl TriclinicCell {
         })
     }
 
-    /// Returns the image of a vector at these multiples of the basis vectors: the multiples `S` of the cell vectors, and
-    /// `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    /// Returns the image of a vector at these multiples of the basis vectors: the multiples `S` of the cell vectors,
+    /// and `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
     fn image(&self, vector: [f64; 3], counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut shift = [0.0; 3];
         for (count, turns) in counts.iter().zip(&self.turns) {
@@ -188,7 +187,8 @@ impl TriclinicCell {
     }
 }
 
-/// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)`, component by component from left to right, never fused: part of the exact test.
+/// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)`, component by component from left to right, never fused: part of the exact
+/// test.
 pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], vectors: &[Option<[f64; 3]>; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| {
         let terms = [0, 1, 2].map(|k| vectors[k].map(|vector| shift[k] * vector[axis]));
@@ -203,7 +203,6 @@ pub(crate) fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
     basis[0] * counts[0] + basis[1] * counts[1] + basis[2] * counts[2]
 }
 
-/// Returns the largest power of two that is at most `number`, which is positive.
 pub(crate) fn power_of_two_below(number: f64) -> f64 {
     const FRACTION: u64 = (1 << 52) - 1;
     if number < f64::MIN_POSITIVE {
@@ -212,14 +211,14 @@ pub(crate) fn power_of_two_below(number: f64) -> f64 {
     f64::from_bits(number.to_bits() & !FRACTION)
 }
 
-/// The map from a triclinic cell to orthogonalized coordinates: the distances from the planes that pairs of basis vectors
-/// span. In them space is periodic along the axes, and no distance grows by more than the factor `stretch`.
+/// The map from a triclinic cell to orthogonalized coordinates: the distances from the planes that pairs of basis
+/// vectors span. There space is periodic along the axes, and no distance grows by more than the factor `stretch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthogonalization {
     rank: usize,
     unit: f64,
     inverse: [DVec3; 3],
-    /// The length of each axis, an `f32` number; for an axis that is not periodic, its scale.
+    /// The length of each axis, an `f32` number; for an unbounded axis, its scale.
     lengths: [f64; 3],
     /// The largest factor by which a distance grows.
     stretch: f64,
@@ -241,14 +240,14 @@ impl Orthogonalization {
         self.lengths[..self.rank].iter().all(is_normal)
     }
 
-    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Any two spheres whose minimum images touch
-    /// also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That growth hardly depends on
-    /// the position, so that a moving sphere keeps its radius. A radius above `limit` becomes `limit`, which must be large enough
-    /// that the sphere touches all others.
+    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Any two spheres whose minimum
+    /// images touch also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That
+    /// growth hardly depends on the position, so a moving sphere keeps its radius. A radius above `limit` becomes
+    /// `limit`, which must be large enough that the sphere touches all others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
         let mut orthogonal = Vec3::ZERO;
-        // The length scale of all rounding: that of the box, or more if the sphere is far away.
+        // The length scale of all rounding: the box, or more if the sphere is far away.
         let mut scale = 0.0_f64;
         for k in 0..3 {
             let length = self.lengths[k];
@@ -316,7 +315,7 @@ fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
     }
 }
 
-/// Completes the first `rank` vectors by unit vectors that are orthogonal to them and to each other.
+/// Completes the first `rank` vectors by orthogonal unit vectors.
 fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
     match rank {
         1 => (basis[1], basis[2]) = basis[0].normalize().any_orthonormal_pair(),
@@ -335,9 +334,9 @@ fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
     inverse.map(|row| row.length().recip())
 }
 
-/// Returns an upper bound of the factor by which a matrix with these rows lengthens a vector: the largest singular value,
-/// rounded up. With `n` rows, the trace of the `p`-th power of a symmetric matrix lies between the `p`-th power of its
-/// largest eigenvalue and `n` times as much.
+/// Returns an upper bound of the factor by which a matrix with these rows lengthens a vector: the largest singular
+/// value, rounded up. With `n` rows, the trace of the `p`-th power of a symmetric matrix lies between the `p`-th power
+/// of its largest eigenvalue and `n` times as much.
 fn norm_bound(rows: [DVec3; 3]) -> f64 {
     const DOUBLINGS: i32 = 10;
     let mut products = glam::DMat3::from_cols(rows[0], rows[1], rows[2]);

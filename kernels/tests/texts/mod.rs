@@ -1,4 +1,4 @@
-//! All WGSL texts: of this crate in every variant, and of the simulator, on which tests of this crate cannot depend.
+//! All WGSL texts: of this crate in every variant, and of the simulator.
 
 use std::fs;
 use std::path::{Path, PathBuf};

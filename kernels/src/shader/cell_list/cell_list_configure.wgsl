@@ -1,4 +1,3 @@
-// Chooses the cells of a call from the statistics of its spheres.
 #include layout
 #include cell_list
 #include thread

@@ -1,5 +1,5 @@
-// Finds the pairs of each sphere with its first candidates, usually all. Blocks in which some sphere has more candidates
-// are deferred to `cell_list_search_overflow`.
+// Finds the pairs of each sphere with its first candidates, usually all. Blocks with a sphere with more candidates are
+// deferred to `cell_list_search_overflow`.
 #include cell_list_search read_write
 
 var<workgroup> most_candidates: atomic<u32>;

@@ -1,5 +1,5 @@
-// Tests the later chunks of candidates of the spheres in deferred blocks. A single overfull cell keeps the whole device
-// busy, and no invocation exceeds the loop iterations that devices allow.
+// Tests the later chunks of candidates of deferred blocks. A single overfull cell keeps the whole device busy, and no
+// invocation exceeds the loop iterations that devices allow.
 #include cell_list_search read
 
 // Blocks in one layer (z) of the dispatch.

@@ -1,5 +1,5 @@
-// Writes the dispatch arguments of the next `cell_list_search_overflow`: as many deferred blocks as one submission may
-// have. counts the chunks of candidates of the sphere with the most, and z count blocks.
+// Dispatches the deferred blocks of the next submission: x counts the chunks of candidates of the sphere with the most,
+// y and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;
@@ -7,7 +7,7 @@
 @group(0) @binding(2) var<storage, read_write> dispatch: array<u32>;
 
 const UNLIMITED: u32 = #{UNLIMITED}u;
-// The most workgroups in one dimension of a dispatch (WebGPU's default limit).
+// The limit of a dispatch dimension (WebGPU's default).
 const MAX_GROUPS: u32 = 65535u;
 
 @compute @workgroup_size(1)

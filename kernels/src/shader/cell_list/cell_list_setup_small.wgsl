@@ -1,4 +1,3 @@
-// Reduces the statistics and chooses the cells in one workgroup, for small inputs.
 #include layout
 #include cell_list
 #include thread

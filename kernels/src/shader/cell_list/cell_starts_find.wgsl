@@ -1,5 +1,4 @@
-// Finds the first sphere of each cell among the spheres sorted by cell. Each workgroup takes a block of cells, with any
-// number of spheres.
+// Finds the first sphere of each cell. Each workgroup processes a block of cells, with any number of spheres.
 #include layout
 #include cell_list
 #include thread
@@ -11,7 +10,7 @@
 const WORKGROUP_SIZE: u32 = 256u;
 const ITEMS: u32 = 8u;
 const BLOCK: u32 = WORKGROUP_SIZE * ITEMS;
-// Blocks with more spheres are not scanned: a binary search finds the start of each of their cells.
+// Blocks with more spheres are not scanned: a binary search finds the start of each cell.
 const MAX_SCANNED: u32 = 32768u;
 
 // The first sphere of each cell of the block, or the end of the block's spheres. One word in 33 is padding, so that
@@ -19,7 +18,6 @@ const MAX_SCANNED: u32 = 32768u;
 var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
 // The minimum of `firsts` over the cells after those of each thread.
 var<workgroup> later: array<u32, 512>;
-// The range of the block's spheres.
 var<workgroup> block_range: array<u32, 2>;
 // The number of probes before each end of that range.
 var<workgroup> passed: array<atomic<u32>, 2>;

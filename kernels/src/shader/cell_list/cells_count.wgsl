@@ -1,4 +1,3 @@
-// Assigns each sphere its cell and its rank there, and counts the spheres of each cell.
 #include layout
 #include cell_list
 #include thread

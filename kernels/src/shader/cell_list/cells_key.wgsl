@@ -1,4 +1,4 @@
-// Assigns each sphere its cell as a sort key, and counts the digits of the first radix pass.
+// Also counts the digits of the first radix pass.
 #include layout
 #include cell_list
 #include thread

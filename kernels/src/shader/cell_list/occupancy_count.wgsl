@@ -1,5 +1,5 @@
-// Counts the spheres in each cell of level 0, if smaller ones may have to leave it. Few workgroups stride over the
-// spheres, because most calls end here at once.
+// Few workgroups stride over the spheres, because most calls end here at once: the counts matter only if smaller
+// spheres may leave level 0.
 #include layout
 #include cell_list
 #include thread

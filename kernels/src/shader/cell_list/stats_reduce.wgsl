@@ -1,5 +1,4 @@
-// Reduces the spheres to bounds and counts per size class. Workgroups stride over the spheres, so that few of them
-// contend for the counters in memory.
+// Workgroups stride over the spheres, so that few contend for the counters in memory.
 #include layout
 #include cell_list
 #include thread

@@ -1,4 +1,3 @@
-// Clears the accumulators of a call and stores its number of spheres.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

@@ -1,5 +1,5 @@
 // Finds each sphere's depth and cells, in this kernel alone because rounding may differ between kernels. Records the
-// depths that occur. If only overfull cells are split, counts the smaller spheres in each cell of the first level.
+// depths that occur and, if only overfull cells are split, the smaller spheres per cell of the first level.
 #include layout
 #include thread
 #include sphere

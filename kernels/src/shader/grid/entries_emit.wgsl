@@ -1,6 +1,6 @@
 // Writes one (cell, object) entry for every cell that a sphere overlaps, level by level. A split cell passes its
-// smaller spheres to the next level. The object word holds, per axis, whether the cell is the sphere's first. The key
-// marks passive entries: smaller spheres in a split cell, which meet only the spheres that stay there.
+// smaller spheres to the next level. The object word has a bit per axis for the sphere's first cell. The key marks
+// passive entries: smaller spheres in a split cell, which meet only the spheres that stay there.
 #include layout
 #include thread
 
@@ -24,7 +24,7 @@ struct Share {
 var<workgroup> share: Share;
 
 // A sphere's cells at one level, one bit each: cells with an entry, cells with a passive entry, and cells that pass the
-// sphere down.
+// sphere on.
 struct Visit {
     entries: u32,
     passive: u32,
@@ -37,7 +37,7 @@ fn key_of(depth: u32, cell: vec3<i32>) -> u32 {
     return level.base + (hashed.x | (hashed.y << level.bits.x) | (hashed.z << (level.bits.x + level.bits.y)));
 }
 
-// `alive` has a bit for each of the sphere's cells in `above` that passed it down.
+// `alive` has a bit for each of the sphere's cells in `above` that passed it on.
 fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
     var found = Visit(0u, 0u, 0u);
     for (var number = 0u; number < 8u; number++) {

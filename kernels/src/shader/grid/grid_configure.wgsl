@@ -14,11 +14,11 @@ const SAMPLES: u32 = 256u;
 // Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths when their boxes
 // are widened.
 const SLACK: f32 = 0x1.04p0;
-// Cells on either side of the origin. Coordinates beyond them share the outermost cell. Within them, a box is widened by
-// at most an eighth of a cell, so that no sphere overlaps more than two cells per axis.
+// Cells on either side of the origin; coordinates beyond share the outermost cell. Within them, a box is widened by at
+// most an eighth of a cell, so that no sphere overlaps more than two cells per axis.
 const HALF_GRID: f32 = 0x1p17;
-// The range of the number of cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below a
-// fraction of a cell. Rings at the lower limit, and axes with a length out of range, always have one cell.
+// The range of the number of cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below
+// a fraction of a cell. Rings at the lower limit, and axes with a length out of range, always have one cell.
 const MAX_RING_CELLS: f32 = 0x1p15;
 const MIN_RING_CELLS: f32 = 0x1p-40;
 const MIN_LENGTH: f32 = 0x1p-80;
@@ -29,7 +29,7 @@ var<workgroup> accepted: atomic<u32>;
 // Lower quartile, median and upper quartile of the samples, per axis.
 var<workgroup> quartiles: array<array<f32, 3>, 3>;
 
-// Returns `true` if an axis with this period is unbounded. Compares bits, because devices may flush small periods to 0.
+// Compares bits, because devices may flush small periods to 0.
 fn is_open(period: f32) -> bool {
     return bitcast<u32>(period) == 0u;
 }
@@ -56,7 +56,7 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return select(sample, d + shift, used);
 }
 
-// Returns the number of cells around an axis, each at least `edge` wide; 0 for an unbounded axis. It is a multiple of
+// Returns the cells around an axis, each at least `edge` wide; 0 for an unbounded axis. The number is a multiple of
 // four, so that neither the key hash nor the periodic boundary merges neighbors, or else a power of two small enough
 // that the axis has one cell until a depth at which four fit.
 fn ring_cells_of(length: f32, edge: f32) -> f32 {

@@ -1,5 +1,5 @@
-// Divides the keys among the levels, in proportion to the spheres that may have entries there, and gives no level more
-// keys than it has cells.
+// Divides the keys among the levels, in proportion to the spheres that may have entries there; no level has more keys
+// than cells.
 #include layout
 #include thread
 
@@ -10,7 +10,7 @@
 
 const MIN_BITS: u32 = 3u * MIN_AXIS_BITS;
 
-// The number of spheres that may have entries at each depth, and the number of keys it gets.
+// Spheres that may have entries, and keys, per depth.
 var<workgroup> weights: array<u32, 32>;
 var<workgroup> sizes: array<u32, 32>;
 
@@ -43,7 +43,7 @@ fn levels_assign_keys(
     // One key bit marks passive entries.
     let keys = 1u << (params.key_bits - 1u);
     let spare = keys - (countOneBits(depths) << MIN_BITS);
-    // Rounded down, so that the shares never add up to more than all keys.
+    // Rounded down, so that the shares never exceed all keys.
     let share = f32(spare) * (f32(weights[depth]) / total) * 0x1.ff8p-1;
     let share_bits = (bitcast<u32>(max(share, 1.0)) >> 23u) - 127u;
     let cells = axis_bits(grid.low, grid.high, grid.ring_cells, depth);

@@ -1,5 +1,5 @@
-// Counts the smaller spheres that overlap each cell of the deeper levels inside overfull cells of the first level, and
-// the spheres that continue there.
+// Counts the smaller spheres in each cell of the deeper levels inside overfull cells of the first level, and the
+// spheres that continue there.
 #include layout
 #include thread
 

@@ -1,5 +1,5 @@
-// Tests all pairs. Each workgroup takes 256 spheres and some of the tiles of spheres with larger indices, or of the
-// second set. The number of workgroups keeps every invocation within the loop iterations that devices allow.
+// Each workgroup tests 256 spheres with some of the tiles of spheres with larger indices, or of the second set. The
+// number of workgroups keeps every invocation within the loop iterations that devices allow.
 #include layout
 #include thread
 #include sphere
@@ -74,7 +74,7 @@ fn naive_search(
             }
         }
         workgroupBarrier();
-        // Only larger indices in the block's own tile, and only spheres of the second set in the first tile of that set.
+        // Only larger indices in the block's own tile, and only spheres of the second set in its first tile.
         let of_second = max(params.second_set_start, column * WORKGROUP_SIZE) - column * WORKGROUP_SIZE;
         let begin = max(select(0u, thread.local_index + 1u, column == block), of_second);
         for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {

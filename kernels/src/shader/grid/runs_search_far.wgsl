@@ -1,6 +1,6 @@
-// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup takes a deferred block of 256
-// entries and some of the tiles after it, so that a single overfull cell keeps the whole device busy, and no invocation
-// exceeds the loop iterations that devices allow.
+// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256
+// entries with some of the tiles after it, so that a single overfull cell keeps the whole device busy, and no
+// invocation exceeds the loop iterations that devices allow.
 #include runs_search read
 #include reserve_by_subgroup
 #include entry
@@ -11,7 +11,7 @@ const WORKGROUP_SIZE: u32 = 256u;
 
 // Bitwise or of the tile's object words.
 var<workgroup> tile_firsts: atomic<u32>;
-// The deferred blocks of this submission, and the most tiles that any of them has.
+// The deferred blocks of this submission, and the most tiles of any of them.
 struct DeferredRange {
     begin: u32,
     end: u32,

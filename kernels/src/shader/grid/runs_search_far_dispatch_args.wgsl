@@ -1,5 +1,5 @@
-// Writes the dispatch arguments of the next `runs_search_far`: as many deferred blocks as one submission may have.
-// counts the workgroups of the block with the most tiles, and z count blocks.
+// Dispatches the deferred blocks of the next submission: x counts the workgroups of the block with the most tiles, y
+// and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

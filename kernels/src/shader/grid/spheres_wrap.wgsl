@@ -1,4 +1,3 @@
-// Wraps each sphere to its image nearest to the origin.
 #include layout
 #include thread
 

@@ -1,10 +1,9 @@
-// Tests two assumptions of the kernels that no API promises: subgroups are full, and lanes follow local indices.
+// Tests two assumptions that no API promises: subgroups are full, and lanes follow local indices.
 #include thread
 
 struct SubgroupProbe {
     // Bit 0: some subgroup is not full; bit 1: lanes do not follow local indices; bit 2: no subgroup operations.
     faults: atomic<u32>,
-    // The number of invocations that ran.
     invocations: atomic<u32>,
     smallest: atomic<u32>,
     largest: atomic<u32>,

@@ -1,7 +1,7 @@
 // Tests a block of 256 sorted spheres, one per thread, with one chunk of each sphere's candidates.
 
 const WORKGROUP_SIZE: u32 = 256u;
-// The most rows of cells that a sphere searches in one round, in all and at one level.
+// The most rows of cells that a sphere searches per round.
 const ROWS: u32 = 256u;
 // Hits that the workgroup collects before it writes them.
 const HITS: u32 = 1024u;
@@ -34,8 +34,8 @@ fn is_ordinary() -> bool {
     return cell_list.ordinary != 0u && params.interaction != BY_SPECIES;
 }
 
-// Returns the cutoff of the test without guards: the first component, plus the second times the other radius. A branch per
-// candidate instead took a third more time for a burst on llvmpipe.
+// Returns the cutoff of the test without guards: the first component, plus the second times the other radius. A branch
+// per candidate instead slowed a burst on llvmpipe by a third.
 fn ordinary_reach(query: QuerySphere) -> vec2<f32> {
     return select(vec2(params.interaction, 0.0), vec2(query.sphere.w, 1.0), params.interaction == TOUCH);
 }
@@ -44,8 +44,8 @@ fn is_candidate_pair(query: QuerySphere, other: u32) -> bool {
     return is_pair(query.sphere, sorted[other], query.species, sorted_species[other]);
 }
 
-// Returns `true` if hits may be of sides that are not compared: listed spheres are candidates of both sides, and the test
-// without guards ignores species.
+// Returns `true` if hits may be of sides that are not compared: listed spheres are candidates of both sides, and the
+// test without guards ignores species.
 fn mixes_sides() -> bool {
     return params.side_pairs > 1u && is_ordinary() && starts[cell_list.cells] != starts[cell_list.cells + 1u];
 }
@@ -83,8 +83,7 @@ fn species_pair(query: QuerySphere, other: u32) -> bool {
 }
 #endif
 
-// Returns one bit for each of the candidates `begin..end`, at most 32, that pairs with the query. One of the two loops is
-// empty.
+// Returns a bit per candidate in `begin..end`, at most 32, that pairs with the query. One of the two loops is empty.
 fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
@@ -103,7 +102,7 @@ fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: 
     return bits;
 }
 
-// Returns the hits that the call asks for: in its window, across its sets, and of compared sides.
+// Returns the hits in the window, across the sets, and of compared sides.
 fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32) -> u32 {
     var bits = found;
     let all = asks_for_all(cell_list.spheres) && !mixes_sides();
@@ -116,7 +115,7 @@ fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32
     return bits;
 }
 
-// Tests the candidates `begin..end`. Returns the first candidate that was not tested because the list of hits was full.
+// Tests the candidates `begin..end`. Returns the first one not tested because the list of hits was full.
 fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var reached = end;
     let batches = (end - begin + 31u) / 32u;
@@ -175,7 +174,6 @@ fn gather_hits(neighbors: ptr<function, NeighborCells>, query: QuerySphere, chun
     }
 }
 
-// Returns the number that stands for a sphere in a pair.
 fn index_in_pair(position: u32) -> u32 {
     var index = position;
     if (params.pairs_in_cell_order == 0u) {
@@ -184,7 +182,7 @@ fn index_in_pair(position: u32) -> u32 {
     return index;
 }
 
-// Finds the pairs of the block at `block`. Called by all threads of a workgroup. For the first chunk, returns the number
+// Finds the pairs of the block at `block`; all threads of a workgroup call it. For the first chunk, returns the number
 // of candidates of this thread's sphere that are left to later chunks.
 fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     var query: QuerySphere;

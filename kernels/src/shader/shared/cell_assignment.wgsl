@@ -1,7 +1,7 @@
 // The cell of a sphere: at level 0 if its cell there has few spheres, else at the level of its size class.
 struct CellAssignment {
     cell: u32,
-    // The occupancy of the cell of level 0 that the sphere leaves; 0 if it does not leave one.
+    // The occupancy of the cell of level 0 that the sphere leaves, or 0.
     occupancy: u32,
     can_descend: bool,
 }
@@ -18,7 +18,7 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
     }
     let position = wrapped_sphere(sphere).xyz;
     let first = side_of(index) * LEVELS;
-    // Without an occupancy table, every sphere uses its own level. The occupancy of its own cell is a lower bound of that of
+    // Without an occupancy table, every sphere uses its own level. The occupancy of its own cell is a lower bound for
     // the cell of level 0.
     var level = first + select(0u, own, cell_list.has_overfull_cells != 0u && params.occupancy_slots == 0u);
     var assigned = CellAssignment(0u, 0u, own != 0u);
@@ -39,7 +39,7 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
 
 var<workgroup> group_occupancy: atomic<u32>;
 
-// Records the largest occupancy that spheres left, for the next call. Called by all threads of a workgroup.
+// Records the largest occupancy that spheres left, for the next call; all threads of a workgroup call it.
 fn record_occupancy(occupancy: u32, local_index: u32) {
     if (local_index == 0u) {
         atomicStore(&group_occupancy, 0u);

@@ -1,16 +1,16 @@
-// The cell list: each sphere in the one cell of its center, at the level of its size class. Cells of level k are 2^-k
-// of the size of those of level 0. On each axis they form a ring, so spheres that cannot be distinguished share a cell,
+// The cell list: each sphere is in the one cell of its center, at the level of its size class. Cells of level k are
+// 2^-k of the size of level 0. On each axis they form a ring, so spheres that cannot be distinguished share a cell,
 // which costs tests but no pair.
 
 const LEVELS: u32 = 16u;
-// Levels of both sides: those of the second side follow those of the first.
+// Levels of the first side, then of the second.
 const SIDED_LEVELS: u32 = 32u;
 // Size classes: the exponent of the effective radius.
 const CLASSES: u32 = 256u;
 // The level of size classes with so few spheres that these are listed instead of put into cells.
 const LISTED: u32 = 255u;
 
-// Statistics of the valid spheres; see layout.rs. All zeros mean no sphere: lower bounds are stored as complements.
+// See layout.rs. All zeros mean no sphere: lower bounds are stored as complements.
 struct InputStats {
     low: array<atomic<u32>, 3>,
     high: array<atomic<u32>, 3>,
@@ -23,22 +23,18 @@ struct InputStats {
 struct CellListLevel {
     // Cells around each axis: 1, or 3 and more. 0 if the level has no spheres.
     cells: vec3<u32>,
-    // The level's first cell in the table.
     base: u32,
-    // The cell at which an unbounded axis begins.
     low: vec3<u32>,
-    // Fixed-point units per unit of length, a power of two.
     units_per_length: f32,
-    // Cells per unit of length on a periodic axis; 0 if it has a single cell.
+    // Per periodic axis; 0 if it has a single cell.
     cells_per_length: vec3<f32>,
-    // Bits of the coordinate at or above which neighboring floats are farther apart than a cell; infinity if none is.
+    // Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     far: u32,
-    // The largest radius of the level; at most half a cell.
+    // At most half a cell.
     max_radius: f32,
     // The levels in which spheres of this one search all cells that their boxes overlap, one bit each: coarser ones of
     // the compared sides, and the same level of the other side if that has more spheres.
     searched_levels: u32,
-    // 1 if spheres of this level are compared with each other.
     searches_itself: u32,
 }
 
@@ -48,10 +44,10 @@ struct CellListLayout {
     // Fixed-point units per cell, at every level: 64 to 127.
     units_per_cell: u32,
     levels: u32,
-    // 1 if smaller spheres leave the cells of level 0 that have more than `tau` spheres.
+    // 1 if smaller spheres leave the cells of level 0 with more than `tau` spheres.
     has_overfull_cells: u32,
     ordinary: u32,
-    // Levels of the size classes, four per word.
+    // Four per word.
     class_levels: array<u32, 64>,
     level: array<CellListLevel, 32>,
 }

@@ -1,5 +1,5 @@
-// Chooses the cells of a call: the sizes that share a level, the cell size, and the number of cells around each axis.
-// Clears the statistics and counters.
+// Chooses the sizes that share a level, the cell size, and the number of cells around each axis. Clears the statistics
+// and counters.
 
 #include outcome_begin
 
@@ -7,7 +7,7 @@ const SAMPLES: u32 = 256u;
 const MAX_SAMPLES: u32 = 1024u;
 // The most large spheres that are compared with all others instead of having cells.
 const MAX_LISTED: u32 = 8u;
-// Cell size over diameter: more than the distance test rounds.
+// Cell size over diameter: above the rounding of the distance test.
 const SLACK: f32 = 0x1.04p0;
 // Below this cell size, devices may flush fixed-point units.
 const MIN_CELL_SIZE: f32 = 0x1p-90;
@@ -28,7 +28,6 @@ var<workgroup> packed_levels: array<atomic<u32>, 64>;
 var<workgroup> low: array<u32, 3>;
 var<workgroup> high: array<u32, 3>;
 var<workgroup> samples: u32;
-// The cells of the samples.
 var<workgroup> sampled: array<u32, 1024>;
 var<workgroup> sampled_pairs: atomic<u32>;
 var<workgroup> unit_exponent: i32;
@@ -96,14 +95,14 @@ fn open_extent(axis: u32, level: u32) -> u32 {
     return open_number(from_sortable(high[axis]), level) - open_number(from_sortable(low[axis]), level) + 1u;
 }
 
-// Returns `true` if the product of the numbers of cells is at most `room`. Divisions cannot overflow, and their rounding
-// does not matter: an integer is at most a quotient if and only if it is at most the quotient rounded down.
+// Returns `true` if the product of `cells` is at most `room`. Divisions cannot overflow, and their rounding does not
+// matter: an integer is at most a quotient exactly if it is at most the quotient rounded down.
 fn fit(cells: vec3<u32>, room: u32) -> bool {
     return room / cells.x / cells.y >= cells.z;
 }
 
-// Returns the number of cells along each axis if at most `room` cells fit: as many as the bounds or the period hold,
-// except on the longest axes. Integers only: a root that is rounded up would leave an axis one cell.
+// Returns the cells along each axis if at most `room` cells fit: as many as the bounds or the period hold, except on
+// the longest axes. Integers only: a root that is rounded up would leave an axis one cell.
 fn cells_around(level: u32, room: u32) -> vec3<u32> {
     let lengths = periods();
     let cell_size = f32(units) * power_of_two(unit_exponent - i32(level % LEVELS));
@@ -162,8 +161,8 @@ fn spheres_at(level: u32) -> u32 {
     return select(0u, atomicLoad(&on_side[level / LEVELS]), level % LEVELS == 0u);
 }
 
-// Sets the levels that spheres of one level search. Of two spheres, the one at the finer level finds the other; at the
-// same level of different sides, a sphere of the side that has fewer spheres there.
+// Sets the levels that spheres of one level search. Of two spheres, the one at the finer level finds the other; at one
+// level of different sides, a sphere of the side with fewer spheres there.
 fn set_searched_levels(level: u32, used: u32) {
     let side = level / LEVELS;
     let own = 1u << (level % LEVELS);
@@ -223,15 +222,15 @@ fn sample_cell(number: u32, count: u32) -> u32 {
     return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS);
 }
 
-// Decides whether smaller spheres leave overfull cells of level 0: if finer levels exist, and if samples or the last call
-// found such cells. If both may miss some, the call looks for them.
+// Decides if smaller spheres leave overfull cells of level 0: finer levels must exist, and samples or the last call
+// must have found such cells. If both may miss some, the call looks for them.
 fn decide_descent(count: u32) {
     var finer = false;
     for (var level = 1u; level < SIDED_LEVELS; level++) {
         finer = finer || (level != LEVELS && atomicLoad(&populations[level]) != 0u);
     }
-    // The ordered pairs of samples in one cell, as a fraction of all, times the spheres: the mean occupancy that a sphere
-    // sees.
+    // The ordered pairs of samples in one cell, as a fraction of all, times the spheres: the mean occupancy that a
+    // sphere sees.
     let pairs = f32(atomicLoad(&sampled_pairs));
     let share = f32(count) / f32(min(count, samples) * min(count, samples) + 1u);
     let is_seen = pairs >= MIN_SIGNIFICANT_PAIRS && pairs * share > f32(params.tau);
@@ -241,7 +240,7 @@ fn decide_descent(count: u32) {
     atomicStore(&outcome.max_occupancy, 0u);
 }
 
-// Called by all threads of the only workgroup.
+// All threads of the only workgroup call it.
 fn configure(local_index: u32) {
     let count = min(count_source[0], params.spheres);
     let own = vec2(atomicLoad(&stats.members[local_index]), atomicLoad(&stats.members[CLASSES + local_index]));

@@ -6,8 +6,8 @@
 const MIDDLE: u32 = 0x40000000u;
 const MAX_FAR_CELLS: u32 = 0x1fffffffu;
 
-// Returns the number of whole cells in `units` fixed-point units, at most 2^30, rounded down, modulo 2^32. The estimate
-// is in floats, which is faster than an integer division; integers correct it.
+// Returns the whole cells in `units` fixed-point units, at most 2^30, rounded down, modulo 2^32. A float estimate,
+// corrected by integers, is faster than an integer division.
 fn quotient(units: f32) -> u32 {
     let inverse = 1.0 / f32(cell_list.units_per_cell);
     let near = floor(units * inverse);
@@ -18,8 +18,8 @@ fn quotient(units: f32) -> u32 {
     return bitcast<u32>(i32(near) + i32(nearer) + step);
 }
 
-// Returns the cell along an unbounded axis. At or above `far`, neighboring floats are at least a cell apart, so that each
-// has a cell of its own.
+// Returns the cell along an unbounded axis. At or above `far`, neighboring floats are at least a cell apart, so each
+// has its own cell.
 fn open_number(x: f32, level: u32) -> u32 {
     let far = cell_list.level[level].far;
     let size = bitcast<u32>(abs(x));
@@ -31,7 +31,8 @@ fn open_number(x: f32, level: u32) -> u32 {
 }
 
 #ifdef PERIODIC
-// Returns the cell along a periodic axis plus the number of cells, for coordinates up to half a period past the boundary.
+// Returns the cell along a periodic axis plus the number of cells, for coordinates up to half a period past the
+// boundary.
 fn ring_number(x: f32, cells: u32, around: f32) -> u32 {
     return u32(i32(floor(x * around + 0.5 * f32(cells))) + i32(cells));
 }
@@ -53,7 +54,6 @@ fn cell_numbers(position: vec3<f32>, level: u32) -> vec3<u32> {
     return numbers;
 }
 
-// Wraps cells around each axis.
 fn in_ring(numbers: vec3<u32>, around: vec3<u32>) -> vec3<u32> {
     var cells = numbers;
     if (any(numbers >= around)) {
@@ -62,7 +62,6 @@ fn in_ring(numbers: vec3<u32>, around: vec3<u32>) -> vec3<u32> {
     return cells;
 }
 
-// Returns the index of a cell in the table.
 fn cell_index(cell: vec3<u32>, level: u32) -> u32 {
     let cells = cell_list.level[level].cells;
     return cell_list.level[level].base + (cell.z * cells.y + cell.y) * cells.x + cell.x;

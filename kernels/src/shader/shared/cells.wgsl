@@ -28,7 +28,7 @@ fn cells_unpacked(words: vec2<u32>) -> Cells {
     );
 }
 
-// Returns the sphere's cells at a coarser depth. Grids nest, so that it overlaps at most two per axis there too.
+// Returns the sphere's cells at a coarser depth. Grids nest, so it overlaps at most two per axis there too.
 fn cells_at(cells: Cells, depth: u32) -> Cells {
     let shift = vec3(cells.depth - depth);
     let first = cells.first >> shift;
@@ -40,12 +40,12 @@ fn cells_around(depth: u32) -> vec3<i32> {
     return vec3<i32>(min(grid.ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
 }
 
-// Returns the axes with a single cell at this depth. In a smaller ring, spheres would share cells in which neither begins.
+// Returns the axes with a single cell at this depth. In a smaller ring, spheres would share cells in which neither
+// begins.
 fn one_cell(depth: u32) -> vec3<bool> {
     return (grid.ring_cells != vec3(0.0)) & (cells_around(depth) < vec3(4));
 }
 
-// Replaces the cells by the single cell of such an axis.
 fn gathered(cells: Cells) -> Cells {
     let one = one_cell(cells.depth);
     return Cells(select(cells.first, vec3(0), one), select(cells.more, vec3(0), one), cells.depth);
@@ -79,13 +79,11 @@ fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
     return all(step <= cells.more);
 }
 
-// Returns the number of the cell that contains `cell`, among the sphere's cells at a coarser depth. A single cell contains
-// all.
+// Returns the number of the cell that contains `cell`, among the sphere's cells at a coarser depth.
 fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
     return number_of(clamp((cell >> vec3(depth - parents.depth)) - parents.first, vec3(0), parents.more));
 }
 
-// Returns the depths of the mask `depths` up to and including `depth`.
 fn depths_to(depths: u32, depth: u32) -> u32 {
     return depths & (0xffffffffu >> (31u - depth));
 }

@@ -1,16 +1,15 @@
-// Devices may flush any number below 2^-126, as operand and as result. A box is a sum of four numbers, so that this
-// addition to the radius exceeds the loss. It does not change radii of 2^-96 and above.
+// Devices may flush any number below 2^-126, as operand and as result. A box is a sum of four numbers, so this addition
+// to the radius exceeds the loss. It does not change radii of 2^-96 and above.
 const FLUSHED: f32 = 0x1p-120;
 
 #ifdef SPECIES
-// `species_params[s]` holds flags of species s, and the bits of half the largest distance at which it pairs.
-// Some pair of the species is decided by contact.
+// `species_params[s]` holds the flags of species s, and the bits of half the largest distance at which it pairs.
+// TOUCHES: the species has pairs decided by contact.
 const TOUCHES: u32 = 1u;
-// Its spheres are on the second side; see `side`.
 const SECOND_SIDE: u32 = 2u;
 const IDLE: u32 = 4u;
 
-// Returns the effective radius: half of the largest distance at which the sphere pairs, or its radius if contact counts.
+// Returns half of the largest distance at which the sphere pairs, or its radius if contact counts.
 fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
     let own = species_params[species[index]];
     let half = bitcast<f32>(own.y);
@@ -21,7 +20,6 @@ fn is_accepted(index: u32, sphere: vec4<f32>) -> bool {
     return is_valid(sphere) && species[index] < params.species;
 }
 
-// Returns `true` if a sphere is valid and its species pairs with some species.
 fn may_pair(index: u32, sphere: vec4<f32>) -> bool {
     return is_accepted(index, sphere) && (species_params[species[index]].x & IDLE) == 0u;
 }

@@ -1,13 +1,13 @@
 // In a run, each thread tests partners up to this many positions away; tiles hold the partners after them. NEAR is a
-// block's length, so that at most one run of a block has partners after them.
+// block's length, so at most one run of a block has partners after them.
 const NEAR: u32 = #{NEAR}u;
 
 fn index_of(object: u32) -> u32 {
     return object & 0x1fffffffu;
 }
 
-// Returns `true` if the cell of two entries reports their pair: on each axis it is the larger of their first cells. Both
-// overlap the cell, so that on each axis one of them begins there.
+// Returns `true` if the cell of two entries reports their pair: on each axis it is the larger of their first cells.
+// Both overlap the cell, so on each axis one of them begins there.
 fn is_owned(object: u32, other: u32) -> bool {
     return ((object | other) >> 29u) == 7u;
 }
@@ -16,7 +16,6 @@ fn is_wanted(object: u32, other: u32) -> bool {
     return is_asked_for(index_of(object), index_of(other));
 }
 
-// Returns the common part of the keys of one cell's entries.
 fn run_of(key: u32) -> u32 {
     return key >> grid.passive;
 }
@@ -26,7 +25,6 @@ fn is_passive(key: u32) -> bool {
     return (key & grid.passive) != 0u;
 }
 
-// Returns the end of this run, which begins at or before `begin`.
 fn run_end(run: u32, begin: u32) -> u32 {
     var low = begin;
     var high = sort_counts.items;

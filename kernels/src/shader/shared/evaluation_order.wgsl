@@ -1,9 +1,9 @@
-// The expressions whose results depend on the order of evaluation.
+// Expressions whose results depend on the order of evaluation.
 //
-// WGSL allows compilers to fuse and reorder floating-point operations, and Metal's and DirectX's compilers do by default.
-// `opaque` hides a value from them: it is exclusive-ored, as bits, with a word that is always 0, which only the host
-// knows. Every other expression stays within the promised tolerance in any order. `check/tests/gpu_fast_math.rs`
-// reorders all kernels as compilers may, with and without these guards.
+// WGSL allows compilers to fuse and reorder floating-point operations, and Metal's and DirectX's compilers do by
+// default. `opaque` hides a value from them by an exclusive or with a word that is always 0, which only the host knows.
+// Every other expression stays within the promised tolerance in any order. `check/tests/gpu_fast_math.rs` reorders all
+// kernels as compilers may, with and without these guards.
 
 fn opaque(value: f32) -> f32 {
     return bitcast<f32>(bitcast<u32>(value) ^ params.opaque_zero);
@@ -37,16 +37,16 @@ fn inflated_sum(radius: f32, half_skin: f32, factor: f32) -> f32 {
     return opaque(radius + half_skin) * factor;
 }
 
-// Returns a value below 2^27 times 2^100, through its exponent; subnormal values through their digits, because devices may
-// flush them. Of two multiplications, compilers may make one of the sum, which may be subnormal.
+// Returns a value below 2^27 times 2^100, through its exponent; subnormal values through their digits, because devices
+// may flush them. Compilers may combine two multiplications of the sum into one, which may be subnormal.
 fn scaled_up(value: f32) -> f32 {
     let bits = bitcast<u32>(value);
     let subnormal = select(0x1p-49, -0x1p-49, bits >= 0x80000000u) * f32(bits & 0x007fffffu);
     return select(bitcast<f32>(bits + (100u << 23u)), subnormal, (bits & 0x7f800000u) == 0u);
 }
 
-// Returns a value times 2^-70, through its exponent, and 0 for smaller results. Of two multiplications, compilers may make
-// one of the difference or sum, which may be infinite.
+// Returns a value times 2^-70, through its exponent, and 0 for smaller results. Compilers may combine two
+// multiplications of the difference or sum into one, which may be infinite.
 fn scaled_down(value: f32) -> f32 {
     let bits = bitcast<u32>(value);
     return select(0.0, bitcast<f32>(bits - (70u << 23u)), (bits & 0x7f800000u) > (70u << 23u));

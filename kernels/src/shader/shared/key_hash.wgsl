@@ -4,8 +4,8 @@ const MIN_AXIS_BITS: u32 = 3u;
 // More bits than an axis has at any depth: 19 at depth 0, and one more at each of the 31 others.
 const MAX_BITS: u32 = 50u;
 
-// Returns the bits that distinguish the cells of this depth on each axis. A ring has a multiple of four cells, so that
-// fewer bits keep neighbors distinct across the periodic boundary too.
+// Returns the bits that distinguish the cells of this depth on each axis. A ring has a multiple of four cells, so fewer
+// bits also keep neighbors distinct across the periodic boundary.
 fn axis_bits(low: vec3<i32>, high: vec3<i32>, ring_cells: vec3<f32>, depth: u32) -> vec3<u32> {
     let open = vec3(32u) - countLeadingZeros(vec3<u32>(high - low)) + vec3(depth);
 #ifdef PERIODIC

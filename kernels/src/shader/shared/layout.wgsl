@@ -1,4 +1,4 @@
-// The parameters of one search; layout.rs describes the members.
+// layout.rs describes the members.
 struct SearchParams {
     spheres: u32,
     pair_capacity: u32,
@@ -28,11 +28,9 @@ struct SearchParams {
     interaction: f32,
     first_workgroup: u32,
     workgroups_per_dispatch: u32,
-    // Always 0, which compilers cannot know; see `evaluation_order`.
     opaque_zero: u32,
 }
 
-// Values of interactions that are not distances.
 const NEVER: f32 = -1.0;
 const TOUCH: f32 = -2.0;
 const BY_SPECIES: f32 = -3.0;
@@ -52,13 +50,13 @@ struct Bounds {
 }
 
 struct LevelKeys {
-    // Key bits of each axis; coordinates are reduced modulo 2^bits.
+    // Coordinates are reduced modulo 2^bits.
     bits: vec3<u32>,
     base: u32,
 }
 
-// The grids. Cells of depth k are 2^-k of the size of those of depth 0:
-// cell = floor((position - origin) * inverse_edge * 2^k), with cells of depth 0 limited to low..=high.
+// Cells of depth k are 2^-k of the size of depth 0: cell = floor((position - origin) * inverse_edge * 2^k), with cells
+// of depth 0 limited to low..=high.
 struct Grid {
     origin: vec3<f32>,
     spheres: u32,
@@ -66,19 +64,19 @@ struct Grid {
     inverse_edge: vec3<f32>,
     ordinary: u32,
     low: vec3<i32>,
-    // The value of the parameters; 0 if all spheres have depth 0, or no cell is overfull.
+    // The policy of the parameters; 0 if all spheres have depth 0, or no cell is overfull.
     split_policy: u32,
     high: vec3<i32>,
     level_mask: u32,
     // Cells of depth 0 around a periodic axis: a multiple of 4, or a power of two below it; 0 for an unbounded axis.
     ring_cells: vec3<f32>,
     depth_mask: u32,
-    // The key bit that marks passive entries: 1, or 0 with a single level.
+    // The key bit of passive entries: 1, or 0 with a single level.
     passive: u32,
     levels: array<LevelKeys, 32>,
 }
 
-// The result except the pairs. `dispatch_workgroups_indirect` reads the dispatch arguments from here.
+// `dispatch_workgroups_indirect` reads the dispatch arguments from here.
 struct Outcome {
     found_lo: atomic<u32>,
     found_hi: atomic<u32>,

@@ -1,6 +1,6 @@
 // Iterates over the candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is
 // met from exactly one of its spheres. A sphere is compared with
-// - the later spheres of its own cell, and those of one half of the adjacent cells, if its level searches itself;
+// - the later spheres of its own cell, and of one half of the adjacent cells, if its level searches itself;
 // - at each of the searched levels, the spheres of all cells that its box overlaps when widened by that level's radius;
 // - the listed spheres, which have a cell of their own without adjacent cells.
 
@@ -8,7 +8,6 @@ const NO_LEVEL: u32 = 256u;
 
 struct NeighborCells {
     level: u32,
-    // The number of cells of that level around each axis, and its first cell.
     around: vec3<u32>,
     base: u32,
     // The first cell of the current box of cells, and the lengths of its rows and planes.
@@ -19,14 +18,13 @@ struct NeighborCells {
     row: u32,
     end: u32,
     past_boundary: bool,
-    // The levels that are still to be searched, one bit each.
+    // The levels to search, one bit each.
     levels: u32,
-    // The candidates of the current rows that are tested, and those of all rows before.
+    // Tested candidates of the current rows, and candidates of all rows before.
     tested: u32,
     skipped: u32,
 }
 
-// The number of rows that are searched at once.
 const ROWS_PER_STEP: u32 = 5u;
 
 struct CellRow {
@@ -36,8 +34,8 @@ struct CellRow {
     in_plane: u32,
 }
 
-// The candidates of up to five rows of cells, and after the last row the listed spheres. The candidates of each range have
-// consecutive numbers below `until`; a number plus `shift` is a position in cell order.
+// The candidates of up to five rows of cells, and after the last row the listed spheres. The candidates of each range
+// have consecutive numbers below `until`; a number plus `shift` is a position in cell order.
 struct CandidateRanges {
     until: vec4<u32>,
     shift: vec4<u32>,
@@ -121,10 +119,10 @@ fn row_after(neighbors: NeighborCells, row: CellRow) -> CellRow {
     );
 }
 
-// Returns the range of sorted spheres in a row of cells, for the sphere at `position` in the cell `own`.
+// Returns the sorted spheres in a row of cells, for the sphere at `position` in the cell `own`.
 fn range_of(neighbors: NeighborCells, row: CellRow, position: u32, own: u32) -> vec2<u32> {
     let cell = neighbors.base + (row.z * neighbors.around.y + row.y) * neighbors.around.x;
-    // In the sphere's own row, the cells before its own are left out.
+    // In the sphere's own row, the cells before its own are skipped.
     let is_own = own - cell < neighbors.around.x;
     let ring = neighbors.around.x;
     let x = select(neighbors.first.x, own - cell, is_own);
@@ -168,7 +166,6 @@ fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).row = select(min((*neighbors).row + ROWS_PER_STEP, (*neighbors).end), (*neighbors).row, ranges.wraps);
 }
 
-// Advances from the end of a level to the next level.
 fn next_level(neighbors: ptr<function, NeighborCells>, sphere: vec4<f32>, radius: f32) {
     let levels = (*neighbors).levels;
     (*neighbors).level = NO_LEVEL;
@@ -179,7 +176,7 @@ fn next_level(neighbors: ptr<function, NeighborCells>, sphere: vec4<f32>, radius
     }
 }
 
-// Enters the box of a sphere at a level whose cells are at least as large as those of its own. `radius` is at least the
+// Enters the box of a sphere at a level whose cells are at least as large as in its own level. `radius` is at least the
 // effective radius.
 fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, radius: f32) {
     let around = cell_list.level[level].cells;

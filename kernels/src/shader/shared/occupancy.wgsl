@@ -1,11 +1,11 @@
-// The occupancy table: for every cell, the number of smaller spheres that overlap it and, in the highest bit, whether a
+// The occupancy table: for every cell, the number of smaller spheres that overlap it; the highest bit is set if a
 // sphere of the cell's own depth does. Cells that share a counter look fuller than they are. No count reaches the
 // highest bit: a plan has fewer than 2^28.4 spheres, since it has space for an entry of each, and a sphere adds 1 for
 // each of its cells. The hash would have to map seven of the at most eight cells per depth of nearly every sphere to
 // one of 2^22 counters.
 const HAS_OWN: u32 = 0x80000000u;
 
-// The first level has the lower half alone, so that its counts are final while the deeper levels are counted.
+// Only the first level uses the lower half, so its counts are final while the deeper levels are counted.
 fn occupancy_slot(depth: u32, cell: vec3<i32>) -> u32 {
     let c = vec3<u32>(in_ring(cell, depth)) * vec3(0x9e3779b1u, 0x85ebca6bu, 0xc2b2ae35u);
     var hash = (c.x ^ (c.y >> 7u) ^ (c.y << 25u) ^ (c.z >> 15u) ^ (c.z << 17u)) + depth * 0x27d4eb2fu;

@@ -1,4 +1,4 @@
-// Returns the counter of a cell of level 0. Cells that share a counter look fuller than they are, to every reader.
+// Cells that share a counter look fuller than they are, to every reader.
 fn occupancy_slot(cell: u32) -> u32 {
     return cell & (params.occupancy_slots - 1u);
 }

@@ -1,4 +1,3 @@
-// Stores the overflow flag and the dispatch arguments for the consumer of the pairs.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

@@ -8,7 +8,7 @@ fn any_in_subgroup(wanted: bool) -> bool {
 }
 
 // Reserves output positions for this thread's `count` pairs, with one atomic per subgroup and no workgroup barrier.
-// Called after `any_in_subgroup`, which is uniform in the subgroup; no compiler can see that.
+// Callers branch on `any_in_subgroup`, which is uniform in the subgroup; no compiler can see that.
 #standard @diagnostic(off, subgroup_uniformity)
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(count);
@@ -25,7 +25,6 @@ fn any_in_subgroup(wanted: bool) -> bool {
     return wanted;
 }
 
-// Reserves output positions for this thread's `count` pairs, without a workgroup barrier.
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     return found_reserve(count);
 }

@@ -1,5 +1,4 @@
-// The side of a sphere. A call has one side or two. `params.side_pairs` says which sides are compared. Two sets are two
-// sides; otherwise the species decide.
+// Two sets are two sides; otherwise the species decide. `params.side_pairs` has the compared sides.
 
 fn side_of(index: u32) -> u32 {
     var side = select(0u, 1u, params.second_set_start != 0u && index >= params.second_set_start);

@@ -1,5 +1,4 @@
-// The parameters of a candidate list: the pairs that touch if every radius is larger by half the skin. See layout.rs
-// for the members.
+// See layout.rs.
 
 struct SkinParams {
     half_skin: f32,

@@ -1,8 +1,7 @@
-// Copies spheres from four columns to rows.
 #include layout
 #include thread
 
-// The number of each column at which its first sphere stands, and the distance to the next sphere: for x, y, z and r.
+// The position of each column's first sphere, and the distance to the next: for x, y, z and r.
 struct ColumnLayout {
     first: vec4<u32>,
     stride: vec4<u32>,

@@ -1,4 +1,5 @@
-// Bounds of the valid spheres, counts per size class, and the number of invalid spheres. Clears the counters of the call.
+// Bounds of the valid spheres, counts per size class, and the number of invalid spheres. Clears the counters of the
+// call.
 
 var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
@@ -22,7 +23,7 @@ fn end_streak(streak: Streak) {
     }
 }
 
-// Called by all threads of a workgroup. Each strides over the spheres from `first`.
+// All threads of a workgroup call it; each strides over the spheres from `first`.
 fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     let local_index = thread.local_index;
     atomicStore(&group_members[local_index], 0u);

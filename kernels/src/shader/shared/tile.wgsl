@@ -5,14 +5,13 @@ var<workgroup> tile_objects: array<u32, 256>;
 var<workgroup> tile_species: array<u32, 256>;
 #endif
 
-// The sphere that a thread compares with the tile.
 struct QuerySphere {
     sphere: vec4<f32>,
     object: u32,
     species: u32,
 }
 
-// Returns one bit for each of the 32 spheres at or above `first` that pair with the query.
+// Returns a bit for each of the 32 spheres at or above `first` that pairs with the query.
 fn tile_hits(query: QuerySphere, first: u32) -> u32 {
     var hits = 0u;
 #ifdef SPECIES

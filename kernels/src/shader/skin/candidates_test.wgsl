@@ -1,4 +1,4 @@
-// Tests the candidate pairs, one thread each.
+// One thread per candidate.
 #include layout
 #include thread
 #include skin

@@ -1,4 +1,4 @@
-// Writes the dispatch arguments of `candidates_test`, one thread per candidate, and begins the outcome.
+// Also begins the outcome.
 #include layout
 #include skin
 

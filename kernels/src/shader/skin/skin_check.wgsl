@@ -9,10 +9,8 @@
 @group(0) @binding(3) var<storage, read_write> state: SkinState;
 @group(0) @binding(4) var<storage, read> full_counts: array<u32>;
 @group(0) @binding(5) var<storage, read_write> dispatch_counts: array<u32>;
-// The arguments of a dispatch that an earlier kernel sizes.
 @group(0) @binding(6) var<storage, read_write> dispatch: array<u32>;
 
-// Reasons for a rebuild.
 const VALID: u32 = 0u;
 const NO_LIST: u32 = 1u;
 const INPUT_CHANGED: u32 = 2u;

@@ -1,4 +1,4 @@
-// Finds the largest displacement since the list was built, and whether any sphere was exchanged.
+// Finds the largest displacement since the list was built, and exchanged spheres.
 #include layout
 #include thread
 #include sphere

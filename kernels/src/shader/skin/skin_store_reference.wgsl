@@ -1,4 +1,4 @@
-// Stores the reference positions, with radii larger by half the skin, as input of the search that builds the list.
+// Stores the reference positions, with radii larger by half the skin, for the search that builds the list.
 #include layout
 #include thread
 #include sphere
@@ -26,7 +26,7 @@ fn skin_store_reference(
     let index = workgroup_index(id, groups) * 256u + thread.local_index;
     if (state.rebuild_reason != 0u && index < state.spheres) {
         let sphere = spheres[index];
-        // Invalid spheres pair with nothing.
+        // Invalid spheres never pair.
         let image = wrapped_sphere(sphere);
         reference[index] = select(vec4(0.0, 0.0, 0.0, -1.0), vec4(image.xyz, inflated_radius(sphere.w)), is_valid(sphere));
 #ifdef SPECIES

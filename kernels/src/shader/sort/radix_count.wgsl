@@ -1,4 +1,4 @@
-// First stage of a radix sort pass: counts each digit in each tile.
+// First stage of a radix pass: counts each digit in each tile.
 #include layout
 #include thread
 

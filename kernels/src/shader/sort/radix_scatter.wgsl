@@ -1,6 +1,6 @@
-// Last stage of a radix sort pass: moves each key and its payload to its sorted position, keeping the order of equal
-// digits. A tile is sorted in workgroup memory first, so that writes are coalesced. Per-key values stay in registers:
-// loops over them are unrolled in the text, because not every compiler unrolls them.
+// Last stage of a radix pass: moves each key and its payload to its sorted position, stably. A tile is sorted in
+// workgroup memory first, so that writes are coalesced. Per-key values stay in registers: loops over them are unrolled
+// in the text, because not every compiler unrolls them.
 #include layout
 #include thread
 
@@ -72,8 +72,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the number of earlier keys with the same digit in this subgroup's part, and the digit in the upper half. Called
-// by all threads.
+// Returns the number of earlier keys with this digit in this subgroup's part, and the digit in the upper half. All
+// threads call it.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = select(NO_DIGIT, digit_of(key), used);
     let same = same_digit(digit);
@@ -88,8 +88,8 @@ fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     return rank + subgroupShuffle(before, select(0u, lowest_lane(same), used)) + (digit << 16u);
 }
 
-// Replaces each subgroup's counts by the positions in the tile at which its keys of each digit begin. Sums both halves of a
-// word at once, as neither reaches 2^16. Called after a barrier.
+// Replaces each subgroup's counts by the positions in the tile at which its keys of each digit begin. Sums both halves
+// of a word at once, because neither reaches 2^16. A barrier must precede it.
 fn merge_tables(thread: Thread) {
     if (thread.local_index < 128u) {
         var total = 0u;
@@ -132,8 +132,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the number of earlier keys of the tile with the same digit, and the digit in the upper half. All threads with
-// one digit set their bits in that digit's 256-bit mask. The bits below a thread's own bit are its rank.
+// Returns the number of earlier keys of the tile with this digit, and the digit in the upper half. All threads with one
+// digit set their bits in that digit's 256-bit mask; the bits below a thread's own bit are its rank.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = digit_of(key);
     let own_word = thread.local_index / 32u;

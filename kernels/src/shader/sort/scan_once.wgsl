@@ -1,4 +1,3 @@
-// The whole exclusive prefix scan of few values, in one workgroup.
 #include layout
 #include thread
 
