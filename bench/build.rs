@@ -1,4 +1,4 @@
-//! Records the commit of the build, and compiles the Bullet shim if the feature `bullet` is enabled.
+//! Records the commit of the build, and compiles the Bullet shim with the feature `bullet`.
 
 include!("../cli/commit.rs");
 
@@ -23,7 +23,7 @@ fn main() {
     bullet();
 }
 
-/// Compiles the shim. `BULLET_INCLUDE` overrides Debian's path of Bullet's headers.
+/// `BULLET_INCLUDE` overrides Debian's path of Bullet's headers.
 #[cfg(feature = "bullet")]
 fn bullet() {
     const DEBIAN: &str = "/usr/include/bullet";

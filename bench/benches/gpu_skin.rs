@@ -1,5 +1,5 @@
 //! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time from submission
-//! to completion. Detectors take turns, and the host moves the spheres in between. Prints Markdown.
+//! to completion, as Markdown. Detectors take turns, and the host moves the spheres in between.
 //!
 //! `cargo bench -p lazygrid-bench --bench gpu_skin -- --n 1000000 --step-length 0.01,0.1 --skin 0.25,0.5`
 #![allow(clippy::print_stdout)]
@@ -41,7 +41,6 @@ struct Args {
     bench: bool,
 }
 
-/// A detector under measurement.
 enum TimedDetector {
     EachStep(Box<GpuDetector>),
     Candidates(Box<GpuSkinDetector>),
@@ -109,7 +108,6 @@ fn compare(
         || GpuConfig::default().algorithm(Algorithm::CellList).pair_capacity((4 * n as u32).max(1 << 20));
     let mut runners = vec![TimedDetector::EachStep(Box::new(GpuDetector::new(&own.device, settings())?))];
     for part in &args.skin {
-        // The largest radius of the scenes is 1.
         runners.push(TimedDetector::Candidates(Box::new(GpuSkinDetector::new(
             &own.device,
             settings(),

@@ -1,4 +1,4 @@
-//! Measurements for the defaults: τ and the cell ratio of the paper's grids, and the crossovers of algorithms. Prints
+//! Measurements for the defaults: τ and the cell ratio of the paper's grids, and the crossovers of algorithms, as
 //! Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --what tau --scene burst --n 100000` `cargo bench -p
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     args.options = args.options.shrunk();
     println!("{}\n", provenance());
-    // Runs in a pool of that size: a pool per detector would add a thread switch to each call.
+    // A pool per detector would add a thread switch to each call.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
     Ok(pool
         .install(|| args.what.iter().try_for_each(|&what| sweep(&args, what).map_err(|e| e.to_string())))?)

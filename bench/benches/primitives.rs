@@ -1,5 +1,5 @@
-//! Radix sort and prefix scan of the GPU engine compared with a copy on the device: values per second, bytes moved, and
-//! fraction of the copy's bandwidth. Prints Markdown.
+//! The GPU engine's radix sort and prefix scan compared with a copy on the device: values per second, bytes moved, and
+//! fraction of the copy's bandwidth, as Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench primitives -- --n 1000000,10000000 --bits 24,25,32`
 #![allow(clippy::print_stdout)]

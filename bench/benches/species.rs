@@ -1,5 +1,4 @@
-//! Species that seldom or never pair, and two sets: with a table of interactions and without one, on the CPU and on a
-//! GPU.
+//! Species that seldom or never pair, and two sets, with and without a table of interactions, on the CPU and on a GPU.
 //!
 //! `cargo bench -p lazygrid-bench --bench species -- enzymes`
 
@@ -9,7 +8,6 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lazygrid::{Backend, Config, Detector, Skin, Spheres, gpu};
 use lazygrid_bench::SpeciesScene;
 
-/// Numbers of spheres.
 const SIZES: [usize; 2] = [20_000, 80_000];
 
 fn species(criterion: &mut Criterion) {
@@ -32,7 +30,6 @@ fn species(criterion: &mut Criterion) {
                 b.iter(|| by_species.count(with_species).expect("valid spheres"));
             });
             if are_two {
-                // The first spheres of two sets are those of the first species.
                 let (first, second): (Vec<_>, Vec<_>) =
                     all.iter().zip(&ids).partition(|(_, species)| **species == 0);
                 let [first, second] =

@@ -33,7 +33,7 @@ struct World {
     }
 };
 
-// Computes a box a few ulp larger than the sphere, as rounding might otherwise lose a tangent pair.
+// A few ulp larger than the sphere, because rounding might otherwise lose a tangent pair.
 void box(const Sphere& s, btVector3& low, btVector3& high) {
     const float far = std::fmax(std::fabs(s.x), std::fmax(std::fabs(s.y), std::fabs(s.z))) + s.radius;
     const float half = s.radius + far * 1.1920929e-7f;
@@ -41,7 +41,7 @@ void box(const Sphere& s, btVector3& low, btVector3& high) {
     high = btVector3(s.x + half, s.y + half, s.z + half);
 }
 
-// The exact test of all contenders: in double if the spheres are near tangency.
+// The exact test of all contenders: in double near tangency.
 bool touch(const Sphere& a, const Sphere& b) {
     const float reach = a.radius + b.radius;
     const float dx = a.x - b.x, dy = a.y - b.y, dz = a.z - b.z;
@@ -89,7 +89,7 @@ void step(World& world, const Sphere* spheres, std::uint32_t n) {
 
 extern "C" {
 
-// Creates a world without spheres; null if memory is exhausted. A negative margin selects Bullet's default.
+// Returns null if memory is exhausted. A negative margin selects Bullet's default.
 World* lazygrid_bullet_new(float margin, int deferred) {
     try {
         std::unique_ptr<World> world(new World());
@@ -111,8 +111,8 @@ void lazygrid_bullet_free(World* world) {
     delete world;
 }
 
-// Moves the proxies to these spheres, whose number must be that of the first call, and finds the pairs, which are valid
-// until the next call. Returns false if memory is exhausted.
+// Moves the proxies to these spheres, as many as in the first call, and finds the pairs, valid until the next call.
+// Returns false if memory is exhausted.
 bool lazygrid_bullet_step(World* world, const Sphere* spheres, std::uint32_t n, const Pair** pairs, std::size_t* found) {
     try {
         step(*world, spheres, n);

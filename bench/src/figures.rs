@@ -1,7 +1,7 @@
 //! The paper's evaluation on the machine at hand: `lazygrid-bench figures`.
 //!
-//! Data flows one way: [`Settings`] → points → comparisons of [`Contender`]s → [`Row`]s → files. A time is reported
-//! only if its answer matched the reference.
+//! Data flows one way: [`Settings`] → points → comparisons of [`Contender`]s → [`Row`]s → files. A time counts only if
+//! its answer matched the reference.
 
 mod burst;
 pub mod compare;

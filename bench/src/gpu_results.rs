@@ -1,5 +1,5 @@
-//! `RESULTS-GPU.md`: the times that arithmetic expects of GPUs, next to those of `lazygrid check --json` or of the page
-//! of `lazygrid page`.
+//! `RESULTS-GPU.md`: the GPU times that arithmetic predicts, next to those of `lazygrid check --json` or of the page of
+//! `lazygrid page`.
 
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use lazygrid::gpu::{CallCost, DeviceLimits, GpuConfig, wgpu};
 use serde::Deserialize;
 
 const SIZES: [u32; 5] = [10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
-/// Seconds of an empty dispatch that depends on the one before: 1.7 µs on an H200 through Vulkan.
+/// Seconds of an empty dependent dispatch: 1.7 µs on an H200 through Vulkan.
 const DISPATCH_SECONDS: f64 = 1.7e-6;
 
 struct Device {
@@ -25,7 +25,7 @@ const DEVICES: [Device; 4] = [
     Device { name: "integrated, 90 GB/s", bandwidth: 9e10, source: "two channels of DDR5-5600" },
 ];
 
-/// The results of `lazygrid check --json` or of the page's measurement, as far as the report reads them.
+/// The results of `lazygrid check --json` or of the page's measurement.
 #[derive(Clone, Debug, Deserialize)]
 pub struct GpuRun {
     version: String,
@@ -92,7 +92,7 @@ impl GpuRun {
     /// Reads the JSON of a run.
     ///
     /// # Errors
-    /// Fails if the text is not the JSON of a check or of a measurement.
+    /// If the text is not the JSON of a check or a measurement.
     pub fn parse(text: &str) -> Result<Self, String> {
         let run: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if run.gpu.is_none() {
@@ -113,7 +113,6 @@ fn expected(dispatches: f64, traffic_bytes: f64, bandwidth: f64) -> f64 {
     dispatches * DISPATCH_SECONDS + traffic_bytes / bandwidth
 }
 
-/// The cost of the cell list for a number of spheres.
 fn cost(spheres: u32) -> Option<CallCost> {
     let limits = wgpu::Limits {
         max_storage_buffer_binding_size: (1 << 31) - 4,
@@ -139,7 +138,7 @@ fn count(number: u64) -> String {
     }
 }
 
-/// The document: expectations, how to run, and the runs.
+/// The document: predictions, how to run, and the runs.
 pub fn document(runs: &[GpuRun], commit: &str) -> String {
     let mut text = format!(
         "# Results on GPUs\n\n\
@@ -160,7 +159,6 @@ pub fn document(runs: &[GpuRun], commit: &str) -> String {
     text
 }
 
-/// The command of the first real run.
 const HOW_TO_RUN: &str = "\
 ## The first run on a GPU
 
@@ -211,7 +209,6 @@ instructions, of which the search has the most, latencies, the pairs, and caches
     *text += AUDIT;
 }
 
-/// The audit of the kernels, which counts instructions and latencies too.
 const AUDIT: &str = "\
 An audit of every kernel at commit f2b6809 (by reading, ±35 %) also counts instructions, registers, latencies and caches. Its sums,
 which are arithmetic as well:

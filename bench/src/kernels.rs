@@ -1,5 +1,5 @@
-//! Statistics of Vulkan drivers about the compiled GPU kernels: registers, spills, code size. No kernel is run, so some
-//! drivers need no GPU.
+//! Driver statistics of the compiled GPU kernels: registers, spills, code size. No kernel is run, so some drivers need
+//! no GPU.
 
 mod spirv;
 mod table;
@@ -35,7 +35,7 @@ impl fmt::Display for Number {
     }
 }
 
-/// A statistic that a driver reports about a program.
+/// A driver's statistic about a program.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistic {
     /// The driver's name of the statistic.
@@ -53,7 +53,7 @@ pub struct Text {
     pub text: String,
 }
 
-/// A program that a driver compiled from a kernel. Some drivers compile several, for different subgroup sizes.
+/// A program that a driver compiled from a kernel; some drivers compile several, for different subgroup sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
     /// The driver's name of the program.
@@ -74,11 +74,11 @@ pub struct Compiled {
     pub kernel: &'static str,
     /// The variant.
     pub variant: String,
-    /// Bytes of variables in workgroup memory.
+    /// Bytes of workgroup memory.
     pub workgroup_memory: u32,
     /// The compiled programs; empty if the driver reports none.
     pub programs: Vec<Program>,
-    /// The error, if the driver rejected the kernel.
+    /// The error of a rejected kernel.
     pub error: Option<String>,
 }
 
@@ -107,9 +107,9 @@ impl Kernels {
 pub struct Wanted {
     /// Names of the kernels to compile; empty for all.
     pub only: Vec<String>,
-    /// `true` if to include variants for devices without subgroup operations or with little workgroup memory.
+    /// `true` to include variants for devices without subgroup operations or with little workgroup memory.
     pub all_variants: bool,
-    /// `true` if to include representations such as assembly.
+    /// `true` to include representations such as assembly.
     pub disassembly: bool,
 }
 
@@ -126,7 +126,7 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
         |kernel: &&&Kernel| wanted.only.is_empty() || wanted.only.iter().any(|name| name == kernel.name);
     for kernel in KERNELS.iter().filter(is_wanted) {
         for variant in variants(kernel, own, wanted.all_variants) {
-            // Logged before compiling, as a driver may crash the process.
+            // Logged before compiling, because a driver may crash the process.
             log::info!(
                 "{}: {}, {}",
                 adapter.name,

@@ -1,5 +1,5 @@
-//! The figures of the paper, the peers that lazygrid is compared with, interleaved timing, statistics of Vulkan drivers
-//! about the GPU kernels, and `RESULTS-GPU.md`.
+//! The paper's figures, the peers of lazygrid, interleaved timing, driver statistics of the GPU kernels, and
+//! `RESULTS-GPU.md`.
 
 pub mod figures;
 pub mod gpu_results;
@@ -10,5 +10,5 @@ mod species_scene;
 
 pub use species_scene::SpeciesScene;
 
-/// The commit of the build, marked `with changes` if its sources had changed; `unknown` without git or outside a clone.
+/// The commit of the build, marked `with changes` if its sources had changed; `unknown` outside a git clone.
 pub const COMMIT: &str = env!("LAZYGRID_COMMIT");

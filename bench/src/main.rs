@@ -1,5 +1,4 @@
-//! The `lazygrid-bench` command: the figures of the paper, comparisons of two runs, and Vulkan driver statistics of the
-//! GPU kernels.
+//! The `lazygrid-bench` command.
 
 mod command {
     pub(crate) mod args;
@@ -41,7 +40,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Writes to standard output and flushes, so that a pipe sees each result immediately.
+/// Flushes, so that a pipe sees each result immediately.
 fn print(text: impl AsRef<[u8]>) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     out.write_all(text.as_ref()).and_then(|()| out.flush()).map_err(Failure::Stdout)

@@ -1,5 +1,5 @@
-//! Compares searches for pairs: the same spheres for all, answers checked before times are reported, rounds
-//! interleaved, and ratios taken within rounds.
+//! Compares searches for pairs: one set of spheres for all, answers checked before times are reported, rounds
+//! interleaved, and ratios within rounds.
 
 pub mod memory;
 mod options;
@@ -30,21 +30,20 @@ pub enum Found<'a> {
     Count(u64),
 }
 
-/// A search for overlapping pairs of moving spheres, with its state between steps.
+/// A search for the pairs of moving spheres, with its state between steps.
 pub trait PairFinder {
-    /// Receives the spheres of the next call, outside the measured time, for programs that store their spheres
-    /// elsewhere.
+    /// Receives the spheres of the next call, outside the measured time, for programs that store spheres elsewhere.
     ///
     /// # Errors
-    /// Returns the error of the search.
+    /// The error of the search.
     fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         Ok(())
     }
 
-    /// Finds the pairs of these spheres, which are those of the last call after a small displacement.
+    /// Finds the pairs of these spheres, which have moved a little since the last call.
     ///
     /// # Errors
-    /// Returns the error of the search.
+    /// The error of the search.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
     /// The time of each phase of the last call; empty if unknown.
@@ -57,7 +56,7 @@ pub trait PairFinder {
         None
     }
 
-    /// A note on the last call; empty without a note.
+    /// A note on the last call, or an empty text.
     fn note(&self) -> String {
         String::new()
     }
@@ -109,7 +108,6 @@ impl ContenderFactory {
 
 struct List {
     detector: Detector,
-    /// The species of the spheres of the next call.
     species: Option<(SpeciesScene, Vec<u32>)>,
 }
 
@@ -162,7 +160,7 @@ struct Stream(Detector);
 
 impl PairFinder for Stream {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        /// Maximum number of pairs in a chunk (8 MiB).
+        /// 8 MiB.
         const CHUNK: usize = 1 << 20;
         let mut pairs = 0;
         self.0.stream(spheres, CHUNK, |chunk| {
@@ -186,13 +184,13 @@ pub struct Plan {
     pub n: usize,
     /// The seed of the scene and of all steps.
     pub seed: u64,
-    /// The number of rounds that count, after one to warm up.
+    /// The rounds that count, after one to warm up.
     pub rounds: usize,
-    /// The number of steps of each contender in each round, at least one.
+    /// The steps of each contender per round, at least one.
     pub steps: usize,
     /// The displacement of each sphere per step, in radii.
     pub step_length: f32,
-    /// `true` if each step creates a new search, without state of earlier steps.
+    /// `true` if each step creates a new search.
     pub fresh: bool,
 }
 
@@ -203,26 +201,26 @@ pub struct Timing {
     pub name: String,
     /// Nanoseconds per sphere and step, one value per round.
     pub nanos: Vec<f64>,
-    /// The contender's own note on its last step.
+    /// The contender's note on its last step.
     pub note: String,
     /// The number of pairs at the last step.
     pub pairs: u64,
 }
 
 impl Timing {
-    /// The median of the rounds, in nanoseconds per sphere and step.
+    /// The median of the rounds.
     pub fn median(&self) -> f64 {
         Spread::of(&self.nanos).median
     }
 
-    /// The ratio of this time to that of `other`, round by round.
+    /// The ratio of this time to the time of `other`, per round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
         Spread::of(&ratios)
     }
 }
 
-/// The number of pairs, and a checksum that does not depend on their order.
+/// The number of pairs, and a checksum independent of their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest {
     /// The number of pairs.
@@ -243,7 +241,7 @@ impl Digest {
         }
     }
 
-    /// Returns `true` if both may be of the same set: equal counts, and equal checksums if both have one.
+    /// Returns `true` if counts and, if both exist, checksums are equal.
     pub fn agrees(&self, other: &Self) -> bool {
         self.pairs == other.pairs && (self.sum.is_none() || other.sum.is_none() || self.sum == other.sum)
     }
@@ -257,13 +255,12 @@ fn scramble(i: u32, j: u32) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Runs all contenders through the same motion, round by round, and returns their times in the same order. All answers
-/// are compared, by number and checksum, with those of the first contender that lists pairs. Neither the comparison nor
-/// the motion is timed. No contender skips a step, because a search that is kept between steps would otherwise see
-/// larger displacements.
+/// Runs all contenders through one motion, round by round, and returns their times in the given order. Answers are
+/// compared, by number and checksum, with the first contender that lists pairs. Neither the comparison nor the motion
+/// is timed. No contender skips a step, because a kept search would see larger displacements.
 ///
 /// # Errors
-/// Fails if a search fails or two answers differ.
+/// If a search fails or two answers differ.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);
@@ -286,7 +283,6 @@ pub fn turns(count: usize, seed: u64) -> Vec<usize> {
     turns
 }
 
-/// The spheres at consecutive steps.
 struct MovingScene {
     seed: u64,
     step_length: f32,
@@ -305,7 +301,7 @@ impl MovingScene {
         }
     }
 
-    /// The frames of the next round. The last one is the start of the round after it.
+    /// The frames of the next round, whose last one starts the round after it.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {

@@ -36,7 +36,7 @@ impl SpeciesScene {
         }
     }
 
-    /// `n` spheres; the same for the same seed.
+    /// `n` spheres, reproducible by seed.
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let (extent, radius) = match self {
             Self::RarePartner => (0.5, 0.05),

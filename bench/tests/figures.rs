@@ -75,7 +75,6 @@ fn smallest_figures_are_right() {
     );
     let text = read(folder.path(), "results.md");
     assert!(text.contains("| engine |"));
-    // The complete command that was run.
     assert!(text.contains(&format!("figures --smoke --out {}\n```", path(folder.path()))), "{text}");
     assert!(!page.contains('`'), "Markdown in HTML");
     for plot in [

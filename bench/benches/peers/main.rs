@@ -1,5 +1,5 @@
-//! lazygrid compared with parry3d, one thread with two, and small inputs with large ones. Prints Markdown, and on
-//! request writes each value to a CSV file.
+//! lazygrid compared with parry3d, one thread with two, and small inputs with large ones, as Markdown and on request
+//! CSV.
 //!
 //! `cargo bench -p lazygrid-bench --bench peers -- --mode running --scene equal --n 100000 --rounds 9`
 #![allow(clippy::print_stdout)]
@@ -16,7 +16,7 @@ use lazygrid_bench::measure::{ContenderFactory, Options, Plan, Timing, compare, 
 use lazygrid_bench::peers::{cell_list, lammps, parry, verlet};
 use lazygrid_io::scenes::Scene;
 
-/// Maximum number of spheres for the naive detector, whose time grows quadratically.
+/// Naive time grows quadratically.
 const NAIVE_LIMIT: usize = 20_000;
 
 #[derive(Parser)]

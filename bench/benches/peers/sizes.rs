@@ -1,5 +1,4 @@
-//! Time and memory per sphere for growing numbers of spheres. Each value comes from a separate process, for its peak
-//! resident memory.
+//! Time and memory per sphere for growing numbers of spheres, each in a separate process, for its peak resident memory.
 
 use std::error::Error;
 use std::process::Command;
@@ -28,7 +27,7 @@ struct Kind {
     output: Output,
 }
 
-/// Runs the child processes of all scenes, algorithms, outputs and sizes, with sizes interleaved, and prints a table.
+/// Runs the child processes with sizes interleaved, and prints a table.
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut rows = vec![];
     for &scene in &args.options.scene {

@@ -14,7 +14,6 @@ pub(crate) fn run(args: &Compare) -> Result<(), Failure> {
     let mut differences = differences(&old, &new);
     differences.sort_by(|a, b| a.change.cmp(&b.change).then(b.ratio.total_cmp(&a.ratio)));
     let mut text = String::new();
-    // Writing to a string cannot fail.
     for note in circumstances(&old, &new) {
         let _ = writeln!(text, "note: {note}");
     }

@@ -3,7 +3,6 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// The reason why a command failed.
 #[derive(Debug, Error)]
 pub(crate) enum Failure {
     #[error("{0}")]

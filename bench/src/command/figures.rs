@@ -8,7 +8,6 @@ use crate::command::failure::Failure;
 use crate::command::invocation;
 use crate::print;
 
-/// Runs the figures, writes the report, and prints its path.
 pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
     let settings = settings(args);
     let program = std::env::current_exe().map_err(|e| Failure::Figures(e.to_string()))?;

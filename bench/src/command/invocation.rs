@@ -1,12 +1,10 @@
-//! The command line of this process, in a form that can be typed again.
-
 use std::env;
 
 /// The package name, which `cargo run` also puts into the environment.
 const PACKAGE: &str = env!("CARGO_PKG_NAME");
 
-/// Returns the command that started this process: `cargo run` with this build's profile and features if cargo started
-/// it, else the program as it was called.
+/// Returns the command that started this process, to be typed again: `cargo run` with this build's profile and
+/// features, or the program as it was called.
 pub(crate) fn command() -> String {
     let mut words = env::args_os().map(|word| word.to_string_lossy().into_owned());
     let program = words.next().unwrap_or_else(|| PACKAGE.to_owned());

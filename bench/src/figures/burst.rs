@@ -1,4 +1,4 @@
-//! Figure 5: a burst of carriers of ten sizes from one point, driven by the simulator.
+//! Figure 5: a simulated burst of carriers of ten sizes from one point.
 
 use std::error::Error;
 use std::path::Path;
@@ -29,12 +29,12 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
 
 /// √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm in the 2 ns of a step.
 const STEPS_PER_SECOND: f64 = 5e8;
-/// Volume fraction of the initial ball: about the density at which hard spheres are still a fluid.
+/// Volume fraction of the initial ball: about the freezing density of hard spheres.
 const FILLED: f64 = 0.5;
 /// Time step in seconds in which particles move by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// Relative increase of the radii while carriers are initially pushed apart. Without it, overlaps smaller than the last
-/// digit of a coordinate would remain.
+/// Relative growth of the radii while overlaps are removed. Without it, overlaps below the last digit of a coordinate
+/// would remain.
 const MARGIN: f32 = 1e-3;
 const PUSHES: u32 = 200;
 
@@ -45,14 +45,13 @@ fn moments(times: u32, last: u32) -> Vec<u32> {
     moments
 }
 
-/// The rows of each timed moment, up to that after `steps` steps.
+/// Returns the rows of each timed moment, up to `steps` steps.
 pub(super) fn rows(
     (point, steps): (&DataPoint, u32),
     limits: Limits,
     seed: u64,
     left_out: impl Fn(Contender) -> Option<String>,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
-    // A burst of a million carriers takes minutes at each moment.
     let moments = moments(if point.figure == Figure::F5a { 10 } else { 100 }, steps);
     let mut comparison = Comparison::new(
         point,
@@ -83,7 +82,7 @@ pub(super) fn rows(
     Ok(rows)
 }
 
-/// Creates the initial state of the burst: a ball of carriers without overlaps.
+/// Creates the initial state: a ball of carriers without overlaps.
 fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     let mut still = Model { time_step: STILL, ..model.clone() };
     still.species.iter_mut().for_each(|species| species.radius *= 1.0 + MARGIN);
@@ -104,10 +103,10 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     Err(format!("carriers still overlap after {PUSHES} initial pushes").into())
 }
 
-/// The scenario with `n` carriers (rounded down to a multiple of ten), in a ball.
+/// Returns the scenario with `n` carriers (rounded down to a multiple of ten), in a ball.
 fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     let mut model = Scenario::parse(Path::new(NAME), SCENARIO.to_owned())?.model;
-    // Removes receivers: they would absorb carriers, whose indices others would get.
+    // Receivers would absorb carriers and change indices.
     model.receivers.clear();
     for transmitter in &mut model.transmitters {
         let sizes = transmitter.release.len().max(1);
@@ -198,7 +197,6 @@ mod tests {
         assert!((0.85..1.15).contains(&ratio), "{ratio} times as wide");
     }
 
-    /// Contacts spread carriers faster than diffusion alone, and equally fast with shorter steps.
     #[test]
     fn contact_spreads_equally_with_shorter_steps() {
         let model = model(N).expect("the scenario");

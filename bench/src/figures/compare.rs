@@ -1,11 +1,11 @@
-//! Comparison of two runs of the figures: the changes beyond their noise.
+//! Comparison of two runs of the figures: changes beyond their noise.
 
 use super::row::{Results, Row, Status};
 
-/// The smallest ratio that counts as a change: the times of different processes differ even if those of one process
+/// The smallest ratio that counts as a change: times of different processes differ even if times within a process
 /// hardly vary.
 const LEAST: f64 = 1.05;
-/// Minimum number of runs for an estimate of their spread.
+/// The fewest runs for an estimate of their spread.
 const ENOUGH: usize = 5;
 
 /// The change of a measurement, the worst first.
@@ -14,7 +14,7 @@ const ENOUGH: usize = 5;
 pub enum Change {
     /// The new run has a wrong answer or a failure, the old one had none.
     Broken,
-    /// The new run should have measured it but did not.
+    /// Not measured by the new run, though it should have been.
     Lost,
     /// Slower beyond the noise.
     Slower,
@@ -56,8 +56,8 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// Returns all measurements of the old run that the new one repeats or should repeat. Times differ if the medians are
-/// more than 5 % apart and the middle halves of the runs do not overlap; bytes differ if they are more than 5 % apart.
+/// Returns all measurements of the old run that the new one should repeat. Times differ if the medians are more than 5
+/// % apart and the middle halves of the runs do not overlap; bytes differ if they are more than 5 % apart.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),
@@ -69,7 +69,6 @@ pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>
     old.rows.iter().filter_map(of).collect()
 }
 
-/// Returns `true` if the new run included this point or should have.
 fn was_to_measure(old: &Results, new: &Results, row: &Row) -> bool {
     let asked = new.settings.only.iter().any(|figure| figure.name() == row.figure);
     let same_point = |n: &Row| n.figure == row.figure && n.scene == row.scene && n.n == row.n;
@@ -168,7 +167,6 @@ mod tests {
         assert_eq!(lost(&results(RunScale::Quick, Figure::F4, two())), 0);
         assert_eq!(lost(&results(RunScale::Quick, Figure::F4, vec![row(&[1.0; 5])])), 1);
         assert_eq!(lost(&results(RunScale::Full, Figure::F4, vec![row(&[1.0; 5])])), 1);
-        // The new run has other sizes, or another figure.
         assert_eq!(lost(&results(RunScale::Full, Figure::F4, vec![])), 0);
         assert_eq!(lost(&results(RunScale::Quick, Figure::F3a, vec![])), 0);
     }

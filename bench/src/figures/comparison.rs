@@ -16,8 +16,7 @@ use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns}
 /// Multiple of its time that an engine may use to reach the minimum number of runs.
 const MORE: u32 = 3;
 
-/// Warm-up time of an engine if numbers of threads are compared. The system may keep newly woken pool threads on one
-/// core for milliseconds.
+/// Warm-up time of an engine if numbers of threads are compared: newly woken threads may share a core for milliseconds.
 const WAKING: Duration = Duration::from_millis(40);
 
 /// The reason why a peer is not available.
@@ -46,13 +45,12 @@ impl PairFinder for NoFinder {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Maximum number of runs.
     pub(super) runs: usize,
-    /// Minimum number of runs, unless they take [`MORE`] times the allowed time.
+    /// The minimum, unless it takes [`MORE`] times the allowed time.
     pub(super) at_least: usize,
     /// Time of an engine's own runs after which no further run starts.
     pub(super) time: Duration,
-    /// Time of all engines and of the work between their runs after which no further run starts.
+    /// Time of all engines and of the work between runs after which no further run starts.
     pub(super) in_all: Duration,
 }
 
@@ -76,7 +74,7 @@ struct ContenderRun {
 }
 
 impl<'a> Comparison<'a> {
-    /// Creates all contenders of the point. `left_out` returns a reason for engines to skip.
+    /// Creates all contenders of the point. `left_out` returns a reason to skip an engine.
     pub(super) fn new(
         point: &'a DataPoint,
         limits: Limits,
@@ -104,11 +102,7 @@ impl<'a> Comparison<'a> {
         self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
     }
 
-    /// Runs each engine that has runs left on these spheres, and checks all answers against the reference. Times of a
-    /// warm-up are dropped.
-    ///
-    /// # Errors
-    /// Fails if the reference fails.
+    /// Runs each engine that has runs left on these spheres, and checks all answers. Warm-up times are dropped.
     pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
         if !warm_up {
             self.began.get_or_insert_with(Instant::now);
@@ -193,7 +187,7 @@ impl ContenderRun {
     fn verify(&mut self, reference: &Reference<'_>, spheres: &[Sphere]) {
         let Some(found) = self.last else { return };
         let verdict = match (reference.check(found), &mut self.search) {
-            // Compares the list pair by pair, as a GPU may round differently from the reference.
+            // Compares pair by pair, because a GPU may round differently from the reference.
             (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
                 Ok(again) if Digest::of(&again) != found => {
                     Err("repeated search gave another answer".to_owned())
@@ -227,7 +221,6 @@ impl ContenderRun {
     fn take_row(&mut self, point: &DataPoint, at: Option<f64>) -> Row {
         let fresh = Self::new(point, self.contender).row;
         let (status, reason) = match (self.row.status, at) {
-            // A wrong engine takes no further part.
             (Status::Error, Some(at)) => (Status::LeftOut, format!("wrong at {at} s")),
             (status, _) => (status, self.row.reason.clone()),
         };
@@ -249,7 +242,7 @@ fn medians(runs: &[Vec<PhaseTime>]) -> Vec<(String, f64)> {
     first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
 }
 
-/// Returns `true` if the error means that the engine is not available here, which is not a fault.
+/// Returns `true` if the engine is not available here, which is not a fault.
 fn is_refusal(error: &(dyn Error + 'static)) -> bool {
     use lazygrid::Error as E;
     if error.is::<Unavailable>() {
@@ -292,7 +285,6 @@ mod tests {
         }
     }
 
-    /// A wrong answer is an error in any run, also if other engines agree with it; the other engines continue.
     #[test]
     fn wrong_answer_is_an_error() {
         let point = DataPoint {

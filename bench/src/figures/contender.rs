@@ -13,8 +13,8 @@ use lazygrid_io::scenes::Scene;
 /// A contender in the figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contender {
-    /// A lazygrid detector; pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant runs on a
-    /// software adapter if there is no other, and its pairs are read back to the host.
+    /// A lazygrid detector; pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant falls back to
+    /// a software adapter, and its pairs are read back to the host.
     Lazygrid(DetectorVariant),
     /// Bullet's `btDbvtBroadphase` with default settings.
     BulletAsShipped,
@@ -26,7 +26,7 @@ pub enum Contender {
     ParryMargin,
     /// parry3d's tree, partly rebuilt at each step.
     ParryOptimised,
-    /// The plain cell list, which is the baseline.
+    /// The plain cell list, the baseline.
     PlainCellList,
     /// A Verlet list with the fastest skin for the scene and its steps.
     Verlet,
@@ -50,7 +50,6 @@ impl Contender {
         Self::Lazygrid(DetectorVariant::new(algorithm, TargetDevice::Gpu { subgroups: true }))
     }
 
-    /// Creates the factory of searches by species.
     pub(super) fn by_species(self, scene: SpeciesScene) -> ContenderFactory {
         let name = self.to_string();
         match self {
@@ -100,18 +99,18 @@ impl Contender {
         tau.or(ratio).or(threads.map(|threads| threads as f64))
     }
 
-    /// Returns `true` if the time grows about quadratically with the number of spheres.
+    /// Returns `true` if the time grows about quadratically.
     pub(super) fn is_quadratic(self) -> bool {
         let is_naive = |variant: DetectorVariant| variant.algorithm == Algorithm::Naive;
         matches!(self, Self::SortAndSweep) || matches!(self, Self::Lazygrid(variant) if is_naive(variant))
     }
 
-    /// Returns `true` if pairs within 4 ulp of tangency may be found or missed.
+    /// Returns `true` if pairs within 4 ulp of tangency may fall either way.
     pub(super) fn rounds_freely(self) -> bool {
         matches!(self, Self::Lazygrid(variant) if variant.backend() == Backend::Gpu)
     }
 
-    /// All engines of the memory measurements, single-threaded.
+    /// The engines of the memory measurements, single-threaded.
     pub(super) fn for_memory() -> Vec<Self> {
         let ours = [Algorithm::CellList, Algorithm::RecursiveGrid, Algorithm::ArrayGrid, Algorithm::HashGrid];
         let peers =
@@ -120,7 +119,6 @@ impl Contender {
     }
 }
 
-/// The longest time of a call on a GPU.
 const TIMEOUT: Duration = Duration::from_secs(600);
 
 fn config(variant: DetectorVariant) -> Config {

@@ -3,7 +3,7 @@ use std::process::Command;
 use lazygrid::gpu;
 use serde::{Deserialize, Serialize};
 
-/// The lock file of the build, which has the versions of the compared libraries.
+/// The build's lock file, with the versions of the compared libraries.
 const LOCK: &str = include_str!("../../../Cargo.lock");
 
 /// The machine and software of a run.
@@ -17,7 +17,7 @@ pub struct Environment {
     pub memory_gib: f64,
     /// The operating system.
     pub system: String,
-    /// The GPU adapter, if one exists.
+    /// The GPU adapter.
     pub adapter: Option<Adapter>,
     /// The compared programs and their versions.
     pub versions: Vec<(String, String)>,
@@ -36,7 +36,7 @@ pub struct Adapter {
     pub driver: String,
     /// The graphics API.
     pub api: String,
-    /// `true` if the adapter is hardware. A software adapter runs on the CPU, and its times do not apply to GPUs.
+    /// `false` for a software adapter, whose times do not apply to GPUs.
     pub is_hardware: bool,
 }
 

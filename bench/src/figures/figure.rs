@@ -1,5 +1,3 @@
-//! The figures.
-
 use std::fmt;
 use std::str::FromStr;
 
@@ -79,7 +77,7 @@ impl Figure {
         }
     }
 
-    /// The varied parameter besides the number of spheres, if any.
+    /// The varied parameter besides the number of spheres.
     pub(super) const fn varied(self) -> Option<&'static str> {
         match self {
             Self::StepLength => Some("step in radii"),
@@ -93,7 +91,7 @@ impl Figure {
         }
     }
 
-    /// Returns `true` if all engines use one thread, as trees cannot use more.
+    /// Returns `true` if all engines use one thread, because trees cannot use more.
     pub(super) const fn is_single_threaded(self) -> bool {
         matches!(self, Self::F4 | Self::StepLength | Self::Transceivers | Self::SizeRatio)
     }

@@ -1,5 +1,3 @@
-//! The growth of time with the number of spheres or another parameter.
-
 /// The exponent `k` of `time ≈ c·xᵏ`, fitted by least squares of the logarithms of (x, seconds). Ignores values that
 /// are not above 0; `None` for fewer than three points.
 pub(super) fn exponent(points: impl Iterator<Item = (f64, f64)>) -> Option<f64> {

@@ -13,13 +13,12 @@ pub use crate::measure::memory::Sample;
 use crate::measure::memory::sample;
 use lazygrid_io::scenes::Scene;
 
-/// Seed of the spheres and their motion, the same in all processes.
 const SEED: u64 = 1;
 
 /// Measures the memory of an engine in this process, which must have done nothing else.
 ///
 /// # Errors
-/// Fails if the engine is unknown, or if it reports an error.
+/// Fails if the engine is unknown or fails.
 pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
     let known = Contender::for_memory();
     let contender = known.iter().find(|e| e.to_string() == contender).ok_or_else(|| {
@@ -29,10 +28,7 @@ pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sa
     sample(&contender.factory(scene, n, Scene::STEP), scene, n, steps, SEED)
 }
 
-/// One row per engine. `program` is the `lazygrid-bench` command.
-///
-/// # Errors
-/// Fails if the reference fails.
+/// Returns a row per engine. `program` is the `lazygrid-bench` command.
 pub(super) fn rows(point: &DataPoint, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = point.scene.spheres(point.n, SEED);
     (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));

@@ -28,24 +28,22 @@ pub struct Settings {
     pub scale: RunScale,
     /// The figures to run.
     pub only: Vec<Figure>,
-    /// The maximum number of runs, or steps, of an engine at a point; `None` for the number in the paper, or fewer if
-    /// `scale` is not full.
+    /// The most runs, or steps, of an engine at a point; `None` for the paper's number, or fewer below full scale.
     pub runs: Option<usize>,
     /// The approximate time budget in minutes.
     pub minutes: f64,
     /// The seed of all scenes.
     pub seed: u64,
-    /// The command that started the run, for the report; empty if there was none.
+    /// The command that started the run, or an empty text.
     #[serde(default)]
     pub command: String,
 }
 
-/// The change of the spheres between runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum SceneUpdate {
     /// Each run has a new sample of the scene.
     Fresh,
-    /// Each run has a new sample of a scene of species, in place of the point's.
+    /// Like `Fresh`, of a scene of species.
     Species(SpeciesScene),
     /// Each sphere moves by a fraction of its radius.
     Steps {
@@ -58,7 +56,7 @@ pub(super) enum SceneUpdate {
     Processes,
 }
 
-/// A data point: a number of spheres of a scene in a figure, and its engines.
+/// A number of spheres of a scene in a figure, and its engines.
 #[derive(Clone, Debug)]
 pub(super) struct DataPoint {
     pub(super) figure: Figure,
@@ -78,7 +76,7 @@ impl DataPoint {
         }
     }
 
-    /// The displacement of a sphere per step, in radii. The default if the point has no steps.
+    /// The displacement per step, in radii.
     pub(super) fn step_length(&self) -> f32 {
         if let SceneUpdate::Steps { part } = self.update { part } else { Scene::STEP }
     }
@@ -90,12 +88,10 @@ impl DataPoint {
         }
     }
 
-    /// The scene of species, if it has one.
     pub(super) fn species(&self) -> Option<SpeciesScene> {
         if let SceneUpdate::Species(scene) = self.update { Some(scene) } else { None }
     }
 
-    /// The factory of a contender's searches.
     pub(super) fn factory(&self, contender: Contender) -> ContenderFactory {
         match self.species() {
             None => contender.factory(self.scene, self.n, self.step_length()),
@@ -103,7 +99,6 @@ impl DataPoint {
         }
     }
 
-    /// A sample of the scene.
     pub(super) fn sample(&self, seed: u64) -> Vec<Sphere> {
         self.species().map_or_else(|| self.scene.spheres(self.n, seed), |scene| scene.spheres(self.n, seed))
     }
@@ -116,7 +111,7 @@ impl DataPoint {
         }
     }
 
-    /// The value of the parameter that the figure varies, which belongs to the scene or the engine.
+    /// The value of the parameter that the figure varies, of the scene or the engine.
     pub(super) fn setting(&self, contender: Contender) -> Option<f64> {
         match (self.figure, self.scene) {
             // The decimal number as written: 0.1, not the nearest `f32`.
@@ -129,13 +124,10 @@ impl DataPoint {
 
     pub(super) fn weight(&self) -> f64 {
         let share = match self.figure {
-            // These have several moments.
             Figure::F5a | Figure::F5b => 4.0,
             // Trees are slow only occasionally and need many steps.
             Figure::F4 => 3.0,
-            // Many points with the same number of spheres.
             Figure::Transceivers | Figure::SizeRatio => 0.3,
-            // Short steps.
             Figure::StepLength => 0.5,
             _ => 1.0,
         };
@@ -184,7 +176,7 @@ impl Settings {
         }
     }
 
-    /// The number of steps of a burst of `n` carriers. A step takes about 0.2 µs per carrier on two cores.
+    /// A step takes about 0.2 µs per carrier on two cores.
     fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
         let moves: usize = match (self.scale, figure) {
             (RunScale::Smoke, _) => 20_000,
@@ -195,7 +187,7 @@ impl Settings {
         (moves / n.max(1)).clamp(1, 1_000_000) as u32
     }
 
-    /// The default number of runs: that of the paper at full scale.
+    /// The default number of runs: the paper's at full scale.
     fn runs_of(&self, figure: Figure) -> usize {
         match (self.scale, figure) {
             (RunScale::Smoke, _) => 2,
@@ -277,7 +269,6 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             cpu.chain(gpu).collect()
         }
         Figure::F4 => {
-            // These run in a pool of one thread.
             let ours = [Algorithm::RecursiveGrid, Algorithm::CellList, Algorithm::Auto];
             let ours = ours.map(|a| Contender::cpu(a, None));
             let trees = [Contender::BulletAsShipped, Contender::BulletTuned, Contender::Parry];

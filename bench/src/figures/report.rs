@@ -1,4 +1,4 @@
-//! Writes the report: `results.json`, `results.csv`, plots, `report.html` and `results.md`.
+//! Writes `results.json`, `results.csv`, plots, `report.html` and `results.md`.
 
 mod csv;
 mod growth;
@@ -18,8 +18,8 @@ use lazygrid_report::html;
 
 use super::row::Results;
 
-/// Writes all files into `folder`. Engines on a software adapter are labeled as such, except in `results.json`, which
-/// names the adapter so that runs can be compared.
+/// Writes all files into `folder`. Engines on a software adapter are labeled, except in `results.json`, which names the
+/// adapter.
 ///
 /// # Errors
 /// Fails if a file cannot be written.

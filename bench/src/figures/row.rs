@@ -11,9 +11,9 @@ use crate::measure::Spread;
 pub enum Status {
     /// Each answer was right; the times count.
     Ok,
-    /// A wrong answer or a failure. Nothing else of the row counts.
+    /// A wrong answer or a failure; the rest of the row is void.
     Error,
-    /// The engine reported that it cannot run here or at this size.
+    /// The engine cannot run here or at this size.
     NotAvailable,
     /// The engine would have taken too long.
     LeftOut,
@@ -40,24 +40,22 @@ pub struct Row {
     pub scene: String,
     /// The number of spheres.
     pub n: usize,
-    /// The value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
-    /// ratio.
+    /// The varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size ratio.
     pub at: Option<f64>,
     /// The engine.
     pub engine: String,
     /// The outcome of a measurement.
     pub status: Status,
-    /// The reason for any other status than `Ok`; empty otherwise.
+    /// The reason for any status except `Ok`; otherwise empty.
     pub reason: String,
     /// The number of overlapping pairs in the last run.
     pub pairs: u64,
-    /// The largest number of tangent pairs in a run that differ from the reference. The contract allows this within 4
-    /// ulp on GPUs.
+    /// The most tangent pairs in a run that differ from the reference. The contract allows this within 4 ulp on GPUs.
     #[serde(default)]
     pub tangent: u64,
     /// Seconds of each run after the warm-up, until the pairs are in host memory.
     pub wall: Vec<f64>,
-    /// Seconds of GPU time in each of these runs, from GPU timestamps.
+    /// Seconds of GPU time in each of these runs, by timestamps.
     pub gpu: Vec<f64>,
     /// Median seconds of each phase.
     pub phases: Vec<(String, f64)>,
@@ -102,7 +100,7 @@ impl Row {
         quartiles(&self.wall)
     }
 
-    /// Returns `true` if it is the same measurement as `other` in another run.
+    /// Returns `true` for the same measurement in another run.
     pub fn matches(&self, other: &Self) -> bool {
         self.figure == other.figure
             && self.scene == other.scene
@@ -125,14 +123,14 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     (at(0.25), at(0.75))
 }
 
-/// The results of a run of the figures: `results.json`.
+/// The results of a run: `results.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
     /// The machine and software.
     pub environment: Environment,
     /// The settings.
     pub settings: Settings,
-    /// The total seconds of all points, over all sessions.
+    /// The seconds of all points, over all sessions.
     pub seconds: f64,
     /// The points for which no time was left.
     #[serde(default)]

@@ -25,29 +25,28 @@ const OVERRUN: f64 = 1.5;
 /// The progress of a run.
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// Number of finished points, including those of an earlier run.
+    /// Finished points, including an earlier run's.
     pub done: usize,
     /// Total number of points.
     pub points: usize,
     /// The next point.
     pub next: String,
-    /// The estimated time left. Points with engines that take long for a single run may need more.
+    /// The estimated time left; slow engines may need more.
     pub left: Duration,
 }
 
-/// A finished point as stored in the folder.
 #[derive(Serialize, Deserialize)]
 struct CachedPoint {
-    /// The fingerprint of build, settings and machine.
+    /// The build, the settings and the machine.
     #[serde(rename = "mark")]
     fingerprint: String,
-    /// The time of the point in seconds.
+    /// Seconds.
     seconds: f64,
     rows: Vec<Row>,
 }
 
-/// Runs all figures of the settings and stores each finished point in `folder`, for the next run with the same settings
-/// and build. `program` is the `lazygrid-bench` command, which memory measurements run.
+/// Runs all figures and stores each finished point in `folder`, for the next run with these settings and this build.
+/// `program` is the `lazygrid-bench` command, for memory measurements.
 ///
 /// # Errors
 /// Fails if the folder cannot be written or a reference fails. A wrong answer is a row with
@@ -99,12 +98,11 @@ pub fn run(
     Ok(Results { environment, settings: settings.clone(), seconds, missing, rows })
 }
 
-/// The time budget, shared by the remaining points.
+/// The time budget of the remaining points.
 struct TimeBudget {
     end: Instant,
-    /// The time after which no further point starts.
+    /// No point starts later.
     latest: Instant,
-    /// The total weight of the remaining points.
     weight: f64,
 }
 
@@ -181,7 +179,7 @@ fn rows_of(
     }
 }
 
-/// Runs a comparison to its end on the spheres that `change` makes for each frame; the first frames are warm-ups.
+/// Runs a comparison on the spheres that `change` makes for each frame; the first frames are warm-ups.
 fn run_comparison(
     mut comparison: Comparison<'_>,
     warm_ups: usize,
@@ -197,18 +195,17 @@ fn run_comparison(
     Ok(comparison.take_rows(None))
 }
 
-/// Seconds that a run may always take, so that engines whose time grows linearly appear at the largest size.
+/// Seconds that a run may always take, so that linear engines appear at the largest size.
 fn always(contender: Contender, scene: Scene) -> f64 {
     if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
-/// Returns `true` if the time of a run grows quadratically with the number of spheres. At one point, all spheres touch
-/// each other.
+/// Returns `true` for quadratic time: at one point, all spheres touch each other.
 fn is_quadratic(contender: Contender, scene: Scene) -> bool {
     contender.is_quadratic() || scene == Scene::Point
 }
 
-/// The predicted seconds of a run, from the largest smaller point of the same figure and scene and its slowest moment.
+/// The predicted seconds of a run, from the largest smaller point of this figure and scene and its slowest moment.
 fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option<f64> {
     let name = contender.to_string();
     let same = earlier.iter().filter(|row| {
@@ -220,8 +217,7 @@ fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// The fingerprint that cached results must share: settings except the choice of figures, commit, build, machine and
-/// adapter.
+/// Cached results must share settings except the choice of figures, commit, build, machine and adapter.
 fn fingerprint(settings: &Settings, environment: &Environment, program: &Path) -> String {
     let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {

@@ -1,4 +1,4 @@
-//! The reference pairs, and the deviation that an engine may have.
+//! The reference pairs, and the allowed deviation of an engine.
 
 use std::error::Error;
 
@@ -8,11 +8,10 @@ use crate::SpeciesScene;
 use crate::measure::{ContenderFactory, Digest, Found};
 use crate::peers::cell_list;
 
-/// Above this number of spheres without species, the reference is the plain cell list, which is checked
-/// against the naive detector below it.
+/// Above this number of spheres without species, the reference is the plain cell list, which is checked against the
+/// naive detector below it.
 const NAIVE_REFERENCE: usize = 20_000;
 
-/// The reference pairs of some spheres.
 pub(super) struct Reference<'a> {
     spheres: &'a [Sphere],
     pairs: Vec<Pair>,
@@ -20,10 +19,7 @@ pub(super) struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// Finds the pairs with a new search, for a scene of species by its interactions.
-    ///
-    /// # Errors
-    /// Fails if that search fails.
+    /// Finds the pairs by a new search; for a scene of species by its interactions.
     pub(super) fn of(spheres: &'a [Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
         let naive =
             Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive).order(Order::Unordered);
@@ -44,9 +40,6 @@ impl<'a> Reference<'a> {
     }
 
     /// Checks the number and checksum of the found pairs.
-    ///
-    /// # Errors
-    /// Describes the wrong answer.
     pub(super) fn check(&self, found: Digest) -> Result<(), String> {
         let (pairs, expected) = (found.pairs, self.digest.pairs);
         let same = if pairs == expected { " others" } else { "" };
@@ -57,10 +50,10 @@ impl<'a> Reference<'a> {
     }
 
     /// Counts the pairs that differ from the reference but are within 4 ulp of tangency, relative to the squared
-    /// cutoff: GPUs may round so (see `docs/contract.md`).
+    /// cutoff, as GPUs may round (see `docs/contract.md`).
     ///
     /// # Errors
-    /// Describes the wrong answer: pairs that are missing or extra and not tangent, or that occur twice.
+    /// Missing or extra pairs that are not tangent, or repeated pairs.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let sorted = |pairs: &[Pair]| {
             let mut pairs = pairs.to_vec();
@@ -87,7 +80,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// The difference of the squared distance and the squared cutoff, in ulp of the squared cutoff.
+    /// The squared distance minus the squared cutoff, in ulp of the squared cutoff.
     fn ulps(&self, pair: &Pair) -> f64 {
         let (a, b) = (self.spheres[pair.i as usize], self.spheres[pair.j as usize]);
         let reach = f64::from(a.radius) + f64::from(b.radius);
@@ -100,8 +93,7 @@ impl<'a> Reference<'a> {
 mod tests {
     use super::*;
 
-    /// Unit spheres along a line: two touch, one misses contact by one unit in the last place, and one is far out of
-    /// reach.
+    /// Unit spheres along a line: two touch, one misses contact by one ulp, and one is far away.
     fn row() -> Vec<Sphere> {
         let beyond = 2.0 * f32::EPSILON;
         [-4.0 - 4.0 * beyond, -2.0 - beyond, 0.0, 2.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0)).to_vec()

@@ -3,12 +3,11 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy, Layouter};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// The device properties that affect the translation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
-    /// Major and minor Vulkan version of the device.
+    /// Major and minor version of the device.
     pub(super) vulkan: (u32, u32),
-    /// `true` if the device checks buffer bounds (`robustBufferAccess2`), so that the shader need not.
+    /// `true` if the device checks buffer bounds (`robustBufferAccess2`), so the shader need not.
     pub(super) checks_buffers: bool,
 }
 
@@ -19,9 +18,6 @@ pub(super) struct Translated {
 }
 
 /// Translates a shader with the entry point `name`.
-///
-/// # Errors
-/// Returns naga's error.
 pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Translated, String> {
     let module = naga::front::wgsl::parse_str(wgsl).map_err(|error| error.emit_to_string(wgsl))?;
     let capabilities = Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER;

@@ -6,8 +6,8 @@ use crate::measure::markdown;
 type Row<'a> = (&'a Compiled, &'a Program);
 
 impl Display for Kernels {
-    /// Writes a Markdown table with a row for each program and a column for each statistic. A column with one value
-    /// becomes a line above the table.
+    /// Writes a Markdown table with a row per program and a column per statistic. A constant column becomes a line
+    /// above the table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
         let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();
@@ -43,11 +43,10 @@ fn rows(compiled: &Compiled) -> impl Iterator<Item = Row<'_>> {
     compiled.programs.iter().map(move |program| (compiled, program))
 }
 
-/// The names of the columns that are constant over several rows, and of the others.
+/// The columns that are constant over several rows, and the others.
 fn columns<'a>(rows: &[Row<'a>]) -> (Vec<&'a str>, Vec<&'a str>) {
     let mut names = vec!["subgroup", "workgroup bytes"];
     for statistic in rows.iter().flat_map(|(_, program)| &program.statistics) {
-        // A hash of the program is of no use to readers.
         let is_hash = statistic.name.to_lowercase().contains("hash");
         if !is_hash && !names.contains(&statistic.name.as_str()) {
             names.push(&statistic.name);

@@ -1,5 +1,4 @@
-//! Compiles pipelines on a Vulkan device and reads the driver's statistics. Uses Vulkan directly, as wgpu does not
-//! expose the statistics.
+//! Compiles pipelines on a Vulkan device and reads the driver's statistics, which wgpu does not expose.
 
 use std::ffi::{CStr, CString, c_char};
 
@@ -21,7 +20,7 @@ pub(super) struct Compiler {
     _entry: ash::Entry,
 }
 
-/// The optional features beyond Vulkan 1.0 that the device supports.
+/// Optional features beyond Vulkan 1.0 that the device supports.
 struct Offered {
     robustness: bool,
     executables: bool,
@@ -30,15 +29,12 @@ struct Offered {
 
 impl Compiler {
     /// Opens the device of this name.
-    ///
-    /// # Errors
-    /// Returns Vulkan's error.
     pub(super) fn open(name: &str, uses_subgroups: bool) -> Result<Self, String> {
         // SAFETY: this opens the Vulkan loader, whose initializers are safe to run.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| format!("no Vulkan: {e}"))?;
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
         let info = vk::InstanceCreateInfo::default().application_info(&application);
-        // SAFETY: `info` and what it refers to outlive the call.
+        // SAFETY: `info` and all it refers to outlive the call.
         let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
         match Self::on(&instance, name, uses_subgroups) {
             Ok((device, target, executables, stage)) => {
@@ -75,9 +71,6 @@ impl Compiler {
     }
 
     /// Creates a pipeline from valid SPIR-V and returns its programs.
-    ///
-    /// # Errors
-    /// Returns Vulkan's error.
     pub(super) fn compile(
         &self,
         name: &str,
@@ -132,7 +125,6 @@ impl Compiler {
         captured
     }
 
-    /// Returns `true` if the driver reports statistics of its pipelines.
     pub(super) fn has_statistics(&self) -> bool {
         self.executables.is_some()
     }
@@ -237,7 +229,6 @@ fn described(number: u32, access: Access) -> vk::DescriptorSetLayoutBinding<'sta
         .stage_flags(vk::ShaderStageFlags::COMPUTE)
 }
 
-/// The objects of one compilation, destroyed at its end.
 struct Made<'a> {
     device: &'a ash::Device,
     module: Option<vk::ShaderModule>,

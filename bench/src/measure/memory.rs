@@ -1,4 +1,4 @@
-//! Memory of a search: the peak of the process, so that each search needs a separate process.
+//! Memory of a search: the peak of a separate process.
 
 use std::error::Error;
 use std::time::Instant;
@@ -13,7 +13,7 @@ use lazygrid_io::scenes::Scene;
 pub struct Sample {
     /// Nanoseconds per sphere of the first call, which allocates its memory.
     pub first: f64,
-    /// Median nanoseconds per sphere and step of the following calls; that of the first call if there are no others.
+    /// Median nanoseconds per sphere and step of later calls, or of the only call.
     pub nanos: f64,
     /// Peak bytes per sphere besides spheres and result; `None` if the system does not report it.
     pub bytes: Option<f64>,
@@ -26,7 +26,7 @@ pub struct Sample {
 /// Runs a search over `steps` steps and measures the peak memory of this process.
 ///
 /// # Errors
-/// Returns the error of the search.
+/// The error of the search.
 pub fn sample(
     contender: &ContenderFactory,
     scene: Scene,

@@ -37,7 +37,7 @@ impl Options {
         self.quick || !self.bench
     }
 
-    /// Replaces sizes and repetitions by tiny ones if only answers are checked.
+    /// Replaces sizes and repetitions by tiny ones in a check of answers.
     pub fn shrunk(self) -> Self {
         if self.is_quick() { Self { n: vec![300], rounds: 1, steps: 2, ..self } } else { self }
     }

@@ -1,4 +1,4 @@
-//! Bullet 3's `btDbvtBroadphase` through a C++ shim: the real library, with one proxy per sphere kept between steps.
+//! Bullet 3's `btDbvtBroadphase` through a C++ shim, with one proxy per sphere kept between steps.
 
 use std::error::Error;
 use std::ffi::c_int;
@@ -33,7 +33,6 @@ impl Tuning {
         let margin = match scene {
             Scene::Equal => 1.0,
             Scene::FiveSizes => 0.5,
-            // The radius of nearly all spheres, as for equal ones.
             Scene::Transceivers(mixture) => mixture.carrier(),
             // Over 12 steps of 10,000 spheres: 29 µs per sphere and step with 0.05, 14 with 0.1, 5.6 with 0.25; larger
             // margins were not measured.

@@ -10,7 +10,7 @@ use super::size_class_grid::SizeClassGrid;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// Maximum number of classes; the smallest spheres and points share the last one.
+/// The smallest spheres and points share the last class.
 const CLASSES: usize = 24;
 
 /// The settings of the cells.
@@ -33,7 +33,7 @@ impl Tuning {
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
-            // One class suffices, as a cell of the largest spheres holds no more spheres than a vector compares.
+            // One class suffices: a cell of the largest spheres holds no more spheres than a vector compares.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
             Scene::Burst => Self { edge: 0.51, class: 4.0 },
             // Transceivers and carriers have separate grids by default.
@@ -75,7 +75,7 @@ fn with(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
 
 pub(super) struct CellList {
     tuning: Tuning,
-    /// The classes, from the largest spheres to the smallest.
+    /// From the largest spheres to the smallest.
     classes: Vec<SizeClassGrid>,
     pairs: Vec<Pair>,
     spheres: usize,

@@ -1,8 +1,8 @@
-//! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]. It runs as usual: in doubles, with a
-//! half list within a skin that is kept until an atom has moved half the skin, and with forces at each step. Its pair
-//! style has an energy of 1 for each pair within the cutoff, so the energy of a step is the number of pairs.
+//! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]: in doubles, with a half list within
+//! a skin that is kept until an atom has moved half the skin, and with forces at each step. Its pair style has an
+//! energy of 1 for each pair within the cutoff, so the energy of a step is the number of pairs.
 //!
-//! A program that simulates with LAMMPS stores and integrates its atoms there, so copying the coordinates is not timed.
+//! A LAMMPS simulation stores its atoms there, so copying the coordinates is not timed.
 
 use std::env;
 use std::error::Error;
@@ -133,7 +133,6 @@ impl Lammps {
         Ok(unsafe { self.library.get::<Extract>(b"lammps_extract_atom\0")?(self.handle, name.as_ptr()) })
     }
 
-    /// Creates the box and its atoms, and sets up the search.
     fn begin(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         if spheres.iter().any(|sphere| sphere.radius != 1.0) {
             return Err("LAMMPS supports only spheres of radius 1 here".into());

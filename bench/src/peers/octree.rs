@@ -1,8 +1,8 @@
 //! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes BiNS2 (section
 //! 4.3). Overfull leaves are split, and sparse siblings are merged.
 //!
-//! A sphere is in each leaf that its box overlaps. Of several leaves, the one that holds the corner `max(low corner of
-//! a, low corner of b)`, which is in both boxes, reports a pair.
+//! A sphere is in each leaf that its box overlaps. The leaf that holds the corner `max(low corner of a, low corner of
+//! b)`, which is in both boxes, reports a pair.
 
 use std::error::Error;
 use std::mem;
@@ -15,9 +15,9 @@ use super::half_extent;
 use super::sweep_and_prune::{Interval, sort, sweep};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Number of spheres above which a leaf is split, if that separates them.
+/// A leaf above this number is split, if that separates its spheres.
 const SPLIT_ABOVE: usize = 256;
-/// Total number of spheres below which eight sibling leaves are merged.
+/// Eight sibling leaves below this total are merged.
 const MERGE_BELOW: usize = 96;
 /// Minimum size of a child over its spheres' mean diameter: in smaller leaves, spheres would be in most children.
 const SMALLEST_EDGE: f32 = 2.0;
@@ -81,7 +81,6 @@ impl Node {
         Self { cell, depth, children: None, members, intervals, pairs }
     }
 
-    /// Removes the spheres that have left the cell.
     fn release(&mut self, boxes: &[Bounds]) {
         let Self { members, cell, .. } = self;
         members.retain(|&k| boxes[k as usize].overlaps(cell));
@@ -217,7 +216,6 @@ impl Octree {
         Some(held)
     }
 
-    /// Splits overfull leaves, and recursively their children.
     fn split(&mut self, spheres: &[Sphere]) {
         let mut crowded: Vec<usize> = (0..self.nodes.len()).collect();
         while let Some(node) = crowded.pop() {

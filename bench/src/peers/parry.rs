@@ -10,7 +10,6 @@ use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 use super::{half_extent, touch};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// The update of the tree before each traversal.
 #[derive(Clone, Copy, Debug)]
 enum TreeUpdate {
     /// Updates all leaves with their exact boxes, then all inner boxes; the topology stays.
@@ -22,8 +21,8 @@ enum TreeUpdate {
     Optimize,
 }
 
-/// The candidate settings of a tree that is kept between steps. Full rebuilds are not included: within a hundred steps
-/// of the scenes, they cost more than they gain.
+/// The candidate settings of a kept tree. Full rebuilds are not included: within a hundred steps of the scenes, they
+/// cost more than they gain.
 pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),

@@ -7,12 +7,11 @@ use super::touch;
 const MARGIN: f32 = 1.01;
 /// Minimum ratio of cell size to the largest diameter.
 const SMALLEST_EDGE: f32 = 0.25;
-/// Maximum number of cells per sphere, which limits empty cells in sparse scenes.
+/// Limits empty cells in sparse scenes.
 const CELLS_PER_SPHERE: f32 = 4.0;
-/// Maximum number of rows of cells after a sphere's own: with the smallest cells, it searches five cells along each
-/// axis.
+/// The most rows of cells after a sphere's own: with the smallest cells, it searches five cells along each axis.
 const ROWS: usize = 5 + 5 * 11;
-/// Number of candidates compared at once: a vector of AVX2.
+/// A vector of AVX2.
 const LANES: usize = 8;
 
 #[derive(Default)]
@@ -26,7 +25,7 @@ pub(super) struct SizeClassGrid {
     r: Vec<f32>,
     /// The start of each cell. Layers of empty cells surround the grid, so that each cell has all its neighbors.
     starts: Vec<u32>,
-    /// The largest distance of the cells of two touching spheres, which is also the number of empty layers.
+    /// The largest distance of the cells of two touching spheres, and the number of empty layers.
     reach: u32,
     /// The spheres in the order of the previous step, and their cells.
     members: Vec<Sphere>,
@@ -34,14 +33,14 @@ pub(super) struct SizeClassGrid {
     sorted: Vec<u32>,
     origin: Vec3,
     per_edge: f32,
-    /// Number of cells along each axis, including empty layers.
+    /// Including empty layers.
     cells: UVec3,
     largest: f32,
 }
 
 impl SizeClassGrid {
-    /// Sorts the class, whose members are `order`, into cells with a size of `edge` times the largest diameter. Starts
-    /// from the order of the previous step, so that accesses are local.
+    /// Sorts the class, whose members are `order`, into cells of `edge` times the largest diameter, starting from the
+    /// order of the previous step.
     #[inline(always)]
     pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
         self.members.clear();
@@ -89,7 +88,7 @@ impl SizeClassGrid {
         (self.cells, self.reach) = (count(edge).as_uvec3(), reach(edge) as u32);
     }
 
-    /// The cell of a point. Points outside belong to the border cells, which preserves adjacency.
+    /// Points outside belong to the border cells, which preserves adjacency.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> UVec3 {
         // Negative values saturate to 0.
@@ -120,8 +119,8 @@ impl SizeClassGrid {
         std::mem::swap(&mut self.order, &mut self.sorted);
     }
 
-    /// Finds all pairs within the class. Compares each sphere with those after it in its row of cells, and with the
-    /// adjacent rows after its own. These are four rows if cells are at least as large as spheres.
+    /// Compares each sphere with those after it in its row of cells, and with the adjacent rows after its own: four if
+    /// cells are at least as large as spheres.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
         let reach = self.reach as usize;
@@ -215,14 +214,14 @@ impl SizeClassGrid {
         let lanes = from..from + LANES;
         let (x, y) = (&self.x[lanes.clone()], &self.y[lanes.clone()]);
         let (z, r) = (&self.z[lanes.clone()], &self.r[lanes]);
-        // Uses loops, as closures of iterators would be compiled without the caller's wider vectors.
+        // Closures of iterators would be compiled without the caller's wider vectors.
         let mut room = [0.0; LANES];
         for k in 0..LANES {
             let (dx, dy, dz) = (x[k] - sphere.center.x, y[k] - sphere.center.y, z[k] - sphere.center.z);
             let reach = r[k] + sphere.radius;
             room[k] = reach * reach * 1.000_01 - (dx * dx + dy * dy + dz * dz);
         }
-        // Uses the sign bit, as a comparison per lane would compile to scalar code.
+        // A comparison per lane would compile to scalar code.
         let mut apart = 0;
         for (k, room) in room.iter().enumerate() {
             apart |= (room.to_bits() >> 31) << k;

@@ -9,12 +9,12 @@ use lazygrid::{Pair, Sphere};
 use super::{half_extent, touch};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Sweep and prune along an axis on which the variance of the centers is (nearly) the largest.
+/// Sweep and prune along an axis of (nearly) the largest variance of the centers.
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }
 
-/// The interval of a sphere with a copy of the sphere, so that the sweep reads memory in order.
+/// The interval of a sphere with a copy of it, so that the sweep reads memory in order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval {
     low: f32,
@@ -31,7 +31,7 @@ impl Interval {
 }
 
 /// Ratio of variances at which the axis changes. A new axis makes the stored order useless, and in a round cloud the
-/// axis with the largest variance is random.
+/// largest variance is random.
 const CLEARLY: f64 = 1.5;
 
 #[derive(Default)]

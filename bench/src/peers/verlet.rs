@@ -10,9 +10,9 @@ use super::touch;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The fastest skin for a benchmark scene with steps of `step_length` radii, if the largest radius is 1. From [`skins`] in
-/// `cargo bench -p lazygrid-bench --bench peers -- --mode skins --output unordered --algorithm auto --steps 100
-/// --rounds 3 --step-length 0.01`. Skins of other scenes than equal spheres are for steps of a tenth.
+/// The fastest skin for a scene with steps of `step_length` radii and a largest radius of 1, from [`skins`] in `cargo
+/// bench -p lazygrid-bench --bench peers -- --mode skins --output unordered --algorithm auto --steps 100 --rounds 3
+/// --step-length 0.01`. Skins of other scenes than equal spheres are for steps of a tenth.
 fn best(scene: Scene, step_length: f32) -> f32 {
     match scene {
         Scene::Equal if step_length <= 0.003 => 0.1,
@@ -20,8 +20,8 @@ fn best(scene: Scene, step_length: f32) -> f32 {
         Scene::Equal => 2.0,
         Scene::FiveSizes => 1.0,
         Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
-        // Not measured: uses the skin of equal spheres, as nearly all spheres are carriers. Transceivers exceed its
-        // limit at each step.
+        // Not measured: uses the skin of equal spheres, because nearly all spheres are carriers. Transceivers exceed
+        // its limit at each step.
         Scene::Transceivers(mixture) => 2.0 * mixture.carrier(),
     }
 }
@@ -45,10 +45,10 @@ struct Verlet {
     skin: f32,
     list: CellList,
     wide: Vec<Sphere>,
-    /// The sphere at each sorted position; neighbors in space are neighbors in memory.
+    /// The sphere at each sorted position.
     order: Vec<u32>,
     place_of: Vec<u32>,
-    /// The spheres at each sorted position now, and at the time of the rebuild.
+    /// The spheres at each sorted position now, and at the rebuild.
     now: Vec<Sphere>,
     then: Vec<Sphere>,
     /// Candidate pairs as sorted positions.

@@ -13,7 +13,7 @@ use lazygrid_report::number::{count, time};
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
 
-/// Minimum number of spheres for fits: below it, fixed costs hide the growth.
+/// The fewest spheres for fits: below it, fixed costs hide the growth.
 const FIT_FROM: usize = 1000;
 
 pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Section, Box<dyn Error>> {
@@ -31,7 +31,6 @@ pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Sect
     Ok(Section { title: title.to_owned(), text: vec![text.to_owned()], plots, tables, notes: vec![] })
 }
 
-/// The section of species: a table of each scene.
 pub(super) fn species(rows: &[&Row]) -> Section {
     let table = |scene: SpeciesScene| {
         let own: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene.name()).collect();
@@ -69,7 +68,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     }
 }
 
-/// Plots of the time of a run, and of the time per sphere or pair, which is ideally constant.
+/// Plots the time of a run, and the time per sphere or pair, which is ideally constant.
 fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box<dyn Error>> {
     let (title, _) = heading(figure);
     let (part, of): (_, fn(&Row) -> f64) = match figure {
@@ -155,7 +154,7 @@ fn phases(rows: &[&Row]) -> Option<Table> {
     })
 }
 
-/// The phases in execution order. Those of the GPU run while the host waits.
+/// The phases in execution order. GPU phases run while the host waits.
 fn listed(phases: &[(String, f64)]) -> String {
     let has_waited = phases.iter().any(|(name, _)| name == "wait");
     let on_device = |name: &str| has_waited && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);

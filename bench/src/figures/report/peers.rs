@@ -156,7 +156,7 @@ fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Op
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
 
-/// A plot of the speed-up of `ours` over each peer by number of carriers, with a line per moment.
+/// Plots the speed-up of `ours` over each peer by number of carriers, with a line per moment.
 fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     let mut series = vec![];
     for (k, peer) in peers(rows).into_iter().enumerate() {

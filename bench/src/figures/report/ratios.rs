@@ -7,10 +7,9 @@ use super::table::{Column, by_engine, engines, find};
 use crate::measure::Spread;
 use lazygrid_report::{Note, Table};
 
-/// The suffix of engines on a software adapter.
 pub(super) const ON_SOFTWARE: &str = "(software GPU)";
 
-/// The names of lazygrid's engines that are compared with peers.
+/// The lazygrid engines that are compared with peers.
 pub(super) const OURS: [&str; 7] = [
     "recursive-grid",
     "cell-list",
@@ -21,10 +20,10 @@ pub(super) const OURS: [&str; 7] = [
     "auto (software GPU)",
 ];
 
-/// Range of time ratios that is inconclusive if single steps differ in both directions.
+/// The inconclusive range of time ratios if single steps differ in both directions.
 pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
-/// The times of a peer divided by those of an engine of lazygrid.
+/// The times of a peer divided by the times of a lazygrid engine.
 pub(super) struct Times {
     /// The ratio of the total times of all steps that both ran, because trees are slow only occasionally.
     pub(super) total: f64,
@@ -32,7 +31,7 @@ pub(super) struct Times {
 }
 
 impl Times {
-    /// The ratios for the steps that both ran; `None` without such steps.
+    /// `None` without common steps.
     pub(super) fn of(peer: &Row, ours: &Row) -> Option<Self> {
         let both = || peer.wall.iter().zip(&ours.wall);
         let by_step: Vec<f64> = both().map(|(p, o)| p / o).collect();
@@ -84,7 +83,7 @@ pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -
     table
 }
 
-/// Notes on peers that are faster than lazygrid, or that none is, and on engines on a software adapter.
+/// Notes on faster peers, and on engines on a software adapter.
 pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Note> {
     let mut notes = vec![];
     let mut unbeaten = vec![];

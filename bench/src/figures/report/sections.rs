@@ -10,7 +10,6 @@ use super::{growth, peers, sweeps, transceivers};
 use lazygrid_report::number::count;
 use lazygrid_report::{Cell, Document, Note, Section, Table};
 
-/// The start of the reason for engines that were left out for lack of time.
 const TOO_LONG: &str = "left out: a run would take";
 
 pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
@@ -37,7 +36,7 @@ pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
     Ok(Document { title: "lazygrid: results".to_owned(), sections })
 }
 
-/// The results, with a suffix for engines on a software adapter.
+/// Returns the results with labels for engines on a software adapter.
 pub(super) fn labelled(results: &Results) -> Results {
     let mut results = results.clone();
     if results.environment.adapter.as_ref().is_some_and(|adapter| !adapter.is_hardware) {
@@ -122,7 +121,7 @@ fn remarks(rows: &[&Row]) -> Vec<Note> {
     notes.into_iter().map(note).chain(roundings(rows)).collect()
 }
 
-/// Notes on the tangent pairs on which each engine and the reference differ, as the contract allows.
+/// Notes on tangent pairs that differ from the reference, as the contract allows.
 fn roundings<'a>(rows: &'a [&Row]) -> impl Iterator<Item = Note> + 'a {
     let most = |engine: &str| rows.iter().filter(|row| row.engine == engine).map(|row| row.tangent).max();
     let counts =

@@ -11,7 +11,7 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 
-/// Minimum speed-up that counts as scaling.
+/// The smallest speed-up that counts as scaling.
 const GAIN: f64 = 1.05;
 
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {

@@ -1,11 +1,8 @@
-//! Tables of rows: their engines, columns and cells.
-
 use super::super::row::{Row, Status, quartiles};
 use crate::measure::Spread;
 use lazygrid_report::number::{count, three_figures, time, unit};
 use lazygrid_report::{Cell, Kind, Table};
 
-/// A column of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Column {
     Size(usize),
@@ -164,7 +161,7 @@ pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Colum
     }
 }
 
-/// The number of pairs in each column, as the last line of a table made by [`by_engine`].
+/// The number of pairs per column, as the last line of a table made by [`by_engine`].
 pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
     let of = |column: &Column| {
         let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);
@@ -173,7 +170,6 @@ pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
     std::iter::once(Cell::plain("(pairs)")).chain(columns.iter().map(of)).collect()
 }
 
-/// A table of GPU times, if timestamps are available.
 pub(super) fn gpu_times(what: &str, rows: &[&Row], columns: &[Column]) -> Option<Table> {
     let timed: Vec<&Row> = rows.iter().copied().filter(|row| !row.gpu.is_empty()).collect();
     let caption = format!(

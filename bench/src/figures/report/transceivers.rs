@@ -12,7 +12,6 @@ use lazygrid::Algorithm;
 use lazygrid_report::plot::Axes;
 use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
 
-/// The engine whose recursion is evaluated.
 const OURS: &str = Algorithm::RecursiveGrid.name();
 /// A grid of the same kind without recursion.
 const WITHOUT: &str = Algorithm::ArrayGrid.name();
@@ -153,7 +152,6 @@ mod tests {
             at(WITHOUT, 10.0, &[0.95]),
             at(OURS, 100.0, &[1.0]),
             at(WITHOUT, 100.0, &[0.5]),
-            // Nothing to compare with.
             at(OURS, 1000.0, &[1.0]),
         ];
         let rows: Vec<&Row> = rows.iter().collect();
