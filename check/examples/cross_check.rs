@@ -1,8 +1,8 @@
-//! Searches the same dense scenes with several algorithms, and ends with an error at the first frame in which their pairs differ:
-//! the cell list, the recursive grid and the hash grid on the CPU, and the cell list on the GPU.
+//! Searches dense scenes with the cell list, the recursive grid and the hash grid on the CPU, and the cell list on the
+//! GPU, and ends with an error at the first frame in which their pairs differ.
 //!
-//! Coordinates and radii are multiples of 1/2048 of the largest cutoff. Squared distances near a cutoff are then exact in `f32`, and
-//! no device may round a pair away.
+//! Coordinates and radii are multiples of 1/2048 of the largest cutoff, so squared distances near a cutoff are exact in
+//! `f32`, and no device may round a pair away.
 //!
 //! ```sh
 //! cargo run --release -p lazygrid-check --example cross_check -- 1e10
@@ -16,15 +16,13 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere};
 use lazygrid_check::checksum;
 use lazygrid_io::scenes::Scene;
 
-/// Pairs in a chunk of a stream.
 const CHUNK: usize = 1 << 22;
 const SPHERES: usize = 100_000;
-/// The largest number of pairs for which the GPU takes part: without hardware it takes a microsecond for each.
+/// The most pairs with which the GPU takes part: without hardware a pair takes a microsecond.
 const MAX_GPU_PAIRS: u64 = 1 << 22;
 /// Factors of the coordinates of [`Scene`]s: the smaller, the more pairs.
 const DENSITIES: [f32; 3] = [1.0, 0.5, 0.2];
 
-/// Moves coordinates and radii to multiples of a step.
 fn rounded(spheres: &[Sphere], density: f32) -> Vec<Sphere> {
     let largest = spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     let step = 2.0 * largest / 2048.0;
@@ -35,7 +33,6 @@ fn rounded(spheres: &[Sphere], density: f32) -> Vec<Sphere> {
         .collect()
 }
 
-/// The number of pairs and their checksum.
 fn digest(detector: &mut Detector, spheres: &[Sphere]) -> Result<(u64, u64), Box<dyn Error>> {
     let mut sum = 0_u64;
     let pairs = detector.stream(spheres, CHUNK, |pairs| {

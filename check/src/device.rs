@@ -10,13 +10,13 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
 use wgpu::BufferUsages;
 
-/// Timeout of each operation on the device.
+/// The timeout of each operation.
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Creates a storage and uniform buffer that can be copied to and from.
+/// Creates a storage and uniform buffer with copies in both directions.
 ///
 /// # Errors
-/// Fails if the device refuses an operation.
+/// If the device refuses an operation.
 pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -30,10 +30,10 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
     own.with_error_scope("a buffer to check with", size, || own.device.create_buffer(&descriptor))
 }
 
-/// Creates a buffer like [`storage_buffer`] with this content.
+/// Creates a [`storage_buffer`] with this content.
 ///
 /// # Errors
-/// Fails if the device refuses an operation.
+/// If the device refuses an operation.
 pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let buffer = storage_buffer(own, bytes.len() as u64)?;
@@ -41,10 +41,10 @@ pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error
     Ok(buffer)
 }
 
-/// Reads a buffer back after all submitted work is done.
+/// Reads a buffer back after all submitted work.
 ///
 /// # Errors
-/// Fails if the device fails or does not finish within [`TIMEOUT`].
+/// If the device fails or exceeds [`TIMEOUT`].
 pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
     if count == 0 {
         return Ok(Vec::new());
@@ -62,10 +62,10 @@ pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
     Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
 }
 
-/// Uploads one structure in the shader's memory layout, which differs from Rust's.
+/// Uploads one structure in the shader's memory layout.
 ///
 /// # Errors
-/// Fails if the device refuses an operation.
+/// If the device refuses an operation.
 pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Result<wgpu::Buffer, Error> {
     let mut bytes = StorageBuffer::new(Vec::<u8>::new());
     bytes.write(data).expect("a vector grows");
@@ -75,7 +75,7 @@ pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Resul
 /// Reads back one structure from the shader's memory layout.
 ///
 /// # Errors
-/// Fails if the device fails or does not finish within [`TIMEOUT`].
+/// If the device fails or exceeds [`TIMEOUT`].
 pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
     let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
     Ok(StorageBuffer::new(bytes).create().expect("all of it"))
@@ -84,7 +84,7 @@ pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Bu
 /// Waits for all submitted work.
 ///
 /// # Errors
-/// Fails if the work is not done within [`TIMEOUT`].
+/// If the work exceeds [`TIMEOUT`].
 pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(until).map(drop).map_err(|error| match error {
@@ -93,10 +93,10 @@ pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     })
 }
 
-/// Records commands and submits them.
+/// Records and submits commands.
 ///
 /// # Errors
-/// Fails if the device refuses an operation or `record` fails.
+/// If the device refuses an operation or `record` fails.
 pub fn submit<R>(
     own: &GpuDevice,
     record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
@@ -109,13 +109,13 @@ pub fn submit<R>(
     })?
 }
 
-/// Runs one kernel in `groups` workgroups, on buffers given by the names of its bindings.
+/// Runs one kernel in `groups` workgroups, on buffers by binding name.
 ///
 /// # Errors
-/// Fails if the device refuses an operation.
+/// If the device refuses an operation.
 ///
 /// # Panics
-/// Panics if a binding has no buffer.
+/// If a binding has no buffer.
 pub fn run(
     own: &GpuDevice,
     kernel: &'static Kernel,
@@ -126,13 +126,13 @@ pub fn run(
     run_over(own, (kernel, variant), [groups, 1, 1], buffers)
 }
 
-/// Runs one kernel over the given number of workgroups in each dimension.
+/// Runs one kernel over a number of workgroups per dimension.
 ///
 /// # Errors
-/// Fails if the device refuses an operation.
+/// If the device refuses an operation.
 ///
 /// # Panics
-/// Panics if a binding has no buffer.
+/// If a binding has no buffer.
 pub fn run_over(
     own: &GpuDevice,
     (kernel, variant): (&'static Kernel, Variant),

@@ -1,10 +1,10 @@
-//! Correctness and speed checks of lazygrid on the machine at hand, for `lazygrid check` and for the tests:
+//! Correctness and speed checks of lazygrid on the machine at hand:
 //!
 //! * [`oracle`]: a [`TestInput`] and its [pairs](TestInput::oracle) by a plain double loop; [`difference`] explains the
 //!   first wrong pair, and [`shrink`] minimizes failing scenes.
-//! * [`scenes`]: single hard scenes, and families of scenes that are made from a [`SceneSeed`] so that they shrink.
-//! * [`detectors`]: runs each [`DetectorVariant`] and compares it with the expected pairs, on fixed scenes, on random
-//!   rounds and on random sequences of calls.
+//! * [`scenes`]: hard scenes, and families of scenes from a [`SceneSeed`], which shrink.
+//! * [`detectors`]: compares each [`DetectorVariant`] with the expected pairs, on fixed scenes, random rounds and
+//!   random sequences of calls.
 //! * [`kernels`]: each GPU kernel against a sequential function.
 //! * [`timing`]: times of copies, of the building blocks and of each algorithm.
 
@@ -18,7 +18,7 @@ pub mod timing;
 /// The effort of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Small scenes and sizes only: takes seconds.
+    /// Small scenes and sizes: seconds.
     Quick,
     /// About a minute, also on a software adapter.
     Default,

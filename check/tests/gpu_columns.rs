@@ -1,4 +1,4 @@
-//! Spheres in columns: the same pairs as from rows.
+//! Spheres in columns give the same pairs as rows.
 
 mod common;
 
@@ -10,7 +10,7 @@ use lazygrid::gpu::{
 };
 use lazygrid::{Algorithm, Error, Interaction, Interactions, Pair, Space, Sphere};
 
-/// An array for each number, as rows of a structure of nine numbers, and with one radius for all.
+/// An array per number, rows of a structure of nine numbers, and one radius for all.
 fn layouts(spheres: &[Sphere]) -> Vec<(ColumnLayout, Vec<Vec<f32>>)> {
     let number = |sphere: &Sphere, column: usize| match column {
         3 => sphere.radius,

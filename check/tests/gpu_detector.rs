@@ -53,8 +53,8 @@ fn grid_of_few_cells_finds_each_pair_once() {
     }
 }
 
-/// Small spheres at the surfaces of much larger ones, also on the low side of the lowest ones, where their neighbor
-/// cells start below the lowest center. A crowd elsewhere makes all small spheres leave the cells of the large ones.
+/// Small spheres at the surfaces of much larger ones, also below the lowest center. A crowd elsewhere makes all small
+/// spheres leave the cells of the large ones.
 #[test]
 fn small_spheres_below_the_lowest_center_are_found() {
     let Some(own) = device() else { return };
@@ -178,7 +178,7 @@ fn interactions_determine_pairs() {
     }
 }
 
-/// A radius, a distance or coordinates around a median may be -0.0, whose bits are those of a large integer.
+/// A radius, a distance or coordinates around a median may be -0.0, whose bits are a large integer.
 #[test]
 fn sign_of_zero_is_ignored() {
     let Some(own) = device() else { return };
@@ -322,8 +322,7 @@ fn default_limits_without_features_are_sufficient() {
     assert!(matches!(error, Error::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
 }
 
-/// With counting sort and radix sort, a periodic box, and species. Pairs hold indices in cell order, which are those of
-/// the returned spheres.
+/// With counting sort and radix sort, a periodic box, and species.
 #[test]
 fn caller_can_reuse_the_cell_order() {
     let Some(own) = device() else { return };

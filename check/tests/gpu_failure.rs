@@ -11,7 +11,6 @@ use common::{Random, device};
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, SoftwareAdapter};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
 
-/// Locks the shared device for one test.
 fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -90,7 +89,6 @@ fn new_detector_works_after_device_loss() {
     assert_lost(detector.pairs(&spheres));
     assert_lost(detector.count(&spheres));
     assert_lost(detector.neighbors(&spheres));
-    // A new detector does not get the destroyed device.
     let mut detector = gpu();
     assert_eq!(detector.pairs(&spheres).expect("found"), expected);
     assert_eq!(detector.count(&spheres).expect("counted"), expected.len() as u64);
@@ -138,7 +136,7 @@ fn oversized_request_leaves_the_detector_usable() {
     }
 }
 
-/// A software adapter uses the memory of the process, which `prlimit` can restrict, in a process of its own.
+/// A software adapter uses the memory of the process, which `prlimit` restricts.
 #[test]
 fn out_of_memory_leaves_the_detector_usable() {
     let Some(own) = device() else { return };

@@ -16,7 +16,6 @@ use rewrite::Rewrite::{Contract, Distribute, Factor, Flush, Reassociate};
 use rewrite::{Rewrite, rewritten};
 
 fn transformed(text: &str, rewrites: &[Rewrite]) -> String {
-    // A flushing device also has what other compilers do.
     rewritten(&inlined(text), rewrites)
 }
 
@@ -33,8 +32,8 @@ fn unguarded(text: &str, function: &str) -> String {
 /// Scenes in which the order of evaluation decides: differences across the periodic boundary, tiny differences of large
 /// coordinates, and the largest floats.
 fn scenes() -> Vec<Scene> {
-    // Multiples of one unit in the last place of 500. Odd distances across the boundary are multiples of half a unit in the
-    // last place of 1000, where a sum is rounded; some lie just below the cutoff of 51.5 units.
+    // Multiples of one ulp of 500. Odd distances across the boundary are multiples of half an ulp of 1000, where a sum
+    // is rounded; some lie just below the cutoff of 51.5 units.
     let unit = (-15.0_f32).exp2();
     let at_boundary = (1..=75).flat_map(|k| [500.0 - k as f32 * unit, k as f32 * unit - 500.0]);
     let at_boundary = at_boundary.map(|x| Sphere::new([x, 0.0, 0.0], 25.75 * unit)).collect();
@@ -128,7 +127,7 @@ fn kernels_without_a_guard_leave_the_contract() {
     }
 }
 
-/// The number of rebuilds in calls with the same spheres, after the first.
+/// Rebuilds in calls with the same spheres, after the first.
 fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
     let own = own.clone().with_rewritten_kernels(rewrite);
     let settings = GpuConfig::default().algorithm(Algorithm::CellList).subgroups(false);
@@ -144,8 +143,8 @@ fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
     (0..3).filter(|_| call()).count()
 }
 
-/// Compilers may treat the same expression differently in two kernels that are compared. On llvmpipe the text without
-/// the guard shows no difference either, so this test cannot show that the guard is needed.
+/// Compilers may treat one expression differently in two kernels whose results are compared. On llvmpipe the text
+/// without the guard shows no difference either, so this test cannot show that the guard is needed.
 #[test]
 fn inflated_radii_agree_between_kernels() {
     let Some(own) = device() else { return };

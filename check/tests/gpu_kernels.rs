@@ -9,7 +9,7 @@ use common::device;
 use lazygrid_check::Effort;
 use lazygrid_check::kernels::CHECKS;
 
-/// Runs checks until none is left. Most of the time is spent in the driver's compiler, which uses one core.
+/// The driver's compiler takes most of the time, on one core.
 fn faults(next: &AtomicUsize) -> Vec<String> {
     let Some(own) = device() else { return Vec::new() };
     std::iter::from_fn(|| CHECKS.get(next.fetch_add(1, Relaxed)))

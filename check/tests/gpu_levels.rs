@@ -7,7 +7,7 @@ use common::{Random, device};
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Sphere, Spheres};
 
-/// Runs a session with these settings and returns the outcome and the sorted pairs. Sessions share compiled kernels.
+/// Sessions share compiled kernels.
 fn detect_in_session(own: &GpuDevice, settings: GpuConfig, spheres: &[Sphere]) -> Found {
     let mut session = GpuSession::new(own.clone(), settings).expect("made");
     let ticket = session.begin(Spheres::from(spheres)).expect("begun");

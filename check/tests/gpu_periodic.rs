@@ -22,7 +22,7 @@ fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
 
-/// Spheres with about half their coordinates near the periodic boundary of a cube with this edge.
+/// About half the coordinates are near the periodic boundary of a cube with this edge.
 fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut place = || match random.word() % 2 {
@@ -81,7 +81,7 @@ fn nested_grids_are_periodic_at_all_depths() {
     }
 }
 
-/// On the periodic boundary, a few units in the last place away, at the opposite boundary, and many boxes away.
+/// On the periodic boundary, a few ulp away, at the opposite boundary, and many boxes away.
 #[test]
 fn spheres_on_the_periodic_boundary() {
     let Some(own) = device() else { return };
@@ -135,7 +135,6 @@ fn giants_and_lattices() {
     }
 }
 
-/// Box lengths from the smallest to the largest floats.
 #[test]
 fn lengths_of_every_magnitude() {
     let Some(own) = device() else { return };

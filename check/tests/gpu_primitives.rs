@@ -1,5 +1,5 @@
 //! Radix sort and prefix scan with more workgroups than one dispatch dimension holds, and cases that the drivers of
-//! test machines do not show. `gpu_kernels` has the other cases.
+//! test machines do not show.
 
 mod common;
 
@@ -13,7 +13,7 @@ use lazygrid_check::kernels::primitives;
 use lazygrid_kernels::kernel::{Access, Kernel, RADIX_SCAN, RADIX_SCATTER, SCAN_SPINE, SCAN_TILE, Variant};
 use lazygrid_kernels::layout::SortCounts;
 
-/// Workgroups along one dimension: the number of digits of a sort pass, which each device supports.
+/// Workgroups along one dimension: the digits of a sort pass, which each device supports.
 const ROW: u32 = 256;
 /// More tiles than a row of workgroups, with a partial last row.
 const MANY: usize = 1_100_001;
@@ -26,7 +26,7 @@ fn dispatch_over_several_dimensions() {
     primitives::sort(&own, MANY).unwrap_or_else(|fault| panic!("sort: {fault}"));
 }
 
-/// Runs one workgroup of a shader with these buffers as its bindings.
+/// Runs one workgroup with these buffers as bindings.
 fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Access, &wgpu::Buffer)]) {
     let accesses = buffers.iter().map(|(access, _)| *access);
     // SAFETY: the text is a kernel's with its threads in another order. `kernels/tests/loops.rs` checks its loops.
@@ -44,8 +44,8 @@ fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Acces
     });
 }
 
-/// The kernel's shader, and a version with its threads in reverse order. Between two barriers threads may run in any
-/// order, but software adapters start with the first.
+/// The shader, and a version with its threads in reverse order. Between two barriers threads may run in any order, but
+/// software adapters start with the first.
 fn both_ways(kernel: &Kernel) -> [String; 2] {
     let forwards = kernel.wgsl(Variant::default());
     let backwards = forwards.replace("Thread(local_invocation)", "Thread(255u - local_invocation)");
@@ -81,7 +81,7 @@ fn scan_of_many_tiles_continues_over_rounds() {
     }
 }
 
-/// Subgroups may have up to 128 threads, but have far fewer on the devices of test machines.
+/// Subgroups may have up to 128 threads, but have far fewer on test machines.
 #[test]
 fn lowest_lane_of_any_subgroup_mask() {
     let Some(own) = device() else { return };

@@ -25,7 +25,6 @@ fn agree(gpu: u64, cpu: u64) -> bool {
     gpu.abs_diff(cpu) <= 2 + cpu / 1_000_000
 }
 
-/// Compares pair lists on the GPU with those of the CPU.
 fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, algorithms: &[Algorithm]) {
     let expected = detector.pairs(spheres).expect("valid");
     for &algorithm in algorithms {
@@ -73,7 +72,6 @@ fn fourteen_thousand_coincident_spheres_are_counted_exactly() {
 fn eighty_thousand_crowded_spheres() {
     let Some(own) = device() else { return };
     let mut spheres = uniform(4, 80_000, 4.0, 0.1);
-    // One large sphere makes the cells large.
     spheres.push(Sphere::new([2.0; 3], 0.4));
     let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid);
     let mut session = GpuSession::new(own, settings).expect("made");
@@ -148,7 +146,7 @@ fn soak_of_changing_sizes_and_shapes() {
 
 const LARGEST: usize = 5000;
 const CROWD: usize = 600;
-/// Bytes by which the device memory may vary, as uniform buffers come and go.
+/// Bytes by which the device memory may vary, because uniform buffers are temporary.
 const SLACK: u64 = 16 << 10;
 
 fn scene(step: u64) -> Vec<Sphere> {
@@ -162,7 +160,7 @@ fn scene(step: u64) -> Vec<Sphere> {
     }
 }
 
-/// Bytes that the device has allocated, and bytes that the session holds.
+/// Bytes that the device has allocated, and that the session holds.
 fn held(own: &GpuDevice, session: &GpuSession) -> [u64; 2] {
     let allocated = own.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
     [allocated, session.held_bytes()]

@@ -1,4 +1,4 @@
-//! `GpuSkinDetector` against all pairs, in simulations with small and large displacements.
+//! `GpuSkinDetector` against all pairs, with small and large displacements.
 
 mod common;
 
@@ -186,7 +186,7 @@ fn changed_species_rebuild_the_list() {
     }
 }
 
-/// Radii that are too large to add half a skin without loss, up to the largest float.
+/// Radii to which half a skin cannot be added without loss, up to the largest float.
 #[test]
 fn largest_radii_have_no_candidate_list() {
     let Some(own) = device() else { return };

@@ -1,5 +1,3 @@
-//! The check that all fuzz targets share.
-
 use std::io::Cursor;
 
 use lazygrid_io::read::{Format, Frames, Options};

@@ -1,11 +1,11 @@
-//! Skips tests if no GPU adapter exists. Tests of several crates include this file.
+//! Skips tests without a GPU adapter. Tests of several crates include this file.
 
 use lazygrid::Error;
 
-/// Returns the opened object. If no adapter exists, returns `None` and prints that the test is skipped.
+/// Returns the opened object, or `None` without an adapter.
 ///
 /// # Panics
-/// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set, or if an adapter exists but cannot be used.
+/// If no adapter exists but `LAZYGRID_REQUIRE_GPU` is set, or if an adapter cannot be used.
 pub(crate) fn or_skip<T>(opened: Result<T, Error>) -> Option<T> {
     match opened {
         Ok(opened) => Some(opened),

@@ -1,4 +1,4 @@
-//! Browsers, and the pictures that they take.
+//! Browsers and their screenshots.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::io::Read;
@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 /// Prints that a test is skipped.
 ///
 /// # Panics
-/// Panics if the environment variable `required` is set.
+/// If the environment variable `required` is set.
 pub fn skipped(required: &str, why: &str) {
     assert!(std::env::var_os(required).is_none(), "{required} is set, and {why}");
     #[expect(clippy::print_stderr, reason = "a skipped test says why")]
@@ -16,7 +16,7 @@ pub fn skipped(required: &str, why: &str) {
     }
 }
 
-/// The name of an installed browser. Without one, prints that a test is skipped, unless `LAZYGRID_REQUIRE_BROWSER` is set.
+/// The name of an installed browser. Without one the test is skipped, unless `LAZYGRID_REQUIRE_BROWSER` is set.
 pub fn browser() -> Option<&'static str> {
     let known = ["chromium", "chromium-headless-shell", "google-chrome"];
     let runs = |name: &&str| {
@@ -34,7 +34,7 @@ pub fn browser() -> Option<&'static str> {
     found
 }
 
-/// The pixels of a PNG file of eight bits a channel, as browsers write it, row by row as red, green and blue.
+/// The RGB pixels of a PNG file of eight bits per channel, row by row.
 pub fn decoded(png: &[u8], size: [usize; 2]) -> Vec<[u8; 3]> {
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
     let (mut rest, mut packed) = (&png[8..], Vec::new());

@@ -18,7 +18,7 @@ pub struct Run {
     pub err: String,
 }
 
-/// Returns `true` if a GPU exists or is required. Otherwise prints that a test is skipped.
+/// Returns `true` if a GPU exists or is required.
 pub fn has_gpu() -> bool {
     let has_one = !lazygrid::gpu::adapters().is_empty() || std::env::var_os("LAZYGRID_REQUIRE_GPU").is_some();
     if !has_one {
@@ -30,7 +30,7 @@ pub fn has_gpu() -> bool {
     has_one
 }
 
-/// A built command: the path of its binary.
+/// The path of a command's binary.
 #[derive(Clone, Copy, Debug)]
 pub struct Program(pub &'static str);
 
@@ -48,12 +48,12 @@ impl Program {
         command
     }
 
-    /// Runs the command with these arguments.
+    /// Runs the command.
     pub fn run(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
         self.command(args).output().unwrap().into()
     }
 
-    /// Runs the command with these arguments and this cache directory (on Linux).
+    /// Runs the command with this cache directory (on Linux).
     pub fn run_with_cache(self, cache: &str, args: &[&str]) -> Run {
         self.command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
     }
@@ -81,15 +81,14 @@ impl Run {
         self
     }
 
-    /// Asserts that the command failed like for bad input: exit code 1, and an error as the last line of standard
-    /// error.
+    /// Asserts exit code 1, and an error as the last line of standard error.
     pub fn fails(self) -> Self {
         assert_eq!(self.code, Some(1), "{}", self.err);
         assert!(self.err.lines().last().is_some_and(|line| line.starts_with("error: ")), "{}", self.err);
         self
     }
 
-    /// The single JSON object on standard output.
+    /// The JSON object on standard output.
     pub fn json(&self) -> Value {
         let mut objects = self.json_lines();
         assert_eq!(objects.len(), 1, "{}", self.out);
@@ -129,7 +128,7 @@ impl Scratch {
         path
     }
 
-    /// The sorted names of all files, including temporary ones.
+    /// The sorted names of all files.
     pub fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();

@@ -1,5 +1,4 @@
-//! The families of [`lazygrid_check::scenes::hard`] as `proptest` strategies. They shrink by removing elements, then by
-//! reducing words.
+//! The families of [`lazygrid_check::scenes::hard`] as `proptest` strategies, which shrink.
 
 use lazygrid::Sphere;
 use lazygrid_check::scenes::hard as families;

@@ -1,14 +1,11 @@
-//! Helpers of the tests in `suite/`:
+//! Shared code of the tests in `suite/`:
 //!
 //! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop.
-//! * [`DetectorVariant`]: a detector variant; [`variants::all`] lists all variants, and [`SuiteVariant`] runs one.
-//! * [`periodic`]: oracles and generators of scenarios in periodic spaces.
-//! * [`triclinic`]: generators of scenarios in triclinic cells.
-//! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
+//! * [`DetectorVariant`]: a detector variant; [`variants::all`] lists them, and [`SuiteVariant`] runs one.
+//! * [`periodic`], [`triclinic`] and [`hard`]: oracles and generators of scenarios, which shrink.
+//! * [`difference`]: explains the first wrong pair of a result.
 //! * [`device`]: a GPU device, if an adapter exists.
-//! * [`browser`]: finds a browser, and decodes its screenshots.
-//! * [`command`]: runs built commands.
-//! * [`hard`]: generators of spheres that are hard on grids, with shrinking.
+//! * [`browser`] and [`command`]: browsers and built commands.
 
 pub mod browser;
 pub mod command;
@@ -26,10 +23,10 @@ pub use lazygrid_check::{
 };
 pub use variants::{SuiteVariant, THREADS, in_pool};
 
-/// Opens a new device. If no adapter exists, returns `None` and prints that the test is skipped.
+/// Opens a new device; `None` without an adapter.
 ///
 /// # Panics
-/// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.
+/// If no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.
 pub fn device() -> Option<GpuDevice> {
     adapter::or_skip(GpuDevice::open(SoftwareAdapter::Allow))
 }

@@ -1,5 +1,5 @@
-//! Scenarios in periodic spaces: reference loops, and the families of [`lazygrid_check::scenes::periodic`] as strategies that
-//! shrink.
+//! Scenarios in periodic spaces: reference loops, and the families of [`lazygrid_check::scenes::periodic`] as
+//! strategies.
 
 use lazygrid::{Config, Pair};
 use lazygrid_check::scenes::periodic as families;
@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use crate::hard::{self, words};
 use crate::{SeedReader, SuiteVariant, TestInput, Tolerance, variants};
 
-/// The pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths. The
-/// reduction uses remainders, which are exact.
+/// The pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths (by exact
+/// remainders).
 pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
@@ -77,11 +77,11 @@ pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
     pairs
 }
 
-/// Checks all variants: CPU variants in both orders, GPU variants in canonical order only, as the host sorts their
+/// Checks all variants: CPU variants in both orders, GPU variants in canonical order only, because the host sorts their
 /// pairs.
 ///
 /// # Errors
-/// Describes the first wrong result and its variant.
+/// The first wrong result and its variant.
 pub fn verify_all(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
     variants::in_turn(scenario).into_iter().try_for_each(|variant| match variant.tolerance() {
         Tolerance::Exact => variant.verify(scenario, expected, settings),

@@ -1,5 +1,5 @@
-//! Reflection of WGSL shaders with naga, without a device. Tests of several crates include this file and must define
-//! `Access` in the parent module.
+//! Reflection of WGSL shaders by naga. Tests of several crates include this file and must define `Access` in the parent
+//! module.
 
 use std::num::NonZeroU64;
 
@@ -11,7 +11,7 @@ use super::Access;
 /// Parses and validates a shader.
 ///
 /// # Panics
-/// Panics with the location of the error if the shader is invalid.
+/// With the location of the error if the shader is invalid.
 pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
     let module = naga::front::wgsl::parse_str(source)
         .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(source)));
@@ -43,7 +43,6 @@ pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)
 /// A structure: its name, its size, and the name and offset of each member.
 pub(crate) type Structure = (String, usize, Vec<(String, usize)>);
 
-/// The structures of a shader.
 pub(crate) fn structures(module: &Module) -> Vec<Structure> {
     let found = module.types.iter().filter_map(|(_, ty)| {
         let TypeInner::Struct { members, span } = &ty.inner else { return None };
@@ -53,13 +52,12 @@ pub(crate) fn structures(module: &Module) -> Vec<Structure> {
     found.collect()
 }
 
-/// Translates the shader to SPIR-V.
 pub(crate) fn spirv(name: &str, (module, info): (&Module, &ModuleInfo)) -> Vec<u32> {
     let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
     naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// The layout of a Rust structure. `fields` are sorted by their offsets in memory, as `repr(C)` keeps their order;
+/// The layout of a Rust structure. `fields` are sorted by their offsets in memory, because `repr(C)` keeps their order;
 /// `offsets` are those in a shader buffer.
 pub(crate) fn laid_out<const N: usize>(
     name: &str,
@@ -73,8 +71,7 @@ pub(crate) fn laid_out<const N: usize>(
     (name.to_owned(), size.get() as usize, members.collect())
 }
 
-/// Describes a Rust structure like [`structures`] those of a shader. A structure of `words` has the same layout in a
-/// buffer as in memory.
+/// Describes a Rust structure like [`structures`]. A structure of `words` has one layout in a buffer and in memory.
 macro_rules! layout {
     ($type:ident { $($field:ident),* $(,)? }) => {
         laid_out(

@@ -1,4 +1,4 @@
-//! Scenarios in triclinic cells: the families of [`lazygrid_check::scenes::triclinic`] as strategies that shrink.
+//! The families of [`lazygrid_check::scenes::triclinic`] as strategies.
 
 use lazygrid_check::scenes::triclinic as families;
 use proptest::prelude::*;

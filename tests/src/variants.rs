@@ -1,4 +1,4 @@
-//! The detector variants that the suite runs each scenario with.
+//! The detector variants of the suite.
 
 use std::env;
 use std::sync::LazyLock;
@@ -18,7 +18,7 @@ pub const THREADS: [usize; 3] = [1, 2, 7];
 /// `LAZYGRID_TEST_VARIANTS=gpu/cell-list` one GPU algorithm.
 ///
 /// # Panics
-/// Panics if `LAZYGRID_TEST_VARIANTS` has another value, or if a required GPU is missing.
+/// If `LAZYGRID_TEST_VARIANTS` has another value, or a required GPU is missing.
 pub fn all() -> Vec<DetectorVariant> {
     match env::var("LAZYGRID_TEST_VARIANTS").as_deref() {
         Err(_) => on_cpu().chain(on_gpu()).collect(),
@@ -45,7 +45,7 @@ fn on_cpu() -> impl Iterator<Item = DetectorVariant> {
     Algorithm::CPU.iter().copied().chain([Algorithm::Auto]).flat_map(with)
 }
 
-/// The GPU variants, one for each algorithm except `Auto`. Empty if no adapter exists.
+/// The GPU variants, one per algorithm except `Auto`.
 fn on_gpu() -> Vec<DetectorVariant> {
     let Some(gpu) = or_skip(GpuDevice::shared(SoftwareAdapter::Allow)) else { return Vec::new() };
     let target = TargetDevice::Gpu { subgroups: gpu.adapter.has_subgroups };
@@ -56,7 +56,7 @@ fn on_gpu() -> Vec<DetectorVariant> {
 /// software adapters are slow. All variants if `LAZYGRID_TEST_VARIANTS` is set.
 ///
 /// # Panics
-/// Panics like [`all`].
+/// See [`all`].
 pub fn in_turn(scenario: &TestInput) -> Vec<DetectorVariant> {
     let mut variants = all();
     if env::var_os("LAZYGRID_TEST_VARIANTS").is_none() {
@@ -69,20 +69,20 @@ pub fn in_turn(scenario: &TestInput) -> Vec<DetectorVariant> {
     variants
 }
 
-/// The variants with the fewest threads: one for each backend and algorithm.
+/// The variants with the fewest threads: one per backend and algorithm.
 pub fn each_algorithm() -> Vec<DetectorVariant> {
     all().into_iter().filter(|variant| variant.threads() == THREADS[0]).collect()
 }
 
-/// The use of a [`DetectorVariant`] in the suite, where detectors run in shared thread pools.
+/// A [`DetectorVariant`] in the suite, where detectors share thread pools.
 pub trait SuiteVariant: Copy {
-    /// The number of threads: on a GPU, of the host's work.
+    /// The number of threads; on a GPU, of the host's work.
     fn threads(self) -> usize;
 
-    /// The settings of this variant. The threads are those of the pool in which a detector [runs](Self::run).
+    /// The settings, without threads: those are the pool's in which a detector [runs](Self::run).
     fn settings(self) -> Config;
 
-    /// Runs `work` with this variant's number of threads.
+    /// Runs `work` with this number of threads.
     fn run<T: Send>(self, work: impl FnOnce() -> T + Send) -> T {
         in_pool(self.threads(), work)
     }
@@ -90,21 +90,20 @@ pub trait SuiteVariant: Copy {
     /// Finds the pairs with a new detector of these settings.
     ///
     /// # Errors
-    /// Returns the library's error as text.
+    /// The library's error.
     fn find(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String>;
 
-    /// The reference for this variant's other results: the `expected` pairs if it is exact. Otherwise its own list,
-    /// compared with them, as tangent pairs may be found or missed.
+    /// The reference for this variant's other results: the `expected` pairs if it is exact, otherwise its own list,
+    /// compared with them, because tangent pairs may fall either way.
     ///
     /// # Errors
-    /// Describes the first difference of its list, or its error.
+    /// The first difference of its list, or its error.
     fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String>;
 
-    /// Checks this variant on a scenario with known pairs, in both orders. GPU variants use one of the orders, as only the
-    /// host sorts pairs.
+    /// Checks this variant in both orders; GPU variants in one, because only the host sorts pairs.
     ///
     /// # Errors
-    /// Describes the first difference, or the error.
+    /// The first difference, or the error.
     fn verify(self, scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String>;
 }
 
@@ -157,17 +156,16 @@ impl SuiteVariant for DetectorVariant {
     }
 }
 
-/// A number derived from the scenario's spheres.
 fn drawn(scenario: &TestInput) -> usize {
     let word = |hash: u32, bits: u32| (hash.rotate_left(5) ^ bits).wrapping_mul(0x9e37_79b9);
     let hash = |hash, sphere: &Sphere| word(word(hash, sphere.center.x.to_bits()), sphere.radius.to_bits());
     (scenario.spheres.iter().fold(1, hash) >> 16) as usize
 }
 
-/// Runs `work` in one of the suite's pools. They are created once, as creating a pool takes longer than most scenarios.
+/// Runs `work` in one of the suite's pools, because creating a pool takes longer than most scenarios.
 ///
 /// # Panics
-/// Panics if `threads` is not one of [`THREADS`].
+/// If `threads` is not one of [`THREADS`].
 pub fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     static POOLS: LazyLock<[ThreadPool; 3]> = LazyLock::new(|| {
         THREADS.map(|n| ThreadPoolBuilder::new().num_threads(n).build().expect("threads of the system"))

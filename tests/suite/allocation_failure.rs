@@ -1,5 +1,4 @@
-//! A failed allocation is an error, wherever it occurs: never an abort or a wrong answer. The detector stays usable
-//! once memory is available again.
+//! A failed allocation is an error, wherever it occurs: never an abort or a wrong answer. The detector stays usable.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -18,12 +17,10 @@ struct Refusing;
 
 const LARGE: usize = 4096;
 
-/// Currently allocated bytes.
 static LIVE: AtomicUsize = AtomicUsize::new(0);
 static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
-/// Total number of bytes above which large allocations are refused.
+/// The total bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
-/// Number of refused allocations.
 static REFUSED: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: every call is forwarded unchanged to the system allocator, or returns null, which is how an allocator reports
@@ -54,7 +51,6 @@ unsafe impl GlobalAlloc for Refusing {
 #[global_allocator]
 static ALLOCATOR: Refusing = Refusing;
 
-/// The condition for refusing allocations.
 #[derive(Clone, Copy, Debug)]
 enum Refusal {
     /// After this number of large allocations.
@@ -64,7 +60,7 @@ enum Refusal {
 }
 
 impl Refusal {
-    /// Runs `work` under this condition. Also returns the number of refused allocations.
+    /// Also returns the number of refused allocations.
     fn during<T>(self, work: impl FnOnce() -> T) -> (T, usize) {
         REFUSED.store(0, SeqCst);
         match self {
@@ -107,8 +103,8 @@ impl Ask {
         }
     }
 
-    /// Returns the number of pairs and a checksum that does not depend on their order. `streamed` has the capacity for
-    /// all pairs, as the consumer's allocations do not count.
+    /// Returns the number of pairs and a checksum. `streamed` has the capacity for all pairs, because the consumer's
+    /// allocations do not count.
     fn answer(
         self,
         detector: &mut Detector,
@@ -144,7 +140,7 @@ impl Ask {
     }
 }
 
-/// Runs all queries under one condition after another, given by `next`, until no allocation is refused.
+/// Runs all queries under successive conditions of `next`, until no allocation is refused.
 fn walk<'a>(
     variant: DetectorVariant,
     config: &Config,
@@ -191,7 +187,7 @@ fn variants() -> impl Iterator<Item = DetectorVariant> {
     variants::all().into_iter().filter(is_one)
 }
 
-/// A single test, as all tests share the allocator.
+/// A single test, because all tests share the allocator.
 #[test]
 fn failed_allocation_is_an_error_wherever_it_occurs() {
     let sizes = Scene::FiveSizes.spheres(1300, 41);

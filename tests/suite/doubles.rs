@@ -18,8 +18,7 @@ impl Random {
     }
 }
 
-/// Spheres of several sizes around `offset`. Every second one touches the one before it, up to a deviation of 2 ulp or
-/// of 2⁻¹⁶ to 2⁻²⁷ of its radius.
+/// Every second sphere touches the one before it, up to a deviation of 2 ulp or of 2⁻¹⁶ to 2⁻²⁷ of its radius.
 fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres: Vec<[f64; 4]> = Vec::new();
     for k in 0..count {
@@ -69,7 +68,7 @@ fn distance_squared(space: &Space, from: [f64; 4], to: [f64; 4]) -> f64 {
     least
 }
 
-/// The pairs of the contract. The species of sphere `k` is `k % 2`, with the interactions of `table`.
+/// The species of sphere `k` is `k % 2`.
 fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for (j, b) in spheres.iter().enumerate() {
@@ -167,7 +166,6 @@ fn no_magnitude_overflows_or_underflows() {
     }
 }
 
-/// `f32` spheres and the same numbers in `f64` give identical pairs, also as columns and as points.
 #[test]
 fn equal_numbers_in_both_precisions_give_equal_pairs() {
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {

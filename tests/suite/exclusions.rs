@@ -1,5 +1,3 @@
-//! Exclusions: groups, and lists of pairs.
-
 use std::ops::ControlFlow;
 
 use lazygrid::gpu::{GpuConfig, GpuSession};
@@ -19,7 +17,6 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// Scenarios in all kinds of spaces, with exclusions.
 fn cases() -> impl Strategy<Value = TestInput> {
     let scenarios = prop_oneof![
         2 => hard::any_spheres().prop_map(TestInput::from),

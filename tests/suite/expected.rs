@@ -50,8 +50,7 @@ fn equal_spheres_in_a_ball_by_the_formula() {
     assert!(off.abs() <= 4.0 * error, "{off} from {}, standard error {error}", pairs * p);
 }
 
-/// A periodic box by explicit copies: spheres near a face are repeated at the opposite one. A pair counts once, by its
-/// originals.
+/// Spheres near a face are repeated at the opposite one. A pair counts once, by its originals.
 #[test]
 fn a_periodic_box_by_the_formula() {
     const EDGE: f32 = 40.0;

@@ -1,5 +1,3 @@
-//! Species masks and interaction distances.
-
 use lazygrid::{Config, Detector, Interaction, Interactions};
 use lazygrid_tests::{SpeciesSetup, SuiteVariant, TestInput, difference, hard, variants};
 
@@ -68,7 +66,7 @@ fn ids_without_a_table_have_no_effect() {
     });
 }
 
-/// The sum of two effective radii is at least their interaction distance, also if half of it is not representable.
+/// Also if half of the distance is not representable.
 #[test]
 fn effective_radii_cover_all_distances() {
     let subnormal = f32::from_bits(1);

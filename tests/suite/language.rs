@@ -27,7 +27,7 @@ const ROOTS: [&str; 19] = [
 
 const EXTENSIONS: [&str; 10] = ["c", "cc", "h", "hpp", "java", "md", "py", "pyi", "rs", "wgsl"];
 
-/// Text that is not the project's own language: build outputs, generated tables and this list of patterns.
+/// Build outputs, generated tables and this list of patterns.
 const SKIPPED: [&str; 5] = ["target", "node_modules", "results", "data", "language.rs"];
 
 const OPENINGS: [&str; 12] =

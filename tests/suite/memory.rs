@@ -40,8 +40,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The allocations since the start of a measurement. All threads share the counters, so a measuring test locks out all
-/// others.
+/// All threads share the counters, so a measuring test locks out all others.
 struct Measurement {
     live: usize,
     _alone: MutexGuard<'static, ()>,
@@ -63,12 +62,12 @@ impl Measurement {
         LARGEST.store(0, SeqCst);
     }
 
-    /// The peak of allocated bytes, minus the bytes at the start.
+    /// Minus the bytes at the start.
     fn peak(&self) -> usize {
         PEAK.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// The currently allocated bytes, minus the bytes at the start.
+    /// Minus the bytes at the start.
     fn held(&self) -> usize {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }
@@ -83,7 +82,7 @@ fn on_cpu(variants: Vec<DetectorVariant>) -> impl Iterator<Item = DetectorVarian
     variants.into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
-/// Bytes that a detector may hold in addition to its estimate, for any number of spheres: reports, plans, padding.
+/// Bytes that a detector may hold in addition to its estimate: reports, plans, padding.
 const FIXED: usize = 16 << 10;
 
 #[test]
@@ -194,7 +193,7 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
-            // Growing a buffer briefly needs both the old and the new one, so that only the remaining memory counts.
+            // Growing a buffer briefly needs both the old and the new one, so only the remaining memory counts.
             measurement.held()
         });
         let bound = detector.memory_for(60_000) as usize + FIXED;
@@ -226,8 +225,7 @@ fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
     }
 }
 
-/// The estimate includes candidates up to their limit. With more candidates, each call searches from scratch within the
-/// same memory.
+/// With more candidates than the limit, each call searches within the same memory.
 #[test]
 fn memory_for_includes_candidates() {
     const N: usize = 20_000;
@@ -301,8 +299,7 @@ fn a_refused_list_stays_within_its_limit() {
     }
 }
 
-/// Two million pairs in canonical order need the memory of the detector and a few times that of a list of `limit`
-/// pairs.
+/// Two million pairs in canonical order need the memory of the detector and a few times a list of `limit` pairs.
 #[test]
 fn a_canonical_stream_stays_within_its_limit() {
     let mut measurement = Measurement::alone();

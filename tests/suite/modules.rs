@@ -1,10 +1,9 @@
-//! The dependencies between the top-level modules of each crate have no circles, except those of [`KNOWN`].
+//! The top-level modules of each crate have no circular dependencies, except [`KNOWN`].
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The folders with the sources of each crate.
 const CRATES: [&str; 16] = [
     "bench/src",
     "capi/src",
@@ -24,13 +23,13 @@ const CRATES: [&str; 16] = [
     "tests/src",
 ];
 
-/// The circles that still exist: a crate, and modules that depend on each other. The list may only become shorter.
+/// The remaining circles: a crate, and modules that depend on each other. The list may only become shorter.
 const KNOWN: [(&str, &[&str]); 1] = [(
     "simulator/src",
     &["gpu", "model", "motion", "output", "ranks", "reaction", "release", "run", "scenario"],
 )];
 
-/// For each module, the modules that it uses.
+/// The modules that each module uses.
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Code without comments, strings and items that only tests compile.

@@ -37,7 +37,7 @@ fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64;
     (0..count).map(sphere).collect()
 }
 
-/// The number of images that the loop tests in each direction along each cell vector.
+/// Images that the loop tests in each direction along each cell vector.
 const FAR: i32 = 7;
 
 /// All entries of a list of `rows` and `others` by the contract's expression. `reach` returns the cutoff of a pair, or
@@ -120,7 +120,7 @@ fn spaces() -> [Space; 7] {
     ]
 }
 
-/// Radii from those that only nearest images can reach to those that reach over three boxes.
+/// From reaching only nearest images to reaching over three boxes.
 const RADII: [f64; 4] = [0.3, 1.0, 1.5, 2.9];
 
 #[test]
@@ -253,7 +253,6 @@ fn neighbor_lists_refuse_invalid_input() {
     let apart = [[0.0, 0.0, 0.0, 0.1], [3e9, 0.0, 0.0, 0.1]];
     let refused = list(&mut detector, &apart);
     assert_eq!(refused, Err(Error::Input(InputError::Shift { i: 0, j: 1 })));
-    // The next call succeeds.
     assert_eq!(list(&mut detector, &[[0.0, 0.0, 0.0, 0.5]]), Ok(6));
     let report = detector.report();
     assert!(report.reason.contains("images") && report.spheres == 1, "{report:?}");

@@ -11,8 +11,8 @@ use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
 /// Divisor of the number of cases unless `LAZYGRID_TEST_FULL` is set. Software adapters take most of the time.
 const SHORT: u32 = 3;
 
-/// Runs `test` on `cases` values, or a part of them unless `LAZYGRID_TEST_FULL` is set. The seed is fixed, so that each run
-/// has the same cases. `PROPTEST_CASES` and `PROPTEST_RNG_SEED` change the number and the seed.
+/// Runs `test` on `cases` values, fewer unless `LAZYGRID_TEST_FULL` is set. The seed is fixed. `PROPTEST_CASES` and
+/// `PROPTEST_RNG_SEED` change the number and the seed.
 pub(crate) fn check<S>(cases: u32, strategy: S, test: impl Fn(S::Value) -> Result<(), String>)
 where
     S: Strategy,

@@ -15,7 +15,7 @@ fn detector(variant: DetectorVariant, config: Config) -> Result<Detector, String
     Detector::new(config.backend(variant.backend()).algorithm(variant.algorithm)).map_err(|e| e.to_string())
 }
 
-/// The pairs of a stream. Fails if a chunk is too long or the returned number is wrong.
+/// Fails if a chunk is too long or the returned number is wrong.
 fn streamed(detector: &mut Detector, scenario: &TestInput, chunk: usize) -> Result<Vec<Pair>, String> {
     let (mut all, mut longest) = (Vec::new(), 0);
     let handed = detector.stream(scenario.query(), chunk, |pairs| {

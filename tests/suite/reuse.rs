@@ -1,4 +1,4 @@
-//! Repeated calls of one detector: state kept between calls never affects a result.
+//! State kept between calls never affects a result.
 
 use std::ops::ControlFlow;
 

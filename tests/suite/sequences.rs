@@ -1,11 +1,11 @@
-//! One detector through sequences of calls: radii, numbers, species, groups and positions change, and some calls fail.
+//! Sequences of calls in which radii, numbers, species, groups and positions change, and some calls fail.
 
 use lazygrid::Backend;
 use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::{DetectorVariant, Effort, Gpu};
 use lazygrid_tests::variants;
 
-/// Default number of sequences for each CPU variant and each GPU variant.
+/// Sequences per CPU variant and per GPU variant.
 const COUNTS: [u64; 2] = [40, 8];
 
 fn share(count: u64) -> u64 {

@@ -17,7 +17,6 @@ fn keepers() -> Vec<DetectorVariant> {
     variants
 }
 
-/// Checks six calls with moving spheres against the definition.
 fn follows(scenario: &TestInput, part: f32, moves: f32, variant: DetectorVariant) -> Result<(), String> {
     let mut scenario = scenario.clone();
     let skin = skin_of(&scenario.spheres, part);
@@ -105,7 +104,6 @@ fn running_simulations() {
     }
 }
 
-/// A fixed skin outside the range is refused with the given number, on every backend and in every space.
 #[test]
 fn skin_out_of_range_is_refused_alike_everywhere() {
     let vectors = [[9.0, 0.0, 0.0], [4.0, 8.0, 0.0], [1.0, 2.0, 7.0]];

@@ -31,7 +31,7 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
     (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
 }
 
-/// A triclinic cell with tilts of up to 0.4 of its length, periodic along all vectors, with spheres in it.
+/// Tilts of up to 0.4 of the length, periodic along all vectors.
 fn tilted_input(n: usize, radii: &[f32], edge: f32) -> TestInput {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);

@@ -1,5 +1,3 @@
-//! Pairs across two sets of spheres.
-
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Detector, Error, InputError, Interaction, Order, Pair, Sphere, Spheres};
@@ -23,7 +21,6 @@ fn across(scenario: &TestInput, split: usize) -> Vec<Pair> {
     pairs.map(|pair| Pair { i: pair.i, j: pair.j - split }).collect()
 }
 
-/// Checks all results against the definition.
 fn agrees(scenario: &TestInput, split: usize, variant: DetectorVariant) -> Result<(), String> {
     let expected = across(scenario, split);
     let [a, b] = sets(scenario, split);
@@ -85,7 +82,7 @@ fn arbitrary_sets() {
     });
 }
 
-/// Sets of different sizes and numbers: on some levels, searching from the other set is worthwhile.
+/// On some levels, searching from the other set is worthwhile.
 #[test]
 fn scenes_with_giants_in_either_set() {
     let giants =

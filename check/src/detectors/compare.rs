@@ -11,19 +11,19 @@ use crate::{
     shrink,
 };
 
-/// The largest scene whose reference tests all pairs. For larger scenes the CPU's cell list is the reference.
+/// The largest scene whose reference tests all pairs; above it, the CPU's cell list is the reference.
 const ALL_PAIRS: usize = 4000;
 
-/// A scene and its name.
+/// A named scene.
 #[derive(Clone, Debug)]
 pub struct SceneCase {
-    /// A description of what makes the scene hard.
+    /// The difficulty of the scene.
     pub name: String,
     /// The input.
     pub scenario: TestInput,
 }
 
-/// All scenes for an effort. Each call returns the same ones.
+/// All scenes for an effort, reproducibly.
 pub fn cases(effort: Effort) -> Vec<SceneCase> {
     let case = |name: &str, scenario: TestInput| SceneCase { name: name.to_owned(), scenario };
     let mut cases: Vec<SceneCase> =
@@ -81,7 +81,6 @@ pub fn cases(effort: Effort) -> Vec<SceneCase> {
     cases
 }
 
-/// Adds random species and a random interaction table.
 pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInput {
     let table = [(); TABLE_WORDS].map(|()| random.word());
     let ids: Vec<u32> = spheres.iter().map(|_| random.word()).collect();
@@ -92,7 +91,7 @@ pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInp
 /// The expected pairs, in canonical order.
 ///
 /// # Errors
-/// Fails if the reference detector for large scenes fails.
+/// If the reference detector for large scenes fails.
 pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     if scenario.spheres.len() <= ALL_PAIRS {
         return Ok(scenario.oracle());
@@ -108,20 +107,20 @@ pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
 /// A failing case, shrunk as far as possible.
 #[derive(Clone, Debug)]
 pub struct FailedCase {
-    /// The name of the scene and the detector variant.
+    /// The scene and the detector variant.
     pub name: String,
-    /// A description of the failure.
+    /// The failure.
     pub what: String,
-    /// The failing scene, if the failure has one.
+    /// The failing scene, if there is one.
     pub scenario: Option<TestInput>,
-    /// The options of `lazygrid detect` that reproduce the failure, as far as they exist.
+    /// The options of `lazygrid detect` that reproduce the failure, if they exist.
     pub options: String,
 }
 
-/// Compares the pairs that a detector finds in a scene with the expected pairs.
+/// Compares a detector's pairs in a scene with the expected pairs.
 ///
 /// # Errors
-/// Describes the first difference, or the detector's error.
+/// The first difference, or the detector's error.
 pub fn verify(
     scenario: &TestInput,
     variant: &DetectorVariant,
@@ -130,15 +129,15 @@ pub fn verify(
     difference(scenario, &pairs(scenario)?, &expected(scenario)?, variant.tolerance())
 }
 
-/// The speed of a detector variant on this machine, estimated from its calls so far.
+/// The speed of a detector variant, estimated from its calls so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// The smallest measured time per unit of work in seconds.
+    /// The least time per unit of work in seconds.
     rate: Option<f64>,
 }
 
 impl Pace {
-    /// Minimum number of spheres of a call that counts: smaller calls say little about larger ones.
+    /// The fewest spheres of a call that counts: smaller calls say little about larger ones.
     const TELLING: usize = 1000;
 
     /// The predicted seconds of a call with `spheres` spheres; 0 before the first measurement.
@@ -160,8 +159,7 @@ impl Pace {
 }
 
 impl SceneCase {
-    /// Runs one detector variant and compares its pairs with `expected`. Returns a description of the difference, if
-    /// any.
+    /// Runs one detector variant and returns a description of the difference from `expected`, if any.
     pub fn fault(&self, variant: &DetectorVariant, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
         let found = variant.pairs(gpu, &self.scenario);
         found.and_then(|found| difference(&self.scenario, &found, expected, variant.tolerance())).err()

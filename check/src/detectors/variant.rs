@@ -13,11 +13,11 @@ use crate::{Effort, TestInput, Tolerance};
 pub struct Gpu {
     /// The device.
     pub own: GpuDevice,
-    /// The requested adapter, if the caller named one.
+    /// The adapter, if the caller named one.
     pub adapter: Option<AdapterId>,
 }
 
-/// A detector variant under test: algorithm, target and settings.
+/// A detector variant under test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DetectorVariant {
     /// The algorithm.
@@ -26,7 +26,7 @@ pub struct DetectorVariant {
     pub target: TargetDevice,
     /// τ, or `None` for the default.
     pub tau: Option<u32>,
-    /// The cell ratio (cell size over largest diameter), or `None` for the default.
+    /// The cell ratio, or `None` for the default.
     pub cell_ratio: Option<f32>,
     /// The skin of the candidate list as a fraction of a radius; 0 leaves the choice to the detector.
     pub skin: f32,
@@ -37,9 +37,9 @@ pub struct DetectorVariant {
 pub enum TargetDevice {
     /// The CPU.
     Cpu {
-        /// The widest SIMD instruction set to use.
+        /// The widest SIMD code to use.
         simd: Simd,
-        /// The number of threads; `None` uses the global thread pool.
+        /// The number of threads; `None` for the global pool.
         threads: Option<usize>,
     },
     /// The GPU.
@@ -55,7 +55,7 @@ impl DetectorVariant {
         Self { algorithm, target, tau: None, cell_ratio: None, skin: 0.0 }
     }
 
-    /// Each CPU algorithm on one thread with each SIMD width of the processor, and on all threads with the widest.
+    /// Each CPU algorithm on one thread with each SIMD width, and on all threads with the widest.
     pub fn on_cpu() -> Vec<Self> {
         let widest = Simd::detect();
         let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
@@ -67,8 +67,8 @@ impl DetectorVariant {
             .collect()
     }
 
-    /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
-    /// candidates. A [quick](Effort::Quick) check uses default settings only, and the cell list with candidates.
+    /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list with candidates. A
+    /// [quick](Effort::Quick) check has default settings only, and the cell list with candidates.
     pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =
@@ -97,7 +97,7 @@ impl DetectorVariant {
         }
     }
 
-    /// The deviation from the definition that results may have.
+    /// The allowed deviation from the definition.
     pub fn tolerance(&self) -> Tolerance {
         match self.target {
             TargetDevice::Cpu { .. } => Tolerance::Exact,
@@ -105,7 +105,7 @@ impl DetectorVariant {
         }
     }
 
-    /// The settings of a `Detector` of this variant, which always uses subgroup operations if the device supports them.
+    /// The settings of a `Detector`, which uses subgroup operations whenever the device supports them.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
         let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {
@@ -129,7 +129,7 @@ impl DetectorVariant {
     /// Finds the pairs of a scenario, in any order.
     ///
     /// # Errors
-    /// Returns the library's error or panic message as text.
+    /// The library's error or panic message.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -148,8 +148,8 @@ impl DetectorVariant {
         })
     }
 
-    /// Returns `true` if the variant supports the scenario. Scenarios with a host-side filter need a `Detector`, which
-    /// uses subgroup operations if the device supports them.
+    /// Returns `true` if the variant supports the scenario. A host-side filter needs a `Detector`, which uses subgroup
+    /// operations whenever the device supports them.
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
@@ -159,7 +159,7 @@ impl DetectorVariant {
         }
     }
 
-    /// The scenario of the previous call, whose candidate list then answers the tested call.
+    /// The previous scenario, whose candidate list then answers the tested call.
     fn before(&self, scenario: &TestInput) -> TestInput {
         let mut before = scenario.clone();
         walk(&mut before.spheres, 0.1 * self.skin, 1);
@@ -192,7 +192,7 @@ impl DetectorVariant {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// The options of `lazygrid detect` for this variant, as far as they exist.
+    /// The options of `lazygrid detect` for this variant, if they exist.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
         if let (TargetDevice::Gpu { .. }, Some(adapter)) =
@@ -228,7 +228,7 @@ impl fmt::Display for DetectorVariant {
 /// Runs `work` and turns a panic into an error.
 ///
 /// # Errors
-/// Returns the error of `work`, or its panic message.
+/// The error of `work`, or its panic message.
 pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let said = payload.downcast_ref::<String>().map(String::as_str);

@@ -1,5 +1,4 @@
-//! Checks of the kernels that configure a cell list and assign its spheres to cells, each against plain sequential
-//! functions.
+//! Checks of the kernels that configure a cell list and assign its spheres to cells.
 
 use bytemuck::Zeroable;
 use lazygrid::Sphere;
@@ -12,10 +11,7 @@ use super::division::Division;
 use super::support::{KernelError, same};
 use crate::device::{download, run, upload, upload_one};
 
-/// Checks that cells are as large as their spheres, fit the table, and hold touching spheres in adjacent cells.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Cells are as large as their spheres, fit the table, and hold touching spheres in adjacent cells.
 pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -71,7 +67,6 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks the capacity, cell sizes and table offsets of the levels.
 fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
     let ConfiguredCellList { list, scenario, .. } = chosen;
     let mut base = 0;
@@ -113,7 +108,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     Ok(())
 }
 
-/// If the sides of two levels meet, one searches the other, which has cells as large or larger.
+/// If the sides of two levels meet, one searches the other, whose cells are at least as large.
 fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
     let list = &chosen.list;
     let looks = |from: usize, at: usize| list.level[from].searched_levels >> at & 1;
@@ -135,7 +130,7 @@ fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     Ok(())
 }
 
-/// Checks that touching spheres are in adjacent cells of each level that both may be assigned to.
+/// Touching spheres are in adjacent cells of each level that both may be assigned to.
 fn touching_spheres_are_in_adjacent_cells(
     chosen: &ConfiguredCellList,
     case: CellListCase,
@@ -171,10 +166,7 @@ fn touching_spheres_are_in_adjacent_cells(
     Ok(())
 }
 
-/// Checks that each counter holds the number of unlisted spheres, if smaller spheres may leave cells.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Each counter holds the number of unlisted spheres, if smaller spheres may leave cells.
 pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -195,10 +187,7 @@ pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that each sphere gets its cell and a distinct rank in it, and that overfull cells are reported.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Each sphere gets its cell and a distinct rank in it, and overfull cells are reported.
 pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -255,10 +244,7 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that each sphere's key is its cell, and that the digits of the first sort pass are counted.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Each sphere's key is its cell, and the digits of the first sort pass are counted.
 pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;

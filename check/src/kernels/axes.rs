@@ -1,4 +1,4 @@
-//! The check of the number of cells along each axis against whole roots.
+//! The number of cells along each axis against integer roots.
 
 use bytemuck::Zeroable;
 use lazygrid::Sphere;
@@ -12,15 +12,12 @@ use super::division::Division;
 use super::support::{KernelError, same};
 use crate::Effort;
 
-/// SortCounts of the bounds along the axes: a cube, a plane and a line.
+/// Extents of the bounds: a cube, a plane and a line.
 const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0, 0.0]];
-/// Radius of the spheres: bounds hold far more cells than there is room for.
+/// The bounds hold far more cells than the table.
 const RADIUS: f32 = 1.0 / 1024.0;
 
-/// Checks that the long axes have as many cells as the table holds, around every number at which one more cell fits.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The long axes have as many cells as the table holds, around every number at which one more cell fits.
 pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), KernelError> {
     let roots: Vec<u32> = match effort {
         Effort::Quick => vec![3, 7, 64],
@@ -46,7 +43,6 @@ pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), Ke
     Ok(())
 }
 
-/// The numbers of cells that the device chooses.
 fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 3], KernelError> {
     let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { extent[axis] } else { 0.0 });
     let spheres: Vec<_> = (0..16).map(|k| Sphere::new(corner(k), RADIUS)).collect();

@@ -1,4 +1,4 @@
-//! Checks of the kernels that most calls share, each against a plain sequential function.
+//! Checks of the kernels that most calls share.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome};
@@ -12,11 +12,7 @@ use crate::device::{download, download_one, run, upload, upload_one};
 use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
-/// Checks that all accumulated values are cleared, and that the number of spheres is the given one, limited to the
-/// capacity.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// All accumulated values are cleared, and the given number of spheres is limited to the capacity.
 pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
@@ -47,7 +43,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
             dispatch_x: x,
             dispatch_y: y,
             dispatch_z: z,
-            // The occupancy that the previous call found is kept for this one.
+            // The occupancy of the previous call is kept for this one.
             max_occupancy: 1,
             ..Outcome::zeroed()
         };
@@ -56,10 +52,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that wrapped coordinates are exact, at any distance from the origin and for any length of the box.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Wrapped coordinates are exact, at any distance from the origin and for any length of the box.
 pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
@@ -87,11 +80,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that spheres are read from where their columns have them, and that none is written above the given number
-/// or the capacity.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Spheres are read from their columns, and none is written above the given number or the capacity.
 pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     const ROOM: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];
@@ -134,7 +123,7 @@ pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Makes coordinates at multiples of half a length, next to these, and anywhere.
+/// Coordinates at multiples of half a length, next to these, and anywhere.
 fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     let mut random = Random(seed);
     let words = SceneSeed::drawn(&mut random, 500);
@@ -150,10 +139,7 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     spheres
 }
 
-/// Checks that the bounds contain all valid spheres with little margin, and that invalid spheres are counted.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The bounds contain all valid spheres with little margin, and invalid spheres are counted.
 pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
@@ -203,10 +189,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that the number of sorted entries is the number of entries, limited to the capacity.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The number of sorted entries is the number of entries, limited to the capacity.
 pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
@@ -227,11 +210,8 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks the dispatch arguments of the search in overfull cells, up to the largest numbers of blocks and tiles that a
-/// plan allows. These are enough if one cell has all entries.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The dispatch arguments of the search in overfull cells, up to the largest numbers of blocks and tiles of a plan,
+/// suffice if one cell has all entries.
 pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::RUN_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
@@ -263,11 +243,7 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-/// Checks the pairs of spheres at one point: with a window, with too small a capacity, with and without subgroup
-/// operations.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The pairs of spheres at one point: with a window, with too small a capacity, with and without subgroup operations.
 pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;
@@ -343,10 +319,7 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
 }
 
-/// Checks that the dispatch arguments give each written pair a thread, and that an overflow is reported.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The dispatch arguments give each written pair a thread, and an overflow is reported.
 pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 40_000_000_u32;
     for (low, high) in [

@@ -15,12 +15,12 @@ use crate::scenes::periodic;
 use crate::{Random, TestInput};
 
 pub(crate) const CELL_CAPACITY: u32 = 4096;
-/// The level number of size classes that have no cells: their spheres are kept in a list.
+/// The level of size classes without cells, whose spheres are listed.
 pub(crate) const LISTED: usize = 255;
 /// The largest occupancy of a coarse cell before smaller spheres move to a finer level.
 pub(crate) const TAU: u32 = 8;
 
-/// The parameters of a cell-list search, and the cell list that the device configured for it.
+/// The parameters of a search, and the cell list that the device configured for it.
 #[derive(Clone)]
 pub(crate) struct ConfiguredCellList {
     pub(crate) call: SearchParams,
@@ -33,14 +33,12 @@ pub(crate) struct ConfiguredCellList {
     pub(crate) survey: InputStats,
 }
 
-/// A test case of the cell list.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
     /// `true` if smaller spheres leave overfull cells, as found by the previous call.
     pub(crate) is_dense: bool,
-    /// The sides of the spheres.
     pub(crate) division: Division,
 }
 
@@ -57,7 +55,7 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     })
 }
 
-/// Spheres of three sizes, a third of them crowded in one place, a few much larger ones, and some invalid ones.
+/// Three sizes, a third of the spheres crowded in one place, a few much larger ones, and some invalid ones.
 fn scene(count: u32) -> Vec<Sphere> {
     let mut random = Random(u64::from(count));
     let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
@@ -71,18 +69,10 @@ fn scene(count: u32) -> Vec<Sphere> {
 }
 
 impl CellListCase {
-    /// Configures the cell list on the device for the case's own scene.
-    ///
-    /// # Errors
-    /// Fails if the device fails.
     pub(crate) fn choose(self, own: &GpuDevice) -> Result<ConfiguredCellList, KernelError> {
         self.choose_for(own, scene(self.spheres))
     }
 
-    /// Configures the cell list on the device for these spheres.
-    ///
-    /// # Errors
-    /// Fails if the device fails.
     pub(crate) fn choose_for(
         self,
         own: &GpuDevice,
@@ -99,10 +89,7 @@ impl CellListCase {
         self.choose_after(own, spheres, (tau, before))
     }
 
-    /// Configures the cell list on the device for this τ and this outcome of the previous call.
-    ///
-    /// # Errors
-    /// Fails if the device fails.
+    /// Configures the cell list for this τ and this outcome of the previous call.
     pub(crate) fn choose_after(
         self,
         own: &GpuDevice,
@@ -136,7 +123,6 @@ impl CellListCase {
     }
 }
 
-/// The results of the kernel that configures a cell list.
 pub(crate) struct Configured {
     pub(crate) list: CellListLayout,
     lengths: SortCounts,
@@ -144,10 +130,7 @@ pub(crate) struct Configured {
     survey: InputStats,
 }
 
-/// Configures a cell list on the device for spheres with these statistics and sides, after a call with this outcome.
-///
-/// # Errors
-/// Fails if the device fails.
+/// Configures a cell list for spheres with these statistics and sides, after a call with this outcome.
 pub(crate) fn configure(
     own: &GpuDevice,
     (call, variant): (SearchParams, Variant),
@@ -271,7 +254,7 @@ impl ConfiguredCellList {
         (cells, crowds.into_iter().max().unwrap_or(0))
     }
 
-    /// Checks a device result against the expected results with and without fused multiply-add.
+    /// Compares a device result with the expected results with and without fused multiply-add.
     pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(
         case: impl FnOnce() -> String,
         found: &T,

@@ -1,4 +1,4 @@
-//! Divisions of the spheres of a cell list into two sides, as the device sees them.
+//! Divisions of the spheres of a cell list into two sides.
 
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid::{Error, Interaction};
@@ -9,7 +9,6 @@ use crate::device::upload;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Division {
-    /// All spheres are on one side.
     OneSet,
     TwoSets,
     /// Every fifth sphere is of a species that does not pair with itself, and every seventh of one that never pairs.
@@ -88,10 +87,6 @@ impl Division {
         (0..count).map(|index| self.species_of(index, count)).collect()
     }
 
-    /// Uploads what kernels read of species, for `count` spheres.
-    ///
-    /// # Errors
-    /// Fails if the device refuses an operation.
     pub(crate) fn upload(self, own: &GpuDevice, count: usize) -> Result<Species, Error> {
         let touches = SpeciesParams::TOUCHES;
         let flags = [touches, touches | SpeciesParams::SECOND_SIDE, SpeciesParams::IDLE];
@@ -114,7 +109,7 @@ pub(crate) struct Species {
 }
 
 impl Species {
-    /// The buffers by the names of their bindings, followed by others.
+    /// The buffers by binding name, followed by others.
     pub(crate) fn and<'b>(
         &'b self,
         others: &[(&'static str, &'b wgpu::Buffer)],

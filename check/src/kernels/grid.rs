@@ -10,7 +10,6 @@ use crate::Random;
 use crate::device::{download_one, run, upload, upload_one};
 use crate::scenes::periodic;
 
-/// Number of bits of a sort key.
 const KEY_BITS: u32 = 24;
 
 fn scene(count: usize, radii: &[f32], space: Space) -> Vec<Sphere> {
@@ -38,11 +37,7 @@ fn bounds(spheres: &[Sphere]) -> Bounds {
     }
 }
 
-/// Checks that the grid starts at the median center, that its cells have the requested size, and that its keys
-/// distinguish them.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The grid starts at the median center, its cells have the requested size, and its keys distinguish them.
 pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
     let spaces = [[None; 3], [Some(20.0), None, Some(1e3)], [Some(3.0); 3]];
     for (count, lengths) in [1, 200, 256].into_iter().flat_map(|count| spaces.map(|space| (count, space))) {

@@ -45,7 +45,7 @@ impl Cells {
     }
 }
 
-/// A grid with cells of size 8 at depth 0 and a cell corner at the origin. Powers of two avoid rounding.
+/// Cells of size 8 at depth 0 with a corner at the origin. Powers of two avoid rounding.
 fn grid(spheres: usize, split_policy: u32) -> Grid {
     let mut grid = Grid {
         inverse_edge: Vec3::splat(0.125),
@@ -153,10 +153,7 @@ fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
     upload(own, &vec![0_u32; 2 * SLOTS as usize])
 }
 
-/// Checks that the occupancy table is cleared to its end if it is used.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The occupancy table is cleared to its end if it is used.
 pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
         for split_policy in [1, 2] {
@@ -174,10 +171,7 @@ pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks the cells of the spheres and the occupancy of the first level.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The cells of the spheres and the occupancy of the first level.
 pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for split_policy in [0, 1, 2] {
@@ -221,10 +215,7 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks the occupancy of deeper levels below overfull cells.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The occupancy of deeper levels below overfull cells.
 pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
@@ -254,10 +245,7 @@ pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that the levels get disjoint ranges of keys.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The levels get disjoint ranges of keys.
 pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
     let mut random = Random(5);
     for key_bits in [16_u32, 24, 32] {
@@ -340,10 +328,7 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
     entries
 }
 
-/// Checks the entries of spheres on all levels, with and without subgroup operations.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The entries of spheres on all levels, with and without subgroup operations.
 pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for (size, (split_policy, tau)) in SIZES.into_iter().flat_map(|size| {

@@ -26,11 +26,11 @@ pub(crate) use support::same;
 /// A check of one or more kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelCheck {
-    /// The name of the check.
+    /// The name.
     pub name: &'static str,
-    /// The names of the checked kernels.
+    /// The checked kernels.
     pub kernels: &'static [&'static str],
-    /// The function that runs the check.
+    /// The check.
     pub run: Run,
 }
 
@@ -41,7 +41,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 /// A check function.
 pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
-/// All checks, in the order in which a call runs the kernels.
+/// All checks, in the order of the kernels in a call.
 pub const CHECKS: [KernelCheck; 36] = [
     one("subgroup probe", &["subgroup_probe"], |own, _| probe::subgroup_probe(own)),
     one("start of a call", &["call_begin"], |own, _| call::call_begin(own)),

@@ -93,10 +93,7 @@ impl Searched {
     }
 }
 
-/// Checks that both searches together find each pair once, in one submission or in several.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Both searches together find each pair once, in one submission or in several.
 pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let case = CellListCase { spheres: case.spheres.min(1500), ..case };
@@ -130,11 +127,8 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
     Ok(())
 }
 
-/// Checks coincident spheres, whose candidates are all later spheres. The first search covers its share, and lists
-/// blocks with more.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// The candidates of coincident spheres are all later spheres. The first search covers its share, and lists blocks with
+/// more.
 pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let division = Division::OneSet;
@@ -161,10 +155,7 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that a part has as many blocks as its number of tiles allows, and at least one.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// A part has as many blocks as its number of tiles allows, and at least one.
 pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, shares) in

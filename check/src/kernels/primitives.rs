@@ -8,7 +8,7 @@ use crate::device::{download, run, submit, upload};
 
 /// Numbers of values: around a workgroup, around a tile, and many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
-/// Number of keys at or above which only random keys are sorted, by two numbers of bits.
+/// At or above this number only random keys are sorted, by two numbers of bits.
 const MANY: usize = 100_000;
 
 fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
@@ -24,7 +24,7 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
 /// Checks the scan of `size` values of several kinds, with and without subgroup operations.
 ///
 /// # Errors
-/// Fails if a result is wrong or the device fails.
+/// If a result is wrong or the device fails.
 pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let scan = PrefixScan::new(&own.device, subgroups);
@@ -46,12 +46,12 @@ pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks the scan of few values by one workgroup, with and without subgroup operations.
+/// The scan of few values by one workgroup, with and without subgroup operations.
 pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
             let mut random = Random(size as u64);
-            // The sum fits 32 bits, as that of counters does.
+            // The sum fits 32 bits, as for counters.
             let values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
             let lengths = upload(own, &[SortCounts { items: 0, counters: size as u32 }])?;
             let buffer = upload(own, &values)?;
@@ -91,11 +91,11 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// Checks the sort of `size` keys, with and without subgroup operations. Sorts random keys by several numbers of bits,
-/// and other kinds of keys by 13 and 32 bits; at or above 100,000 keys only random ones, by 24 and 32 bits.
+/// Checks the sort of `size` keys, with and without subgroup operations: random keys by several numbers of bits, other
+/// kinds by 13 and 32 bits; at or above 100,000 keys only random ones, by 24 and 32 bits.
 ///
 /// # Errors
-/// Fails if a result is wrong or the device fails.
+/// If a result is wrong or the device fails.
 pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);

@@ -9,7 +9,7 @@ use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
 
 const PAIR_CAPACITY: u32 = 1 << 21;
-/// Distance along a run up to which the first search compares entries. The second search compares the others.
+/// The distance along a run up to which the first search compares entries.
 const NEAR: u32 = 256;
 
 struct Runs {
@@ -86,11 +86,7 @@ impl Runs {
     }
 }
 
-/// Checks that active entries meet all entries of their run. All spheres are at one point, so that only runs and marks
-/// matter.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// Active entries meet all entries of their run. All spheres are at one point, so only runs and marks matter.
 pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
@@ -113,11 +109,7 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks that, in runs of any length, the first search finds the pairs of entries near each other, and the second
-/// search finds the others.
-///
-/// # Errors
-/// Fails if a result is wrong or the device fails.
+/// In runs of any length, the first search finds the pairs of near entries, and the second search the others.
 pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in super::support::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {

@@ -1,4 +1,4 @@
-//! Helpers of the kernel checks: variants, sizes and comparisons.
+//! Variants, sizes and comparisons for the kernel checks.
 
 use std::fmt::Debug;
 

@@ -2,18 +2,18 @@ use lazygrid::Pair;
 
 use crate::TestInput;
 
-/// The deviation from the definition that a result may have.
+/// The allowed deviation from the definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tolerance {
     /// None: for the CPU.
     Exact,
-    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be found or missed; within 5
-    /// ulp in a periodic space, where a distance across the boundary is the sum of two. Triclinic cells are exact.
+    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may fall either way; within 5 ulp
+    /// in a periodic space, where a distance across the boundary is the sum of two. Triclinic cells are exact.
     Tangent,
 }
 
 impl Tolerance {
-    /// Returns `true` if the pair may be found or missed.
+    /// Returns `true` if the pair may fall either way.
     pub fn allows(self, scenario: &TestInput, pair: Pair) -> bool {
         if scenario.space.triclinic_cell().is_some() {
             // The host applies the exact test to all pairs of a triclinic cell.
@@ -33,8 +33,7 @@ impl Tolerance {
 /// Compares `found`, in any order, with the `expected` pairs in canonical order.
 ///
 /// # Errors
-/// Describes the difference: the numbers of missing, extra, duplicate and malformed pairs, and the first of each with
-/// its spheres and gap.
+/// The numbers of missing, extra, duplicate and malformed pairs, and the first of each with its spheres and gap.
 pub fn difference(
     scenario: &TestInput,
     found: &[Pair],
@@ -81,7 +80,7 @@ fn describe(scenario: &TestInput, pair: Pair) -> String {
     format!("{} and {}, {gap}", sphere(i), sphere(j))
 }
 
-/// A digest of the pairs that does not depend on their order. Duplicates count.
+/// A digest of the pairs, independent of their order. Duplicates count.
 pub fn checksum(pairs: &[Pair]) -> u64 {
     // The finalizer of SplitMix64.
     let mix = |pair: &Pair| {
@@ -129,8 +128,7 @@ mod tests {
         let [none, one] = [&[][..], &[(0, 1)]];
         assert_eq!(verdict(&[0.0, 2.0], none, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0], none, Exact).is_err());
-        // Moving by a unit in the last place of 2 changes the squared distance by 2 ulp, relative to the squared
-        // cutoff.
+        // Moving by one ulp of 2 changes the squared distance by 2 ulp, relative to the squared cutoff.
         let ulp = 2.0 * f32::EPSILON;
         assert_eq!(verdict(&[0.0, 2.0 + ulp], one, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0 + ulp], one, Exact).is_err());

@@ -6,22 +6,22 @@ use lazygrid::{Error, Exclusions, Spheres};
 
 use crate::TestInput;
 
-/// The number of words from which the exclusions of a scene are drawn.
+/// The words from which the exclusions of a scene are drawn.
 pub const EXCLUSION_WORDS: usize = 64;
 
-/// A list of excluded pairs: as the library's [`Exclusions`], and as a plain set for the oracle.
+/// Excluded pairs, as the library's [`Exclusions`] and as a plain set for the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExclusionCase {
     list: Exclusions,
-    /// The excluded pairs, with the smaller index first.
+    /// The smaller index first.
     pairs: BTreeSet<(u32, u32)>,
 }
 
 impl ExclusionCase {
-    /// Excludes `pairs` of `spheres` spheres. Pairs may be in either order and may repeat.
+    /// Excludes `pairs` of `spheres` spheres, in either order and possibly repeated.
     ///
     /// # Errors
-    /// Returns the error of [`Exclusions::new`].
+    /// See [`Exclusions::new`].
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let pairs: Vec<(u32, u32)> = pairs.into_iter().collect();
         let list = Exclusions::new(spheres, pairs.iter().copied())?;
@@ -43,9 +43,6 @@ impl ExclusionCase {
     }
 
     /// The exclusions among the spheres in `kept`, whose indices must ascend.
-    ///
-    /// # Panics
-    /// Never panics: an index into `kept` is smaller than its length.
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let place = |k: u32| kept.binary_search(&(k as usize)).ok().map(|place| place as u32);
         let pairs = self.pairs().filter_map(|(i, j)| place(i).zip(place(j)));

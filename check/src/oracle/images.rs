@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 use lazygrid::Space;
 
-/// The cell vectors of a space as the caller gave them, without the library's reduction.
+/// The cell vectors as given, without the library's reduction.
 pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
     /// The cell vectors with their original indices, the longest first. The last one needs no loop.
@@ -28,8 +28,8 @@ impl ImageOracle {
         &self.fractions
     }
 
-    /// The smallest squared length of `apart` and all its images. For a finite `reach` it may be that of any image
-    /// within `reach`, or of any image at all if none is within it.
+    /// The smallest squared length of `apart` and its images. For a finite `reach`: of any image within `reach`, or of
+    /// any image if none is.
     ///
     /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell along that
     /// vector.

@@ -13,16 +13,16 @@ pub use difference::{Tolerance, checksum, difference};
 pub use exclusions::{EXCLUSION_WORDS, ExclusionCase};
 pub use shrink::shrink;
 
-/// A test input and the information that determines its pairs.
+/// A test input with everything that determines its pairs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TestInput {
     /// The spheres.
     pub spheres: Vec<Sphere>,
     /// The space of the spheres.
     pub space: Space,
-    /// Species and interactions; `None` if all touching spheres are pairs.
+    /// Species and interactions; `None` if all touching spheres pair.
     pub mixture: Option<SpeciesSetup>,
-    /// The group of each sphere, or [`Spheres::NO_GROUP`]. Spheres of the same group are not pairs.
+    /// The group of each sphere, or [`Spheres::NO_GROUP`].
     pub groups: Option<Vec<u32>>,
     /// The excluded pairs.
     pub excluded: Option<ExclusionCase>,
@@ -33,7 +33,7 @@ pub struct TestInput {
 pub struct SpeciesSetup {
     /// The species id of each sphere.
     pub species: Vec<u32>,
-    /// The lower triangle of the table, row by row: `rows[a][b]` for `b ≤ a`.
+    /// The lower triangle of the table: `rows[a][b]` for `b ≤ a`.
     pub rows: Vec<Vec<Interaction>>,
 }
 
@@ -45,7 +45,7 @@ impl SpeciesSetup {
     /// Converts the table to the library's type.
     ///
     /// # Errors
-    /// Fails if a distance is invalid.
+    /// If a distance is invalid.
     pub fn interactions(&self) -> Result<Interactions, InputError> {
         let mut table = Interactions::new(self.rows.len() as u32, Interaction::Never)?;
         for (a, row) in self.rows.iter().enumerate() {
@@ -82,10 +82,10 @@ impl TestInput {
         spheres
     }
 
-    /// The interaction table, if the scenario has species.
+    /// The interaction table, with species.
     ///
     /// # Errors
-    /// Fails like [`SpeciesSetup::interactions`].
+    /// See [`SpeciesSetup::interactions`].
     pub fn interactions(&self) -> Result<Option<Interactions>, InputError> {
         self.mixture.as_ref().map(SpeciesSetup::interactions).transpose()
     }
@@ -93,7 +93,7 @@ impl TestInput {
     /// Adds this scenario's space and interactions to `config`.
     ///
     /// # Errors
-    /// Fails like [`SpeciesSetup::interactions`].
+    /// See [`SpeciesSetup::interactions`].
     pub fn config(&self, config: Config) -> Result<Config, InputError> {
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         Ok(match self.interactions()? {
@@ -118,19 +118,19 @@ impl TestInput {
         }
     }
 
-    /// Returns `true` if the host filters the pairs of a device: the cell is triclinic, or pairs are excluded.
+    /// Returns `true` if the host filters a device's pairs: for a triclinic cell or exclusions.
     pub fn is_refined(&self) -> bool {
         self.space.triclinic_cell().is_some() || self.groups.is_some() || self.excluded.is_some()
     }
 
-    /// Returns `true` if the pair is excluded by groups or by the list.
+    /// Returns `true` if the pair is excluded.
     pub fn excludes(&self, i: usize, j: usize) -> bool {
         let of_one_group = |groups: &Vec<u32>| groups[i] == groups[j] && groups[i] != Spheres::NO_GROUP;
         self.groups.as_ref().is_some_and(of_one_group)
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
-    /// The largest center distance at which two spheres are a pair; `None` if they never are.
+    /// The cutoff of two spheres; `None` if they never pair.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
         if self.excludes(i, j) {
             return None;
@@ -159,8 +159,7 @@ impl TestInput {
         dx * dx + dy * dy + dz * dz
     }
 
-    /// All pairs in canonical order, as the contract defines them, by the simplest code, as all other results are
-    /// compared with it.
+    /// All pairs in canonical order by the contract, in the simplest code.
     pub fn oracle(&self) -> Vec<Pair> {
         if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
@@ -173,7 +172,7 @@ impl TestInput {
     }
 
     /// All pairs in canonical order. `apart` returns the squared distance of two spheres; beyond the given cutoff, any
-    /// larger value will do.
+    /// larger value.
     pub fn pairs_by(&self, apart: impl Fn(usize, usize, f64) -> f64) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {

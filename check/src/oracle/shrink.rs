@@ -2,9 +2,9 @@ use glam::Vec3;
 
 use crate::TestInput;
 
-/// Shrinks a failing scenario: first removes exclusions, then spheres in ever smaller groups down to single ones, then
-/// rounds numbers. `failing` returns a description of what is wrong, if anything, and is called at most `tries` times.
-/// Returns the smallest failing scenario and its description.
+/// Shrinks a failing scenario: removes exclusions, then spheres in ever smaller groups, then rounds numbers. `failing`
+/// describes the fault, if any, and is called at most `tries` times. Returns the smallest failing scenario and its
+/// description.
 pub fn shrink(
     scenario: TestInput,
     what: String,
@@ -65,7 +65,7 @@ mod tests {
     use crate::{SpeciesSetup, Tolerance, difference};
     use lazygrid::{Interaction, Pair};
 
-    /// A detector that misses the pairs of a sphere with a radius above 0.3 and a sphere with a smaller one.
+    /// Misses the pairs of a sphere with a radius above 0.3 and a smaller one.
     fn broken(scenario: &TestInput) -> Vec<Pair> {
         let mut pairs = scenario.oracle();
         pairs.retain(|pair| {

@@ -1,5 +1,4 @@
-//! Families of scenes that are hard on grids, made from a [`SceneSeed`], so that tests can shrink them and a fuzzer can
-//! draw any number.
+//! Families of scenes that are hard on grids, made from a [`SceneSeed`], so that they shrink.
 
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};
@@ -11,7 +10,7 @@ use crate::{SceneSeed, SeedReader, SpeciesSetup};
 pub struct SceneFamily {
     /// The name for reports.
     pub name: &'static str,
-    /// Makes the spheres of the given words.
+    /// Makes the spheres of a seed.
     pub spheres: fn(&SceneSeed) -> Vec<Sphere>,
 }
 
@@ -81,7 +80,7 @@ pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
     spheres
 }
 
-/// Radii over twenty powers of two. Centers lie on multiples of a power of two, so that many spheres touch exactly.
+/// Radii over twenty powers of two. Centers at multiples of a power of two, so that many spheres touch exactly.
 pub fn powers_of_two(words: &SceneSeed) -> Vec<Sphere> {
     let unit = words.reader().of(&[1.0_f32, 0.25, 8.0]);
     words.each(|of| {
@@ -134,7 +133,6 @@ pub fn far(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Draws a finite number of any magnitude.
 fn any_magnitude(of: &mut SeedReader<'_>) -> f32 {
     let x = of.float_below(f32::INFINITY.to_bits());
     of.signed(x)
@@ -145,8 +143,7 @@ pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| any_magnitude(of)), any_magnitude(of).abs()))
 }
 
-/// Values log-uniform over four binades at a random place in the range of `f32`, subnormals included, so that spheres
-/// of any magnitude meet.
+/// Values log-uniform over four binades at a random place in the range of `f32`, subnormals included.
 pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
@@ -165,8 +162,8 @@ pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
     f64::from(of.of(&exponents)).exp2() as f32
 }
 
-/// Spheres a few `extreme_unit`s wide and apart, many of them in contact. Some use a second unit; in some
-/// scenes all are far away along one axis.
+/// Spheres a few `extreme_unit`s wide and apart, many in contact. Some use a second unit; in some scenes all are far
+/// away along one axis.
 pub fn extremes(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let (unit, other) = (extreme_unit(&mut choices), extreme_unit(&mut choices));
@@ -193,7 +190,7 @@ pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// A box of overlapping spheres with radii from 0 to a third of the box, without special structure.
+/// A box of overlapping spheres with radii from 0 to a third of the box.
 pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(7) {
@@ -205,7 +202,7 @@ pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// The number of words from which [`mixture`] makes an interaction table.
+/// The words of a table of [`mixture`].
 pub const TABLE_WORDS: usize = 41;
 
 /// Makes up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or

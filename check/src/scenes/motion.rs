@@ -2,8 +2,8 @@
 
 use lazygrid::{Skin, Sphere};
 
-/// A skin in proportion to the scene: `part` times the first nonzero radius, or times the first nonzero distance of
-/// consecutive spheres if all radii are 0.
+/// A skin of `part` times the first nonzero radius, or times the first nonzero distance of consecutive spheres if all
+/// radii are 0.
 pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);
@@ -15,7 +15,7 @@ pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     }
 }
 
-/// The largest radius, or 1 if all radii are 0: the unit of [`walk`].
+/// The unit of [`walk`].
 pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
     let radius = spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     if radius > 0.0 { radius.min(1e30) } else { 1.0 }

@@ -1,4 +1,4 @@
-//! Families of scenes in periodic spaces, made from a [`SceneSeed`] like those of [`hard`].
+//! Families of scenes in periodic spaces, made from a [`SceneSeed`].
 
 use lazygrid::{Space, Sphere};
 
@@ -12,7 +12,7 @@ use crate::{SceneSeed, SeedReader, TestInput};
 pub struct PeriodicSceneFamily {
     /// The name for reports.
     pub name: &'static str,
-    /// Makes the scene of the given words.
+    /// Makes the scene of a seed.
     pub scene: fn(&SceneSeed) -> TestInput,
 }
 
@@ -34,7 +34,7 @@ pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
     })
 }
 
-/// Creates the periodic space of these lengths, which must be finite and above zero.
+/// Creates the periodic space of valid lengths.
 pub fn space(lengths: [Option<f32>; 3]) -> Space {
     Space::periodic(lengths.map(|length| length.map(f64::from))).unwrap_or_default()
 }
@@ -43,8 +43,8 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
     TestInput { space: space(lengths), ..spheres.into() }
 }
 
-/// Lattice sites in exact contact, in a box of a whole number of spacings. Coordinates are shifted by whole boxes and
-/// half spacings. Some spheres have twice the radius, are points, or are larger than the box.
+/// Lattice sites in exact contact, in a box of a whole number of spacings, shifted by whole boxes and half spacings.
+/// Some spheres have twice the radius, are points, or are larger than the box.
 pub fn lattice(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
@@ -57,7 +57,7 @@ pub fn lattice(words: &SceneSeed) -> TestInput {
     in_box(spheres, counts.map(|count| count.map(|count| count * spacing)))
 }
 
-/// Random spheres with radii from 0 to more than the box, at up to several boxes from the origin.
+/// Random spheres with radii from 0 to more than the box, up to several boxes from the origin.
 pub fn soup(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = match choices.below(3) {
@@ -77,8 +77,7 @@ pub fn soup(words: &SceneSeed) -> TestInput {
     in_box(spheres, lengths)
 }
 
-/// Spheres at the corner of the box: on the periodic boundary, a few units in the last place away from it, and at the
-/// opposite boundary.
+/// Spheres at the corner of the box: on the periodic boundary, a few ulp away from it, and at the opposite boundary.
 pub fn corner(words: &SceneSeed) -> TestInput {
     let lengths = lengths(&mut words.reader(), &[1.0, 10.0, 0.1, 3.3]);
     let spheres = words.each(|of| {
@@ -110,7 +109,7 @@ pub fn unwrapped(words: &SceneSeed) -> TestInput {
     in_box(spheres, lengths.map(Some))
 }
 
-/// Boxes and spheres of sizes near which `f32` arithmetic changes, at up to several boxes from the origin.
+/// Boxes and spheres of sizes near which `f32` arithmetic changes, up to several boxes from the origin.
 pub fn extremes(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let unit = extreme_unit(&mut choices);

@@ -1,4 +1,4 @@
-/// A small random number generator (SplitMix64) with the same numbers on all platforms.
+/// A random number generator (SplitMix64) with the same numbers on all platforms.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 

@@ -1,30 +1,27 @@
-//! Random input from which scene generators draw their choices.
-
 use crate::Random;
 
-/// The words from which one element of a scene is made.
+/// The words of one element of a scene.
 pub type ElementSeed = [u32; 12];
 
-/// The random input of a scene: words for the scene as a whole, and words for each of its elements (mostly spheres).
+/// The random input of a scene: words for the whole scene, and for each element (mostly a sphere).
 ///
-/// Elements are independent of each other, so that a scene shrinks by removing elements. Smaller words make simpler
-/// elements.
+/// Elements are independent, so a scene shrinks by removing elements. Smaller words make simpler elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneSeed {
-    /// Words of the scene as a whole.
+    /// Words of the whole scene.
     pub setup: ElementSeed,
     /// Words of each element.
     pub elements: Vec<ElementSeed>,
 }
 
 impl SceneSeed {
-    /// Draws random words for a scene of `elements` elements.
+    /// Draws random words for `elements` elements.
     pub fn drawn(random: &mut Random, elements: usize) -> Self {
         let mut element = || [(); 12].map(|()| random.word());
         Self { setup: element(), elements: (0..elements).map(|_| element()).collect() }
     }
 
-    /// The choices for the scene as a whole.
+    /// The choices for the whole scene.
     pub fn reader(&self) -> SeedReader<'_> {
         SeedReader::new(&self.setup)
     }
@@ -59,7 +56,7 @@ impl<'a> SeedReader<'a> {
     /// Draws one of `values`; small words give the first.
     ///
     /// # Panics
-    /// Panics if `values` is empty.
+    /// If `values` is empty.
     pub fn of<T: Copy>(&mut self, values: &[T]) -> T {
         values[self.below(values.len() as u32) as usize]
     }
@@ -75,7 +72,7 @@ impl<'a> SeedReader<'a> {
         if number % 2 == 0 { number / 2 } else { -(number / 2) - 1 }
     }
 
-    /// Draws a number from `low` to `high`, whose difference must be a finite float.
+    /// Draws a number from `low` to `high`, whose difference must be finite.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (self.word() >> 8) as f32 / (1 << 24) as f32 * (high - low)
     }

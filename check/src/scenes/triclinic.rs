@@ -1,5 +1,4 @@
-//! Families of scenes in triclinic cells. Only the words of the scene determine the cell, so that other elements are
-//! other spheres in the same cell.
+//! Families of scenes in triclinic cells, which the words of the whole scene determine.
 
 use glam::Vec3;
 use lazygrid::{Space, Sphere};
@@ -26,7 +25,7 @@ pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
 }
 
-/// Creates the space of these cell vectors, which must be linearly independent.
+/// Creates the space of independent cell vectors.
 pub fn space(edges: [Option<Vec3>; 3]) -> Space {
     Space::triclinic(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }
@@ -35,7 +34,6 @@ fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> TestInput {
     TestInput { space: space(edges), ..spheres.into() }
 }
 
-/// Draws a nonempty subset of three cell vectors.
 fn some_of(of: &mut SeedReader<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
     let taken = if of.below(2) == 0 { 7 } else { 1 + of.below(7) };
     [0, 1, 2].map(|k| edges[k].filter(|_| taken >> k & 1 == 1))
@@ -76,7 +74,6 @@ pub fn directions(words: &SceneSeed) -> TestInput {
         direction * choices.of(&[3.0_f32, 0.4, 8.0, 40.0])
     };
     let mut edges = [edge(), edge(), edge()];
-    // Replaces nearly coplanar vectors.
     let volume = edges[0].cross(edges[1]).dot(edges[2]);
     if volume.abs() < 1e-2 * edges.iter().map(|edge| edge.length()).product::<f32>() {
         edges = [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 4.0, -1.0), Vec3::new(2.0, 0.0, 5.0)];
@@ -85,7 +82,7 @@ pub fn directions(words: &SceneSeed) -> TestInput {
     in_space(sizes(words), edges)
 }
 
-/// Random spheres with radii from 0 to more than a cell, at up to several cells from the origin.
+/// Random spheres with radii from 0 to more than a cell, up to several cells from the origin.
 pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(10) {
@@ -115,7 +112,7 @@ pub fn carried_away(words: &SceneSeed) -> TestInput {
     in_space(spheres, edges)
 }
 
-/// Spheres at the corner of the cell and at its periodic boundaries, or a few units in the last place away.
+/// Spheres at the corner of the cell and at its periodic boundaries, or a few ulp away.
 pub fn corners(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
@@ -149,8 +146,7 @@ pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
     in_space(spheres, edges)
 }
 
-/// Spheres of the largest radii, or nearly, in space that is periodic along some cell vectors and unbounded across
-/// them.
+/// Spheres of nearly the largest radii, in space that is periodic along some cell vectors and unbounded across them.
 pub fn largest_spheres(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
@@ -181,7 +177,6 @@ mod tests {
                 let others = SceneSeed { elements: SceneSeed::drawn(&mut random, 5).elements, ..words };
                 assert_eq!((family.scene)(&others).space, space, "{}", family.name);
             }
-            // Some cells have tilts of zero.
             assert!(triclinic > 100, "{}: {triclinic}", family.name);
         }
     }

@@ -1,5 +1,5 @@
-//! Times of the radix sort and the prefix scan compared with a plain copy, taken with GPU timestamps if the device has
-//! them. Each result is checked.
+//! Times of the radix sort and the prefix scan compared with a plain copy, by GPU timestamps if available. Each result
+//! is checked.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use crate::Random;
 use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
-/// Times of several rounds, and the bytes that each round moves.
+/// Times of several rounds, and the bytes of a round.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
     /// Time of each round in seconds.
@@ -50,10 +50,10 @@ pub struct GpuTimer {
 }
 
 impl GpuTimer {
-    /// Creates a timer of `rounds` rounds, after one more round to warm up.
+    /// Creates a timer of `rounds` rounds, after one to warm up.
     ///
     /// # Errors
-    /// Fails if the device refuses a small buffer.
+    /// If the device refuses a small buffer.
     pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
         let ticks = own.adapter.has_timestamps.then(|| {
             let descriptor =
@@ -71,7 +71,7 @@ impl GpuTimer {
         Ok(Self { rounds, ticks: ticks.transpose()?, own })
     }
 
-    /// Returns `true` if times are GPU timestamps, `false` if they are wall time, which includes the submission.
+    /// Returns `true` for GPU timestamps, `false` for wall time, which includes the submission.
     pub fn has_gpu_timestamps(&self) -> bool {
         self.ticks.is_some()
     }
@@ -79,7 +79,7 @@ impl GpuTimer {
     /// Times a copy of the `n` keys and payloads that one pass of a sort reads and writes.
     ///
     /// # Errors
-    /// Fails if the device fails.
+    /// If the device fails.
     pub fn copy(&self, n: u32) -> Result<Measured, KernelError> {
         let size = u64::from(n.max(2)) * 8;
         let (from, to) = (storage_buffer(&self.own, size)?, storage_buffer(&self.own, size)?);
@@ -90,7 +90,7 @@ impl GpuTimer {
     /// Times a prefix scan, which reads each value twice and writes it once.
     ///
     /// # Errors
-    /// Fails if the device fails or the sums are wrong.
+    /// If the device fails or the sums are wrong.
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
         let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
@@ -111,7 +111,7 @@ impl GpuTimer {
     /// Times a radix sort. Each pass counts the keys, scans the counters, and moves keys and payload.
     ///
     /// # Errors
-    /// Fails if the device fails or the order is wrong.
+    /// If the device fails or the order is wrong.
     pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];

@@ -14,7 +14,7 @@ use crate::device::TIMEOUT;
 pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
 /// An additional number of spheres for full checks.
 pub const FULL: usize = 100_000_000;
-/// Maximum number of timed rounds, after one round to warm up.
+/// After one round to warm up.
 const ROUNDS: usize = 5;
 /// Seconds after which no further round starts.
 const SECONDS: f64 = 0.5;
@@ -24,20 +24,20 @@ const SECONDS: f64 = 0.5;
 pub struct Speed {
     /// The number of pairs.
     pub pairs: u64,
-    /// Median seconds of a call, including the upload of spheres and the readback of the count.
+    /// Median seconds of a call, with upload of spheres and readback of the count.
     pub seconds: f64,
-    /// Seconds that the GPU was busy, from GPU timestamps if available; the median of the whole call otherwise and on
-    /// the CPU.
+    /// Seconds that the GPU was busy, by GPU timestamps if available; otherwise, and on the CPU, the median of the
+    /// whole call.
     pub busy: f64,
     /// Median seconds of each phase, in execution order.
     pub stages: Vec<(&'static str, f64)>,
     /// The number of timed rounds.
     pub rounds: usize,
-    /// The dispatches and memory traffic of a call by its plan; `None` on the CPU.
+    /// The plan's dispatches and memory traffic; `None` on the CPU.
     pub cost: Option<CallCost>,
 }
 
-/// The reason why an algorithm was not timed.
+/// The reason for an algorithm without a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SkipReason {
     /// The spheres do not fit in memory.
@@ -46,10 +46,10 @@ pub enum SkipReason {
     Failed(String),
 }
 
-/// Times repeated counts of the pairs on the GPU.
+/// Times repeated counts on the GPU.
 ///
 /// # Errors
-/// Fails if the spheres do not fit on the device, or if it fails.
+/// If the spheres do not fit on the device, or it fails.
 pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
     let mut said = |error: Error| {
@@ -74,10 +74,10 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
     speed.map_err(|what| if is_too_large { SkipReason::TooLarge(what) } else { SkipReason::Failed(what) })
 }
 
-/// Times repeated counts of the pairs on the CPU.
+/// Times repeated counts on the CPU.
 ///
 /// # Errors
-/// Fails if free memory is too small, or if a call fails.
+/// If free memory is too small, or a call fails.
 pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     // Spheres at rest would never rebuild a candidate list.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
@@ -96,7 +96,7 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     speed.map_err(SkipReason::Failed)
 }
 
-/// Bytes of available memory (Linux's `MemAvailable`), if the system reports it.
+/// Bytes of available memory (Linux's `MemAvailable`).
 fn free_memory() -> Option<u64> {
     let told = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = told.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
@@ -141,8 +141,8 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>) -> Res
     })
 }
 
-/// Predicts the seconds of a call from the sizes and times of smaller calls: continues the growth of the last step, and
-/// at least linear growth (quadratic for `Naive`). Returns 0 without earlier times.
+/// Predicts the seconds of a call from smaller calls: continues the growth of the last step, at least linearly
+/// (quadratically for `Naive`). Returns 0 without earlier times.
 pub fn forecast(algorithm: Algorithm, before: &[(usize, f64)], spheres: usize) -> f64 {
     let Some(&(last, seconds)) = before.last() else { return 0.0 };
     let growth = (spheres as f64 / last as f64).ln();

@@ -1,4 +1,4 @@
-//! Helpers of the device tests: a device or a reason to skip, uploads and readbacks.
+//! A device or a reason to skip, uploads and readbacks.
 
 #![allow(dead_code, unused_imports, reason = "each test binary uses its part")]
 
@@ -14,7 +14,7 @@ pub(crate) use lazygrid_check::Random;
 use lazygrid_check::device;
 use lazygrid_kernels::kernel::{Kernel, Variant};
 
-/// The device to test on. Without one the test is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
+/// Without a device the test is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
 pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(SoftwareAdapter::Allow))
 }

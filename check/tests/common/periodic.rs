@@ -79,7 +79,6 @@ impl Scene {
 pub(crate) fn detect(own: &GpuDevice, scene: &Scene, settings: GpuConfig) -> (Outcome, Vec<Pair>) {
     let interactions = scene.species.as_ref().map(|(_, table)| table.clone());
     let settings = settings.space(scene.space()).interactions(interactions);
-    // Sessions of one device share their compiled kernels.
     let mut session = GpuSession::new(own.clone(), settings).expect("made");
     let mut spheres = Spheres::from(&scene.spheres);
     if let Some((species, _)) = &scene.species {

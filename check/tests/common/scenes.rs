@@ -32,7 +32,7 @@ fn squares(a: &Sphere, b: &Sphere, reach: f64) -> (f64, f64) {
 }
 
 /// Checks sorted `pairs`: each occurs once, and only pairs within four ulp of tangency may be missing or extra. `reach`
-/// returns the cutoff of two spheres, or `None` if they never pair.
+/// returns the cutoff, or `None` if the spheres never pair.
 pub(crate) fn verify(
     scene: &str,
     spheres: &[Sphere],

@@ -6,7 +6,6 @@ struct Single {
     body: String,
 }
 
-/// Returns the text with all such calls expanded, as an optimizing compiler inlines them.
 pub(crate) fn inlined(text: &str) -> String {
     let mut text = text.to_owned();
     // Each pass expands one level of nested calls.

@@ -1,4 +1,4 @@
-//! Rewrites WGSL as compilers may whose floating-point operations are associative and fusible.
+//! Rewrites WGSL like compilers for which floating-point operations are associative and fusible.
 
 use std::ops::Range;
 
@@ -7,7 +7,6 @@ use naga::valid::{
 };
 use naga::{BinaryOperator, Expression, Function, Handle, MathFunction, Module, ScalarKind, TypeInner};
 
-/// A transformation of floating-point expressions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Rewrite {
     /// `(a - b) + (c - d)` becomes `(a + c) - (b + d)`, and similar regroupings of sums.
@@ -22,7 +21,7 @@ pub(crate) enum Rewrite {
     Flush,
 }
 
-/// Returns the text with each rewrite in turn applied wherever it fits.
+/// Applies each rewrite in turn wherever it fits.
 pub(crate) fn rewritten(text: &str, rewrites: &[Rewrite]) -> String {
     let mut text = text.to_owned();
     for &rewrite in rewrites {
@@ -70,7 +69,6 @@ fn edited(text: &str, mut edits: Vec<Edit>) -> String {
     result + &text[end..]
 }
 
-/// Wraps every floating-point operation in a function that flushes subnormal results.
 fn flushed(text: &str) -> String {
     let ranges = analyzed(text, |scope| scope.operations());
     let mut marks: Vec<(usize, bool, usize, u32)> = Vec::new();

@@ -1,5 +1,3 @@
-//! Draws rounds.
-
 use glam::DVec3;
 use lazygrid::{Algorithm, Order, Simd};
 
@@ -12,7 +10,7 @@ use crate::scenes::{hard, periodic, triclinic};
 use crate::{DetectorVariant, EXCLUSION_WORDS, ElementSeed, Random, SceneSeed, TestInput};
 
 impl Round {
-    /// Draws the round of this seed. Uses the CPU, the GPU or both, as allowed.
+    /// Draws the round of this seed, on the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
         let mut random = Random(seed);
         let variant = variant(&mut random, on_cpu, on_gpu);

@@ -12,7 +12,6 @@ use crate::{DetectorVariant, Gpu, TestInput, Tolerance, catch_panic, difference,
 
 pub(crate) mod draw;
 
-/// The settings of one detector and its calls.
 #[derive(Clone, Debug)]
 pub struct Round {
     /// The seed that determines the round.
@@ -20,7 +19,7 @@ pub struct Round {
     variant: DetectorVariant,
     order: Order,
     max_pairs: u64,
-    /// The calls and their inputs, all with the same space and interaction table.
+    /// All with one space and interaction table.
     calls: Vec<(Call, TestInput)>,
 }
 
@@ -32,7 +31,6 @@ enum Call {
     Stream { chunk: usize },
 }
 
-/// The result of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Answer {
     Pairs(Vec<Pair>),

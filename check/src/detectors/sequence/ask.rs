@@ -1,5 +1,3 @@
-//! Runs one call of a detector and records its answer.
-
 use std::any::Any;
 use std::fmt;
 use std::ops::ControlFlow;
@@ -12,7 +10,6 @@ use crate::TestInput;
 use crate::detectors::fuzz::pairs_of;
 use crate::detectors::variant::text;
 
-/// The form of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ask {
     pub(super) output: Output,
@@ -20,7 +17,7 @@ pub(super) struct Ask {
     pub(super) in_columns: bool,
     /// `true` if the cancel flag is set before the call.
     pub(super) is_stopped: bool,
-    /// `true` if the exclusions are those of one set for a query of two sets, or vice versa.
+    /// `true` if the exclusions are for one set and the query has two sets, or the reverse.
     pub(super) has_foreign_exclusions: bool,
 }
 
@@ -32,7 +29,7 @@ pub(super) enum Output {
     Stream { chunk: usize, ending: Ending },
 }
 
-/// The behavior of the consumer of a stream.
+/// The end of a stream by its consumer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
     All,
@@ -43,7 +40,7 @@ pub(super) enum Ending {
     Stop(usize),
 }
 
-/// The answer of a detector. Pairs of two sets name the second sphere by its index among all spheres.
+/// Pairs of two sets name the second sphere by its index among all spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Answer {
     Pairs(Vec<Pair>),
@@ -53,7 +50,7 @@ pub(super) enum Answer {
     Refused(Error),
 }
 
-/// The payload of consumers' panics, which distinguishes them from all others.
+/// The payload of consumers' panics.
 struct Thrown;
 
 #[derive(Default)]
@@ -63,7 +60,7 @@ struct Received {
     longest: usize,
     /// `true` if the consumer has broken off or panicked.
     has_ended: bool,
-    /// Number of chunks received after that.
+    /// Chunks received after that.
     late: usize,
 }
 
@@ -82,10 +79,8 @@ impl Columns {
 }
 
 impl Ask {
-    /// Asks `detector` for the pairs of `scenario`. Clears `stop` afterwards.
-    ///
-    /// # Errors
-    /// Fails if an answer contradicts itself.
+    /// Returns the pairs of `scenario` by `detector`, then clears `stop`. An answer that contradicts itself is an
+    /// error.
     pub(super) fn answer(
         &self,
         detector: &mut Detector,
@@ -172,13 +167,11 @@ fn counted(count: Result<u64, Error>) -> Result<Answer, String> {
     Ok(count.map_or_else(Answer::Refused, Answer::Count))
 }
 
-/// Replaces the indices of second spheres by their indices among all spheres.
 fn among_all(mut pairs: Vec<Pair>, first: usize) -> Vec<Pair> {
     pairs.iter_mut().for_each(|pair| pair.j = pair.j.wrapping_add(first as u32));
     pairs
 }
 
-/// The pairs of the neighbor lists of the first of two sets.
 fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
     if lists.len() != split {
         return Err(format!("{} lists of {split} spheres", lists.len()));

@@ -1,4 +1,4 @@
-//! The pairs of a scene by their definition. Faster than [`TestInput::oracle`], as it skips distant pairs first.
+//! The pairs of a scene by their definition, faster than [`TestInput::oracle`] because it skips distant pairs first.
 
 use glam::DVec3;
 use lazygrid::{Interaction, Pair};
@@ -6,7 +6,7 @@ use lazygrid::{Interaction, Pair};
 use crate::TestInput;
 use crate::oracle::ImageOracle;
 
-/// Beyond this number of periods from the origin, too few digits of the position in the period remain.
+/// Farther from the origin, too few digits of the position in the period remain.
 const MAX_PERIODS: f64 = 1e4;
 /// Error bounds of a distance along an axis: relative to the distance, and relative to the period.
 const ROUNDING: [f64; 2] = [1e-6, 1e-9];
@@ -35,15 +35,14 @@ pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
     pairs
 }
 
-/// A filter for spheres that are too far apart along some direction to be a pair.
+/// A filter for spheres that are too far apart along some direction to pair.
 struct Sieve {
     axes: Vec<Axis>,
 }
 
-/// Positions along a direction.
 struct Axis {
     places: Vec<f64>,
-    /// The distance of two images; infinite if the axis is not periodic.
+    /// Infinite if the axis is not periodic.
     period: f64,
     /// The largest distance of two positions that may be a pair.
     most: f64,
@@ -95,7 +94,7 @@ impl Axis {
     }
 }
 
-/// A distance beyond which no two spheres are a pair.
+/// A distance beyond which no two spheres pair.
 fn farthest(scenario: &TestInput) -> f64 {
     let radius = scenario.spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     let rows = scenario.mixture.iter().flat_map(|mixture| mixture.rows.iter().flatten());

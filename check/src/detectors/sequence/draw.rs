@@ -1,5 +1,3 @@
-//! Draws the settings, the first scene and the calls of a sequence.
-
 use glam::Vec3;
 use lazygrid::{Algorithm, Interaction, Order, Skin, Space, Sphere};
 
@@ -14,9 +12,9 @@ use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput};
 
 /// Makes a sequence unrelated to the [round](crate::detectors::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
-/// First of the eight kinds of spaces whose cell vectors are tilted.
+/// The first of the eight kinds of spaces with tilted cell vectors.
 const TRICLINIC: u32 = 6;
-/// Maximum number of spheres: in general, and in triclinic cells, where the definition tests many images.
+/// The most spheres in general, and in triclinic cells, where the definition tests many images.
 const MAX_SPHERES: [usize; 2] = [5000, 1300];
 /// Factor by which the number of spheres may grow in the space drawn for it.
 const CROWDING: usize = 4;
@@ -39,7 +37,7 @@ pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorV
     Sequence { seed, settings, steps }
 }
 
-/// Draws a detector variant, mostly with an algorithm that keeps candidates.
+/// Draws a variant, mostly with an algorithm that keeps candidates.
 pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
     let variant = rounds::variant(random, on_cpu, on_gpu);
     let keeper = [Algorithm::Auto, Algorithm::CellList][random.below(2) as usize];
@@ -70,7 +68,7 @@ fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     }
 }
 
-/// Draws a number of spheres: mostly few, often near the number at which `Auto` switches to a cell list.
+/// Draws a number of spheres: mostly few, often near the crossover to a cell list.
 pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
     let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
     let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
@@ -127,7 +125,6 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
     world
 }
 
-/// Draws a scene that is hard on grids.
 fn adversarial(random: &mut Random) -> TestInput {
     let elements = 5 + random.below(150) as usize;
     let words = SceneSeed::drawn(random, elements);
@@ -156,7 +153,7 @@ fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     }
 }
 
-/// Draws a table of up to four species. Often the first species ignores radii.
+/// Draws a table of up to four species, whose first one often ignores radii.
 fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
     let count = 1 + random.below(4);
     let mut interaction = |may_touch: bool| match random.below(8) {
@@ -167,11 +164,9 @@ fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
             Interaction::Within((radius * factor).into())
         }
     };
-    // The first species has no `Touch` interaction with itself.
     (0..count).map(|a| (0..=a).map(|b| interaction(b > 0)).collect()).collect()
 }
 
-/// Draws one call: the changes before it, its possible error and its form.
 fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     let before = world.scenario.clone();
     let mut changes = if k > 0 { change(random, world, k) } else { Vec::new() };
@@ -245,7 +240,6 @@ pub(super) fn place(random: &mut Random, extent: [f32; 3]) -> Vec3 {
     Vec3::from(extent.map(|extent| random.unit() * extent))
 }
 
-/// Draws a radius for sphere `k` of a scene of this kind.
 pub(super) fn radius(random: &mut Random, kind: u32, k: usize, radius: f32) -> f32 {
     let powers = |most: usize| 0.5_f32.powi((k % most) as i32);
     radius

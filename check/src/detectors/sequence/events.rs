@@ -7,11 +7,10 @@ use super::draw::{at_new_places, number, place, radius};
 use crate::scenes::motion::walk;
 use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 
-/// Number of earlier scenes to keep.
 const REMEMBERED: usize = 4;
-/// Maximum number of spheres at one point, as all of them are pairs.
+/// The most spheres at one point, where all pair.
 const MAX_CROWD: usize = 400;
-/// Maximum number of spheres whose pairs become exclusions.
+/// The most spheres whose pairs become exclusions.
 const MAX_LISTED: usize = 600;
 
 /// The scene between two calls, and the scales of its changes.
@@ -21,11 +20,11 @@ pub(super) struct World {
     pub(super) radius: f32,
     pub(super) extent: [f32; 3],
     pub(super) motion: f32,
-    /// Number of calls in ten before which spheres only move a little.
+    /// Calls in ten before which spheres only move a little.
     pub(super) calm: u32,
     pub(super) variant: DetectorVariant,
     pub(super) most: usize,
-    /// Number of further calls without changes, which show wrong state left by an earlier call.
+    /// Further calls without changes, which show wrong state left by an earlier call.
     pub(super) held: u32,
 }
 
@@ -41,7 +40,6 @@ impl World {
         (0..n).map(sphere).collect()
     }
 
-    /// Moves all spheres a little.
     pub(super) fn walk(&mut self, random: &mut Random) {
         let times = [0.25, 1.0, 1.0, 4.0][random.below(4) as usize];
         let stride = crate::scenes::motion::stride(&self.scenario.spheres);
@@ -146,7 +144,6 @@ impl World {
         "another number"
     }
 
-    /// Keeps the first `n` spheres and appends new ones up to `n`.
     fn resize(&mut self, random: &mut Random, n: usize) {
         let had = self.scenario.spheres.len();
         self.scenario = self.scenario.only(|k| k < n);
@@ -161,7 +158,6 @@ impl World {
             groups.resize_with(n, || random.below(5));
         }
         if let Some(list) = excluded {
-            // All listed indices are below `n`.
             *excluded = ExclusionCase::new(n, list.pairs().collect::<Vec<_>>()).ok();
         }
     }
@@ -252,7 +248,6 @@ impl World {
         }
     }
 
-    /// Adds or removes groups or excluded pairs.
     pub(super) fn leave_out(&mut self, random: &mut Random) -> &'static str {
         let n = self.scenario.spheres.len();
         match random.below(6) {
@@ -276,7 +271,6 @@ impl World {
     }
 }
 
-/// The center, or the origin if it is not finite.
 fn finite(center: Vec3) -> Vec3 {
     if center.is_finite() { center } else { Vec3::ZERO }
 }

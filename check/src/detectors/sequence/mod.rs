@@ -1,8 +1,8 @@
-//! Sequences of random calls of one detector. A sequence depends only on its seed.
+//! Sequences of random calls of one detector, determined by the seed.
 //!
-//! Nothing that a detector keeps from call to call may affect an answer. A sequence mostly keeps its spheres, so that
-//! candidate lists are reused. In between it changes radii, numbers, species, groups and positions, and makes calls
-//! that fail, are cancelled, break off or panic. Each answer must match the definition and a new detector.
+//! No kept state may affect an answer. A sequence mostly keeps its spheres, so that candidate lists are reused. In
+//! between it changes radii, numbers, species, groups and positions, and makes calls that fail, are cancelled, break
+//! off or panic. Each answer must match the definition and a new detector.
 
 use std::fmt;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ mod verifier;
 use ask::{Answer, Ask};
 use verifier::Verifier;
 
-/// Settings of a detector, and the calls that it is asked to answer.
+/// Settings of a detector, and its calls.
 #[derive(Clone, Debug)]
 pub struct Sequence {
     seed: u64,
@@ -35,7 +35,6 @@ pub struct Sequence {
     steps: Vec<Step>,
 }
 
-/// The settings of a detector.
 #[derive(Clone, Debug)]
 struct Settings {
     variant: DetectorVariant,
@@ -48,36 +47,35 @@ struct Settings {
 
 #[derive(Clone, Debug)]
 struct Step {
-    /// The input, which may be invalid.
+    /// May be invalid.
     scenario: TestInput,
-    /// The changes since the previous call.
     changes: Vec<&'static str>,
     ask: Ask,
 }
 
-/// Counts of the calls of sequences and of their outcomes.
+/// Counts of sequences, calls and outcomes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Number of sequences.
+    /// Sequences.
     pub sequences: u64,
-    /// Number of calls in all sequences.
+    /// Calls in all sequences.
     pub calls: u64,
-    /// Number of calls that a candidate list of an earlier call answered.
+    /// Calls that an earlier call's candidate list answered.
     pub served: u64,
-    /// Number of calls that ended with an error.
+    /// Calls that returned an error.
     pub refused: u64,
 }
 
-/// A wrong answer: the index of its call and a description.
+/// The index of a call, and a description.
 type Wrong = (usize, String);
 
 impl Sequence {
-    /// Draws the sequence of this seed. Uses the CPU, the GPU or both, as allowed.
+    /// Draws the sequence of this seed, on the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
         draw::sequence(seed, |random| draw::variant(random, on_cpu, on_gpu))
     }
 
-    /// Draws the sequence of this seed for a given variant. The seed determines the skin; that of `variant` is ignored.
+    /// Draws the sequence of this seed for a given variant, with the seed's skin.
     pub fn drawn_for(seed: u64, variant: DetectorVariant) -> Self {
         draw::sequence(seed, |_| variant)
     }
@@ -155,8 +153,7 @@ impl Settings {
         }
     }
 
-    /// Returns `true` if the answer to call `k` is compared with a new detector. On a GPU creating one takes longer
-    /// than many calls, so only errors and every eighth call are compared.
+    /// On a GPU creating a detector takes longer than many calls, so only errors and every eighth call are compared.
     fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
         let is_on_cpu = matches!(self.variant.target, TargetDevice::Cpu { .. });
         is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))

@@ -1,5 +1,3 @@
-//! Shrinks a failing sequence and its scenes.
-
 use super::{Sequence, Step, Wrong};
 use crate::TestInput;
 

@@ -1,5 +1,3 @@
-//! Checks one answer against the definition and against a new detector.
-
 use lazygrid::{Error, InputError, Order, Pair, Report, Sphere};
 
 use super::ask::{Answer, Ending, Output};
@@ -42,10 +40,6 @@ impl<'a> Verifier<'a> {
         Self { settings, step, tolerance, right }
     }
 
-    /// Compares `answer` with the definition.
-    ///
-    /// # Errors
-    /// Describes the difference.
     pub(super) fn verdict(&self, answer: &Answer) -> Result<(), String> {
         let (expected, range) = match (&self.right, answer) {
             (Right::Refused(errors), Answer::Refused(error)) => {
@@ -115,10 +109,6 @@ impl<'a> Verifier<'a> {
         matches!(self.step.ask.output, Output::List | Output::Neighbors)
     }
 
-    /// Checks the report of a call that the detector answered in full.
-    ///
-    /// # Errors
-    /// Describes the difference.
     pub(super) fn report(&self, answer: &Answer, report: &Report) -> Result<(), String> {
         let found = match answer {
             Answer::Pairs(pairs) => pairs.len() as u64,
@@ -135,10 +125,6 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Compares `answer` with the answer of a new detector.
-    ///
-    /// # Errors
-    /// Describes the difference.
     pub(super) fn alike(&self, answer: &Answer, fresh: &Answer) -> Result<(), String> {
         use Answer::{Count, Pairs, Part, Refused};
         if let Err(what) = self.verdict(fresh) {
@@ -198,7 +184,6 @@ fn in_range(found: u64, [least, most]: [u64; 2]) -> Result<(), String> {
     }
 }
 
-/// Returns `true` if the query asks for `pair`: with two sets, one sphere must be of each set.
 fn is_asked(pair: Pair, split: Option<u32>) -> bool {
     split.is_none_or(|split| pair.i < split && pair.j >= split)
 }
