@@ -94,10 +94,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut runners = Vec::new();
     for given in &scenes {
         for &radix_from in &args.radix_from {
-            runners.push(runner(&own, given, (Algorithm::CellList, radix_from))?);
+            runners.push(runner(&own, given, Algorithm::CellList, radix_from)?);
         }
         if let Some(other) = args.baseline.filter(|_| given.is_uniform) {
-            runners.push(runner(&own, given, (other, Calibration::RADIX_SORT_FROM))?);
+            runners.push(runner(&own, given, other, Calibration::RADIX_SORT_FROM)?);
         }
     }
     for round in 0..=args.rounds {
@@ -119,7 +119,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn runner<'a>(
     own: &GpuDevice,
     given: &'a BenchScene,
-    (algorithm, radix_from): (Algorithm, u32),
+    algorithm: Algorithm,
+    radix_from: u32,
 ) -> Result<SceneRun<'a>, Box<dyn Error>> {
     let pair_capacity = if given.name == "burst" { 24 } else { 4 } * given.spheres.len() as u32;
     let settings = GpuConfig::default()

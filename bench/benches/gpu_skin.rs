@@ -81,7 +81,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut rows = Vec::new();
     for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
         for &step_length in &args.step_length {
-            let seconds = compare(&own, &args, (scene, n, step_length))?;
+            let seconds = compare(&own, &args, scene, n, step_length)?;
             let per_sphere = |s: &f64| format!("{:.1} ({:.2})", s / n as f64 * 1e9, s / seconds[0]);
             let head = [scene.to_string(), n.to_string(), step_length.to_string()];
             rows.push(head.into_iter().chain(seconds.iter().map(per_sphere)).collect());
@@ -101,7 +101,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn compare(
     own: &GpuDevice,
     args: &Args,
-    (scene, n, step_length): (Scene, usize, f32),
+    scene: Scene,
+    n: usize,
+    step_length: f32,
 ) -> Result<Vec<f64>, Box<dyn Error>> {
     let mut spheres = scene.spheres(n, 1);
     let settings =

@@ -133,7 +133,7 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
                 kernel.name,
                 label(variant, kernel.effective_variant(own))
             );
-            compiled.push(compile_one(&compiler, kernel, (variant, own), wanted.disassembly));
+            compiled.push(compile_one(&compiler, kernel, variant, own, wanted.disassembly));
         }
     }
     let (name, driver) = (adapter.name.clone(), adapter.driver.clone());
@@ -160,7 +160,8 @@ fn variants(kernel: &Kernel, own: Variant, all_variants: bool) -> Vec<Variant> {
 fn compile_one(
     compiler: &Compiler,
     kernel: &'static Kernel,
-    (variant, own): (Variant, Variant),
+    variant: Variant,
+    own: Variant,
     with_texts: bool,
 ) -> Compiled {
     let mut workgroup_memory = 0;

@@ -123,7 +123,7 @@ pub fn run(
     groups: u32,
     buffers: &[(&str, &wgpu::Buffer)],
 ) -> Result<(), Error> {
-    run_over(own, (kernel, variant), [groups, 1, 1], buffers)
+    run_over(own, kernel, variant, [groups, 1, 1], buffers)
 }
 
 /// Runs one kernel over a number of workgroups per dimension.
@@ -135,7 +135,8 @@ pub fn run(
 /// If a binding has no buffer.
 pub fn run_over(
     own: &GpuDevice,
-    (kernel, variant): (&'static Kernel, Variant),
+    kernel: &'static Kernel,
+    variant: Variant,
     [x, y, z]: [u32; 3],
     buffers: &[(&str, &wgpu::Buffer)],
 ) -> Result<(), Error> {

@@ -47,7 +47,8 @@ fn moments(times: u32, last: u32) -> Vec<u32> {
 
 /// Returns the rows of each timed moment, up to `steps` steps.
 pub(super) fn rows(
-    (point, steps): (&DataPoint, u32),
+    point: &DataPoint,
+    steps: u32,
     limits: Limits,
     seed: u64,
     left_out: impl Fn(Contender) -> Option<String>,

@@ -156,7 +156,7 @@ fn rows_of(
     };
     match point.update {
         SceneUpdate::Processes => memory::rows(point, program),
-        SceneUpdate::Simulated { steps } => burst::rows((point, steps), limits, settings.seed, left_out),
+        SceneUpdate::Simulated { steps } => burst::rows(point, steps, limits, settings.seed, left_out),
         SceneUpdate::Fresh | SceneUpdate::Species(_) => {
             let sample = |k: usize, spheres: &mut Vec<_>| *spheres = point.sample(settings.seed + k as u64);
             run_comparison(Comparison::new(point, limits, left_out), 1, sample)

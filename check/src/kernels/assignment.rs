@@ -57,7 +57,7 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     ] {
         let division = Division::OneSet;
         let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false, division };
-        let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), (0, before))?;
+        let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), 0, before)?;
         same(
             || format!("crowds of {case:?} after {before:?}"),
             &(chosen.list.has_overfull_cells != 0),
@@ -149,7 +149,7 @@ fn touching_spheres_are_in_adjacent_cells(
             if list.level[level].cells.x == 0 {
                 continue;
             }
-            let at = |sphere| numbers(list, scenario.space, chosen.place(sphere), (level, true));
+            let at = |sphere| numbers(list, scenario.space, chosen.place(sphere), level, true);
             let (of_a, of_b) = (at(a), at(b));
             let is_near = (0..3).all(|axis| {
                 let apart = of_a[axis].abs_diff(of_b[axis]);

@@ -234,7 +234,7 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
         let expected_cells: Vec<u32> = order.iter().map(|&at| homes[at as usize][0]).collect();
         same(|| format!("order of {size} spheres"), &download::<u32>(own, &places, size)?, &order)?;
         same(|| format!("cells of {size} spheres"), &download::<u32>(own, &cells, size)?, &expected_cells)?;
-        gathered(own, &sorted, (&spheres, &order))?;
+        gathered(own, &sorted, &spheres, &order)?;
         // The gathering kernel must give the same order.
         let sorted = upload(own, &vec![[0_u32; 4]; size])?;
         let bound = [
@@ -245,7 +245,7 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
             ("sorted", &sorted),
         ];
         run(own, &k::SPHERES_GATHER, Variant::default(), groups, &bound)?;
-        gathered(own, &sorted, (&spheres, &order))?;
+        gathered(own, &sorted, &spheres, &order)?;
     }
     Ok(())
 }
@@ -253,7 +253,8 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
 fn gathered(
     own: &GpuDevice,
     sorted: &wgpu::Buffer,
-    (spheres, order): (&[Sphere], &[u32]),
+    spheres: &[Sphere],
+    order: &[u32],
 ) -> Result<(), KernelError> {
     let bits = |sphere: &Sphere| bytemuck::cast::<Sphere, [u32; 4]>(*sphere);
     let expected: Vec<[u32; 4]> = order.iter().map(|&at| bits(&spheres[at as usize])).collect();

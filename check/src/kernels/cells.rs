@@ -86,7 +86,7 @@ impl CellListCase {
             dispatch_z: 1,
             ..Outcome::zeroed()
         };
-        self.choose_after(own, spheres, (tau, before))
+        self.choose_after(own, spheres, tau, before)
     }
 
     /// Configures the cell list for this τ and this outcome of the previous call.
@@ -94,7 +94,8 @@ impl CellListCase {
         self,
         own: &GpuDevice,
         spheres: Vec<Sphere>,
-        (tau, before): (u32, Outcome),
+        tau: u32,
+        before: Outcome,
     ) -> Result<ConfiguredCellList, KernelError> {
         let space = periodic::space(self.lengths);
         let call = SearchParams {
@@ -169,7 +170,8 @@ pub(crate) fn numbers(
     list: &CellListLayout,
     space: Space,
     place: Vec3,
-    (level, fused): (usize, bool),
+    level: usize,
+    fused: bool,
 ) -> [u32; 3] {
     let own = &list.level[level];
     let quanta = i64::from(list.units_per_cell);
@@ -195,9 +197,9 @@ pub(crate) fn numbers(
     })
 }
 
-fn cell(list: &CellListLayout, space: Space, place: Vec3, (level, fused): (usize, bool)) -> u32 {
+fn cell(list: &CellListLayout, space: Space, place: Vec3, level: usize, fused: bool) -> u32 {
     let own = &list.level[level];
-    let [x, y, z] = numbers(list, space, place, (level, fused));
+    let [x, y, z] = numbers(list, space, place, level, fused);
     let [x, y, z] = [x % own.cells.x, y % own.cells.y, z % own.cells.z];
     own.base + (z * own.cells.y + y) * own.cells.x + x
 }
@@ -219,8 +221,8 @@ impl ConfiguredCellList {
     fn coarsest(&self, id: usize, fused: bool) -> Option<u32> {
         let sphere = &self.scenario.spheres[id];
         let has_cell = self.may_pair(id) && level_of(&self.list, sphere.radius) != LISTED;
-        let at = (self.first_level(id), fused);
-        has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), at))
+        let level = self.first_level(id);
+        has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), level, fused))
     }
 
     pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
@@ -242,7 +244,7 @@ impl ConfiguredCellList {
         let level = level_of(list, sphere.radius);
         let crowd = density[coarsest as usize % density.len()];
         match level != 0 && list.has_overfull_cells != 0 && crowd > self.call.tau {
-            true => (cell(list, space, self.place(sphere), (self.first_level(id) + level, fused)), crowd),
+            true => (cell(list, space, self.place(sphere), self.first_level(id) + level, fused), crowd),
             false => (coarsest, 0),
         }
     }

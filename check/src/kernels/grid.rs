@@ -69,8 +69,8 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
             let width = 2.0 * settings.cell_ratio * radii[0];
             for (axis, length) in lengths.into_iter().enumerate() {
                 let sound = match length {
-                    None => open_axis(&grid, (axis, width), &spheres),
-                    Some(length) => ring(&grid, (axis, width), length),
+                    None => open_axis(&grid, axis, width, &spheres),
+                    Some(length) => ring(&grid, axis, width, length),
                 };
                 sound.map_err(|text| {
                     KernelError::WrongResult(case(&format!("axis {axis}, {text}, {grid:?}")))
@@ -93,7 +93,7 @@ fn wanted_bits(grid: &Grid, axis: usize) -> u32 {
     }
 }
 
-fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Result<(), String> {
+fn open_axis(grid: &Grid, axis: usize, width: f32, spheres: &[Sphere]) -> Result<(), String> {
     let mut places: Vec<f32> = spheres.iter().map(|sphere| sphere.center[axis]).collect();
     places.sort_by(f32::total_cmp);
     let (median, origin) = (places[places.len() / 2], grid.origin[axis]);
@@ -112,7 +112,7 @@ fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Re
     }
 }
 
-fn ring(grid: &Grid, (axis, width): (usize, f32), length: f32) -> Result<(), String> {
+fn ring(grid: &Grid, axis: usize, width: f32, length: f32) -> Result<(), String> {
     let turns = grid.ring_cells[axis];
     let whole = if turns >= 4.0 { turns % 4.0 == 0.0 } else { turns.log2().fract() == 0.0 };
     if !whole || length / turns < width {

@@ -89,7 +89,7 @@ impl Searched {
         let bound = [("params", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
         run(own, &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, chosen.variant, 1, &bound)?;
         let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
-        Ok(run_over(own, (&k::CELL_LIST_SEARCH_OVERFLOW, chosen.variant), groups, &self.bound())?)
+        Ok(run_over(own, &k::CELL_LIST_SEARCH_OVERFLOW, chosen.variant, groups, &self.bound())?)
     }
 }
 

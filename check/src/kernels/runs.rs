@@ -27,7 +27,7 @@ struct Runs {
 
 impl Runs {
     /// Gives each sphere one entry, in its first cell on all axes.
-    fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, KernelError> {
+    fn of(own: &GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = SearchParams {
             pair_capacity: PAIR_CAPACITY,
@@ -75,7 +75,7 @@ impl Runs {
         let bound = [("params", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
         run(own, &k::RUNS_SEARCH_FAR_DISPATCH_ARGS, variant, 1, &bound)?;
         let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
-        Ok(run_over(own, (&k::RUNS_SEARCH_FAR, variant), groups, &self.bound())?)
+        Ok(run_over(own, &k::RUNS_SEARCH_FAR, variant, groups, &self.bound())?)
     }
 
     fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
@@ -98,7 +98,7 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let keys: Vec<u32> = (0..count).map(of).collect();
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
-        let runs = Runs::of(own, &spheres, (&keys, passive))?;
+        let runs = Runs::of(own, &spheres, &keys, passive)?;
         runs.search(own)?;
         let expected = (0..count)
             .flat_map(|i| (i + 1..count).map(move |j| Pair { i, j }))
@@ -128,7 +128,7 @@ pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
             let expected: Vec<Pair> = (0..count)
                 .flat_map(|i| (i + 1..count).filter(move |&j| touch(i, j)).map(move |j| Pair { i, j }))
                 .collect();
-            let runs = Runs::of(own, &spheres, (&keys, 0))?;
+            let runs = Runs::of(own, &spheres, &keys, 0)?;
             runs.search(own)?;
             let near = expected.iter().filter(|pair| pair.j - pair.i <= NEAR).copied().collect();
             let case = |what: &str| format!("{what}, runs of {lengths:?}, {variant:?}");

@@ -50,7 +50,7 @@ impl ImageOracle {
             let (part, most) = (row.dot(folded), looked_at * row.length() + 1e-6);
             [(-part - most).ceil() as i32, (-part + most).floor() as i32]
         });
-        self.nearest((apart, shift), folded, &turns.collect::<Vec<_>>())
+        self.nearest(apart, shift, folded, &turns.collect::<Vec<_>>())
     }
 
     /// The image of a vector shifted by multiples of the cell vectors, rounded as the contract specifies.
@@ -65,7 +65,7 @@ impl ImageOracle {
     /// The smallest squared length of the image at `shift` and the images that differ from it by `turns` of each
     /// remaining cell vector. `near` is approximately that image. Along the last vector, the minimum of the parabola
     /// and its two neighbors suffice.
-    fn nearest(&self, (vector, shift): (DVec3, [f64; 3]), near: DVec3, turns: &[[i32; 2]]) -> f64 {
+    fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, turns: &[[i32; 2]]) -> f64 {
         let at = self.edges.len() - turns.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };
         let turned = |turn: f64| {
@@ -76,7 +76,7 @@ impl ImageOracle {
         match turns {
             [[from, to], turns @ ..] if !turns.is_empty() => (*from..=*to)
                 .map(f64::from)
-                .map(|turn| self.nearest((vector, turned(turn)), near + *edge * turn, turns))
+                .map(|turn| self.nearest(vector, turned(turn), near + *edge * turn, turns))
                 .fold(f64::INFINITY, f64::min),
             _ => {
                 let least = (-near.dot(*edge) / edge.length_squared()).round();

@@ -225,7 +225,7 @@ impl Work<'_> {
             wrong += self.round(first + rounds, &mut tally, report)?;
             rounds += 1;
         }
-        self.tell(|| report.fuzz((first, rounds), &tally, start.elapsed()))
+        self.tell(|| report.fuzz(first, rounds, &tally, start.elapsed()))
     }
 
     /// Runs the round and the sequence of calls of a seed. Returns the number of wrong ones.
@@ -242,7 +242,7 @@ impl Work<'_> {
     fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), CliError> {
         let (start, mut tally) = (Instant::now(), Tally::default());
         self.round(seed, &mut tally, report)?;
-        self.tell(|| report.fuzz((seed, 1), &tally, start.elapsed()))
+        self.tell(|| report.fuzz(seed, 1, &tally, start.elapsed()))
     }
 
     /// Prints something above the progress.

@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             let path = || input::name(&args.file).to_owned();
             frame.sort_by_id().map_err(|id| CliError::IdTwice { path: path(), frame: number, id })?;
         }
-        refuse_too_little_memory(args, (number, &frame), &frames)?;
+        refuse_too_little_memory(args, number, &frame, &frames)?;
         let exclusions = excluded.as_ref().map(|excluded| excluded.of(&frame, number)).transpose()?;
         let query = exclusions::query(&frame, exclusions.as_ref());
         let mut search = Search {
@@ -96,7 +96,8 @@ fn print_aside(text: &str) -> Result<(), CliError> {
 /// Refuses a frame whose search on the CPU exceeds available memory. Devices have their own.
 fn refuse_too_little_memory(
     args: &Detect,
-    (frame, read): (usize, &Frame),
+    frame: usize,
+    read: &Frame,
     frames: &FrameDetector,
 ) -> Result<(), CliError> {
     let spheres = read.spheres.len();

@@ -18,6 +18,18 @@ pub(crate) struct MpiCommunicator {
     sent: u64,
 }
 
+/// Elements to send, in a segment per rank.
+struct Outgoing<'a, T> {
+    data: &'a [T],
+    segments: &'a RankSegments,
+}
+
+/// Room for elements to receive, in a segment per rank.
+struct Incoming<'a, T> {
+    data: &'a mut [T],
+    segments: &'a RankSegments,
+}
+
 impl MpiCommunicator {
     pub(crate) fn new(comm: SimpleCommunicator, limit: u64) -> Self {
         Self { comm, limit, sent: 0 }
@@ -37,9 +49,11 @@ impl MpiCommunicator {
         &mut self,
         what: &str,
         most: u64,
-        (send, leaving): (&[T], &RankSegments),
-        (received, coming): (&mut [T], &RankSegments),
+        outgoing: Outgoing<'_, T>,
+        incoming: Incoming<'_, T>,
     ) -> Result<(), Error> {
+        let (Outgoing { data: send, segments: leaving }, Incoming { data: received, segments: coming }) =
+            (outgoing, incoming);
         let limit = self.limit / size_of::<T>() as u64;
         let rounds = MessageRounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
         self.count_sent(leaving.total() * size_of::<T>(), 1);
@@ -56,7 +70,10 @@ impl MpiCommunicator {
             out.clear();
             ranks.clone().for_each(|rank| out.extend_from_slice(&send[leaving.of(rank)]));
             into.resize(coming.total(), T::zeroed());
-            self.message((&out, &leaving), (&mut into[..], &coming));
+            self.message(
+                Outgoing { data: &out, segments: &leaving },
+                Incoming { data: &mut into, segments: &coming },
+            );
             let mut next = 0;
             for rank in ranks {
                 let segment = coming.of(rank);
@@ -68,12 +85,10 @@ impl MpiCommunicator {
         Ok(())
     }
 
-    /// Exchanges one message between all ranks, within the limit.
-    fn message<T: Pod>(
-        &self,
-        (out, leaving): (&[T], &RankSegments),
-        (into, coming): (&mut [T], &RankSegments),
-    ) {
+    /// Sends one message from each rank to each, within the limit.
+    fn message<T: Pod>(&self, outgoing: Outgoing<'_, T>, incoming: Incoming<'_, T>) {
+        let (Outgoing { data: out, segments: leaving }, Incoming { data: into, segments: coming }) =
+            (outgoing, incoming);
         let (leaving, coming) = (byte_counts::<T>(leaving.lengths()), byte_counts::<T>(coming.lengths()));
         let out = Partition::new(bytemuck::cast_slice::<T, u8>(out), &leaving[..], begins(&leaving));
         let into = bytemuck::cast_slice_mut::<T, u8>(into);
@@ -156,7 +171,9 @@ impl RankCommunicator for MpiCommunicator {
         let [most, refused] = most;
         let mut received = if refused > 0 { self.agree(buffer)? } else { buffer? };
         received[to_own].copy_from_slice(&send[from_own]);
-        self.exchange_in_rounds(what, most, (send, &leaving), (&mut received, &coming))?;
+        let outgoing = Outgoing { data: send, segments: &leaving };
+        let incoming = Incoming { data: &mut received, segments: &coming };
+        self.exchange_in_rounds(what, most, outgoing, incoming)?;
         Ok((received, lengths))
     }
 

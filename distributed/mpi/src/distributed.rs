@@ -57,7 +57,7 @@ impl Distributed {
         let ((detector, across), pool) =
             comm.agree(made.map_err(|message| Error::Detection { rank, message }))?;
         let wrapper = SphereWrapper::new(config.space, config.interactions.as_ref());
-        let search = Search::new(detector, across, wrapper.clone(), (rank, comm.ranks()));
+        let search = Search::new(detector, across, wrapper.clone(), rank, comm.ranks());
         let (id_check, report) = (IdCheck::default(), Report::default());
         Ok(Self {
             comm,
@@ -84,7 +84,7 @@ impl Distributed {
             Ownership::Balance { bound } => bound,
             Ownership::Keep => return self.keep(particles),
         };
-        rebalance(&mut self.comm, &mut self.partitioner, (&self.wrapper, bound), particles)
+        rebalance(&mut self.comm, &mut self.partitioner, &self.wrapper, bound, particles)
     }
 
     fn keep(&mut self, particles: &OwnedSpheres) -> Result<RebalanceReport, Error> {
@@ -95,7 +95,7 @@ impl Distributed {
         self.comm.agree(checked)?;
         let spheres = particles.ids.len();
         let (counts, _) = self.comm.all_gather("counts", &[spheres as u64])?;
-        let migration = Migration::identity(spheres, (rank, self.comm.ranks()));
+        let migration = Migration::identity(spheres, rank, self.comm.ranks());
         let migration = self.comm.agree(migration.map_err(|error| Error::of_detector(rank, error)))?;
         Ok(RebalanceReport { owned: LoadBalance::of(&counts), moved: 0, rebuilt: false, migration })
     }

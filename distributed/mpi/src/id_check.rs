@@ -49,7 +49,7 @@ impl IdCheck {
 /// Equal ids meet on the rank of their hash.
 fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Error> {
     let (rank, ranks) = (comm.rank(), comm.ranks());
-    let records = comm.agree(records(local, (rank, ranks)))?;
+    let records = comm.agree(records(local, rank, ranks))?;
     let (records, counts) = comm.all_to_all_v("ids", &records.0, &records.1)?;
     let from = (0..).zip(&counts).flat_map(|(rank, &count)| std::iter::repeat_n(rank, count));
     let met = try_zeroed("ids", records.len() as u64, rank).map(|mut met: Vec<IdRecord>| {
@@ -69,8 +69,8 @@ fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Er
     comm.agree(duplicate)
 }
 
-/// Returns records by home rank, and their number for each rank.
-fn records(local: LocalSpheres<'_>, (rank, ranks): (u32, u32)) -> Result<(Vec<IdRecord>, Vec<usize>), Error> {
+/// Returns a record per sphere, ordered by home rank, and the number of records for each rank.
+fn records(local: LocalSpheres<'_>, rank: u32, ranks: u32) -> Result<(Vec<IdRecord>, Vec<usize>), Error> {
     let mut counts = vec![0; ranks as usize];
     let mut records: Vec<IdRecord> = try_zeroed("ids", local.ids.len() as u64, rank)?;
     for ((index, &id), record) in (0..).zip(local.ids).zip(&mut records) {

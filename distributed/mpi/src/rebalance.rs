@@ -20,17 +20,13 @@ pub struct RebalanceReport {
     pub migration: Migration,
 }
 
-pub(crate) fn rebalance(
-    comm: &mut MpiCommunicator,
-    partitioner: &mut Partitioner,
-    (wrapper, bound): (&SphereWrapper, f64),
-    particles: &mut OwnedSpheres,
-) -> Result<RebalanceReport, Error> {
+/// Moves the spheres of all ranks to the ranks in whose domains they are.
+pub(crate) fn rebalance(comm: &mut MpiCommunicator, partitioner: &mut Partitioner, wrapper: &SphereWrapper, bound: f64, particles: &mut OwnedSpheres) -> Result<RebalanceReport, Error> {
     let (has_species, local) = checked(comm, particles)?;
     let rank = comm.rank();
     let wrapped = wrapper.wrap_all((0..local.ids.len()).map(|k| local.particle(k as u32)));
     let wrapped = comm.agree(wrapped.map_err(|error| Error::of_detector(rank, error)))?;
-    let Assignment { ranks, owned, rebuilt } = partitioner.assign(comm, (&wrapped, local.ids), bound)?;
+    let Assignment { ranks, owned, rebuilt } = partitioner.assign(comm, &wrapped, local.ids, bound)?;
     if rebuilt {
         log::info!("the partition was built, with an imbalance of {:.2}", owned.imbalance());
     }

@@ -39,13 +39,14 @@ impl Partitioner {
     pub fn assign<C: Communicator>(
         &mut self,
         communicator: &mut C,
-        (spheres, ids): (&[WrappedSphere], &[u64]),
+        spheres: &[WrappedSphere],
+        ids: &[u64],
         bound: f64,
     ) -> Result<Assignment, C::Error> {
         let mut rebuilt = false;
         loop {
             if let Some(current) = &mut self.current {
-                let (ranks, owned) = owners(communicator, &current.partition, (spheres, ids))?;
+                let (ranks, owned) = owners(communicator, &current.partition, spheres, ids)?;
                 if rebuilt {
                     current.fresh = owned.imbalance();
                 }
@@ -53,7 +54,7 @@ impl Partitioner {
                     return Ok(Assignment { ranks, owned, rebuilt });
                 }
             }
-            let partition = partition(communicator, (spheres, ids))?;
+            let partition = partition(communicator, spheres, ids)?;
             self.current = Some(FreshPartition { partition, fresh: 1.0 });
             rebuilt = true;
         }
@@ -64,7 +65,8 @@ impl Partitioner {
 fn owners<C: Communicator>(
     communicator: &mut C,
     partition: &Partition,
-    (spheres, ids): (&[WrappedSphere], &[u64]),
+    spheres: &[WrappedSphere],
+    ids: &[u64],
 ) -> Result<(Vec<u32>, LoadBalance), C::Error> {
     let part = |(sphere, &id): (&WrappedSphere, &u64)| partition.part_of(sphere.center, tie_breaker(id));
     let parts = try_collect(spheres.len(), spheres.iter().zip(ids).map(part), "the ranks of spheres");
@@ -78,7 +80,8 @@ fn owners<C: Communicator>(
 /// Cuts the sample on rank 0, and sends the planes to all.
 fn partition<C: Communicator>(
     communicator: &mut C,
-    (spheres, ids): (&[WrappedSphere], &[u64]),
+    spheres: &[WrappedSphere],
+    ids: &[u64],
 ) -> Result<Partition, C::Error> {
     let ranks = communicator.ranks();
     let filter = SampleFilter::new(communicator.all_reduce_sum(&[ids.len() as u64])[0], ranks);
@@ -109,7 +112,7 @@ impl Migration {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub fn identity(spheres: usize, (rank, ranks): (u32, u32)) -> Result<Self, Error> {
+    pub fn identity(spheres: usize, rank: u32, ranks: u32) -> Result<Self, Error> {
         let mut counts = vec![0; ranks as usize];
         counts[rank as usize] = spheres;
         Ok(Self { order: try_collect(spheres, 0..spheres as u32, "the order of spheres")?, counts })

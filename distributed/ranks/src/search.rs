@@ -56,7 +56,8 @@ impl Search {
         detector: Detector,
         across: Option<Detector>,
         wrapper: SphereWrapper,
-        (rank, ranks): (u32, u32),
+        rank: u32,
+        ranks: u32,
     ) -> Self {
         Self { detector, across, wrapper, rank, ranks }
     }

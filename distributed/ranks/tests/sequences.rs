@@ -195,8 +195,7 @@ impl<C: Communicator<Error = String>> Rank<C> {
         let within = detector(scene.algorithm);
         let across = (scene.algorithm == Algorithm::RecursiveGrid).then(|| detector(Algorithm::Auto));
         let wrapper = SphereWrapper::new(space, table.as_ref());
-        let place = (communicator.rank(), communicator.ranks());
-        let search = Search::new(within, across, wrapper.clone(), place);
+        let search = Search::new(within, across, wrapper.clone(), communicator.rank(), communicator.ranks());
         Self { communicator, wrapper, partitioner: Partitioner::default(), search }
     }
 
@@ -207,7 +206,7 @@ impl<C: Communicator<Error = String>> Rank<C> {
         if let (Placement::Rebalanced, None) = (frame.placement, frame.fails) {
             let ids: Vec<u64> = own.iter().map(|one| one.id).collect();
             let wrapped = self.wrapper.wrap_all(own.iter().copied()).unwrap();
-            let assignment = self.partitioner.assign(&mut self.communicator, (&wrapped, &ids), 1.2)?;
+            let assignment = self.partitioner.assign(&mut self.communicator, &wrapped, &ids, 1.2)?;
             let migration = Migration::to_ranks(&assignment.ranks, ranks).unwrap();
             own = migration.apply(&mut self.communicator, "spheres", |k| own[k as usize])?;
         }

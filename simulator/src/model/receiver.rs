@@ -112,18 +112,13 @@ impl Receiver {
     /// Returns the number of visible particles within the radius of `center`, by species.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
-        for at in (0..particles.len()).filter(|&at| self.has_inside(center, boundary, (particles, at))) {
+        for at in (0..particles.len()).filter(|&at| self.has_inside(center, boundary, particles, at)) {
             counts[particles.species[at] as usize] += 1;
         }
         counts
     }
 
-    fn has_inside(
-        &self,
-        center: [f32; 3],
-        boundary: &Boundary,
-        (particles, at): (&Particles, usize),
-    ) -> bool {
+    fn has_inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles, at: usize) -> bool {
         self.sees[particles.species[at] as usize]
             && signed_distance(self.radius, center, boundary, particles.position_of(at)) <= 0.0
     }
@@ -158,19 +153,20 @@ pub(crate) fn inside_of(
     let looks = |(_, receiver): &(usize, &Receiver)| receiver.kind == ReceiverKind::Transparent;
     let looking: Vec<usize> = receivers.iter().enumerate().filter(looks).map(|(k, _)| k).collect();
     if looking.len() > FEW
-        && let Ok(found) = found_inside((receivers, &looking), centers, boundary, particles)
+        && let Ok(found) = found_inside(receivers, &looking, centers, boundary, particles)
     {
         return found;
     }
     // Also serves non-finite coordinates, which the detector rejects.
-    let has = |k: usize, at: usize| receivers[k].has_inside(centers[k], boundary, (particles, at));
+    let has = |k: usize, at: usize| receivers[k].has_inside(centers[k], boundary, particles, at);
     let of =
         |k: usize| (0..particles.len()).filter(move |&at| has(k, at)).map(move |at| (k as u32, at as u32));
     looking.into_iter().flat_map(of).collect()
 }
 
 fn found_inside(
-    (receivers, looking): (&[Receiver], &[usize]),
+    receivers: &[Receiver],
+    looking: &[usize],
     centers: &[[f32; 3]],
     boundary: &Boundary,
     particles: &Particles,
@@ -188,7 +184,7 @@ fn found_inside(
     finder(boundary)?.stream((&spheres, points), CHUNK, |pairs| {
         for pair in pairs {
             let k = looking[pair.i as usize];
-            if receivers[k].has_inside(centers[k], boundary, (particles, pair.j as usize)) {
+            if receivers[k].has_inside(centers[k], boundary, particles, pair.j as usize) {
                 inside.push((k as u32, pair.j));
             }
         }

@@ -67,11 +67,7 @@ pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
     4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving_receivers(model).count()) as u64)
 }
 
-pub(crate) fn append(
-    out: &mut impl Write,
-    (model, state): (&Model, &State),
-    most: NonZeroU32,
-) -> io::Result<()> {
+pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: NonZeroU32) -> io::Result<()> {
     let particles = &state.particles;
     let mut ranks = [0_u64; 33];
     particles.id.iter().for_each(|&id| ranks[mixed(id).leading_zeros() as usize] += 1);
@@ -167,7 +163,7 @@ mod tests {
     fn a_frame_is_read_back() {
         let mut file = Vec::new();
         for count in [0, 10, 3] {
-            append(&mut file, (&model(), &state(count)), NonZeroU32::MAX).unwrap();
+            append(&mut file, &model(), &state(count), NonZeroU32::MAX).unwrap();
         }
         let bytes = |particles| bytes_of(&model(), particles);
         assert_eq!(file.len() as u64, bytes(0) + bytes(10) + bytes(3));
@@ -183,7 +179,7 @@ mod tests {
     fn too_many_are_thinned_evenly_and_by_id() {
         let thinned = |most| {
             let mut file = Vec::new();
-            append(&mut file, (&model(), &state(30_000)), NonZeroU32::new(most).unwrap()).unwrap();
+            append(&mut file, &model(), &state(30_000), NonZeroU32::new(most).unwrap()).unwrap();
             Frames::new(&file[..]).next().unwrap().unwrap()
         };
         let [half, less] = [thinned(20_000), thinned(5_000)];

@@ -64,7 +64,8 @@ impl Files {
     pub(crate) fn create(
         directory: &Path,
         output: Output,
-        (model, seed): (&Model, u64),
+        model: &Model,
+        seed: u64,
         lock: Lock,
     ) -> Result<Self, Error> {
         let series = AppendFile::create(directory.join(SERIES))?;
@@ -150,7 +151,7 @@ impl Files {
         }
         if let (Some(animation), Some(frames)) = (self.output.animated(step), &mut self.animation) {
             let state = simulation.state()?;
-            frames.put(|out| animation::append(out, (simulation.model(), &state), animation.particles))?;
+            frames.put(|out| animation::append(out, simulation.model(), &state, animation.particles))?;
         }
         if self.output.has_frame(step) {
             let state = simulation.state()?;

@@ -69,7 +69,8 @@ impl DistributedMatching {
     pub(super) fn greedy<C: Communicator>(
         &mut self,
         communicator: &mut C,
-        (own, ghosts): (usize, &Ghosts),
+        own: usize,
+        ghosts: &Ghosts,
         mut sample: impl FnMut(&[bool], &mut BestCandidates) -> Result<(), Error>,
     ) -> Result<Vec<ReactionCandidate>, C::Error> {
         let places = own + ghosts.particles().len();
@@ -237,7 +238,7 @@ mod tests {
                 open.clone().try_for_each(|candidate| best.extend(&[*candidate]))
             };
             let [first, second] = [0, 1].map(|_| {
-                let chosen = matching.greedy(&mut thread, (own, &ghosts), sample).expect("no rank fails");
+                let chosen = matching.greedy(&mut thread, own, &ghosts, sample).expect("no rank fails");
                 chosen.iter().map(|c| (c.key(), c.ids)).collect::<Vec<_>>()
             });
             assert_eq!(first, second);

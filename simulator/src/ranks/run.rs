@@ -102,7 +102,7 @@ impl Run {
             let lock = output::prepare(&self.directory, self.overwrite)?;
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
             output::remove_stale(&self.directory, &["replicas.csv", "mean.csv", "points.csv", "sweep.csv"])?;
-            Files::create(&self.directory, *output, (model, *seed), lock)
+            Files::create(&self.directory, *output, model, *seed, lock)
         };
         let files = is_first.then(create).transpose();
         let mut files = simulation.agree(files)?;
@@ -135,7 +135,7 @@ impl Run {
         let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
         let (records, state) = communicator.agree(read)?;
         let mut simulation =
-            RankSimulation::resume(communicator, own.model.clone(), (own.seed, self.algorithm), state)?;
+            RankSimulation::resume(communicator, own.model.clone(), own.seed, self.algorithm, state)?;
         let standing = simulation.gather(GatherFields::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
@@ -200,8 +200,8 @@ impl Run {
         files: &mut Option<Files>,
     ) -> Result<(), C::Error> {
         let path = self.checkpoint_path();
-        let place = (simulation.communicator().rank(), simulation.communicator().ranks());
-        let part = Checkpoint::write_part(&path, self.scenario.seed, place, simulation.part());
+        let (rank, ranks) = (simulation.communicator().rank(), simulation.communicator().ranks());
+        let part = Checkpoint::write_part(&path, self.scenario.seed, rank, ranks, simulation.part());
         let part = simulation.agree(part)?;
         let parts = gather(simulation.communicator(), "the records of checkpoints", &[part])?;
         let state = simulation.part().without_particles(simulation.totals().clone());

@@ -75,7 +75,7 @@ impl<C: Communicator> RankSimulation<C> {
     /// [`Communicator::difference`] if models, seeds or steps differ.
     pub fn new(communicator: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
-        Self::begin(communicator, model, (seed, algorithm), state)
+        Self::begin(communicator, model, seed, algorithm, state)
     }
 
     /// Resumes a run from a state of the same model and seed, with the counts of all ranks and this rank's particles.
@@ -85,28 +85,30 @@ impl<C: Communicator> RankSimulation<C> {
     pub fn resume(
         communicator: C,
         model: Model,
-        (seed, algorithm): (u64, Algorithm),
+        seed: u64,
+        algorithm: Algorithm,
         state: State,
     ) -> Result<Self, C::Error> {
         let state = match state.belongs_to(&model) {
             true => Ok(state.part(&model, communicator.rank() == 0)),
             false => Err(Error::Model("the state is one of another model".to_owned())),
         };
-        Self::begin(communicator, model, (seed, algorithm), state)
+        Self::begin(communicator, model, seed, algorithm, state)
     }
 
     fn begin(
         mut communicator: C,
         model: Model,
-        (seed, algorithm): (u64, Algorithm),
+        seed: u64,
+        algorithm: Algorithm,
         state: Result<State, Error>,
     ) -> Result<Self, C::Error> {
-        let place = (communicator.rank(), communicator.ranks());
+        let (rank, ranks) = (communicator.rank(), communicator.ranks());
         let state = communicator.agree(state.map_err(|error| communicator.failure(error.to_string())))?;
         shared(&model, seed, state.step).agree(&mut communicator)?;
         let made = check(&model).and_then(|()| {
             let mut run = Simulation::resume(model, seed, algorithm, state)?;
-            let pair_search = RankPairSearch::of(&mut run, algorithm, place)?;
+            let pair_search = RankPairSearch::of(&mut run, algorithm, rank, ranks)?;
             Ok((run, pair_search))
         });
         let made = made.map_err(|error| communicator.failure(error.to_string()));
@@ -207,11 +209,11 @@ impl<C: Communicator> RankSimulation<C> {
         }
         let RankPairSearch { search, matching, .. } = pair_search;
         let sample = |taken: &[bool], best: &mut BestCandidates| sample(search, run, &ghosts, taken, best);
-        let chosen = matching.greedy(communicator, (own, &ghosts), sample)?;
+        let chosen = matching.greedy(communicator, own, &ghosts, sample)?;
         let outcomes = run.reactions.all_outcomes(&run.state.particles, &chosen, run.key, run.state.step);
         chosen.iter().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
         run.state.particles.truncate(own);
-        deliver_outcomes(communicator, outcomes, (own, &ghosts))
+        deliver_outcomes(communicator, outcomes, own, &ghosts)
     }
 
     /// Gathers the state on rank 0.
@@ -265,13 +267,13 @@ fn shared(model: &Model, seed: u64, step: u32) -> Settings {
 
 impl RankPairSearch {
     /// Returns the search of a model with interactions, with its run's detector.
-    fn of(run: &mut Simulation, algorithm: Algorithm, place: (u32, u32)) -> Result<Option<Self>, Error> {
+    fn of(run: &mut Simulation, algorithm: Algorithm, rank: u32, ranks: u32) -> Result<Option<Self>, Error> {
         let Some(within) = run.detector.take() else { return Ok(None) };
         // The paper's grids take one set, and ghosts are a second.
         let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
         let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
         let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
-        let search = Search::new(within, across, wrapper.clone(), place);
+        let search = Search::new(within, across, wrapper.clone(), rank, ranks);
         Ok(Some(Self {
             wrapper,
             search,
@@ -288,7 +290,7 @@ impl RankPairSearch {
         let State { particles, totals, .. } = &mut run.state;
         let wrapped = rows::wrapped(&self.wrapper, particles);
         let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
-        let ranks = self.partitioner.assign(communicator, (&wrapped, &ids), BOUND)?.ranks;
+        let ranks = self.partitioner.assign(communicator, &wrapped, &ids, BOUND)?.ranks;
         let own = communicator.rank();
         let mut leaving: Vec<u32> =
             (0..).zip(&ranks).filter(|&(_, &rank)| rank != own).map(|(at, _)| at).collect();
@@ -352,7 +354,8 @@ fn sample(
 fn deliver_outcomes<C: Communicator>(
     communicator: &mut C,
     mut outcomes: Vec<ReactantChange>,
-    (own, ghosts): (usize, &Ghosts),
+    own: usize,
+    ghosts: &Ghosts,
 ) -> Result<Vec<ReactantChange>, C::Error> {
     let ghost_of =
         |outcome: &ReactantChange| (outcome.at as usize).checked_sub(own).map(|ghost| ghost as u32);

@@ -102,7 +102,8 @@ impl Checkpoint {
     pub(crate) fn write_part(
         path: &Path,
         seed: u64,
-        (rank, ranks): (u32, u32),
+        rank: u32,
+        ranks: u32,
         state: &State,
     ) -> Result<PartRecord, Error> {
         let State { particles, bound, step, .. } = state;
@@ -238,7 +239,7 @@ mod tests {
                 state.particles.push(Particle { id, ..Particle::default() }, true);
                 state.bound.push(Bound { id: 100 + id, species: 0, receiver: 0, direction: [0.0; 3] });
             }
-            let record = Checkpoint::write_part(&path, 5, (rank, 4), &state).expect("is written");
+            let record = Checkpoint::write_part(&path, 5, rank, 4, &state).expect("is written");
             assert_eq!(record.counts(), [count as u64; 2]);
             parts.push(record);
         }

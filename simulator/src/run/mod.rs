@@ -200,7 +200,7 @@ impl Run {
             &self.directory,
             &["replicas.csv", "mean.csv", "points.csv", "sweep.csv", "arrivals.arrow", "releases.arrow"],
         )?;
-        let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
+        let mut files = Files::create(&self.directory, *output, model, *seed, lock)?;
         files.record(&simulation)?;
         self.save(&simulation, &mut files)?;
         Ok((simulation, files))

@@ -349,7 +349,7 @@ impl Simulation {
     /// Ends a step with this rank's share of the next releases.
     pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
-        self.state.release(&self.model, (&self.motion.decays, self.key), slice)
+        self.state.release(&self.model, &self.motion.decays, self.key, slice)
     }
 }
 

@@ -64,7 +64,7 @@ impl State {
         model.check()?;
         let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
         let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
-        state.release(model, (&Decays::new(model), Key::new(seed)), slice)?;
+        state.release(model, &Decays::new(model), Key::new(seed), slice)?;
         Ok(state)
     }
 
@@ -111,7 +111,8 @@ impl State {
     pub(crate) fn release(
         &mut self,
         model: &Model,
-        (decays, key): (&Decays, Key),
+        decays: &Decays,
+        key: Key,
         slice: RankSlice,
     ) -> Result<(), Error> {
         let released = model.release_slice((decays, key), self.step, self.next_id, slice)?;

@@ -71,7 +71,9 @@ pub(super) fn below(value: f64) -> String {
 
 pub(super) fn long_step(
     equation: &str,
-    (radius, diffusion, rate): (f64, f64, Option<f64>),
+    radius: f64,
+    diffusion: f64,
+    rate: Option<f64>,
     time_step: f64,
 ) -> Option<String> {
     if time_step <= rate::longest_step(radius, diffusion) {
@@ -362,7 +364,7 @@ mod tests {
             let [rate, diffusion, time_step] = [rate, diffusion, time_step].map(|x| 10_f64.powf(x));
             let says = |time_step: f64| {
                 let radius = rate::binding_radius(rate, diffusion, time_step).unwrap();
-                long_step("A + B -> C", (radius, diffusion, Some(rate)), time_step)
+                long_step("A + B -> C", radius, diffusion, Some(rate), time_step)
             };
             if let Some(text) = says(time_step) {
                 let better = suggested(&text);

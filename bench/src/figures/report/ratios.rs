@@ -109,7 +109,8 @@ pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Not
 fn ratios<'a>(
     rows: &'a [&Row],
     columns: &'a [Column],
-    (peer, ours): (&'a str, &'a str),
+    peer: &'a str,
+    ours: &'a str,
 ) -> impl Iterator<Item = (Column, Times)> + 'a {
     columns.iter().filter_map(move |&column| {
         let peer = find(rows, peer, column).filter(|row| row.status == Status::Ok)?;
@@ -120,7 +121,7 @@ fn ratios<'a>(
 fn verdict(what: &str, rows: &[&Row], columns: &[Column], pair: (&str, &str)) -> Option<String> {
     let (peer, ours) = pair;
     let (mut faster, mut even) = (vec![], vec![]);
-    for (column, times) in ratios(rows, columns, pair) {
+    for (column, times) in ratios(rows, columns, peer, ours) {
         if times.is_even() {
             even.push(column.name());
         } else if times.total < 1.0 {
@@ -136,7 +137,7 @@ fn verdict(what: &str, rows: &[&Row], columns: &[Column], pair: (&str, &str)) ->
 fn on_software(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -> String {
     let measured = |column: &&Column| find(rows, ours, **column).is_some_and(|row| !row.wall.is_empty());
     let slower = |column: &&Column| {
-        let of = |peer| ratios(rows, std::slice::from_ref(*column), (peer, ours)).any(|(_, t)| t.total < 1.0);
+        let of = |peer| ratios(rows, std::slice::from_ref(*column), peer, ours).any(|(_, t)| t.total < 1.0);
         peers(rows).into_iter().any(of)
     };
     let all = columns.iter().filter(measured).count();

@@ -88,14 +88,15 @@ impl Ask {
         stop: &AtomicBool,
     ) -> Result<Answer, String> {
         stop.store(self.is_stopped, Relaxed);
-        let answer = self.answer_query((detector, stop), scenario);
+        let answer = self.answer_query(detector, stop, scenario);
         stop.store(false, Relaxed);
         answer
     }
 
     fn answer_query(
         &self,
-        (detector, stop): (&mut Detector, &AtomicBool),
+        detector: &mut Detector,
+        stop: &AtomicBool,
         scenario: &TestInput,
     ) -> Result<Answer, String> {
         let n = scenario.spheres.len();
@@ -122,7 +123,7 @@ impl Ask {
                 Ok(lists) => pairs_of(n, |i| lists.neighbors_of(i)).map(Answer::Pairs),
             },
             Output::Stream { chunk, ending } => {
-                streamed((chunk, ending), split, stop, |consume| detector.stream(query, chunk, consume))
+                streamed(chunk, ending, split, stop, |consume| detector.stream(query, chunk, consume))
             }
         }
     }
@@ -210,7 +211,8 @@ impl Received {
 
 /// Runs `stream` with a consumer that ends as requested, and checks the chunks.
 fn streamed(
-    (chunk, ending): (usize, Ending),
+    chunk: usize,
+    ending: Ending,
     first: usize,
     stop: &AtomicBool,
     stream: impl FnOnce(&mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send)) -> Result<u64, Error>,

@@ -51,7 +51,7 @@ struct Axis {
 impl Sieve {
     fn new(scenario: &TestInput) -> Self {
         let farthest = farthest(scenario);
-        let axis = |row: DVec3, period: f64| Axis::new(scenario, row, (period, farthest));
+        let axis = |row: DVec3, period: f64| Axis::new(scenario, row, period, farthest);
         let axes = match scenario.space.triclinic_cell() {
             Some(_) => ImageOracle::of(&scenario.space)
                 .fractions()
@@ -79,7 +79,7 @@ impl Sieve {
 impl Axis {
     /// The axis on which the position of a center is its product with `row`, in periods on periodic axes. `None` if a
     /// position has too few significant digits.
-    fn new(scenario: &TestInput, row: DVec3, (period, farthest): (f64, f64)) -> Option<Self> {
+    fn new(scenario: &TestInput, row: DVec3, period: f64, farthest: f64) -> Option<Self> {
         let mut places: Vec<f64> =
             scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();
         let mut most = farthest * (1.0 + ROUNDING[0]);

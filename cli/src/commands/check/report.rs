@@ -151,7 +151,8 @@ impl Report {
 
     pub(super) fn fuzz(
         &mut self,
-        (seed, rounds): (u64, u64),
+        seed: u64,
+        rounds: u64,
         tally: &Tally,
         time: Duration,
     ) -> Result<(), CliError> {

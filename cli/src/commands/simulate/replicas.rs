@@ -20,7 +20,7 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
     let is_cancelled = || asked.signal().is_some();
     let mut replicated = replicas.run_unless(is_cancelled, |replica, simulation| {
-        advance.see((0, replica), simulation);
+        advance.see(0, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
@@ -69,7 +69,7 @@ impl Advance {
         Self { bar, steps: Mutex::default() }
     }
 
-    pub(crate) fn see(&self, (point, replica): (usize, u32), simulation: &AnySimulation) {
+    pub(crate) fn see(&self, point: usize, replica: u32, simulation: &AnySimulation) {
         let step = simulation.step_count();
         let Ok(mut steps) = self.steps.lock() else { return };
         match steps.insert((point, replica), step) {

@@ -22,7 +22,7 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     let advance = Advance::new(progress::running(steps.sum()));
     let is_cancelled = || asked.signal().is_some();
     let mut results = sweep.run(is_cancelled, |point, replica, simulation| {
-        advance.see((point, replica), simulation);
+        advance.see(point, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();

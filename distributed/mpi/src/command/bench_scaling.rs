@@ -44,7 +44,7 @@ pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> 
     if world.rank() != 0 {
         return Ok(());
     }
-    print(world, &row(args, (&first, &steps), distributed.report()))
+    print(world, &row(args, &first, &steps, distributed.report()))
 }
 
 fn step(
@@ -71,8 +71,8 @@ fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
     Duration::from_secs_f64(most)
 }
 
-/// Returns the median step's times as JSON.
-fn row(args: &BenchScaling, (first, steps): (&Step, &[Step]), report: &Report) -> String {
+/// Returns a line of JSON with the times of the median step.
+fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> String {
     let spheres = report.owned.total.max(1) as f64;
     let median = |of: fn(&Step) -> f64| {
         let mut values: Vec<f64> = steps.iter().map(of).collect();

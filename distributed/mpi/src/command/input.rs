@@ -36,16 +36,16 @@ enum FileSplit {
 
 pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, Error> {
     let split = agree(world, FileSplit::of(args).map_err(|message| refused(world, message)))?;
-    let part = (world.rank() as u64, world.size() as u64);
+    let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let frame = match &split {
         FileSplit::Own(path) => whole(path, args),
-        FileSplit::Whole if part.0 == 0 => whole(&args.file, args),
+        FileSplit::Whole if rank == 0 => whole(&args.file, args),
         FileSplit::Whole => Ok(Frame::default()),
-        FileSplit::Rows(rows) => rows.read(&args.file, args.options(), part),
-        // All ranks count lines before one may fail.
+        FileSplit::Rows(rows) => rows.read(&args.file, args.options(), rank, ranks),
+        // Lines are counted by all ranks before one of them may fail.
         FileSplit::Lines(text) => {
             let rank_lines =
-                agree(world, text.lines_of(&args.file, part).map_err(|message| refused(world, message)))?;
+                agree(world, text.lines_of(&args.file, rank, ranks).map_err(|message| refused(world, message)))?;
             let before = before(world, rank_lines.lines());
             rank_lines.read(&args.file, args.options(), before)
         }

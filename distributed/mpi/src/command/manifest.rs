@@ -5,12 +5,8 @@ use serde_json::json;
 
 use super::output::Target;
 
-/// Scripts depend on its names.
-pub(crate) fn write(
-    target: &Target,
-    files: &[PathBuf],
-    (pairs, spheres, wide): (&[u64], u64, bool),
-) -> Result<(), lazygrid_io::Error> {
+/// Writes the manifest. Scripts depend on its names.
+pub(crate) fn write(target: &Target, files: &[PathBuf], pairs: &[u64], spheres: u64, wide: bool) -> Result<(), lazygrid_io::Error> {
     let of_ranks: Vec<_> = files
         .iter()
         .zip(pairs)

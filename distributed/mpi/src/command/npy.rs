@@ -65,12 +65,7 @@ impl Rows {
         header
     }
 
-    pub(crate) fn read(
-        &self,
-        path: &Path,
-        options: Options,
-        (rank, ranks): (u64, u64),
-    ) -> Result<Frame, String> {
+    pub(crate) fn read(&self, path: &Path, options: Options, rank: u64, ranks: u64) -> Result<Frame, String> {
         let first = share(self.rows, rank, ranks);
         let rows = share(self.rows, rank + 1, ranks) - first;
         let begin = self.header.len() as u64 + first * self.width;

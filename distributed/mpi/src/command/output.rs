@@ -71,20 +71,20 @@ pub(crate) fn write(
         let mut all = distributed.gather(&pairs)?;
         all.sort_unstable();
         let written = match rank {
-            0 => table(&target.path, target, (&all, wide)).and_then(AtomicFile::commit).map_err(failed),
+            0 => table(&target.path, target, &all, wide).and_then(AtomicFile::commit).map_err(failed),
             _ => Ok(()),
         };
         return agree(world, written).map(|()| vec![target.path.clone()]);
     }
     // No file gets its name before all are complete.
-    let file = table(&target.of_rank(rank), target, (&pairs, wide)).map_err(failed);
+    let file = table(&target.of_rank(rank), target, &pairs, wide).map_err(failed);
     let file = agree(world, file)?;
     agree(world, file.commit().map_err(failed))?;
     let counts = distributed.gather(&[pairs.len() as u64])?;
     let files: Vec<_> = (0..world.size() as u32).map(|rank| target.of_rank(rank)).collect();
     let written = match rank {
         0 => {
-            manifest::write(target, &files, (&counts, distributed.report().owned.total, wide)).map_err(failed)
+            manifest::write(target, &files, &counts, distributed.report().owned.total, wide).map_err(failed)
         }
         _ => Ok(()),
     };
@@ -92,11 +92,7 @@ pub(crate) fn write(
     Ok(std::iter::once(target.manifest()).chain(files).collect())
 }
 
-fn table(
-    path: &Path,
-    target: &Target,
-    (pairs, wide): (&[[u64; 2]], bool),
-) -> Result<AtomicFile, lazygrid_io::Error> {
+fn table(path: &Path, target: &Target, pairs: &[[u64; 2]], wide: bool) -> Result<AtomicFile, lazygrid_io::Error> {
     let mut file = AtomicFile::create(path)?;
     let header = match target.format {
         TableFormat::Csv => b"i,j\n".to_vec(),

@@ -46,14 +46,14 @@ impl TextRows {
         }))
     }
 
-    /// Returns the lines that begin in a rank's share of the bytes.
-    pub(crate) fn lines_of(&self, path: &Path, (rank, ranks): (u64, u64)) -> Result<RankLines, String> {
+    /// The whole lines that begin in a rank's share of the bytes.
+    pub(crate) fn lines_of(&self, path: &Path, rank: u64, ranks: u64) -> Result<RankLines, String> {
         let from = self.head.len() as u64;
         let cut = |rank| from + share(self.end.saturating_sub(from), rank, ranks);
         let read = || {
             let mut file = File::open(path)?;
-            let begin = line_from(&mut file, (from, self.end), cut(rank))?;
-            let end = line_from(&mut file, (from, self.end), cut(rank + 1))?;
+            let begin = line_from(&mut file, from, self.end, cut(rank))?;
+            let end = line_from(&mut file, from, self.end, cut(rank + 1))?;
             file.seek(SeekFrom::Start(begin))?;
             let mut bytes = Vec::new();
             bytes.try_reserve_exact((end - begin) as usize).map_err(|_| io::ErrorKind::OutOfMemory)?;
@@ -116,8 +116,8 @@ fn head(start: &[u8]) -> Option<usize> {
     None
 }
 
-/// Returns the first line that begins at or after `at`.
-fn line_from(file: &mut File, (first, end): (u64, u64), at: u64) -> io::Result<u64> {
+/// Returns the start of the first line at or after `at`, among the rows.
+fn line_from(file: &mut File, first: u64, end: u64, at: u64) -> io::Result<u64> {
     if at <= first {
         return Ok(first);
     }
@@ -156,7 +156,7 @@ mod tests {
                     continue;
                 };
                 let of_ranks: Vec<_> =
-                    (0..ranks).map(|rank| rows_of_file.lines_of(&path, (rank, ranks)).unwrap()).collect();
+                    (0..ranks).map(|rank| rows_of_file.lines_of(&path, rank, ranks).unwrap()).collect();
                 let together: Vec<u8> = of_ranks.iter().flat_map(|own| own.bytes.clone()).collect();
                 assert_eq!(String::from_utf8(together).unwrap(), rows);
                 let cut = of_ranks.iter().filter(|own| !own.bytes.is_empty() && !own.bytes.ends_with(b"\n"));

@@ -17,7 +17,7 @@ enum Placement {
 impl Placement {
     const ALL: [Self; 3] = [Self::InTurn, Self::OnTheLast, Self::Balanced];
 
-    fn part(self, scene: Scene, n: u64, (rank, ranks): (u32, u32)) -> OwnedSpheres {
+    fn part(self, scene: Scene, n: u64, rank: u32, ranks: u32) -> OwnedSpheres {
         match self {
             Self::InTurn => scene.part(n, rank, |k| (k % u64::from(ranks)) as u32),
             _ => scene.part(n, rank, |_| ranks - 1),
@@ -26,7 +26,7 @@ impl Placement {
 }
 
 pub(crate) fn every_scene(world: &SimpleCommunicator) {
-    let ranks = (world.rank() as u32, world.size() as u32);
+    let (rank, ranks) = (world.rank() as u32, world.size() as u32);
     for space in [Space::UNBOUNDED, Space::periodic([Some(30.0), None, Some(44.0)]).unwrap()] {
         // Reused, as by a simulation.
         let mut kept = Distributed::new(world, config().space(space)).unwrap();
@@ -36,7 +36,7 @@ pub(crate) fn every_scene(world: &SimpleCommunicator) {
             for n in [0, 1, 7, if scene == Scene::Point { 300 } else { 2000 }] {
                 let expected = expected(&scene.all(n), space);
                 for placement in Placement::ALL {
-                    let mut particles = placement.part(scene, n, ranks);
+                    let mut particles = placement.part(scene, n, rank, ranks);
                     let distributed = match placement {
                         Placement::Balanced => {
                             let report = balanced.rebalance(&mut particles).unwrap();

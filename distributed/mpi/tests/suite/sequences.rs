@@ -110,8 +110,8 @@ impl World {
     }
 }
 
-/// A call that fails must have no later effect.
-fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, kind): (&OwnedSpheres, u64)) {
+/// A call that fails with the changed input, and must have no later effect.
+fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, particles: &OwnedSpheres, kind: u64) {
     let mut bad = particles.clone();
     // The first rank with a sphere differs between cases.
     let has = sum(world, u64::from(!bad.ids.is_empty()) << world.rank());
@@ -146,11 +146,7 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, k
     refused(distributed.stream(local, 9, |_| ControlFlow::Continue(())).unwrap_err());
 }
 
-fn call(
-    world: &SimpleCommunicator,
-    distributed: &mut Distributed,
-    (local, kind): (LocalSpheres<'_>, u64),
-) -> Vec<[u64; 2]> {
+fn call(world: &SimpleCommunicator, distributed: &mut Distributed, local: LocalSpheres<'_>, kind: u64) -> Vec<[u64; 2]> {
     if kind > 0 {
         return gathered(world, distributed.pairs(local).unwrap());
     }
@@ -164,11 +160,7 @@ fn call(
     found
 }
 
-fn run(
-    world: &SimpleCommunicator,
-    seed: u64,
-    (config, space, table): (Config, Space, Option<&Interactions>),
-) {
+fn run(world: &SimpleCommunicator, seed: u64, config: Config, space: Space, table: Option<&Interactions>) {
     let rank = world.rank() as u32;
     let mut distributed = Distributed::new(world, config).unwrap();
     let (spheres, species, owners) = (Vec::new(), Vec::new(), Vec::new());
@@ -179,7 +171,7 @@ fn run(
         let expected = all.expected(space, table);
         if all.choose(5) < 2 {
             let kind = all.choose(4);
-            fail(world, &mut distributed, (&all.part(rank, table.is_some()), kind));
+            fail(world, &mut distributed, &all.part(rank, table.is_some()), kind);
         }
         for repeat in 0..calls {
             let mut particles = all.part(rank, table.is_some());
@@ -188,7 +180,7 @@ fn run(
             }
             let kind = all.choose(3);
             let local = particles.local().unwrap();
-            let found = call(world, &mut distributed, (local, kind));
+            let found = call(world, &mut distributed, local, kind);
             assert!(
                 found == expected,
                 "seed {seed}, step {step}, repeat {repeat}: {} pairs and not {} of {} spheres",
@@ -216,6 +208,6 @@ pub(crate) fn random_calls(world: &SimpleCommunicator) {
             Some(table) => config.interactions(table.clone()),
             None => config,
         };
-        run(world, seed, (config, space, table));
+        run(world, seed, config, space, table);
     }
 }

@@ -1,4 +1,4 @@
-use lazygrid::{Error, Space};
+use lazygrid::Error;
 use rayon::prelude::*;
 
 use super::ClassBounds;
@@ -72,7 +72,7 @@ impl RankBounds {
             let mut ghosts = Vec::new();
             for BoxedSpheres { bounds, members } in &boxed {
                 let class = RankAndClass { rank, class: bounds.class() };
-                let near = self.near(class, bounds, (to, wrapper, &space));
+                let near = self.near(class, bounds, to, wrapper);
                 if near.is_empty() {
                     continue;
                 }
@@ -93,12 +93,14 @@ impl RankBounds {
         &self,
         from: RankAndClass,
         bounds: &ClassBounds,
-        (to, wrapper, space): (u32, &SphereWrapper, &Space),
+        to: u32,
+        wrapper: &SphereWrapper,
     ) -> Vec<ClassBounds> {
+        let space = wrapper.space();
         let is_near = |other: &&ClassBounds| {
             becomes_ghost(from, RankAndClass { rank: to, class: other.class() }, self.ranks())
                 && wrapper.can_pair(bounds.group(), other.group())
-                && bounds.overlaps(space, other)
+                && bounds.overlaps(&space, other)
         };
         self.of_rank(to).iter().filter(is_near).copied().collect()
     }

@@ -54,7 +54,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
     }
     let names = Names(&model.species);
     let (reactions, decays) =
-        reactions::resolve((&file.reactions, &file.decays), &names, model.time_step, &mut warnings)?;
+        reactions::resolve(&file.reactions, &file.decays, &names, model.time_step, &mut warnings)?;
     let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
     receivers.extend(receivers::bodies(&file.transmitters, names.0.len()));
     let spans: Vec<_> = file.transmitters.iter().map(|one| one.name.span()).collect();

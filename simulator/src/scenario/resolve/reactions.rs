@@ -12,7 +12,8 @@ use crate::scenario::file::{self, Positive};
 use crate::scenario::{Problem, warnings};
 
 pub(super) fn resolve(
-    (reactions, decays): (&[file::Reaction], &[file::Decay]),
+    reactions: &[file::Reaction],
+    decays: &[file::Decay],
     names: &Names<'_>,
     time_step: f64,
     warnings: &mut Vec<Problem>,
@@ -173,8 +174,9 @@ impl Network<'_> {
 
     fn warnings(&self, draft: &Draft<'_>, reaction: &Reaction) -> Vec<Problem> {
         let total = self.total_rate(draft);
-        let numbers = (reaction.binding_radius.into(), draft.diffusion, (total > 0.0).then_some(total));
-        let long = warnings::long_step(&reaction.name, numbers, self.time_step);
+        let radius = reaction.binding_radius.into();
+        let rate = (total > 0.0).then_some(total);
+        let long = warnings::long_step(&reaction.name, radius, draft.diffusion, rate, self.time_step);
         let fast = match reaction.chance {
             ReactionRate::PerTime(rate) => warnings::fast_reaction(&reaction.name, rate, self.time_step),
             ReactionRate::PerStep(_) => None,

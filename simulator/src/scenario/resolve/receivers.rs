@@ -23,7 +23,7 @@ pub(super) fn receivers(
             continue;
         };
         let Some(lattice) = one.lattice else {
-            check_place(&model.boundary, center, (receiver.center, receiver.radius), warnings)?;
+            check_place(&model.boundary, center, receiver.center, receiver.radius, warnings)?;
             all.push(receiver);
             continue;
         };
@@ -37,7 +37,7 @@ pub(super) fn receivers(
         for k in 0..count {
             let offset = shape.offset([0; 4], k);
             let at = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
-            check_place(&model.boundary, center.clone(), (at, receiver.radius), warnings)?;
+            check_place(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
             all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
         }
         // One such receiver is enough.

@@ -25,7 +25,7 @@ fn transmitter(
         None => ([0.0; 3], transmitter.name.span()),
         Some(center) => (place(*center.get_ref()), center.span()),
     };
-    check_place(boundary, span, (center, 0.0), warnings)?;
+    check_place(boundary, span, center, 0.0, warnings)?;
     let (schedule, release) = schedule(&transmitter, names)?;
     Ok(Transmitter {
         name: transmitter.name.into_inner().0,
@@ -106,7 +106,7 @@ fn source(
                 }
             };
             let (center, span) = given.unwrap_or(([0.0; 3], spanned.span()));
-            check_place(boundary, span, (center, 0.0), warnings)?;
+            check_place(boundary, span, center, 0.0, warnings)?;
             (center, shape, volume)
         }
     };
@@ -152,7 +152,8 @@ fn disk(radius: f32) -> f64 {
 pub(super) fn check_place(
     boundary: &Boundary,
     span: std::ops::Range<usize>,
-    (center, radius): ([f32; 3], f32),
+    center: [f32; 3],
+    radius: f32,
     warnings: &mut Vec<Problem>,
 ) -> Result<(), Problem> {
     if warnings::is_walled_off(boundary, center, radius) {
