@@ -1,8 +1,7 @@
-//! Records the commit of the build, which the page of `lazygrid page` names.
+//! Records the commit that the page names.
 
 include!("commit.rs");
 
-/// The folders of the crates that the page depends on.
 const CRATES: [&str; 6] = ["kernels", "host-fallback", "engine", "io", "check", "cli"];
 
 fn main() {

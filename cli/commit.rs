@@ -1,10 +1,9 @@
-// The commit of a build, for the build scripts of this crate and of `bench`, which include this file.
+// Shared by the build scripts of this crate and of `bench`.
 
 use std::path::Path;
 use std::process::Command;
 
-/// The commit of the source tree, marked if the sources of `crates` or the `more` paths differ from it. `None` without
-/// git or outside a clone.
+/// Returns the commit, marked if the sources of `crates` or `more` differ; `None` outside a clone.
 fn commit(crates: &[&str], more: &[&str]) -> Option<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
     let git = |args: &[&str]| {
@@ -12,7 +11,7 @@ fn commit(crates: &[&str], more: &[&str]) -> Option<String> {
         output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
     };
     let watch = |path: &Path| {
-        // Cargo treats a missing file as changed at each build.
+        // Cargo treats a missing file as changed.
         if path.exists() {
             println!("cargo::rerun-if-changed={}", path.display());
         }
@@ -23,7 +22,7 @@ fn commit(crates: &[&str], more: &[&str]) -> Option<String> {
     sources.iter().for_each(|source| watch(&root.join(source)));
     // The sources may be a copy inside another repository.
     git(&["ls-files", "--error-unmatch", "cli/commit.rs"])?;
-    // Commits, checkouts and rebases each add a line to the log of HEAD.
+    // Commits, checkouts and rebases add a line to HEAD's log.
     for name in ["HEAD", "logs/HEAD"] {
         watch(&root.join(git(&["rev-parse", "--git-path", name])?));
     }

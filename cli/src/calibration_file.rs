@@ -1,4 +1,4 @@
-//! The measurements of `lazygrid calibrate`, stored for later runs: one JSON file in the user's cache directory
+//! The measurements of `lazygrid calibrate`, as JSON in the user's cache directory
 //! (`$XDG_CACHE_HOME/lazygrid/calibration.json` on Linux).
 
 use std::fs;
@@ -23,7 +23,7 @@ struct Entry {
     lazygrid: String,
     naive_below: u32,
     per_class: u32,
-    /// Versions without this or a later field omit it; their other measurements are ignored.
+    /// Other versions may omit it or later fields; their other measurements are ignored.
     #[serde(default)]
     radix_sort_from: Option<u32>,
     #[serde(default)]
@@ -44,7 +44,7 @@ struct Skin {
     call_ns: f32,
 }
 
-/// Returns the stored calibrations. An unreadable or invalid file causes a warning and counts as empty.
+/// Returns the stored calibrations. Warns of an invalid file, which counts as empty.
 pub(crate) fn load() -> Vec<Calibration> {
     let Some(path) = path() else { return Vec::new() };
     match read(&path).and_then(checked) {
@@ -59,7 +59,7 @@ pub(crate) fn load() -> Vec<Calibration> {
     }
 }
 
-/// Stores a calibration in place of an earlier one of the same adapter, and returns the path.
+/// Replaces a calibration of the same adapter, and returns the path.
 pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
     let path = path().ok_or(CliError::NoCacheDirectory)?;
     if let Some(directory) = path.parent() {
@@ -91,7 +91,7 @@ fn read(path: &Path) -> io::Result<CalibrationFile> {
     }
 }
 
-/// Refuses impossible calibrations, with which all pairs of millions of spheres would be tested.
+/// Refuses calibrations that would test all pairs of millions of spheres.
 fn checked(file: CalibrationFile) -> io::Result<CalibrationFile> {
     let most = Crossover::MOST;
     for entry in &file.calibrations {

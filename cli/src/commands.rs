@@ -1,5 +1,3 @@
-//! The subcommands.
-
 pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod detect;

@@ -9,7 +9,6 @@ pub(crate) type SignalError = std::io::Error;
 #[cfg(not(unix))]
 pub(crate) type SignalError = ctrlc::Error;
 
-/// The failure of the command.
 #[derive(Debug, Error)]
 pub(crate) enum CliError {
     #[error(transparent)]
@@ -106,7 +105,7 @@ pub(crate) enum CliError {
 }
 
 impl CliError {
-    /// 2 for contradicting options; 128 plus the signal's number after Ctrl-C (130) or SIGTERM (143); else 1.
+    /// 2 for contradicting options; 128 plus the signal after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Stopped { signal, .. }
@@ -125,7 +124,7 @@ impl CliError {
     }
 }
 
-/// The options that correspond to the engine's remedies.
+/// Options for the engine's remedies.
 fn remedy(error: &lazygrid::Error) -> &'static str {
     match error {
         lazygrid::Error::TooManyPairs { .. } => " (--count, --output without --neighbors, or --max-pairs)",

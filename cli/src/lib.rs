@@ -1,4 +1,4 @@
-//! The `lazygrid` command as a library, for hosts that bring a command line of their own: [`run`].
+//! The `lazygrid` command as a library, for other command lines: [`run`].
 
 mod args;
 mod calibration_file;
@@ -19,22 +19,21 @@ use crate::args::{Args, Command};
 use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
 
-/// Runs the command of the arguments, of which the first is the program's name. Returns the exit code: 0 done, 1 bad
-/// input or failure, 2 wrong usage, 128 plus the signal's number for a run that was stopped with a checkpoint.
+/// Runs a command; the first argument is the program's name. Returns the exit code: 0 done, 1 bad input or failure, 2
+/// wrong usage, 128 plus the signal for a run stopped with a checkpoint.
 ///
-/// Writes to standard output and standard error, listens for signals, and sets up the process's log.
+/// Writes to standard output and standard error, handles signals, and sets up the log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args = match Args::try_parse_from(args) {
         Ok(args) => args,
-        // Help and version are errors of the parser, too.
+        // Help and version are errors of the parser.
         Err(said) => {
-            // No other stream is left for a failure of this one.
             let _ = said.print();
             return said.exit_code() as u8;
         }
     };
     let log = env_logger::Env::default().default_filter_or("warn");
-    // A host may have a log already.
+    // A host may have a log.
     let _ = env_logger::Builder::from_env(log).try_init();
     match command(args.command) {
         Ok(()) => 0,
@@ -45,7 +44,6 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             0
         }
         Err(failure) => {
-            // No other stream is left if standard error is closed.
             let _ = writeln!(io::stderr(), "error: {failure}");
             failure.exit_code()
         }
@@ -81,29 +79,28 @@ fn command(command: Command) -> Result<(), CliError> {
     }
 }
 
-/// Starts the threads of the process, unless the command makes a pool of `threads` threads. Later rayon could not
-/// report a refusal.
+/// Starts the process's threads, unless the command makes a pool. Later rayon could not report a refusal.
 fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
     if threads.is_some() {
         return Ok(());
     }
     match rayon::ThreadPoolBuilder::new().build_global() {
-        // A host may have started them; then the error has no source.
+        // Threads that a host started are an error without source.
         Err(error) if error.source().is_some() => Err(CliError::Threads(error)),
         _ => Ok(()),
     }
 }
 
-/// `true` if the process was started without a standard output.
+/// The process began without standard output.
 static OUTPUT_IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Makes every later write to standard output an error, for a program that was started with a closed standard output,
-/// which Rust replaces by /dev/null.
+/// Makes later writes to standard output fail, for a program that began with a closed one, which Rust replaces by
+/// /dev/null.
 pub fn set_output_closed() {
     OUTPUT_IS_CLOSED.store(true, Ordering::Relaxed);
 }
 
-/// Fails if there is no standard output.
+/// Fails without standard output.
 fn check_output() -> Result<(), CliError> {
     match OUTPUT_IS_CLOSED.load(Ordering::Relaxed) {
         true => Err(CliError::Stdout(io::Error::new(io::ErrorKind::NotConnected, "it is closed"))),
@@ -111,7 +108,7 @@ fn check_output() -> Result<(), CliError> {
     }
 }
 
-/// Writes to standard output and flushes, so that a pipe gets each result at once.
+/// Writes and flushes, so that a pipe gets each result at once.
 fn print(text: impl AsRef<[u8]>) -> Result<(), CliError> {
     check_output()?;
     let mut out = io::stdout().lock();

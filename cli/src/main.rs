@@ -1,4 +1,4 @@
-//! The `lazygrid` command: overlapping pairs of the spheres in a file.
+//! The `lazygrid` command.
 
 use std::process::ExitCode;
 
@@ -11,7 +11,8 @@ fn main() -> ExitCode {
     lazygrid_cli::run(std::env::args_os()).into()
 }
 
-/// Silences libwayland's message about a missing run-time directory: Mesa's device-select layer asks for a compositor.
+/// Silences libwayland's message about a missing run-time directory: Mesa's device-select layer asks for a
+/// compositor.
 fn quiet_wayland() {
     const RUNTIME_DIRECTORY: &str = "XDG_RUNTIME_DIR";
     let missing = !std::env::var_os(RUNTIME_DIRECTORY)
@@ -24,8 +25,7 @@ fn quiet_wayland() {
     }
 }
 
-/// Tests whether the process was started with a closed standard output, before Rust's runtime opens /dev/null in its
-/// place.
+/// Tests for a closed standard output, before Rust's runtime replaces it.
 #[cfg(target_os = "linux")]
 mod closed_output {
     use std::ffi::c_int;

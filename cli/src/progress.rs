@@ -7,13 +7,13 @@ use indicatif::{ProgressBar, ProgressBarIter, ProgressDrawTarget, ProgressStyle}
 const DELAY: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(200);
 
-/// The current work and the part of the input that is read; shown on a terminal only, after a second.
+/// Current work and read part of the input, on terminals, after a second.
 pub(crate) struct Progress {
     bar: ProgressBar,
 }
 
 impl Progress {
-    /// Creates the progress of work on an input of this number of bytes, if known. It shows after a second.
+    /// For an input of `length` bytes, if known.
     pub(crate) fn new(length: Option<u64>) -> Self {
         let progress = Self::hidden(length);
         let bar = progress.bar.downgrade();
@@ -38,7 +38,6 @@ impl Progress {
         Self { bar: bar.with_style(style(template)) }
     }
 
-    /// Counts the bytes read.
     pub(crate) fn wrap<R: Read>(&self, input: R) -> ProgressBarIter<R> {
         self.bar.wrap_read(input)
     }
@@ -59,7 +58,7 @@ impl Drop for Progress {
     }
 }
 
-/// Shows a bar that was hidden, unless its work is done.
+/// Shows a hidden bar, unless its work is done.
 fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
     if !bar.is_finished() {
         bar.set_draw_target(target);
@@ -71,7 +70,7 @@ fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
 pub(crate) fn running(steps: u64) -> ProgressBar {
     let bar = ProgressBar::new(steps);
     let bar = bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"));
-    // Shown before the first step, which comes after the files are created.
+    // Until the first step, after the files are created.
     bar.set_message("preparing");
     bar.tick();
     bar
@@ -152,7 +151,6 @@ mod tests {
         let done = Progress::hidden(None);
         let bar = done.bar.clone();
         drop(done);
-        // Until then it draws from time to time.
         drop(progress);
         terminal.0.lock().unwrap().clear();
         show(&bar, target());

@@ -16,12 +16,12 @@ impl StopSignal {
     }
 }
 
-/// Installs a handler that removes incomplete files and then ends the process by the signal.
+/// Removes incomplete files, then ends the process by the signal.
 pub(crate) fn install_cleanup_handler() -> Result<(), CliError> {
     on_signal(end)
 }
 
-/// Installs a handler: the first signal asks the command to stop, the second ends it.
+/// The first signal asks the command to stop, the second ends it.
 pub(crate) fn install_stop_handler() -> Result<StopSignal, CliError> {
     let asked = StopSignal::default();
     let told = asked.clone();
@@ -33,7 +33,7 @@ pub(crate) fn install_stop_handler() -> Result<StopSignal, CliError> {
     Ok(asked)
 }
 
-/// Calls `handle` with each signal, in a thread of its own. SIGHUP is one of them unless it is ignored, as under `nohup`.
+/// Handles signals in a thread. SIGHUP is one unless it is ignored, as under `nohup`.
 #[cfg(unix)]
 fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -45,7 +45,7 @@ fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     std::thread::Builder::new().spawn(listen).map(drop).map_err(CliError::Signal)
 }
 
-/// Returns `true` if the process was started with this signal ignored, or if the system does not tell.
+/// Returns `true` if the process began with this signal ignored, or if that is unknown.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return true };

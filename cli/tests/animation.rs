@@ -1,4 +1,4 @@
-//! `lazygrid simulate --animate`: the page by itself, and in a browser.
+//! `lazygrid simulate --animate`: the page, also in a browser.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -10,7 +10,7 @@ use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// Two clouds next to a receiver in a box; the upper cloud decays.
+/// Two clouds next to a receiver; the upper one decays.
 const SCENARIO: &str = r#"
 time-step = 0.001
 steps = 40
@@ -87,7 +87,7 @@ fn the_page_has_every_particle_of_every_frame() {
     let scratch = Scratch::new();
     let out = animated(&scratch, "out", &["--animate-every", "4"]);
     let page = fs::read_to_string(out.clone() + "/animation.html").unwrap();
-    // It opens without a network.
+    // Opens without a network.
     assert!(!page.contains("://") && page.contains("default-src 'none'"));
     let scene = scene(&page);
     assert_eq!((&scene["title"], &scene["note"]), (&"clouds, seed 5".into(), &"".into()));
@@ -99,7 +99,7 @@ fn the_page_has_every_particle_of_every_frame() {
         let npy = fs::read(format!("{out}/frame-{step:09}.npy")).unwrap();
         let end = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
         let word = |bytes: &[u8]| <[u8; 4]>::try_from(bytes).unwrap();
-        // The page goes by species, and within each by id.
+        // Particles are sorted by species, then id.
         let mut expected: Vec<(u32, [f32; 3])> = npy[end..]
             .chunks_exact(24)
             .map(|row| {
@@ -127,7 +127,7 @@ fn the_page_has_every_particle_of_every_frame() {
     assert!(lines[1]["counts"][0] == 300 && lines[1]["counts"][20].as_u64().unwrap() < 10, "{}", lines[1]);
 }
 
-/// The scenario with a rising receiver, and hardly any acid, whose color is similar.
+/// A rising receiver, and hardly any acid, whose color is similar.
 fn with_a_rising_receiver() -> String {
     let rising = "kind = \"transparent\"\n[[receiver]]\nname = \"rx-two\"\ncenter = [0, -1.2, 0]\nradius = 0.5\n\
                   kind = \"transparent\"\nvelocity = [0, 60, 0]";
@@ -189,12 +189,11 @@ fn a_resumed_animation_is_the_same_and_a_thinned_one_says_so() {
 
 const SIZE: [usize; 2] = [1000, 640];
 
-/// The screenshot of a page, row by row as red, green and blue.
+/// A screenshot by rows of red, green and blue.
 fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[&str]) -> Vec<[u8; 3]> {
     let shot = scratch.path("shot.png");
     let done = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--hide-scrollbars", "--force-device-scale-factor=1"])
-        // Without a GPU, in software.
         .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=2000"])
         .arg(format!("--window-size={},{}", SIZE[0], SIZE[1]))
         .arg(format!("--user-data-dir={}", scratch.path("profile")))
@@ -209,7 +208,7 @@ fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[
     decoded(&fs::read(shot).unwrap(), SIZE)
 }
 
-/// The number of pixels with a hue like that of `like`, without the controls to the right and below.
+/// Pixels with a hue like `like`, without the controls.
 fn hued(pixels: &[[u8; 3]], like: [u8; 3]) -> usize {
     rows_of(pixels, like).len()
 }
@@ -232,7 +231,7 @@ fn rows_of(pixels: &[[u8; 3]], like: [u8; 3]) -> Vec<usize> {
     rows.enumerate().flat_map(found).collect()
 }
 
-/// The first two colours of the page.
+/// The first two colors of the page.
 const ACID: [u8; 3] = [0x4C, 0x9B, 0xE8];
 const BASE: [u8; 3] = [0xF2, 0x69, 0x5C];
 
@@ -244,7 +243,7 @@ fn a_browser_shows_the_particles_and_time() {
     let shot = |hash: &str, more: &[&str]| screenshot(browser, &scratch, &page, hash, more);
     let [first, last] = ["frame=0", "frame=40"].map(|hash| shot(hash, &[]));
     let counts = [&first, &last].map(|pixels| [ACID, BASE].map(|colour| hued(pixels, colour)));
-    // Both are there at first, in a ball. In the end acid is all over the box, and base is gone.
+    // First both are in a ball; in the end acid is everywhere, and base is gone.
     let [[acid, base], [acid_later, base_later]] = counts;
     assert!(acid > 500 && base > 2000, "{counts:?}");
     assert!(acid_later > 3 * acid && base_later < base / 5, "{counts:?}");

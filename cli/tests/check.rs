@@ -1,4 +1,4 @@
-//! `lazygrid check` on small scenes; wrong detectors are tested in `check/src/` and `cli/src/commands/check/`.
+//! `lazygrid check` on small scenes; its unit tests have wrong detectors.
 
 use lazygrid::Algorithm;
 use lazygrid::gpu::adapters;
@@ -7,14 +7,13 @@ use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// The object of a check that finds nothing wrong.
 fn checked(args: &[&str]) -> Value {
     let object = LAZYGRID.run([&["check", "--json"], args].concat()).succeeds().json();
     assert_eq!((&object["ok"], &object["failures"]), (&Value::from(true), &Value::from(Vec::<Value>::new())));
     object
 }
 
-/// The algorithms whose times there are, each on this backend.
+/// Timed algorithms of a backend.
 fn timed(object: &Value, backend: &str) -> Vec<String> {
     let rows = object["speeds"].as_array().expect("rows").iter().filter(|row| row["backend"] == backend);
     rows.map(|row| {

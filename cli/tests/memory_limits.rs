@@ -1,5 +1,5 @@
-//! A command under a memory limit ends with an error or does its work, and never by a signal. `LAZYGRID_TEST_FULL=1`
-//! sweeps more limits.
+//! Under a memory limit a command ends with an error or succeeds, never by a signal. `LAZYGRID_TEST_FULL=1` sweeps
+//! more limits.
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -28,12 +28,12 @@ shape = { kind = \"gaussian\", width = 40.0 }
 release = [{ species = \"A\", count = COUNT }, { species = \"B\", count = COUNT }]
 ";
 
-/// Runs the command in an address space of at most this number of MiB. Returns the exit code and standard error.
+/// Runs the command in at most this many MiB. Returns the exit code and standard error.
 fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
     let script = format!("ulimit -v {} && exec \"$0\" \"$@\"", mebibytes << 10);
     let mut command = Command::new("sh");
     let command = command.args(["-c", &script, env!("CARGO_BIN_EXE_lazygrid")]).args(args);
-    // Allocator arenas of threads would take address space at random.
+    // Arenas of threads would take address space at random.
     let output = command.env("MALLOC_ARENA_MAX", "1").env("RUST_BACKTRACE", "0").output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     let code = output.status.code();
@@ -44,7 +44,7 @@ fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
     (code, said)
 }
 
-/// Limits in MiB from loading the program to enough, in equal ratios.
+/// MiB from loading the program to enough, in equal ratios.
 fn limits(most: f64) -> Vec<u64> {
     const LEAST: f64 = 56.0;
     let count = if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { 35 } else { 4 };

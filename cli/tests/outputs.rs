@@ -1,4 +1,4 @@
-//! Files that `lazygrid detect` overwrites, and temporary files.
+//! Overwritten and temporary files of `lazygrid detect`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -59,7 +59,7 @@ mod stopped {
 
     use super::*;
 
-    /// A run that has written the pairs of a frame, and waits for the next one or the end.
+    /// A run that has written a frame's pairs and waits for the next frame.
     fn begun(scratch: &Scratch) -> Child {
         let before = scratch.names();
         let mut child = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
@@ -87,7 +87,7 @@ mod stopped {
         for (signal, number) in [("-INT", 2), ("-TERM", 15)] {
             let scratch = Scratch::new();
             let mut child = begun(&scratch);
-            // Its end would be the end of the file.
+            // Its end would end the file.
             let _open = child.stdin.take();
             send(signal, &child);
             let ended = child.wait_with_output().unwrap();
@@ -109,7 +109,7 @@ mod stopped {
         assert_eq!(scratch.names().len(), 4);
 
         detect([&file, "-o", &scratch.path("other.csv")]).succeeds();
-        // The temporary file of the ended process is gone, and the other process continues.
+        // The ended process's file is gone; the other process continues.
         assert_eq!(scratch.names().len(), 4, "{:?}", scratch.names());
         drop(live.stdin.take());
         assert!(live.wait().unwrap().success());

@@ -1,5 +1,4 @@
-//! `lazygrid page` and `lazygrid plan`: the plans on another implementation of WebGPU (Dawn in Node, on SwiftShader),
-//! and the page in a browser.
+//! Plans on another implementation of WebGPU (Dawn in Node, on SwiftShader), and the page in a browser.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -16,10 +15,9 @@ use lazygrid_tests::command::{Program, Scratch};
 use serde_json::{Value, json};
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
-/// The Vulkan driver of Debian's Chromium.
+/// Driver of Debian's Chromium.
 const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
-/// The page, written once for all tests of this file.
 static PAGE: LazyLock<PathBuf> = LazyLock::new(|| {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("lazygrid.html");
     LAZYGRID.run(["page", "--output", path.to_str().unwrap()]).succeeds();
@@ -30,7 +28,7 @@ fn tool(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/page").join(name)
 }
 
-/// Returns `true` if Node with Dawn and SwiftShader's driver are installed. Otherwise prints that a test is skipped.
+/// Returns `true` if Node with Dawn and SwiftShader are installed; else prints a skip.
 fn has_dawn() -> bool {
     let package = Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint/node_modules/webgpu");
     let missing = if !package.exists() {
@@ -64,7 +62,6 @@ fn parsed(output: &Output) -> Value {
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {said}{text}"))
 }
 
-/// A plan that was exported for spheres.
 struct Exported {
     scenario: TestInput,
     options: Vec<&'static str>,
@@ -123,9 +120,9 @@ fn exported_plans_find_the_pairs_of_the_cpu_on_dawn() {
     for algorithm in ["lazy-grid", "cell-list"] {
         exported.push(export(&scratch, &periodic, &["--algorithm", algorithm]));
     }
-    // A buffer of the host holds the number of spheres, and the plan is made for more.
+    // The host's buffer has the number; the plan is for more.
     exported.push(export(&scratch, &mixed, &["--algorithm", "cell-list", "-n", "5000", "--count-in-buffer"]));
-    // Candidates of crowded cells are searched by indirect dispatches.
+    // Crowded cells need indirect dispatches.
     let crowded = TestInput::from(vec![Sphere::new([3.0, -1.0, 7.0], 0.25); 300]);
     exported.push(export(&scratch, &crowded, &["--algorithm", "lazy-grid"]));
     let manifest: Value = exported.iter().map(|exported| exported.files.clone()).collect();
@@ -144,7 +141,7 @@ fn page_is_one_small_file_that_loads_nothing() {
     assert!(page.contains("default-src 'none'") && !page.contains("://") && !page.contains("{{"));
 }
 
-/// `full` if each algorithm runs on each scene in all variants, which takes minutes in software.
+/// `full` runs all variants, which takes minutes in software.
 static FULL: LazyLock<&str> =
     LazyLock::new(|| if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { "full" } else { "" });
 
@@ -234,8 +231,7 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
 
 const SIZE: [usize; 2] = [1100, 700];
 
-/// Opens the page in a browser until `until` is true. Returns the text of `#result`, the console's messages, and a
-/// screenshot.
+/// Opens the page until `until` is true. Returns the text of `#result`, the console, and a screenshot.
 fn visit(scratch: &Scratch, browser: &str, page: &str, until: &str) -> (String, Vec<String>, Vec<[u8; 3]>) {
     let (profile, picture) = (scratch.path("profile"), scratch.path("page.png"));
     let size = SIZE.map(|length| length.to_string());
@@ -270,7 +266,7 @@ fn check_of_the_page_finds_no_fault_in_a_browser() {
 fn overlapping_spheres_have_their_color_in_a_browser() {
     let Some(browser) = browser().filter(|_| has_dawn()) else { return };
     let scratch = Scratch::new();
-    // Orange has more red than blue, and the other colors have less.
+    // Orange has more red than blue.
     let colors = |filling: u32| {
         let page = format!("{}#scene=equal&spheres=1000&filling={filling}&pause=4", PAGE.display());
         let until = "window.page?.scene.paused && !window.page.scene.stage.showing";
@@ -285,12 +281,12 @@ fn overlapping_spheres_have_their_color_in_a_browser() {
         (orange, blue)
     };
     let (few, many) = (colors(1), colors(20));
-    // Equal spheres: 8 % have a neighbor at a filling of 1 %, and 80 % at 20 %.
+    // 8 % of the spheres have a neighbor at a filling of 1 %, and 80 % at 20 %.
     assert!(few.0 > 20 && few.1 > 8 * few.0, "orange and blue pixels: {few:?}");
     assert!(many.0 > 2 * many.1, "orange and blue pixels: {many:?}");
 }
 
-/// Opens the page with another device until it fails, and returns its message, for people and for machines.
+/// Opens the page with another device until it fails. Returns its message.
 fn failure_with(device: &str, until: &str) -> Option<String> {
     let browser = browser().filter(|_| has_dawn())?;
     let scratch = Scratch::new();

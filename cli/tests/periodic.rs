@@ -1,4 +1,4 @@
-//! `lazygrid detect` on files that declare a periodic box.
+//! `lazygrid detect` on periodic files.
 
 use lazygrid::Sphere;
 use lazygrid_io::read::Frames;
@@ -12,7 +12,7 @@ fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
     LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))
 }
 
-/// All pairs in `f64`, with minimum images.
+/// Minimum images in `f64`.
 fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
     let touch = |a: &Sphere, b: &Sphere| {
         let differences = [0, 1, 2].map(|axis| {
@@ -27,7 +27,7 @@ fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
     pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
 }
 
-/// Spheres of five sizes, spread over more than the boxes of these tests.
+/// Five sizes, beyond the boxes of these tests.
 fn spheres() -> Vec<Sphere> {
     Scene::FiveSizes.spheres(600, 11)
 }
@@ -105,7 +105,7 @@ fn a_box_may_change_from_frame_to_frame() {
     assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
 }
 
-/// The naive pairs of triclinic boxes: every image up to three cell vectors away, in `f64`.
+/// Every image up to three cell vectors away, in `f64`.
 fn brute_force_of_edges(spheres: &[Sphere], edges: [[f64; 3]; 3]) -> Vec<[u32; 2]> {
     let steps = (0..343).map(|k| [k % 7 - 3, k / 7 % 7 - 3, k / 49 - 3].map(f64::from));
     let images: Vec<[f64; 3]> =
@@ -152,7 +152,7 @@ fn a_box_that_leans_is_used_and_said() {
     assert!(run.err.contains("(1000000000, 16, 0)"), "{}", run.err);
 }
 
-/// The pour has fixed walls (`BOX BOUNDS ff ff ff`). As a periodic box, it also has the pairs across its walls.
+/// The pour has fixed walls (`BOX BOUNDS ff ff ff`). A periodic box adds pairs across its walls.
 #[test]
 fn the_pour_is_not_periodic_and_could_be() {
     let scratch = Scratch::new();

@@ -1,4 +1,4 @@
-//! Refused inputs and environments, and foreign files, which are left alone.
+//! Refused inputs and environments; foreign files stay.
 #![cfg(target_os = "linux")]
 
 use std::fs;
@@ -82,7 +82,7 @@ fn incomplete_files_of_a_killed_run_are_removed_by_the_next_one() {
     assert!(!fs::exists(left).unwrap() && fs::exists(kept).unwrap());
 }
 
-/// A table of all seeds would take minutes; it exceeds the disk or is cancelled by the signal.
+/// Takes minutes, exceeds the disk, or is cancelled by the signal.
 #[test]
 fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
     let scratch = Scratch::new();
@@ -96,7 +96,7 @@ fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
-    // Long enough to be in the middle of the table.
+    // In the middle of the table.
     std::thread::sleep(Duration::from_secs(2));
     Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     let begun = Instant::now();

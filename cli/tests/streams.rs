@@ -1,4 +1,4 @@
-//! `lazygrid detect` in pipelines: standard input and output, compressed files, ids, and warnings.
+//! `lazygrid detect` in pipelines.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -90,7 +90,6 @@ fn pairs_go_to_standard_output_and_the_summary_aside() {
     assert_eq!(detect([&frames, "-o", "-", "--frame", "1"]).succeeds().out, "i,j\n0,1\n");
     let one = scratch.write("one.xyz", &(FRAME.to_owned() + "\n \n"));
     assert_eq!(detect([&one, "-o", "-"]).succeeds().out, "i,j\n0,1\n");
-    // The reader may have read enough.
     let run = LAZYGRID.run_with_closed_output(["detect", &file, "-o", "-"]);
     assert_eq!(run.code, Some(0), "{}", run.err);
     // A file that is read cannot be appended to.
@@ -136,7 +135,6 @@ fn compressed_files_come_and_go() {
     assert!(decompressed(&scratch.path("pairs.gz")) == expected);
 }
 
-/// A compressed file, read by the crates that compressed it.
 fn decompressed(path: &str) -> Vec<u8> {
     use std::io::Read;
 

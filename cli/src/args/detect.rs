@@ -1,5 +1,3 @@
-//! The settings that follow from the arguments of `detect`.
-
 use std::num::NonZeroUsize;
 
 use lazygrid::{Backend, Config, Order, Space};

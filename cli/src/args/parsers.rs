@@ -47,7 +47,7 @@ pub(super) fn skin(text: &str) -> Result<Skin, String> {
     }
 }
 
-/// Parses a path whose extension tells a format; the text says which there are.
+/// Parses a path whose extension tells a format; the text lists them.
 #[derive(Clone)]
 pub(super) struct PathWith<T>(pub(super) fn(&Path) -> Option<T>, pub(super) &'static str);
 

@@ -17,7 +17,6 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
         let mut row = format!("{:>5}{:>9}", sample.classes, sample.spheres);
         for time in [sample.naive, sample.grid] {
             let mut shown = String::new();
-            // Writing to a string cannot fail.
             let _ = write!(shown, "{time:.2?}");
             let _ = write!(row, "{shown:>12}");
         }

@@ -1,4 +1,4 @@
-//! `lazygrid check`: verification and timing on this machine.
+//! `lazygrid check`.
 
 mod report;
 mod speeds;
@@ -19,18 +19,18 @@ use crate::args::{Check, Checked};
 use crate::error::CliError;
 use crate::progress;
 
-/// The weight of each stage in the progress: about seconds on a slow machine.
+/// Weights of stages in the progress: about seconds on a slow machine.
 const KERNELS: u64 = 20;
 const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;
 
-/// Scenes that take a detector longer are skipped; with `--full` twenty times as long.
+/// Slower scenes are skipped; with `--full` twenty times as long.
 const SCENE_SECONDS: f64 = 0.2;
 
-/// The number of attempts to shrink a failing case.
+/// Attempts to shrink a failing case.
 const TRIES: usize = 1500;
 
-/// The number of failing rounds after which the fuzzer ends.
+/// Failing rounds that end the fuzzer.
 const ENOUGH: usize = 10;
 
 pub(crate) fn run(args: &Check) -> Result<(), CliError> {
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
         Err(reason) => (None, Some(reason)),
     };
     let on_cpu = args.backend != Checked::Gpu;
-    // A panic is caught, and reported with the other failures.
+    // Caught panics are reported with the other failures.
     std::panic::set_hook(Box::new(|panic| log::info!("{panic}")));
     let backends = u64::from(on_cpu) + u64::from(gpu.is_some());
     let fuzz = args.fuzz.map_or(0, |time| time.as_secs());
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     report.finish()
 }
 
-/// The GPU to check, or the reason for checking none if that is no failure.
+/// Opens the GPU, or returns the reason for checking none.
 fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     if args.backend == Checked::Cpu {
         return match &args.adapter {
@@ -94,9 +94,8 @@ struct Runner<'a> {
     variant: &'a DetectorVariant,
     pace: Pace,
     left_out: usize,
-    /// The number of scenes with wrong pairs.
     wrong: usize,
-    /// The scene of these with the fewest spheres, and its fault.
+    /// Wrong scene with the fewest spheres, and its fault.
     smallest: Option<(&'a SceneCase, String)>,
 }
 
@@ -132,7 +131,6 @@ impl Work<'_> {
         self.fuzz(report)
     }
 
-    /// Shows `done` of `all` parts of a stage that began at `from`.
     fn step(&self, from: u64, parts: u64, [done, all]: [usize; 2], what: &str) {
         self.bar.set_position(from + parts * done as u64 / all.max(1) as u64);
         self.bar.set_message(what.to_owned());
@@ -228,7 +226,7 @@ impl Work<'_> {
         self.tell(|| report.fuzz(first, rounds, &tally, start.elapsed()))
     }
 
-    /// Runs the round and the sequence of calls of a seed. Returns the number of wrong ones.
+    /// Runs a seed's round and sequence of calls. Returns the number of wrong ones.
     fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> Result<usize, CliError> {
         let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
         let round = Round::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES);
@@ -245,7 +243,6 @@ impl Work<'_> {
         self.tell(|| report.fuzz(seed, 1, &tally, start.elapsed()))
     }
 
-    /// Prints something above the progress.
     fn tell(&self, say: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
         self.bar.suspend(say)
     }

@@ -1,4 +1,4 @@
-//! `lazygrid detect`: the pairs of every frame of a file.
+//! `lazygrid detect`.
 
 pub(crate) mod exclusions;
 pub(crate) mod input;
@@ -23,7 +23,7 @@ use crate::args::Detect;
 use crate::error::CliError;
 use crate::{check_output, print};
 
-/// The placeholder for the number of the frame in the name of an output.
+/// Replaced by the number of the frame.
 const FRAME: &str = "{frame}";
 
 pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     }
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
     let own_output = output.as_ref().is_some_and(has_number);
-    // The output of a file with one frame keeps its temporary name until no second frame appears.
+    // A single frame's output keeps its temporary name until no second frame appears.
     let mut files = Vec::new();
     while let Some(IndexedFrame { number, mut frame, time }) = input.next()? {
         // Bytes on standard output cannot be taken back.
@@ -88,12 +88,11 @@ fn commit(files: &mut Vec<AtomicFile>) -> Result<(), CliError> {
 }
 
 fn print_aside(text: &str) -> Result<(), CliError> {
-    // No other stream is left if standard error is closed.
     let _ = io::stderr().write_all(text.as_bytes());
     Ok(())
 }
 
-/// Refuses a frame whose search on the CPU exceeds available memory. Devices have their own.
+/// Refuses a frame whose search exceeds the CPU's available memory.
 fn refuse_too_little_memory(
     args: &Detect,
     frame: usize,
@@ -121,7 +120,7 @@ fn refuse_input(args: &Detect, output: &Output) -> Result<(), CliError> {
     let refused = match output.path {
         None => same(Handle::stdout()).then(|| output.name().to_owned()),
         Some(_) => {
-            // To open a FIFO would wait for its other end.
+            // Opening a FIFO would wait for its other end.
             let is_file = |file: &_| std::fs::metadata(file).is_ok_and(|metadata| metadata.is_file());
             let files = output.files(args.neighbors, args.ids);
             files.into_iter().filter(is_file).find(|file| same(Handle::from_path(file)))

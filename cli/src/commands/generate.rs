@@ -6,7 +6,7 @@ use crate::args::Generate;
 use crate::error::CliError;
 use crate::progress::Progress;
 
-/// Bytes that the command needs besides the spheres.
+/// Bytes besides the spheres.
 const OVERHEAD: u64 = 64 << 20;
 
 pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
@@ -19,7 +19,7 @@ pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
         let limit = limit.name();
         return Err(CliError::TooLittleMemoryToGenerate { spheres: args.spheres, needed, available, limit });
     }
-    // Otherwise a refusal of memory would end the program.
+    // Otherwise refused memory would end the program.
     Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| CliError::NoMemory { spheres: args.spheres })?;
     let progress = Progress::new(None);
     progress.say(format!("generating {n} spheres"));

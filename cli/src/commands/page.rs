@@ -1,4 +1,4 @@
-//! `lazygrid page` and `lazygrid plan`: plans, kernels and scenes for browsers and other programs.
+//! `lazygrid page` and `lazygrid plan`.
 
 mod bundle;
 mod checks;
@@ -15,7 +15,7 @@ use crate::error::CliError;
 use crate::progress::Progress;
 
 const PAGE: &str = include_str!("page/page.html");
-/// The scripts, in the order in which they use each other's names.
+/// In the order in which they use each other's names.
 const SCRIPTS: [&str; 6] = [
     include_str!("page/player.js"),
     include_str!("page/bundle.js"),

@@ -37,7 +37,6 @@ pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     }
 }
 
-/// Returns a run with the options of the command.
 fn with_options(args: &Simulate, run: Run) -> Run {
     let Simulate { backend, algorithm, .. } = *args;
     let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..run };
@@ -45,7 +44,6 @@ fn with_options(args: &Simulate, run: Run) -> Run {
     run
 }
 
-/// Does one run.
 fn once(run: Run, reports: bool) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let bar = progress::running(run.scenario.steps.into());
@@ -53,7 +51,7 @@ fn once(run: Run, reports: bool) -> Result<(), CliError> {
     let (end, simulation) = run.run(|simulation| {
         if !started {
             started = true;
-            // Steps of an earlier run do not count for the speed of this run.
+            // Steps of an earlier run do not count for the speed.
             bar.set_position(simulation.step_count().into());
             bar.reset_eta();
         }

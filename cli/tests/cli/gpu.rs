@@ -126,7 +126,6 @@ fn the_calibration_is_kept_and_used() {
     let other = fs::read_to_string(&file).unwrap().replace(env!("CARGO_PKG_VERSION"), "0.0.0");
     fs::write(&file, other).unwrap();
     assert!(reason().0.contains("not measured on this"));
-    // Measuring again replaces it.
     LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
     let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
     assert_eq!(kept["calibrations"].as_array().unwrap().len(), 1);

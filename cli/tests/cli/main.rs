@@ -1,4 +1,4 @@
-//! The built command from outside: what it prints, what it writes, and with which exit code.
+//! The command from outside: outputs and exit codes.
 
 mod gpu;
 
@@ -20,7 +20,6 @@ fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
 
 const SMOLDYN: [&str; 6] = ["--radius", "acid=0.1", "--radius", "base=0.15", "--radius", "salt=0.2"];
 
-/// All pairs in `f64`.
 fn brute_force(spheres: &[Sphere]) -> Vec<[u32; 2]> {
     let touch = |a: &Sphere, b: &Sphere| {
         let d = a
@@ -41,7 +40,7 @@ fn read(path: &Path) -> Vec<Sphere> {
     frames.next().expect("a frame").expect("a valid frame").spheres
 }
 
-/// Two frames of 2 and 3 spheres in contact, with 1 and 3 pairs.
+/// Frames of 2 and 3 spheres, with 1 and 3 pairs.
 const TWO_FRAMES: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n2 0 0 1\n\
                           3\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n0 1 0 1\n";
 

@@ -1,9 +1,9 @@
-//! Arrivals and their origins.
+//! Arrivals and origins.
 
 use super::{files, lazygrid, rows};
 use lazygrid_tests::command::{Scratch, has_gpu};
 
-/// Two transmitters whose particles change on their way, one of them into two, and two receivers.
+/// Two transmitters, whose particles change or split, and two receivers.
 const SCENARIO: &str = r#"
 time-step = 0.001
 steps = 60

@@ -1,4 +1,4 @@
-//! `lazygrid simulate` from outside.
+//! `lazygrid simulate`.
 
 mod arrivals;
 mod replicas;
@@ -161,7 +161,6 @@ fn a_resumed_run_is_the_same_to_the_last_bit() {
     let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
     lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
     lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "17"]).succeeds();
-    // Bytes that a crash wrote after the checkpoint are removed.
     let series = parts.clone() + "/series.csv";
     fs::write(&series, fs::read_to_string(&series).unwrap() + "18,half a li").unwrap();
     lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "31", "--resume"]).succeeds();
@@ -198,7 +197,6 @@ fn mistakes_are_named_by_line_and_key() {
     assert!(run.err.ends_with(message), "{}", run.err);
     assert_eq!(scratch.names(), ["s.toml"]);
     lazygrid(["simulate", &scratch.path("none.toml")]).fails();
-    // A setting that is probably a mistake causes a warning.
     let scenario = scratch.write("long.toml", &SCENARIO.replace("time-step = 0.001", "time-step = 0.01"));
     let run = lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
     let message = "long.toml, line 5, `contact`: salt collides about";
@@ -268,7 +266,7 @@ fn unwritable_outputs_fail_before_the_run() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
     let file = scratch.write("file", "");
-    // A run of this length would not end.
+    // Would not end.
     let long =
         |out: &str| lazygrid(["simulate", &scenario, "--steps", "4000000000", "--output", out]).fails();
     assert!(long(&file).err.contains("cannot write"));
@@ -333,14 +331,14 @@ fn a_full_disk_shows_before_the_run() {
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
 }
 
-/// A run that would not end by itself. It ends with this.
+/// A run that ends with this value.
 #[cfg(unix)]
 struct Endless(Option<std::process::Child>);
 
 #[cfg(unix)]
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 impl Endless {
-    /// Sends it a signal and waits for its end.
+    /// Signals it and waits.
     fn end(mut self, signal: &str) -> std::process::Output {
         let child = self.0.take().unwrap();
         let id = child.id().to_string();
@@ -417,7 +415,7 @@ fn two_runs_do_not_write_to_one_directory() {
         let run = lazygrid(["simulate", &scenario, "--output", &out].iter().chain(more)).fails();
         assert!(run.err.contains("another run is writing to it"), "{more:?}: {}", run.err);
     }
-    // A lock of the system is gone with the process, however that ends.
+    // The system's lock ends with the process.
     running.end("-KILL");
     lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5", "--overwrite"]).succeeds();
 }

@@ -1,4 +1,4 @@
-//! `--report`: series and channels.
+//! `--report`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::collections::HashMap;
@@ -34,7 +34,7 @@ arrivals = true
 
 const REPLICAS: usize = 16;
 
-/// The part of a burst that has arrived at a time after it: (r/d)·erfc((d − r)/√(4Dt)).
+/// Arrived fraction of a burst: (r/d)·erfc((d − r)/√(4Dt)).
 fn arrived(time: f64) -> f64 {
     if time <= 0.0 { 0.0 } else { 0.5 * libm::erfc(5.0 / (400.0 * time).sqrt()) }
 }
@@ -81,7 +81,7 @@ fn channels_are_as_formulas_and_logs_say() {
         let error = (part / released).sqrt() * 2.0_f64.sqrt();
         assert!((number(row, "part mean") - part).abs() < 4.0 * error, "{row:?}, not {part}");
     }
-    // Bit errors, counted again from the files of each replica.
+    // Counted again from each replica's files.
     let errors = table("bit-errors.csv");
     let mut best = usize::MAX;
     for delay in [0.0, 0.1, 0.4] {
@@ -160,7 +160,7 @@ every = 5
 arrivals = true
 "#;
 
-/// The part of a burst inside a sphere of radius r at a distance d from its point.
+/// Fraction of a burst inside a sphere of radius r at a distance d.
 fn inside(time: f64) -> f64 {
     let (r, d, spread) = (3.0_f64, 8.0_f64, (400.0 * time).sqrt());
     if time <= 0.0 {
@@ -179,7 +179,7 @@ fn transparent_receivers_have_responses_and_bit_errors() {
     let replicas = || (0..12).map(|k| format!("{out}/replica-{k:04}"));
     let table = |name: &str| rows(&format!("{out}/{name}"));
     let bursts: f64 = replicas().flat_map(|own| rows(&(own + "/releases.csv"))).map(|_| 1.0).sum();
-    // The response: bins of a step, of which those have rows that are multiples of 5 steps after a release.
+    // Bins of a step; rows are every 5 steps after a release.
     let responses: Vec<_> =
         table("impulse-response.csv").into_iter().filter(|row| !row["part mean"].is_empty()).collect();
     assert!(responses.len() > 10, "{} bins", responses.len());
@@ -189,13 +189,13 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         assert!((number(row, "part mean") - part).abs() < 4.0 * error + 1e-4, "{row:?}, not {part}");
         assert!(row["so far mean"].is_empty());
     }
-    // Interference: means over the four rows of a slot.
+    // Means over the four rows of a slot.
     for row in table("interference.csv").iter().take(3) {
         let from = 0.2 * number(row, "slot");
         let part = (1..=4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
         assert!((number(row, "part mean") / part - 1.0).abs() < 0.1, "{row:?}, not {part}");
     }
-    // Bit errors, counted once more from the series and the symbols of each replica.
+    // Counted again from the series and symbols.
     let errors = table("bit-errors.csv");
     for (detector, delay) in [("peak", 0.0), ("energy", 0.05), ("strength", 0.1)] {
         let mut slots = Vec::new();
@@ -209,7 +209,7 @@ fn transparent_receivers_have_responses_and_bit_errors() {
                     .filter(|row| within(number(row, "time")))
                     .map(|row| row["rx:A"].parse().unwrap())
                     .collect();
-                // The last slot of a delay is not complete before the run ends.
+                // A delay's last slot is incomplete.
                 if begin + 0.2 < 2.1 + 1e-9 {
                     let seen = match detector {
                         "peak" => counts.iter().copied().max().unwrap(),
@@ -233,7 +233,7 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         }
         assert!(thresholds > 10, "{detector}: {thresholds} thresholds");
     }
-    // Two lines by symbol: after a 1 more are inside.
+    // More are inside after a 1.
     let by_symbol = table("by-symbol.csv");
     let mean = |symbol: &str| {
         let own = by_symbol.iter().filter(|row| row["symbol"] == symbol && number(row, "time") > 0.07);
@@ -247,7 +247,6 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         let svg = fs::read_to_string(format!("{out}/plots/{name}.svg")).unwrap();
         assert!(report.contains(&svg), "{name}");
     }
-    // A resumed run has the same log.
     let log = |out: &str| fs::read(format!("{out}/occupancy.csv")).unwrap();
     let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
     lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();

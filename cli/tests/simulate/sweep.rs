@@ -1,5 +1,3 @@
-//! Sweeps: all combinations of values.
-
 use std::fs;
 
 use super::{SCENARIO, files, lazygrid, rows};
@@ -47,7 +45,7 @@ fn sweep_gives_the_closed_form_at_each_point() {
         assert!((mean - 2000.0 * part).abs() < 4.0 * error, "{row:?}, not {}", 2000.0 * part);
         assert!(low < mean && mean < high && number("replicas") == 3.0, "{row:?}");
     }
-    // Each point is a scenario of its own, which gives the same bytes by itself.
+    // Each point is a scenario that gives the same bytes by itself.
     let [point, alone] = [out.clone() + "/point-0002", scratch.path("alone")];
     let args = ["simulate", &(point.clone() + "/scenario.toml"), "--output", &alone, "--replicas", "3"];
     lazygrid(args).succeeds();
@@ -70,7 +68,7 @@ fn options_sweep_and_threads_change_no_byte() {
     assert_eq!(sweep(&one, &["--threads", "1"]), sweep(&two, &["--threads", "3"]));
     let points = rows(&(one.clone() + "/points.csv"));
     assert_eq!(points.iter().map(|row| &row["species.acid.diffusion"][..]).collect::<Vec<_>>(), ["1", "5"]);
-    // The point with the value of the file is the run without a sweep.
+    // The file's value gives the run without a sweep.
     let alone = scratch.path("alone");
     lazygrid(["simulate", &scenario, "--output", &alone, "--replicas", "1"]).succeeds();
     let series = |out: &str| fs::read_to_string(format!("{out}/replica-0000/series.csv")).unwrap();
@@ -101,7 +99,6 @@ fn sweeps_are_resumed_replaced_and_refused() {
     let run = simulate(&out, &["--sweep", "seed=1,2", "--seed", "3"]);
     assert_eq!(run.code, Some(2), "{}", run.err);
     assert!(run.err.contains("--seed would replace the values of seed"), "{}", run.err);
-    // More values and more replicas.
     simulate(&out, &["--sweep", three, "--replicas", "2", "--resume"]).succeeds();
     assert_eq!(files(&out), files(&whole));
     simulate(&out, &["--sweep", two, "--replicas", "2", "--overwrite"]).succeeds();

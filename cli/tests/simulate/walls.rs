@@ -1,5 +1,3 @@
-//! Walls that absorb.
-
 use super::{lazygrid, rows};
 use lazygrid_tests::command::Scratch;
 

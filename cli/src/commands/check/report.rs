@@ -17,21 +17,20 @@ use crate::commands::detect::summary::{cost_object, cost_text};
 use crate::error::CliError;
 use crate::{devices, print};
 
-/// Counts of a GPU may differ by tangent pairs: by two, and one in this number.
+/// A GPU's counts may differ by tangent pairs: two, and one in this number.
 const TANGENT: u64 = 1_000_000;
 
-/// Prints results: at once, or as one JSON object at the end.
+/// Prints results at once, or as one JSON object at the end.
 pub(super) struct Report {
     is_json: bool,
-    /// The options that repeat the check.
+    /// Repeats the check.
     backend: &'static str,
     object: Map<String, Value>,
     failures: Vec<Value>,
-    /// The number of files that show failures.
     files: usize,
     left_out: Vec<Value>,
     speeds: Vec<Value>,
-    /// The number of counted pairs, and the spheres.
+    /// Spheres and counted pairs.
     counts: Vec<(Scene, usize, u64)>,
     start: Instant,
 }
@@ -41,13 +40,11 @@ pub(super) struct Primitive {
     pub(super) what: String,
     pub(super) values: u32,
     pub(super) seconds: f64,
-    /// Bytes per second.
     pub(super) bandwidth: f64,
-    /// Part of the copy's bandwidth.
+    /// Fraction of the copy's bandwidth.
     pub(super) of_copy: f64,
 }
 
-/// The timed work.
 #[derive(Clone, Copy)]
 pub(super) struct Called {
     pub(super) backend: Backend,
@@ -96,7 +93,6 @@ impl Report {
         Ok(report)
     }
 
-    /// Creates an empty report.
     fn empty(is_json: bool, backend: &'static str) -> Self {
         Self {
             is_json,
@@ -175,7 +171,6 @@ impl Report {
         let mut text =
             format!("\n{:<15}{:>11}{:>12}{:>10}   of a copy, {clock}\n", "", "values", "ms", "GB/s");
         for Primitive { what, values, seconds, bandwidth, of_copy } in &rows {
-            // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
                 "{what:<15}{values:>11}{:>12.3}{:>10.1}{:>8.0} %",
@@ -230,7 +225,7 @@ impl Report {
         self.compare_count(called, speed.pairs)
     }
 
-    /// Compares a count with the first count of the same spheres.
+    /// Compares with the first count of the same spheres.
     fn compare_count(&mut self, called: Called, pairs: u64) -> Result<(), CliError> {
         let Called { backend, algorithm, scene, spheres } = called;
         let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);
@@ -259,7 +254,7 @@ impl Report {
         self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"))
     }
 
-    /// Prints a failure, and writes a file that shows it.
+    /// Prints a failure and writes its scene.
     pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), CliError> {
         let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
         let FailedCase { name, what, scenario, options } = fault;
@@ -301,7 +296,7 @@ impl Report {
         }
     }
 
-    /// Prints the object, and ends as the checks did.
+    /// Prints the object, and returns the result of the checks.
     pub(super) fn finish(mut self) -> Result<(), CliError> {
         let failures = self.failures.len();
         let time = self.start.elapsed();

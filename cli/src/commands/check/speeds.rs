@@ -12,14 +12,14 @@ use super::report::{Called, Primitive, Report};
 use super::{SPEEDS, Work};
 use crate::error::CliError;
 
-/// Seconds that one call and all calls of a backend may take; the factor of `--full`.
+/// Seconds for one call and for a backend's calls, and the factor of `--full`.
 const CALL: f64 = 2.5;
 const ALL: f64 = 25.0;
 const FULL_TIMES: f64 = 12.0;
 
 const ROUNDS: usize = 7;
 
-/// Takes all times, those of the CPU first, whose counts the GPU's are compared with.
+/// The CPU comes first: the GPU's counts are compared with its.
 pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), CliError> {
     let scenes: &[Scene] = match work.args.effort() {
         Effort::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
@@ -36,7 +36,6 @@ pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), CliError> 
     Ok(())
 }
 
-/// Radix sort and scan compared with a copy.
 fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), CliError> {
     work.bar.set_message("speeds: copy, scan and sort");
     let watch = GpuTimer::new(gpu.own.clone(), ROUNDS);
@@ -47,7 +46,7 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Cli
         let mut seconds = 0.0;
         let sizes: &[u32] = if work.args.quick { &[100_000] } else { &[1_000_000, 10_000_000] };
         for &values in sizes {
-            // A software driver takes as many times as long for ten times as many.
+            // Predicts ten times as many.
             if seconds * 10.0 * (ROUNDS + 1) as f64 > 4.0 * CALL {
                 break;
             }
@@ -78,21 +77,20 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Cli
 
 type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, SkipReason>;
 
-/// The times of one backend.
 struct Race<'a> {
     work: &'a Work<'a>,
     backend: Backend,
     time: Time<'a>,
-    /// The position of the progress bar at the start.
+    /// Start in the progress bar.
     from: u64,
     spent: f64,
 }
 
 struct Runner {
     algorithm: Algorithm,
-    /// The calls so far: spheres and seconds.
+    /// Spheres and seconds of calls.
     times: Vec<(usize, f64)>,
-    /// `true` after a skipped call: more spheres would take longer still.
+    /// More spheres than in a skipped call would take longer still.
     is_out: bool,
 }
 
@@ -134,7 +132,7 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    /// Times one algorithm with a number of spheres, which are made when first needed.
+    /// Times an algorithm on spheres that are made on demand.
     fn call(
         &mut self,
         runner: &mut Runner,
@@ -174,7 +172,7 @@ impl<'a> Race<'a> {
         }
     }
 
-    /// The reason to skip a call that is predicted to take `seconds`, if there is one.
+    /// Returns the reason to skip a call of predicted `seconds`.
     fn too_long(&self, seconds: f64) -> Option<String> {
         let times = if self.work.args.full { FULL_TIMES } else { 1.0 };
         let remedy = if self.work.args.full { "" } else { "; --full gives more time" };

@@ -1,5 +1,3 @@
-//! The excluded pairs of every frame.
-
 use std::path::PathBuf;
 
 use lazygrid::{Error, Exclusions, InputError, Query, Spheres};
@@ -35,7 +33,6 @@ impl Excluded {
                 Exclusions::new(spheres, rows).map_err(refused)
             }
             None => {
-                // No sphere has this index.
                 let row = |row: i64| u32::try_from(row).unwrap_or(u32::MAX);
                 Exclusions::new(spheres, self.pairs.iter().map(|&(i, j)| (row(i), row(j)))).map_err(refused)
             }

@@ -15,7 +15,7 @@ use crate::progress::Progress;
 pub(crate) struct Input {
     path: PathBuf,
     frames: Frames,
-    /// The pool that parses text; `None` uses the threads of the process.
+    /// Parses text; `None` uses the process's threads.
     pool: Option<ThreadPool>,
     read: usize,
     wanted: Option<usize>,
@@ -36,7 +36,6 @@ impl Input {
         let progress = Progress::new(length);
         progress.say("reading");
         let frames = Frames::new(&path, progress.wrap(input), length, args.options()?)?;
-        // The detector has its own.
         let pool = args.threads.and_then(|threads| {
             let useful = std::thread::available_parallelism().map_or(threads, |cores| cores.min(threads));
             ThreadPoolBuilder::new().num_threads(useful.get()).build().ok()
@@ -44,7 +43,7 @@ impl Input {
         Ok(Self { path, frames, pool, read: 0, wanted: args.frame, progress })
     }
 
-    /// Fails if the file does not have the requested frame.
+    /// Fails without the requested frame.
     pub(crate) fn next(&mut self) -> Result<Option<IndexedFrame>, CliError> {
         let start = Instant::now();
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {
@@ -64,7 +63,6 @@ impl Input {
         self.end()
     }
 
-    /// Returns `true` if the frame that was read is the last one to read.
     pub(crate) fn is_last(&mut self) -> Result<bool, CliError> {
         Ok(self.wanted.is_some() || self.frames.at_end()?)
     }
@@ -86,7 +84,6 @@ impl Input {
         Ok(None)
     }
 
-    /// The number of species met so far.
     pub(crate) fn species_met(&self) -> usize {
         self.frames.species().names().len()
     }
@@ -96,7 +93,7 @@ pub(crate) fn name(file: &Path) -> &Path {
     if file == Path::new(STANDARD) { Path::new("standard input") } else { file }
 }
 
-/// The file, or standard input, and its length where it has one.
+/// Opens the file or standard input, with its length if known.
 fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
     if path == Path::new(STANDARD) {
         return Ok((Box::new(io::stdin()), None));
@@ -106,9 +103,9 @@ fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
     Ok((Box::new(file), metadata.is_file().then_some(metadata.len())))
 }
 
-/// The file that is read, to be told from those that are written.
+/// Returns the read file, to be told from written ones.
 pub(crate) fn handle(path: &Path) -> Option<Handle> {
     let handle = if path == Path::new(STANDARD) { Handle::stdin() } else { Handle::from_path(path) };
-    // A terminal may well be both.
+    // A terminal may be both.
     handle.ok().filter(|handle| handle.as_file().metadata().is_ok_and(|metadata| metadata.is_file()))
 }

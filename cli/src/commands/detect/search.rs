@@ -10,7 +10,7 @@ use crate::commands::detect::input::name;
 use crate::error::CliError;
 use crate::progress::Progress;
 
-/// Pairs per chunk where a result is streamed, 8 MiB.
+/// 8 MiB of pairs.
 const CHUNK: usize = 1 << 20;
 
 pub(crate) struct FrameDetector {
@@ -25,14 +25,12 @@ impl FrameDetector {
         Ok(Self { config, space: Space::UNBOUNDED, detector })
     }
 
-    /// Returns the most bytes of a search of `spheres` spheres on the CPU without a candidate list, which is dropped if
-    /// memory is short.
+    /// Returns the most bytes of a CPU search without a candidate list, which is dropped if memory is short.
     pub(crate) fn least_memory(&self, space: Space, spheres: u64) -> Result<u64, CliError> {
         let config = self.config.clone().space(space).skin(Skin::Off).threads(1);
         Ok(Detector::new(config).map_err(CliError::Setting)?.memory_for(spheres))
     }
 
-    /// The detector for this space; a new one if the space changed.
     pub(crate) fn detector(&mut self, space: Space) -> Result<&mut Detector, CliError> {
         if space != self.space {
             self.detector = Detector::new(self.config.clone().space(space)).map_err(CliError::Setting)?;
@@ -53,7 +51,7 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Writes the requested result to `output`, without committing the files.
+    /// Writes the result to `output`, uncommitted.
     pub(crate) fn run(&mut self, output: Option<&Output>) -> Result<Vec<AtomicFile>, CliError> {
         let failure = failure_in(&self.args.file, self.frame);
         self.progress.say(format!("searching {} spheres", self.query.len()));
@@ -88,7 +86,6 @@ impl Search<'_> {
         Ok(Vec::new())
     }
 
-    /// Writes more pairs than a list may hold, chunk by chunk.
     fn stream<'f>(&mut self, mut file: PairFile<'f>, found: u64) -> Result<PairFile<'f>, CliError> {
         let Self { detector, writing, progress, .. } = self;
         let (mut failed, mut written) = (None, 0);

@@ -8,28 +8,28 @@ use serde_json::{Map, Value, json};
 
 pub(crate) struct Summary {
     pub(crate) frame: usize,
-    /// The simulator's number of the time step.
+    /// Number of the time step.
     pub(crate) step: Option<i64>,
     pub(crate) space: Space,
-    /// `true` if the space was given, in place of the file's.
+    /// The options gave the space.
     pub(crate) space_given: bool,
     pub(crate) report: Report,
-    /// The number of species met so far; 0 if the file has none.
+    /// Species so far; 0 if the file has none.
     pub(crate) species: usize,
-    /// Reading and writing, besides the phases of the search.
+    /// Reading and writing, besides the search.
     pub(crate) read: Duration,
     pub(crate) write: Option<Duration>,
     pub(crate) output: Option<PathBuf>,
 }
 
-/// The object of `--json`. Scripts depend on these names.
+/// Scripts depend on the names of `--json`.
 #[derive(Serialize)]
 struct Object<'a> {
     frame: usize,
     step: Option<i64>,
-    /// The length of each axis that is periodic.
+    /// Indexed by axis, if periodic.
     periodic: Option<[Option<f32>; 3]>,
-    /// The cell vectors if they are not along the axes; then `periodic` has their lengths.
+    /// If not along the axes; then `periodic` has their lengths.
     cell_vectors: Option<[Option<[f32; 3]>; 3]>,
     periodic_from: Option<&'a str>,
     spheres: u64,
@@ -40,7 +40,7 @@ struct Object<'a> {
     reason: &'a str,
     gpu: Option<Value>,
     candidates: Option<Value>,
-    /// Seconds by name, in the order of the work.
+    /// Seconds by name.
     phases: Map<String, Value>,
 }
 

@@ -1,5 +1,5 @@
 "use strict";
-// The plans, kernels and scenes that `lazygrid page` put into the page, as gzipped JSON in base64.
+// The plans, kernels and scenes of the page, as gzipped JSON in base64.
 
 class Bundle {
   constructor(contents) {
@@ -11,7 +11,7 @@ class Bundle {
     return new Bundle(await new Response(packed.pipeThrough(new DecompressionStream("gzip"))).json());
   }
 
-  // A call as a plan of its own: with its constants, and the kernels for subgroups of the size with this index.
+  // A call as a plan: with its constants, and the kernels for subgroups of this index.
   plan(call, subgroups) {
     const { plan, constants } = this.calls[call], skeleton = this.plans[plan];
     let next = 0;
@@ -22,28 +22,28 @@ class Bundle {
     };
   }
 
-  // A kernel, from the runs of lines that kernels share.
+  // A kernel, from shared runs of lines.
   text(number) {
     return this.texts[number].map(([at, count]) => this.lines.slice(at, at + count).join("\n")).join("\n");
   }
 
-  // The first of several calls that a device can run, else the last.
+  // The first call that a device can run, else the last.
   fitting(player, calls) {
     return calls.find((call) => !player.obstacle(this.plans[this.calls[call].plan])) ?? calls.at(-1);
   }
 
-  // The algorithm that runs in place of `auto`.
+  // The algorithm in place of `auto`.
   algorithmOf(size, algorithm) {
     return algorithm === "auto" ? this.sizes[size].auto : algorithm;
   }
 
-  // The plan for a size on offer, or `undefined` if none was exported.
+  // The plan for a size, or `undefined`.
   planFor(player, size, algorithm, portable = false) {
     const calls = this.sizes[size].calls[this.algorithmOf(size, algorithm)];
     return calls && this.plan(this.fitting(player, calls), portable ? 0 : player.subgroupTexts(this.subgroups));
   }
 
-  // The reason why a size is not on offer on this device, or `undefined`.
+  // The reason why a size is missing on this device, or `undefined`.
   obstacle(player, size, algorithm) {
     const name = this.algorithmOf(size, algorithm), calls = this.sizes[size].calls[name];
     if (!calls) return `${name} tests all pairs, which takes too long for this many spheres`;

@@ -1,4 +1,4 @@
-//! The contents of the page as one JSON object: plans, kernels, scenes and checks, with shared parts stored once.
+//! The page's plans, kernels, scenes and checks as one JSON object.
 
 use std::collections::BTreeMap;
 
@@ -11,30 +11,29 @@ use super::checks;
 use super::scenes::KINDS;
 use crate::error::CliError;
 
-/// The numbers of spheres on the page.
+/// Numbers of spheres on the page.
 const SIZES: [u32; 9] = [1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000];
-/// Above this number of spheres, all pairs take seconds on most GPUs.
+/// Above, all pairs take seconds on most GPUs.
 const MOST_NAIVE: u32 = 100_000;
-/// The largest number of spheres of which the CPU counts the pairs for the page's measurements.
+/// Above, the CPU counts no pairs for the page.
 const MOST_COUNTED: u32 = 1_000_000;
-/// Pairs per sphere that a scene can color, and the most in all: 128 MiB, which every device can bind.
+/// Pairs per sphere that a scene can color, and in all: 128 MiB, which every device can bind.
 const PAIRS_PER_SPHERE: u32 = 24;
 const MOST_PAIRS: u32 = 1 << 24;
-/// The subgroup sizes for which kernels exist; without subgroups they run everywhere.
+/// Subgroup sizes of kernels; without subgroups they run everywhere.
 const SUBGROUPS: [Option<u32>; 7] = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
 
-/// Limits that a plan can be made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Limits {
-    /// `true` for 1 GiB per binding, `false` for WebGPU's default of 128 MiB.
+    /// 1 GiB per binding instead of WebGPU's default of 128 MiB.
     pub(super) is_large: bool,
-    /// `true` for 32 KiB of workgroup memory, `false` for WebGPU's default of 16 KiB.
+    /// 32 KiB of workgroup memory instead of WebGPU's default of 16 KiB.
     pub(super) is_wide: bool,
 }
 
 impl Limits {
     pub(super) const LARGE: Self = Self { is_large: true, is_wide: true };
-    /// From the best to those of every device.
+    /// The best first, every device's last.
     const ALL: [Self; 4] = [
         Self::LARGE,
         Self { is_large: true, is_wide: false },
@@ -43,7 +42,7 @@ impl Limits {
     ];
 
     pub(super) fn of_device(self) -> DeviceLimits {
-        // Plans require the storage buffers that they bind, and are not limited by them here.
+        // Plans require the storage buffers that they bind.
         let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 16, ..wgpu::Limits::default() };
         if self.is_large {
             limits.max_storage_buffer_binding_size = 1 << 30;
@@ -77,14 +76,14 @@ impl Bundle {
         Ok(numbered(&mut self.calls, &mut self.call_numbers, call))
     }
 
-    /// A kernel with the numbers of its texts for all subgroup sizes.
+    /// Returns a kernel's texts for all subgroup sizes.
     fn kernel(&mut self, kernel: &PlanKernel) -> Result<Value, CliError> {
         let mut form = serde_json::to_value(kernel).map_err(CliError::Json)?;
         form["wgsl"] = json!(SUBGROUPS.map(|size| self.texts.add(kernel.with_subgroups(size).wgsl())));
         Ok(form)
     }
 
-    /// The probe that chooses between kernels for subgroups and portable ones.
+    /// Returns the probe for kernels with subgroups.
     fn probe(&mut self) -> Result<Value, CliError> {
         let SubgroupProbe { faults, invocations, smallest, largest } = SubgroupProbe::BEFORE;
         let kernel = Planner::subgroup_probe(1);
@@ -101,12 +100,12 @@ impl Bundle {
     }
 }
 
-/// Kernels as runs of shared lines: their texts consist of the same pieces.
+/// Kernels consist of shared runs of lines.
 #[derive(Debug, Default)]
 struct Texts {
     lines: Vec<String>,
     positions: BTreeMap<String, Vec<usize>>,
-    /// For each text, the begins and lengths of its runs.
+    /// Beginnings and lengths of runs, by text.
     runs: Vec<Vec<[usize; 2]>>,
     numbers: BTreeMap<String, usize>,
 }
@@ -150,8 +149,6 @@ fn numbered(list: &mut Vec<Value>, numbers: &mut BTreeMap<String, usize>, value:
     })
 }
 
-/// Everything that the page shows.
-///
 /// # Errors
 /// Fails if the CPU cannot count the pairs of a scene.
 pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
@@ -175,7 +172,7 @@ pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
     }))
 }
 
-/// The calls for a number of spheres: of each algorithm, for the best limits first.
+/// Returns each algorithm's calls, for the best limits first.
 fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
     let pairs = spheres.saturating_mul(PAIRS_PER_SPHERE).min(MOST_PAIRS);
     let config = |algorithm| GpuConfig::default().algorithm(algorithm).pair_capacity(pairs);
@@ -189,7 +186,7 @@ fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
             let planner = Planner::new(config(algorithm), limits.of_device()).count_in_buffer(true);
             match planner.plan(spheres) {
                 Ok(plan) => of_limits.push(bundle.add(&plan)?),
-                // Too large for these limits; larger limits have a plan.
+                // Larger limits have a plan.
                 Err(Error::LimitExceeded { .. }) => {}
                 Err(error) => return Err(CliError::Setting(error)),
             }

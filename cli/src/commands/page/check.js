@@ -1,9 +1,9 @@
 "use strict";
-// Runs every algorithm on every scene in every variant, and compares the pairs with those of the CPU. In software, where
-// a kernel compiles for a second, every algorithm runs on every scene in one variant, and the variants take turns.
+// Runs every algorithm on every scene in every variant, and compares pairs with the CPU's. In software, where a
+// kernel compiles for a second, variants take turns.
 
-// Compares the pairs of a call with the expected ones. Pairs near tangency may be found or missed, as `f32` cannot tell.
-// Returns a description of the difference, or `null`.
+// Describes the difference of a call's pairs from the expected ones, or `null`. Pairs near tangency may be missing,
+// as `f32` cannot tell.
 function difference(expected, spheres, outcome, pairs) {
   if (outcome.exceeded.length > 0) return `the ${outcome.exceeded.join(" and the ")} exceed their capacity`;
   if (outcome.found * 2 !== pairs.length) return `${outcome.found} pairs counted, ${pairs.length / 2} written`;
@@ -13,7 +13,7 @@ function difference(expected, spheres, outcome, pairs) {
   for (let k = 0; k < pairs.length; k += 2) {
     const [i, j] = [pairs[k], pairs[k + 1]];
     if (i >= j || j >= spheres) return `(${i}, ${j}) is not a pair of ${spheres} spheres`;
-    // A second copy of an unsure pair counts as an extra pair.
+    // A second copy of an unsure pair is an extra pair.
     if (unsure.size > 0 && unsure.delete(i * 2 ** 32 + j)) continue;
     checksum.add(i, j);
     sure++;
@@ -46,13 +46,13 @@ class Checker {
     });
   }
 
-  // The plans of a search, the later with room for more entries, and the limit that they exceed on this device.
+  // The plans of a search, with more and more entries, and the limit that they exceed.
   plans({ calls, variant }) {
     const plans = calls.map((call) => this.bundle.plan(call, variant.texts));
     return { plans, obstacle: this.player.obstacle(plans[0]) };
   }
 
-  // Has all kernels compile at once, in the order in which they are needed. Errors come again when they are used.
+  // Compiles all kernels at once, in the order of use, which reports errors again.
   async compile(scenes) {
     const all = scenes.flatMap(({ searches }) => searches).map((search) => this.plans(search)).filter(({ obstacle }) => !obstacle);
     await guarded(this.player.device, "compiling the kernels", () => {
@@ -60,14 +60,13 @@ class Checker {
     }).catch(() => {});
   }
 
-  // The variants of the kernels: those that this device gets natively, and the portable ones.
+  // The native variants of this device, and the portable ones.
   variants() {
     const native = this.player.subgroupTexts(this.bundle.subgroups);
     const portable = { texts: 0, name: "portable", isPortable: true };
     return native === 0 ? [portable] : [{ texts: native, name: `subgroups of ${this.bundle.subgroups[native].size}` }, portable];
   }
 
-  // The buffers of a scene on the device.
   async inputs(scene) {
     const { player } = this, usage = GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC;
     const count = player.buffer("count", usage, new Uint32Array([scene.count]));
@@ -83,13 +82,12 @@ class Checker {
       all.set(words);
       return all;
     };
-    // Rows are the bits of x, y, z and r.
     const spheres = player.buffer("spheres", usage, padded(scene.spheres, scene.capacity * 4));
     const species = scene.species && player.buffer("species", usage, padded(scene.species, scene.capacity));
     return { spheres, species, count };
   }
 
-  // Runs these searches. `told(row, result)` hears each result.
+  // Runs searches and passes results to `told(row, result)`.
   async run(scenes, told) {
     const { player } = this, start = performance.now();
     const result = { scenes: scenes.length, checked: 0, failures: [], left_out: [] };
@@ -116,7 +114,7 @@ class Checker {
     return { ...result, seconds: (performance.now() - start) / 1000 };
   }
 
-  // What is wrong with one call, or `null`. Where a plan has too few entries the next one has more, as natively.
+  // The fault of a call, or `null`. If a plan has too few entries the next one has more.
   async fault([plan, ...larger], scene, inputs) {
     let call;
     try {
@@ -132,7 +130,7 @@ class Checker {
     }
   }
 
-  // A failing scene as a file for `lazygrid detect`.
+  // A failing scene for `lazygrid detect`.
   async csv({ scene, name, what }) {
     const inputs = await this.inputs(scene);
     const rows = new Float32Array(await this.player.read(inputs.spheres, scene.count * 16));
@@ -148,7 +146,7 @@ class Checker {
   }
 }
 
-// What `lazygrid check --json` says of the machine, as far as a browser tells.
+// The machine as in `lazygrid check --json`, as far as a browser tells.
 function machine(player, bundle) {
   const { info, device, timed } = player;
   const limits = {};
@@ -168,7 +166,6 @@ function machine(player, bundle) {
   };
 }
 
-// The object of a check.
 function checkReport(player, bundle, { scenes, checked, failures, left_out, seconds }) {
   const told = failures.map(({ name, what, spheres }) => ({ name, what, file: null, command: null, spheres }));
   return {

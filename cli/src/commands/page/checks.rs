@@ -9,24 +9,24 @@ use super::bundle::{Bundle, Limits};
 use super::scenes::KINDS;
 use crate::error::CliError;
 
-/// Larger embedded scenes are cut, as their spheres would fill the page.
+/// Larger embedded scenes are cut.
 const MOST_EMBEDDED: usize = 160;
-/// One plan of this capacity serves all embedded scenes.
+/// One plan serves all embedded scenes.
 const CAPACITY: u32 = 256;
-/// Sizes of the scenes that the device makes itself, and the largest of which all pairs are tested.
+/// Sizes of scenes that the device makes, and the largest for all pairs.
 const MADE: [u32; 2] = [1000, 10_000];
 const MOST_NAIVE: u32 = 1000;
-/// Radii grow by this factor to find all pairs that may be near tangency.
+/// Factor of radii that finds all pairs near tangency.
 const WIDER: f32 = 1.0 + 1e-5;
 
-/// All scenes of the check, with their calls.
+/// Returns the scenes of the check with their calls.
 ///
 /// # Errors
 /// Fails if a reference or a plan fails.
 pub(super) fn scenes(bundle: &mut Bundle) -> Result<Vec<Value>, CliError> {
     let mut scenes = Vec::new();
     for SceneCase { name, scenario } in compare::cases(Effort::Quick) {
-        // Scenes of thousands of random spheres are made on the device.
+        // The device makes scenes of thousands of random spheres.
         let is_taken = !scenario.is_refined() && (scenario.spheres.len() < 4000);
         if is_taken {
             let scenario = scenario.only(|at| at < MOST_EMBEDDED);
@@ -74,12 +74,11 @@ fn merged(mut scene: Value, more: Value) -> Value {
     scene
 }
 
-/// The number and the checksum of the pairs that every device must find, and the pairs near tangency, which a device
-/// may find or miss.
+/// Number and checksum of the pairs that every device must find, and the pairs near tangency.
 fn expected(scenario: &TestInput) -> Result<Value, CliError> {
     let wrong = |what: String| CliError::Page { what };
     let found = compare::expected(scenario).map_err(wrong)?;
-    // Coincident points are at distance 0 on every device.
+    // Coincident points have distance 0 on every device.
     let apart = |pair: &Pair| scenario.distance_squared(pair.i as usize, pair.j as usize) > 0.0;
     let is_unsure = |pair: &Pair| Tolerance::Tangent.allows(scenario, *pair) && apart(pair);
     let unsure: Vec<Pair> = near_pairs(scenario)?.into_iter().filter(is_unsure).collect();
@@ -104,7 +103,7 @@ fn near_pairs(scenario: &TestInput) -> Result<Vec<Pair>, CliError> {
     Ok(detector.into_pairs())
 }
 
-/// Every algorithm in every way to sort.
+/// Every algorithm with every sort.
 fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value) -> Result<Value, CliError> {
     let expected = &scene["expected"];
     let most =
@@ -136,7 +135,7 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
                 .radix_sort_from(radix_sort_from);
             let planner = Planner::new(config, limits.of_device()).count_in_buffer(true);
             let mut call = |planner: Planner| bundle.add(&planner.plan(capacity).map_err(CliError::Setting)?);
-            // Eight entries on each of 32 levels are the most that there can be.
+            // Eight entries on each of 32 levels are the most.
             let mut grown = vec![call(planner.clone())?, call(planner.min_entries(8 * 32 * capacity))?];
             grown.dedup();
             calls.push(json!({ "algorithm": algorithm.name(), "way": way, "calls": grown }));

@@ -1,4 +1,4 @@
-// Copies a buffer, for the bandwidth that times are compared with.
+// The reference for measured bandwidths.
 
 @group(0) @binding(0) var<storage, read_write> source: array<vec4u>;
 @group(0) @binding(1) var<storage, read_write> copied: array<vec4u>;

@@ -1,15 +1,15 @@
-// Marks the spheres of pairs, and draws spheres as impostors: a square per sphere, and in it the ray that meets the sphere.
+// Marks the spheres of pairs, and draws spheres as impostors: squares with a ray test.
 
 struct View {
-    // From the world to the eye, which looks along -z.
+    // To the eye, which looks along -z.
     camera: mat4x4f,
     focal: vec2f,
-    // Length of a pixel at distance 1.
+    // Size of a pixel at distance 1.
     pixel: f32,
     near: f32,
     frame: u32,
     capacity: u32,
-    // Half the edge of the box; 0 if none is drawn.
+    // Half the edge of the box, or 0.
     half: f32,
     largest: f32,
 }
@@ -54,7 +54,7 @@ fn sphere_vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) in
     // Spheres below a pixel stay visible.
     let radius = max(sphere.w, 0.6 * view.pixel * distance);
     var out: Fragment;
-    // The cone from the eye touches the sphere along a circle; the square around that circle covers the sphere exactly.
+    // The square covers the circle in which the cone from the eye touches the sphere.
     let ratio = radius * radius / max(dot(center, center), 1e-30);
     let forward = normalize(center);
     let right = normalize(cross(forward, select(vec3f(0.0, 1.0, 0.0), vec3f(1.0, 0.0, 0.0), abs(forward.y) > 0.9)));
@@ -100,7 +100,6 @@ fn sphere_fragment(in: Fragment) -> Shaded {
 
 @vertex
 fn box_vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
-    // Twelve edges: four along each axis.
     let edge = index / 2u;
     let axis = edge / 4u;
     let low = f32(edge & 1u) * 2.0 - 1.0;

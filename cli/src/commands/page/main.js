@@ -1,10 +1,10 @@
 "use strict";
-// The page: controls and figures of the scene, and the tables of check and measurement.
+// The page: controls, figures and tables.
 
 const element = (id) => document.getElementById(id);
 const made = (tag, parent, set = {}) => parent.appendChild(Object.assign(document.createElement(tag), set));
 
-// A number with three digits and a unit of thousands.
+// Three digits and a unit of thousands.
 function short(number) {
   const units = [[1e9, " G"], [1e6, " M"], [1e3, " k"]], [unit, name] = units.find(([unit]) => number >= unit) ?? [1, ""];
   return `${Number((number / unit).toPrecision(3))}${name}`;
@@ -83,7 +83,7 @@ class SceneTab {
     element("speed-text").textContent = `${element("speed").value} ×`;
   }
 
-  // Prepares what the controls ask for. A plan whose capacity was exceeded is replaced by one for more spheres.
+  // Prepares the controls' scene. A plan whose capacity was exceeded gives way to one for more spheres.
   async configure(room = 0) {
     const asked = this.asked();
     this.texts();
@@ -249,7 +249,7 @@ class Page {
     document.querySelectorAll("nav button").forEach((button) => button.setAttribute("aria-selected", button.dataset.tab === tab));
     for (const id of ["view", "side"]) element(id).hidden = tab !== "scene";
     element("report").hidden = tab === "scene";
-    // The memory of the scene is needed for the other tabs.
+    // The other tabs need the scene's memory.
     if (tab === "scene") return this.scene.configure();
     this.scene.stage.release();
     this.tabs[tab].show();
@@ -315,10 +315,10 @@ class Page {
   }
 }
 
-// The report of a page that cannot do its work.
+// The report of a page that cannot work.
 const failed = (what) => ({ ok: false, wrong: 1, failures: [{ name: "the page itself", what }] });
 
-// Says what is missing and what to do, on the page and for machines.
+// Tells people and machines the fault and the remedy.
 function fail(message) {
   Object.assign(element("failure"), { hidden: false, textContent: message });
   element("result").textContent ||= JSON.stringify(failed(message), null, 1);

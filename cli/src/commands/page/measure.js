@@ -1,7 +1,7 @@
 "use strict";
-// Times each algorithm on each scene, by the GPU's clock if it has one.
+// Times algorithms on scenes, by the GPU's clock if it has one.
 
-// Seconds that one call may take, and rounds of each.
+// Seconds per call, and rounds.
 const CALL_SECONDS = 2.5, ROUNDS = 9;
 // Browsers round timestamps to 100 µs: a round repeats short calls for this long.
 const ROUND_SECONDS = 0.008, MOST_REPEATS = 200;
@@ -15,7 +15,7 @@ class Measurer {
     Object.assign(this, { player, bundle, placer: new Placer(player, bundle.wgsl.scene) });
   }
 
-  // Seconds of the dispatches that `record` puts into a pass, `repeats` times over.
+  // Seconds of `repeats` times the dispatches of `record` in a pass.
   async timePass(record, repeats) {
     const { device } = this.player, timer = this.player.timed ? new Timer(this.player, 1) : null;
     const encoder = device.createCommandEncoder();
@@ -43,7 +43,7 @@ class Measurer {
     return ascending(seconds);
   }
 
-  // The bandwidth of a copy by a kernel, in bytes read and written per second.
+  // Bandwidth of a copy by a kernel, in bytes read and written per second.
   async copy(values) {
     const { device } = this.player;
     const [from, to] = [0, 1].map(() => device.createBuffer({ size: values * 4, usage: GPUBufferUsage.STORAGE }));
@@ -60,7 +60,7 @@ class Measurer {
     return { what: "copy", values, seconds, bytes_per_second: (values * 8) / seconds, of_copy: 1 };
   }
 
-  // One algorithm on the spheres of a scene: a row of `speeds`.
+  // One algorithm on a scene: a row of `speeds`.
   async speed(plan, count, inputs) {
     const { device } = this.player, call = await PlannedCall.create(this.player, plan, inputs);
     try {
@@ -95,7 +95,7 @@ class Measurer {
     }
   }
 
-  // Runs everything; `told` hears each row.
+  // Runs everything; passes each row to `told`.
   async run(told, stopped = () => false, sizes = MEASURED_SIZES) {
     const { bundle, player } = this, start = performance.now();
     const speeds = [], left_out = [], failures = [], primitives = [];
@@ -150,7 +150,7 @@ class Measurer {
     return { spheres, count: this.player.buffer("count", GPUBufferUsage.STORAGE, new Uint32Array([count])) };
   }
 
-  // Compares a count with that of the CPU or of the first algorithm, up to tangent pairs.
+  // Compares a count with the CPU's or the first algorithm's, up to tangent pairs.
   miscount(kind, { pairs, spheres }, speeds) {
     const known = this.bundle.scenes[kind].pairs[spheres];
     const expected = known ?? speeds.find((row) => row.scene === this.bundle.scenes[kind].name && row.spheres === spheres).pairs;
@@ -158,7 +158,7 @@ class Measurer {
   }
 }
 
-// Draws nanoseconds per sphere over the number of spheres, both logarithmic, a line per algorithm.
+// Draws nanoseconds per sphere over spheres, both logarithmic, a line per algorithm.
 function plotSpeeds(canvas, speeds, colors) {
   const ratio = globalThis.devicePixelRatio || 1, pen = canvas.getContext("2d");
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];

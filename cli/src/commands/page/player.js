@@ -1,13 +1,13 @@
 "use strict";
-// Executes call plans of lazygrid through WebGPU: creates the buffers, binds them, dispatches the kernels and reads the
-// outcome. `docs/page.md` describes the format. Needs no page: `node.mjs` runs this file in Node.
+// Executes call plans of lazygrid through WebGPU; `docs/page.md` describes the format. Needs no page: `node.mjs` runs
+// it in Node.
 
 const PLAN_FORMAT = 1;
 
-// A failure with a remedy, for people.
+// A failure with a remedy.
 class PlayerError extends Error {}
 
-// Runs `work` and throws what the device objects to. Both kinds of errors arrive after the call that caused them.
+// Runs `work` and throws the device's errors, which arrive after the call.
 async function guarded(device, what, work) {
   device.pushErrorScope("out-of-memory");
   device.pushErrorScope("validation");
@@ -24,7 +24,7 @@ async function guarded(device, what, work) {
   return result;
 }
 
-// The device, and the choices that lazygrid makes from its limits.
+// The device, and lazygrid's choices by its limits.
 class Player {
   constructor(adapter, device) {
     Object.assign(this, { adapter, device, info: adapter.info, pipelines: new Map() });
@@ -35,13 +35,13 @@ class Player {
     });
   }
 
-  // Returns `true` if the device was lost. Calls fail before the device says so.
+  // Returns `true` if the device was lost; calls fail before it says so.
   async isLost() {
     await Promise.race([this.device.lost, new Promise((done) => setTimeout(done, 100))]);
     return this.lost !== undefined;
   }
 
-  // Opens the best adapter with the largest limits that plans can use, or with at most `limits`.
+  // Opens the best adapter with the largest limits that plans use, or at most `limits`.
   static async open(gpu, limits = {}) {
     if (!gpu) {
       throw new PlayerError(
@@ -61,7 +61,7 @@ class Player {
     return new Player(adapter, await adapter.requestDevice({ requiredFeatures, requiredLimits }));
   }
 
-  // The limit that a plan exceeds on this device, or `undefined`.
+  // The limit that a plan exceeds, or `undefined`.
   obstacle({ requires }) {
     const limits = this.device.limits;
     const known = {
@@ -75,7 +75,7 @@ class Player {
     return name && `${name.replaceAll("_", " ")}: ${requires[name]} needed, this GPU offers ${known[name]}`;
   }
 
-  // The index of the texts for this device among `subgroups`, the sizes for which a bundle has texts; 0 is portable.
+  // The index of this device's texts among `subgroups`, the sizes of a bundle; 0 is portable.
   subgroupTexts(subgroups) {
     if (!this.device.features.has("subgroups") || this.refusal) return 0;
     const memory = this.device.limits.maxComputeWorkgroupStorageSize;
@@ -83,8 +83,8 @@ class Player {
     return Math.max(0, subgroups.findIndex(({ size, workgroup_memory }) => size === smallest && workgroup_memory <= memory));
   }
 
-  // Tests what kernels for subgroups assume and no API promises: subgroups are full, and lanes follow local indices. If the test
-  // fails, `refusal` is the reason, and kernels run without subgroup operations.
+  // Tests that subgroups are full and lanes follow local indices, which no API promises. On failure `refusal` is the
+  // reason, and kernels run without subgroup operations.
   async probe(bundle) {
     const { probe } = bundle, texts = this.subgroupTexts(bundle.subgroups);
     if (texts === 0) return;
@@ -111,7 +111,7 @@ class Player {
     }
   }
 
-  // Compiles a kernel once. Pipelines compile in parallel, off the main thread.
+  // Compiles a kernel once; pipelines compile in parallel.
   pipeline({ entry_point, bindings, wgsl }) {
     const known = this.pipelines.get(wgsl);
     if (known) return known;
@@ -151,7 +151,6 @@ class Player {
     return this.device.createCommandEncoder();
   }
 
-  // Copies a buffer's first `size` bytes to the host.
   async read(source, size) {
     const bytes = Math.max(4, Math.ceil(size / 4) * 4);
     const staging = this.device.createBuffer({ label: "staging", size: bytes, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
@@ -165,11 +164,11 @@ class Player {
   }
 }
 
-// The counters of a call, from the bytes of its outcome buffer, whose layout the plan tells.
+// The counters of a call, from the bytes of its outcome buffer.
 function outcomeOf({ outcome: { fields, overflow_bits } }, bytes) {
   const words = new Uint32Array(bytes);
   const outcome = Object.fromEntries(Object.entries(fields).map(([name, offset]) => [name, words[offset / 4]]));
-  // Up to 2^53, far above what any device counts in a day.
+  // Up to 2^53, far above any count of a day.
   outcome.found = outcome.found_hi * 2 ** 32 + outcome.found_lo;
   outcome.entries = outcome.entries_hi * 2 ** 32 + outcome.entries_lo;
   outcome.exceeded = Object.keys(overflow_bits).filter((name) => outcome.overflow & overflow_bits[name]);
@@ -178,7 +177,7 @@ function outcomeOf({ outcome: { fields, overflow_bits } }, bytes) {
 }
 
 class PlannedCall {
-  // `inputs` holds the caller's buffers by the names of the plan's inputs.
+  // `inputs` has the caller's buffers by the plan's names.
   static async create(player, plan, inputs) {
     if (plan.format !== PLAN_FORMAT) throw new PlayerError(`the plan has format ${plan.format}, and this player reads ${PLAN_FORMAT}`);
     const obstacle = player.obstacle(plan);
@@ -224,7 +223,7 @@ class PlannedCall {
     this.parts = this.grouped(() => "");
   }
 
-  // The dispatches of consecutive passes: of one part of the plan each, and of one `kind`.
+  // The dispatches of consecutive passes: of a part and a `kind` each.
   grouped(kind) {
     const passes = [], starts = new Set(this.plan.part_starts);
     this.steps.forEach((step, at) => {
@@ -248,8 +247,8 @@ class PlannedCall {
     }
   }
 
-  // Records the call: in one pass per part, or with a timer in one per phase. Each further part, which may take as long
-  // as drivers allow a submission, goes to the encoder that `next` returns. Returns the last encoder.
+  // Records the call in one pass per part, or per phase with a timer. Further parts, which may take as long as
+  // drivers allow a submission, go to the encoders that `next` returns. Returns the last encoder.
   encode(encoder, timer, next) {
     for (const { kind, starts, steps, begins, ends } of timer ? this.passes : this.parts) {
       if (starts) encoder = next(encoder);
@@ -261,14 +260,14 @@ class PlannedCall {
     return encoder;
   }
 
-  // Records a further part of a call whose outcome is partial.
+  // Records a further part of a partial outcome.
   encodeContinuation(encoder) {
     const pass = encoder.beginComputePass();
     this.dispatch(pass, this.steps.slice(this.plan.continuation));
     pass.end();
   }
 
-  // Runs the whole call, in as many submissions as it takes, and returns its outcome.
+  // Runs the call in as many submissions as it takes.
   async run() {
     const { device } = this.player, next = (encoder) => this.player.next(encoder);
     device.queue.submit([this.encode(device.createCommandEncoder(), null, next).finish()]);
@@ -299,7 +298,7 @@ class Timer {
     this.ticks = device.createBuffer({ size: 16 * phases, usage: GPUBufferUsage.QUERY_RESOLVE | GPUBufferUsage.COPY_SRC });
   }
 
-  // Timestamps of a pass with which a phase begins, ends, or both.
+  // Timestamps of a pass that begins or ends a phase.
   writes(phase, begins = true, ends = true) {
     const writes = { querySet: this.set };
     if (begins) writes.beginningOfPassWriteIndex = 2 * phase;
@@ -311,7 +310,7 @@ class Timer {
     encoder.resolveQuerySet(this.set, 0, 2 * this.phases, this.ticks, 0);
   }
 
-  // Seconds of each phase, from the bytes of `ticks`.
+  // Seconds of each phase.
   static seconds(bytes) {
     const ticks = new BigUint64Array(bytes);
     return Array.from({ length: ticks.length / 2 }, (_, k) => Math.max(0, Number(ticks[2 * k + 1] - ticks[2 * k])) * 1e-9);
@@ -323,8 +322,8 @@ class Timer {
   }
 }
 
-// An order-independent digest of pairs: the sum of SplitMix64's finalizer over (i << 32 | j), as two words. Products of
-// 64 bits are made of four of 16 bits, since BigInt takes fifty times as long.
+// An order-independent digest of pairs: the sum of SplitMix64's finalizer over (i << 32 | j), as two words. Products
+// of 64 bits are made of four of 16 bits, since BigInt takes fifty times as long.
 class Checksum {
   constructor() {
     this.low = this.high = 0;

@@ -1,5 +1,5 @@
-// The moving spheres of the page. Positions at time 0 are products of integers below 2^24 and one factor, so that the
-// host computes the same bits (`page/scenes.rs`).
+// The moving spheres. Positions at time 0 are integers below 2^24 times one factor, so the host computes the same
+// bits (`page/scenes.rs`).
 
 struct Scene {
     count: u32,
@@ -7,10 +7,10 @@ struct Scene {
     is_burst: u32,
     seed: u32,
     classes: u32,
-    // Length units per integer step.
+    // Length of an integer step.
     scale: f32,
     time: f32,
-    // The first `giants` spheres have this radius.
+    // Radius of the first `giants` spheres.
     giant_radius: f32,
     giants: u32,
     radii: array<vec4f, 3>,
@@ -32,7 +32,7 @@ fn centered(index: u32, stream: u32) -> i32 {
     return i32(word(index, stream) >> 8u) - 8388608;
 }
 
-// The sum of eight uniform numbers, less its mean: nearly normal.
+// Eight uniform numbers: nearly normal.
 fn bell(index: u32, axis: u32) -> i32 {
     var sum = 0u;
     for (var k = 0u; k < 8u; k++) {
@@ -49,7 +49,7 @@ fn radius_of(index: u32) -> f32 {
     return scene.radii[class_index / 4u][class_index % 4u];
 }
 
-// Reflects a coordinate at the walls -half and half.
+// Reflects at the walls -half and half.
 fn folded(x: f32, half: f32) -> f32 {
     let turns = (x + half) / (4.0 * half);
     return (abs(fract(turns) - 0.5) * -4.0 + 1.0) * half;

@@ -1,27 +1,27 @@
-//! The scenes of the page. `scene.wgsl` makes the same spheres on a GPU, bit for bit, from integers and one product for
-//! each coordinate.
+//! The scenes of the page. `scene.wgsl` makes the same spheres, bit for bit, from integers and one product per
+//! coordinate.
 
 use lazygrid::Sphere;
 use serde::Serialize;
 
-/// The part of the volume that the uniform scenes fill, overlaps counted twice.
+/// Filled fraction of uniform scenes.
 pub(super) const FILLING: f64 = 0.05;
-/// Pairs per sphere of the burst.
+/// Per sphere.
 const BURST_PAIRS: f64 = 20.0;
-/// Integer steps of half a box.
+/// In integer steps.
 const HALF: f64 = (1 << 23) as f64;
-/// Standard deviation of the sum of eight uniform integers below 2²¹: `2²¹ · √(8 / 12)`.
+/// Standard deviation of eight uniform integers below 2²¹: `2²¹ · √(8 / 12)`.
 const BELL: f64 = 2_097_152.0 * 0.816_496_580_927_726;
 
 #[derive(Debug, Serialize)]
 pub(super) struct Kind {
     pub(super) name: &'static str,
     title: &'static str,
-    /// `true` if centers are normal about the origin, `false` if they are uniform in a cube.
+    /// Normal about the origin, else uniform in a cube.
     is_burst: bool,
     seed: u32,
     radii: &'static [f32],
-    /// The number of spheres that have `giant_radius` instead.
+    /// Spheres with `giant_radius`.
     giants: u32,
     giant_radius: f32,
 }
@@ -29,7 +29,7 @@ pub(super) struct Kind {
 const TEN: [f32; 10] =
     [1.0, 0.5, 0.25, 0.125, 0.0625, 0.031_25, 0.015_625, 0.007_812_5, 0.003_906_25, 0.001_953_125];
 
-/// All scenes, in the order of the page.
+/// In the order of the page.
 pub(super) const KINDS: [Kind; 5] = [
     Kind { seed: 1, ..uniform("equal", "Equal", &[1.0]) },
     Kind { seed: 2, ..uniform("five-sizes", "Five sizes", &[1.0, 0.5, 0.25, 0.125, 0.0625]) },
@@ -43,7 +43,7 @@ const fn uniform(name: &'static str, title: &'static str, radii: &'static [f32])
 }
 
 impl Kind {
-    /// The length of an integer step with `spheres` spheres, at a filling of [`FILLING`] or with [`BURST_PAIRS`].
+    /// Returns the integer step at [`FILLING`] or [`BURST_PAIRS`].
     pub(super) fn scale(&self, spheres: u32) -> f32 {
         let n = f64::from(spheres);
         let mean = |of: &dyn Fn(f64) -> f64| -> f64 {

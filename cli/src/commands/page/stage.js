@@ -1,11 +1,11 @@
 "use strict";
-// The moving scene: places spheres, has a plan find their pairs, marks them and draws all from the same buffers.
+// The moving scene: places spheres, finds their pairs by a plan, and draws from the same buffers.
 
 const BACKGROUND = { r: 0.071, g: 0.086, b: 0.11, a: 1 };
-// Frames whose outcome may be on its way to the host.
+// Frames with a pending outcome.
 const READBACKS = 3;
 
-// The parameters of a scene for `scene.wgsl`. `scale` is that of the bundle at 5 % filling.
+// Parameters for `scene.wgsl`. `scale` is that of 5 % filling.
 function sceneUniform(kind, count, scale, time) {
   const words = new ArrayBuffer(80);
   new Uint32Array(words, 0, 4).set([count, kind.is_burst ? 1 : 0, kind.seed, kind.radii.length]);
@@ -15,7 +15,7 @@ function sceneUniform(kind, count, scale, time) {
   return words;
 }
 
-// Workgroups of 256 threads for `count` threads, over two dimensions.
+// Workgroups of 256 threads, over two dimensions.
 function workgroupsFor(count) {
   const groups = Math.max(1, Math.ceil(count / 256)), rows = Math.ceil(groups / 65535);
   return [Math.ceil(groups / rows), rows];
@@ -61,7 +61,7 @@ class Camera {
     this.distance = Math.max(0.02, Math.min(20, this.distance * factor));
   }
 
-  // Column-major matrix from the world to the eye, `radius` being the extent of the scene.
+  // Column-major, from the world to the eye, for a scene of this radius.
   matrix(radius) {
     const [ct, st, cp, sp] = [Math.cos(this.turn), Math.sin(this.turn), Math.cos(this.tilt), Math.sin(this.tilt)];
     return [ct, -sp * st, cp * st, 0, 0, cp, sp, 0, -st, -sp * ct, cp * ct, 0, 0, 0, -this.distance * radius, 1];
@@ -73,7 +73,7 @@ class Stage {
     Object.assign(this, { player, bundle, canvas, camera: new Camera(), frame: 0, time: 0, generation: 0 });
     const { device } = player;
     this.placer = new Placer(player, bundle.wgsl.scene);
-    // Software adapters cannot hand textures to a browser's compositor: their pictures take the way through memory.
+    // Software adapters cannot hand textures to a compositor: pictures go through memory.
     this.copies = player.isSoftware;
     this.format = this.copies ? "rgba8unorm" : navigator.gpu.getPreferredCanvasFormat();
     this.context = canvas.getContext(this.copies ? "2d" : "webgpu");
@@ -92,7 +92,7 @@ class Stage {
     this.view = device.createBuffer({ size: 112, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
   }
 
-  // Prepares a scene; resolves once it can be drawn. `room` asks for the plan of a larger size.
+  // Prepares a scene, with the plan of a larger size if `room` asks.
   async configure({ kind, size, algorithm, filling }, room = 0) {
     const generation = ++this.generation;
     const plan = this.bundle.planFor(this.player, Math.min(size + room, this.bundle.sizes.length - 1), algorithm);
@@ -144,16 +144,16 @@ class Stage {
     return Math.fround(kind.scales[asked.size] * Math.cbrt(0.05 / filling) * (this.time === 0 ? 1 : grown));
   }
 
-  // The distance from the origin that a view must show.
+  // The distance from the origin to show.
   extent() {
     return this.set.kind.scales[this.set.asked.size] * Math.cbrt(0.05 / this.set.filling) * 8388608 * (this.set.kind.is_burst ? 0.6 : 1);
   }
 
-  // Advances by `seconds`, finds all pairs, and draws. Calls `told` with the outcome some frames later. Returns `false`
-  // if the GPU is too busy for another frame.
+  // Advances by `seconds`, finds all pairs, and draws. Calls `told` with the outcome some frames later. Returns
+  // `false` if the GPU is too busy.
   draw(seconds, told) {
     const { set, player: { device } } = this;
-    // The GPU is behind by as many frames as it may be.
+    // The GPU is behind by the allowed frames.
     if (!set || set.staging.length === 0) return false;
     this.frame++;
     this.time += seconds;
@@ -188,7 +188,7 @@ class Stage {
     });
   }
 
-  // Records the drawing; returns what shows it where the canvas cannot be drawn to.
+  // Records the drawing; returns what shows it if the canvas cannot be drawn to.
   render(encoder, extent) {
     this.resize();
     const { canvas, set } = this, { width, height } = canvas;

@@ -25,7 +25,6 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     })?;
     advance.bar.finish_and_clear();
     let mean = MeanSeries::of_replicas(&replicas, &mut replicated)?;
-    // One replica is representative.
     if replicas.directory_of(0).exists() {
         animation::write(&replicas.replica(0))?;
     }
@@ -49,7 +48,6 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     }
 }
 
-/// Returns the replicas that are done, for their report.
 pub(crate) fn done<'a>(replicas: &'a Replicas, results: &ReplicaResults, mean: &'a MeanSeries) -> Done<'a> {
     let run = &replicas.run;
     let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
@@ -57,10 +55,10 @@ pub(crate) fn done<'a>(replicas: &'a Replicas, results: &ReplicaResults, mean: &
     Done { run, mean, runs: results.done.iter().map(of).collect(), command }
 }
 
-/// The progress of all replicas together.
+/// Progress of all replicas.
 pub(crate) struct Advance {
     pub(crate) bar: ProgressBar,
-    /// The number of steps done, by point and replica.
+    /// Indexed by point and replica.
     steps: Mutex<BTreeMap<(usize, u32), u32>>,
 }
 
@@ -83,7 +81,7 @@ impl Advance {
     }
 }
 
-/// Returns the mean last row of each series, with its standard error.
+/// Mean last rows, with standard errors.
 fn summary(replicas: &Replicas, replicated: &ReplicaResults, mean: &MeanSeries) -> String {
     let run = &replicas.run;
     let mut lines = vec![

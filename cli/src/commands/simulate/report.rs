@@ -15,17 +15,17 @@ use lazygrid_sim::run::Run;
 
 use crate::error::CliError;
 
-/// Runs that are done, of one scenario.
+/// Finished runs of one scenario.
 pub(crate) struct Done<'a> {
-    /// The scenario, and where the report goes.
+    /// Scenario, and directory of the report.
     pub(crate) run: &'a Run,
     pub(crate) mean: &'a MeanSeries,
-    /// The seed and the directory of each.
+    /// Seeds and directories.
     pub(crate) runs: Vec<(u64, PathBuf)>,
     pub(crate) command: String,
 }
 
-/// The options of a run that matter to the report.
+/// Options that matter to the report.
 pub(crate) fn command(run: &Run) -> String {
     let Run { scenario, path, directory, .. } = run;
     format!(
@@ -44,7 +44,7 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     Ok(mean)
 }
 
-/// Writes `report.html` and its plots, and the tables of channels, which it returns.
+/// Writes `report.html`, its plots, and the tables of channels, which it returns.
 pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
     tables(&channels, &done.run.scenario.model, &done.run.directory)?;
@@ -53,14 +53,12 @@ pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     Ok(channels)
 }
 
-/// Reads the channels of runs.
 pub(crate) fn channels(done: &Done<'_>) -> Result<Channels, CliError> {
     let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
     let runs = done.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
     Ok(Channels::of(model, steps, runs)?)
 }
 
-/// Writes `report.html` and its plots to a directory.
 fn write_page(
     directory: &Path,
     title: String,

@@ -13,7 +13,6 @@ use crate::error::CliError;
 use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
-/// Runs all points of a sweep, and writes their table and report.
 pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let runs = || sweep.points.iter().map(|point| u64::from(point.count.get()));
@@ -29,7 +28,6 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     let (mut rows, mut responses) = (Vec::new(), Vec::new());
     for ((point, values), results) in sweep.points.iter().zip(&sweep.values).zip(&mut results) {
         let mean = MeanSeries::of_replicas(point, results)?;
-        // One replica shows what all are like.
         if point.directory_of(0).exists() {
             animation::write(&point.replica(0))?;
         }
@@ -63,7 +61,7 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     Err(CliError::StoppedSweep { done: finished, count: runs().sum(), command, signal })
 }
 
-/// Returns the summary of a sweep: the values of each point and the number of its replicas that are done.
+/// Values and finished replicas of each point.
 fn summary(sweep: &SweepRuns, rows: &[SweepRow], finished: usize) -> String {
     let mut lines = vec![format!("sweep      {} points, {finished} runs done", rows.len())];
     for (k, row) in rows.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Scenes that show what is wrong, as `lazygrid detect` reads them.
+//! Failing scenes as files for `lazygrid detect`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -9,7 +9,7 @@ use lazygrid_check::TestInput;
 use lazygrid_io::Error;
 use lazygrid_io::write::AtomicFile;
 
-/// The options with which `lazygrid detect` searches a written scene; `None` for species and for triclinic cells.
+/// Returns the options of `lazygrid detect` for a scene; `None` for species and triclinic cells.
 pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
     let mut options = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
     if scenario.excluded.is_some() {
@@ -21,19 +21,17 @@ pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
     Some(options)
 }
 
-/// The file of excluded pairs of a scene file.
 fn excluded(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().display();
     path.with_file_name(format!("{stem}-excluded.csv"))
 }
 
 fn of_space(space: &Space) -> Option<String> {
-    // In the form of the option.
     let edges = space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)));
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
     }
-    // A diagonal above zero, and nothing after it.
+    // A diagonal above zero, and nothing else.
     let has_option =
         |k: usize| edges[k].is_none_or(|edge| edge[k] > 0.0 && (k + 1..3).all(|axis| edge[axis] == 0.0));
     if !(0..3).all(has_option) {
@@ -46,7 +44,7 @@ fn of_space(space: &Space) -> Option<String> {
     Some(if space.triclinic_cell().is_some() { format!("{periodic} --tilt {tilts}") } else { periodic })
 }
 
-/// Writes a scene after comments, and next to it its excluded pairs.
+/// Writes a scene after comments, and its excluded pairs.
 pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result<(), Error> {
     let mut text = String::new();
     let mut comment = |line: &str| text += &format!("# {line}\n");

@@ -1,5 +1,3 @@
-//! The section of bit errors.
-
 use std::error::Error;
 
 use lazygrid_report::plot::{PlotPoint, Series};
@@ -10,7 +8,7 @@ use lazygrid_sim::Model;
 
 use super::sections::{POINTS, plot_scaled};
 
-/// Rows of a table of thresholds, at most.
+/// Most rows of a table of thresholds.
 const ROWS: usize = 40;
 
 pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
@@ -71,25 +69,25 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
     Ok(section)
 }
 
-/// Returns a rate with its 95 % interval as a point.
+/// A rate and its 95 % interval.
 fn rate_point(x: f64, errors: &BitErrors, wrong: u64) -> PlotPoint {
     let [low, high] = errors.interval(wrong);
     PlotPoint::new(x, wrong as f64 / errors.bits as f64, (low, high))
 }
 
-/// Formats a rate with its 95 % interval.
+/// A rate and its 95 % interval.
 fn rate(errors: &BitErrors, wrong: u64) -> String {
     let [low, high] = errors.interval(wrong);
     format!("{:.4} ({low:.4} to {high:.4})", wrong as f64 / errors.bits as f64)
 }
 
-/// Returns the first delay of a link, and the one with the fewest errors.
+/// The first delay, and the one with the fewest errors.
 fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
     let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
     of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
 }
 
-/// Returns a row for each delay, with the best thresholds.
+/// A row per delay, with the best thresholds.
 fn table_by_delay(of: &[BitErrors], name: &str, model: &Model) -> Table {
     let least = of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
     let row = |errors: &BitErrors| {
@@ -132,7 +130,7 @@ fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
     cells
 }
 
-/// Returns at most `most` thresholds, evenly spaced.
+/// At most `most`, evenly spaced.
 fn thresholds(errors: &BitErrors, most: usize) -> impl Iterator<Item = u64> {
     let last = errors.most() + 1;
     let step = (last / most as u64 + 1) as usize;

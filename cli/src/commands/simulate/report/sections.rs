@@ -11,10 +11,9 @@ use lazygrid_sim::Model;
 use super::Done;
 use super::bit_errors::bit_errors;
 
-/// Points of a line of a series, at most.
+/// Most points of a line.
 pub(super) const POINTS: usize = 400;
 
-/// All of them.
 pub(super) fn all(done: &Done<'_>, channels: &Channels) -> Result<Vec<Section>, Box<dyn Error>> {
     let model = &done.run.scenario.model;
     let mut sections = vec![head(done), series(done)?];
@@ -38,7 +37,7 @@ pub(super) fn all(done: &Done<'_>, channels: &Channels) -> Result<Vec<Section>, 
     Ok(sections)
 }
 
-/// Returns the counts of receivers within slots, a line for each symbol: bars are the error of the mean over its slots.
+/// A line per symbol; bars are the error of the mean over slots.
 fn by_symbol(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Counts by symbol".into(), ..Section::default() };
     section.text.push(
@@ -87,7 +86,7 @@ fn head(done: &Done<'_>) -> Section {
     Section { title: "The run".into(), text, tables: vec![table], ..Section::default() }
 }
 
-/// Plots each group of the series, and tabulates the last values.
+/// Plots each group, and tabulates the last values.
 fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
     let (model, mean) = (&done.run.scenario.model, done.mean);
     let mut section = Section { title: "Series".into(), ..Section::default() };
@@ -199,7 +198,7 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
     Ok(section)
 }
 
-/// A plot of these lines, if they have points, under a file's name and a title.
+/// A plot of these lines, if they have points.
 pub(super) fn plot(
     (name, title): (&str, &str),
     (x, y): (&str, &str),
@@ -208,7 +207,6 @@ pub(super) fn plot(
     plot_scaled((name, title), [(x, Scale::Linear), (y, Scale::Linear)], series)
 }
 
-/// A plot with these scales of its axes.
 pub(super) fn plot_scaled(
     (name, title): (&str, &str),
     [x, y]: [(&str, Scale); 2],
@@ -223,7 +221,7 @@ pub(super) fn mark(x: f64, mean: f64, error: Option<f64>) -> PlotPoint {
     PlotPoint::new(x, mean, (mean - error, mean + error))
 }
 
-/// A mean with its standard error, as far as it goes.
+/// A mean with its standard error, if any.
 fn written(mean: f64, error: Option<f64>) -> String {
     match error.filter(|error| *error > 0.0) {
         _ if mean.is_nan() => "–".to_owned(),

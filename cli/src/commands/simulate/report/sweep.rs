@@ -1,4 +1,4 @@
-//! The report of a sweep: each result by the first key with numbers, and the responses of all points.
+//! The report of a sweep.
 
 use std::error::Error;
 
@@ -13,10 +13,9 @@ use super::sections::{mark, plot, plot_scaled};
 use super::write_page;
 use crate::error::CliError;
 
-/// The most lines of a plot, as many as its legend holds.
+/// The legend holds no more.
 const MAX_LINES: usize = 20;
 
-/// Writes `report.html` and its plots to the directory of the sweep.
 pub(crate) fn write(
     sweep: &SweepRuns,
     rows: &[SweepRow],
@@ -53,14 +52,14 @@ fn points(sweep: &SweepRuns, rows: &[SweepRow]) -> Section {
     }
 }
 
-/// Returns the index of the first key whose values are numbers, and these by point.
+/// Returns the first key with numbers, and these by point.
 fn axis(rows: &[SweepRow], keys: usize) -> Option<(usize, Vec<f64>)> {
     let numbers =
         |key: usize| rows.iter().map(|row| row.values[key].parse().ok()).collect::<Option<Vec<f64>>>();
     (0..keys).find_map(|key| Some((key, numbers(key)?)))
 }
 
-/// Returns the values of all keys except one, for legends.
+/// Values of all other keys, for legends.
 fn others(sweep: &SweepRuns, values: &[String], but: usize) -> String {
     let named = sweep.keys.iter().zip(values).enumerate().filter(|&(key, _)| key != but);
     named.map(|(_, (key, value))| format!(", {} = {value}", key.path)).collect()
