@@ -12,8 +12,8 @@ use crate::{Failure, OutPtr};
 
 /// `lazygrid_detector`: a detector and the texts that C has pointers to.
 ///
-/// All functions use `try_lock`, so a second thread and the callback of a stream get [`BUSY`]. A panic poisons the mutex, and
-/// all later calls with the detector fail.
+/// All functions use `try_lock`, so a second thread and a stream's callback get [`BUSY`]. A panic poisons the mutex,
+/// and all later calls with the detector fail.
 #[derive(Debug)]
 pub struct DetectorHandle(Mutex<HandleState>);
 
@@ -21,7 +21,7 @@ pub struct DetectorHandle(Mutex<HandleState>);
 pub struct HandleState {
     pub detector: Detector,
     pub report: CString,
-    /// The error message of the last call; empty if it succeeded.
+    /// Empty if the last call succeeded.
     message: CString,
 }
 

@@ -126,10 +126,10 @@ pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut Exclusions
     });
 }
 
-/// Borrows the exclusions at `exclusions`; `None` if it is NULL.
+/// Borrows the exclusions; `None` if NULL.
 ///
 /// # Errors
-/// Fails if it is not aligned.
+/// If the pointer is not aligned.
 ///
 /// # Safety
 /// The header's conditions: `exclusions` is NULL or exclusions that are not destroyed while the result is in use.

@@ -38,7 +38,7 @@ unsafe impl VersionedStruct for CSpheres {
         "set it to sizeof(lazygrid_spheres), or make the spheres by lazygrid_rows or its like";
 }
 
-/// `lazygrid_query`: one set or two, and the pairs that are excluded.
+/// `lazygrid_query`: one set or two, and exclusions.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct CQuery {
@@ -55,10 +55,10 @@ unsafe impl VersionedStruct for CQuery {
         "set it to sizeof(lazygrid_query), or make the query by lazygrid_among or lazygrid_across";
 }
 
-/// Borrows the query at `query`. Copies only the structures, not the arrays.
+/// Borrows the query; copies only the structures, not the arrays.
 ///
 /// # Errors
-/// Fails if a required pointer is NULL or misaligned, if a size, type or step is wrong, or if there are too many spheres. An
+/// If a required pointer is NULL or misaligned, if a size, type or step is wrong, or if there are too many spheres. An
 /// error in the second set says so.
 ///
 /// # Safety
@@ -86,10 +86,7 @@ fn of_second(Failure { status, message }: Failure) -> Failure {
 }
 
 impl CSpheres {
-    /// Borrows the spheres at `at`; `name` is their name in messages.
-    ///
-    /// # Errors
-    /// The same as [`borrow`].
+    /// Borrows the spheres at `at`; messages call them `name`.
     ///
     /// # Safety
     /// The same as [`borrow`], for these spheres.
@@ -151,7 +148,7 @@ impl CSpheres {
         are_steps && !self.x.is_null() && is_at(self.y, 1) && is_at(self.z, 2) && is_at(self.r, 3)
     }
 
-    /// Spheres of numbers of type `T` with any steps.
+    /// Returns spheres of type `T` with any steps.
     ///
     /// # Safety
     /// The same as [`numbers`](Self::numbers); the numbers are of type `T`.
@@ -187,9 +184,6 @@ impl CSpheres {
 }
 
 /// Converts a step in bytes to a number of values of type `T`.
-///
-/// # Errors
-/// Fails if the step is not a multiple of the size of `T`.
 fn values_of<T>(step: usize, name: &str) -> Result<usize, Failure> {
     let size = size_of::<T>();
     if !step.is_multiple_of(size) {
@@ -199,10 +193,7 @@ fn values_of<T>(step: usize, name: &str) -> Result<usize, Failure> {
     Ok(step / size)
 }
 
-/// The number of values of type `T` from the first sphere's to the last sphere's, both included; 0 without spheres.
-///
-/// # Errors
-/// Fails if they are more than memory can hold.
+/// Returns the number of values from the first sphere's to the last sphere's, both included; 0 without spheres.
 fn extent<T>(count: usize, step: usize, name: &str) -> Result<usize, Failure> {
     let Some(last) = count.checked_sub(1) else { return Ok(0) };
     let most = isize::MAX as usize / size_of::<T>();

@@ -8,7 +8,6 @@ use crate::{Failure, OutPtr};
 #[derive(Debug)]
 pub struct InteractionsHandle(pub Interactions);
 
-/// Converts a kind and a distance to an interaction.
 fn interaction(kind: i32, distance: f64) -> Result<Interaction, Failure> {
     match kind {
         0 => Ok(Interaction::Never),

@@ -20,11 +20,11 @@ pub struct CNeighborList {
     pub distances: *const f64,
 }
 
-/// The options by the names that the header gives them, and their bits.
+/// The options by their names in the header, and their bits.
 pub const OPTIONS: [(&str, u32); 6] =
     [("HALF", 1), ("OPEN", 2), ("SELF", 4), ("SHIFTS", 8), ("VECTORS", 16), ("DISTANCES", 32)];
 
-/// Converts the bits of `LAZYGRID_LIST_…` to options.
+/// Converts `LAZYGRID_LIST_…` bits to options.
 fn options(bits: u32) -> Result<ListOptions, Failure> {
     let known = OPTIONS.iter().fold(0, |known, (_, bit)| known | bit);
     if bits & !known != 0 {

@@ -1,4 +1,4 @@
-//! Pointers of C as references, after every check that is possible.
+//! Pointers of C as references, after every possible check.
 
 use std::slice;
 
@@ -11,7 +11,7 @@ impl<T> OutPtr<T> {
     /// Takes `at` and writes `empty` to it, which a failing call leaves there.
     ///
     /// # Errors
-    /// Fails if `at` is NULL or not aligned; `name` is its name in the message.
+    /// If `at` is NULL or not aligned; messages call it `name`.
     ///
     /// # Safety
     /// If `at` is neither, it can be written to for as long as the result lives, and no other code writes to it.
@@ -33,7 +33,7 @@ impl<T> OutPtr<T> {
 /// Checks that a pointer is neither NULL nor misaligned.
 ///
 /// # Errors
-/// Fails if it is; `name` is its name in the message.
+/// If it is; messages call it `name`.
 pub fn check<T>(pointer: *const T, name: &str) -> Result<(), Failure> {
     if pointer.is_null() {
         return Err(Failure::argument(format!("`{name}` is NULL; pass the address of a value")));
@@ -48,7 +48,7 @@ pub fn check<T>(pointer: *const T, name: &str) -> Result<(), Failure> {
 /// Returns the `count` values at `at`. Does not read `at` if `count` is 0.
 ///
 /// # Errors
-/// Fails if `at` is NULL or not aligned, unless `count` is 0.
+/// If `at` is NULL or not aligned, unless `count` is 0.
 ///
 /// # Safety
 /// If `count` is not 0 and `at` is neither NULL nor misaligned: `count` values are there, any bits are a value, no code

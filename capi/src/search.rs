@@ -15,8 +15,8 @@ thread_local! {
     static IN_CALLBACK: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a search, unless this thread runs a callback: other pool threads may wait for the callback to return, and a search
-/// with any detector would wait for them.
+/// Runs a search, unless this thread runs a callback: other pool threads may wait for the callback to return, and a
+/// search with any detector would wait for them.
 ///
 /// # Safety
 /// The same as [`with_detector`].
@@ -120,7 +120,6 @@ pub unsafe extern "C" fn lazygrid_neighbors(
     unsafe { search(detector, work) }
 }
 
-/// Writes the addresses of the lists.
 fn put_lists(lists: &Neighbors<'_>, offsets: &OutPtr<*const u64>, indices: &OutPtr<*const u32>) {
     offsets.put(lists.offsets().as_ptr());
     indices.put(lists.indices().as_ptr());
@@ -129,7 +128,6 @@ fn put_lists(lists: &Neighbors<'_>, offsets: &OutPtr<*const u64>, indices: &OutP
 /// `lazygrid_pair_callback`: receives pairs and returns 0 to continue.
 pub type PairCallback = unsafe extern "C" fn(context: *mut c_void, pairs: *const Pair, count: usize) -> i32;
 
-/// The callback of a stream and its context.
 struct Consumer {
     consume: PairCallback,
     context: *mut c_void,
@@ -140,10 +138,7 @@ struct Consumer {
 unsafe impl Send for Consumer {}
 
 impl Consumer {
-    /// Checks the arguments of a stream.
-    ///
-    /// # Errors
-    /// Fails if `consume` is NULL or `chunk` is 0.
+    /// Refuses a `consume` of NULL and a `chunk` of 0.
     fn new(consume: Option<PairCallback>, context: *mut c_void, chunk: usize) -> Result<Self, Failure> {
         let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; pass a function"))?;
         if chunk == 0 {

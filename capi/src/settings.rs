@@ -9,7 +9,7 @@ use crate::pointer::check;
 use crate::sized::{self, VersionedStruct};
 use crate::status::{Status, without_detector};
 
-/// `lazygrid_settings`. New fields come at the end, and 0 means their default.
+/// `lazygrid_settings`. New fields are appended, and 0 means their default.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct CSettings {
@@ -53,7 +53,7 @@ pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 pub const SKINS: [fn(f64) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
 
 impl CSettings {
-    /// All fields 0, which is their default.
+    /// All fields 0, the default.
     #[cfg(test)]
     pub const fn defaults() -> Self {
         Self {
@@ -73,10 +73,10 @@ impl CSettings {
         }
     }
 
-    /// Reads the settings at `settings`; NULL means the defaults.
+    /// Reads the settings; NULL means the defaults.
     ///
     /// # Errors
-    /// The same as [`sized::read`], and if a number is out of range.
+    /// See [`sized::read`]; also if a number is out of range.
     ///
     /// # Safety
     /// The same as [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
@@ -109,7 +109,7 @@ impl CSettings {
         unsafe { settings.on_gpu(config) }
     }
 
-    /// The space, from the lengths of periodic axes or from cell vectors.
+    /// Returns the space, from the lengths of periodic axes or from cell vectors.
     ///
     /// # Safety
     /// The cell vectors are NULL or nine numbers.
@@ -130,7 +130,7 @@ impl CSettings {
         Ok(Space::triclinic([0, 1, 2].map(edge))?)
     }
 
-    /// The skin. A distance without a fixed skin is an error.
+    /// A distance without a fixed skin is an error.
     fn skin(&self) -> Result<Skin, Failure> {
         let distance = self.skin_distance;
         let skin = choice(&SKINS, self.skin, "skin")?(distance);

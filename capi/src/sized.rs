@@ -4,10 +4,10 @@ use std::{ptr, slice};
 use crate::Failure;
 use crate::pointer::check;
 
-/// The largest accepted size of a structure, in bytes. A larger value is uninitialized memory.
+/// The largest accepted size of a structure in bytes. A larger value is uninitialized memory.
 const MAX_SIZE: usize = 1 << 16;
 
-/// A structure of C that begins with its own size, and to which later versions append fields.
+/// A C structure that begins with its own size, and to which later versions append fields.
 ///
 /// # Safety
 /// The first field is the size, a `usize`, and any bits, zeros too, are values of all fields.
@@ -18,11 +18,11 @@ pub unsafe trait VersionedStruct: Copy {
     const REMEDY: &'static str;
 }
 
-/// Copies the structure at `at`, of a program that may know fewer fields than this library, or more. Fields that the program
-/// does not know are 0.
+/// Copies a structure of a program that may know fewer fields than this library, or more. Fields that the program does
+/// not know are 0.
 ///
 /// # Errors
-/// Fails if `at` is NULL or misaligned, if the size is wrong, or if a field that this library does not know is set.
+/// If `at` is NULL or misaligned, if the size is wrong, or if a field that this library does not know is set.
 ///
 /// # Safety
 /// The header's conditions: `at` is NULL, or points to a structure that begins with its size and is initialized.

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use engine::{Error, InputError};
 
-/// The status of a call, as C receives it.
+/// The status of a call in C.
 pub type Status = i32;
 
 pub const OK: Status = 0;
@@ -90,7 +90,7 @@ pub fn guarded(work: impl FnOnce() -> Status) -> Status {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or(INTERNAL)
 }
 
-/// Converts `text` to a C string. Removes zero bytes, which would end it.
+/// Converts `text` to a C string without zero bytes, which would end it.
 pub fn c_text(text: String) -> CString {
     let mut bytes = text.into_bytes();
     bytes.retain(|byte| *byte != 0);

@@ -1,5 +1,5 @@
-//! Compares the header with the library. Each function's Rust type is written as a C declaration, and the C compiler reads
-//! it after the header, so a difference is an error. Layouts and constants are compared by static assertions.
+//! Compares the header with the library. Each function's Rust type is written as a C declaration, and the C compiler
+//! reads it after the header, so a difference is an error. Layouts and constants are compared by static assertions.
 
 use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char, c_void};
@@ -108,11 +108,11 @@ fn declarations() -> Vec<(&'static str, String)> {
 
 macro_rules! layout {
     ($rust:ident as $c:literal, $($field:ident),*) => {{
-        // Every field is named, or this does not compile.
+        // Unless every field is named, this does not compile.
         let _ = |$rust { $($field: _),* }: $rust| ();
         let mut text = equal(concat!("sizeof(", $c, ")"), size_of::<$rust>());
         $(
-            // A field that is a keyword in Rust is not one in C.
+            // Rust's keywords are no keywords in C.
             let field = stringify!($field).trim_start_matches("r#");
             text += &equal(&format!("offsetof({}, {field})", $c), offset_of!($rust, $field));
         )*
@@ -143,7 +143,6 @@ fn numbers() -> Vec<(String, usize)> {
     };
     let statuses = NAMES.map(|name| name.to_str().expect("a name is ASCII").trim_start_matches("LAZYGRID_"));
     let orders = ORDERS.map(|order| format!("{order:?}"));
-    // Without the distance that a fixed one shows.
     let skins = SKINS.map(|skin| format!("{:?}", skin(1.0)).replace("(1.0)", ""));
     [
         of("", &statuses),

@@ -1,4 +1,4 @@
-//! NumPy arrays of whole numbers, read where they lie, and arrays that calls return.
+//! NumPy arrays of whole numbers, read in place, and arrays that calls return.
 
 use std::ffi::c_int;
 use std::fmt::Display;
@@ -19,7 +19,7 @@ use pyo3::types::PyModule;
 
 use crate::error;
 
-/// Borrows an array of `u32` in one piece: the given one if it is such, else a copy.
+/// Borrows a contiguous array of `u32`, or a copy.
 ///
 /// # Errors
 /// `TypeError` for values that are not whole numbers; `InputError` for values out of range, and for another shape.
@@ -30,23 +30,16 @@ pub(crate) fn whole<'py>(
     of_type(given, name, "whole")
 }
 
-/// Borrows an array of `u32` of shape `(m, 2)` in one piece.
-///
-/// # Errors
-/// The same as [`whole`].
+/// Borrows a contiguous array of `u32` of shape `(m, 2)`, or a copy.
 pub(crate) fn whole_pairs<'py>(
     given: &Bound<'py, PyAny>,
     name: &str,
 ) -> PyResult<PyReadonlyArray2<'py, u32>> {
-    // The package checks the shape.
     let checked = package(given.py())?.call_method1(intern!(given.py(), "pairs"), (given, name))?;
     readable(checked.cast::<PyArray2<u32>>()?, name)
 }
 
-/// Borrows an array of `u64` in one piece: the given one if it is such, else a copy.
-///
-/// # Errors
-/// The same as [`whole`].
+/// Borrows a contiguous array of `u64`, or a copy.
 pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
     of_type(given, name, "offsets")
 }
@@ -69,10 +62,7 @@ fn in_one_piece<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> b
     array.is_c_contiguous() && array.is_aligned()
 }
 
-/// Borrows an array for reading.
-///
-/// # Errors
-/// `InputError` if another call is writing to it.
+/// An `InputError` if another call is writing to it.
 pub(crate) fn readable<'py, T: Element, D: Dimension>(
     array: &Bound<'py, PyArray<T, D>>,
     name: impl Display,
@@ -87,10 +77,7 @@ pub(crate) fn package(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(module.bind(py))
 }
 
-/// Creates an array with uninitialized values, in one piece.
-///
-/// # Errors
-/// `MemoryError`.
+/// Creates a contiguous array with uninitialized values.
 pub(crate) fn empty<T: Element, const N: usize>(
     py: Python<'_>,
     shape: [usize; N],
@@ -119,10 +106,6 @@ where
     Ok(array.cast_into()?)
 }
 
-/// Copies values into a new array.
-///
-/// # Errors
-/// `MemoryError`.
 pub(crate) fn copied<'py, T: Element + Copy, const N: usize>(
     py: Python<'py>,
     shape: [usize; N],
@@ -138,10 +121,8 @@ where
     Ok(array)
 }
 
-/// Returns pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`.
-///
-/// # Errors
-/// `MemoryError`; `InputError` for an `out` that cannot be written to, `TooManyPairs` for one that is too small.
+/// Returns pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`, which may be an `InputError` or
+/// too small (`TooManyPairs`).
 pub(crate) fn pairs<'py>(
     py: Python<'py>,
     found: &[Pair],
@@ -167,10 +148,7 @@ pub(crate) fn pairs<'py>(
     out.get_item(pyo3::types::PySlice::new(py, 0, found.len() as isize, 1))
 }
 
-/// Returns records of `width` numbers as an array with a row for each, without a copy if the array can own their memory.
-///
-/// # Errors
-/// `MemoryError`.
+/// Returns records of `width` numbers as rows of an array, without a copy if the array can own their memory.
 pub(crate) fn rows<'py, S: NoUninit + bytemuck::AnyBitPattern, T: Element + bytemuck::Pod>(
     py: Python<'py>,
     records: Vec<S>,
@@ -187,10 +165,7 @@ pub(crate) fn rows<'py, S: NoUninit + bytemuck::AnyBitPattern, T: Element + byte
     flat.reshape([count, width])
 }
 
-/// Checks the length of a column.
-///
-/// # Errors
-/// `InputError`, which names the column.
+/// Returns an `InputError` if the length differs.
 pub(crate) fn same_length(what: &'static str, length: usize, expected: usize) -> PyResult<()> {
     match length == expected {
         true => Ok(()),

@@ -1,6 +1,4 @@
-//! The class `Chunks`: the pairs of a stream, a chunk at a time.
-//!
-//! A thread searches and sends chunks through a channel that holds two. It works on a copy of the spheres, since the
+//! A thread searches and sends chunks through a channel that holds two. It works on a copy of the spheres, because the
 //! caller may move them between two chunks.
 
 use std::ops::ControlFlow;
@@ -17,7 +15,7 @@ use crate::pool::{DetectorLease, StreamStopper};
 use crate::spheres::BorrowedQuery;
 use crate::{arrays, error};
 
-/// Chunks that wait to be taken.
+/// Chunks that the channel holds.
 const AHEAD: usize = 2;
 
 type Sent = Result<Vec<Pair>, Error>;
@@ -27,14 +25,13 @@ type Sent = Result<Vec<Pair>, Error>;
 /// A thread searches ahead by some chunks. ``close``, the end of a ``with`` block, and dropping the iterator end it.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Chunks {
-    /// `None` once there will be no more.
+    /// `None` after the end.
     chunks: Mutex<Option<Receiver<Sent>>>,
     stopper: StreamStopper,
     process: Process,
 }
 
 impl Chunks {
-    /// Begins the search.
     pub(crate) fn start(
         mut lease: DetectorLease,
         borrowed: &BorrowedQuery<'_>,
@@ -53,7 +50,7 @@ impl Chunks {
         Ok(Self { chunks: Mutex::new(Some(chunks)), stopper, process: Process::current() })
     }
 
-    /// The next chunk; `None` where none has come yet.
+    /// The next chunk; the outer `None` means that none has arrived yet.
     fn take(&self) -> Option<Option<Sent>> {
         let mut chunks = self.chunks.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(receiver) = &*chunks else { return Some(None) };
@@ -68,7 +65,7 @@ impl Chunks {
     }
 
     fn end(&self) {
-        // A forked process does not have the thread, and the lock may have been held when it was forked.
+        // A forked process does not have the thread, and the lock may have been held during the fork.
         if !self.process.is_current() {
             return;
         }
@@ -127,7 +124,6 @@ struct OwnedQuery {
 }
 
 impl OwnedQuery {
-    /// Copies the spheres of a query.
     fn new(query: &Query<'_>, exclusions: Option<Arc<Exclusions>>) -> Result<Self, Error> {
         let first = OwnedSpheres::new(query.first())?;
         Ok(Self { first, second: query.second().map(OwnedSpheres::new).transpose()?, exclusions })
@@ -176,10 +172,6 @@ impl OwnedSpheres {
     }
 }
 
-/// Collects values.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
 fn collected<T>(values: impl ExactSizeIterator<Item = T>, what: &'static str) -> Result<Vec<T>, Error> {
     let mut all = Vec::new();
     let bytes = (values.len() * size_of::<T>()) as u64;
@@ -188,7 +180,7 @@ fn collected<T>(values: impl ExactSizeIterator<Item = T>, what: &'static str) ->
     Ok(all)
 }
 
-/// Sends the pairs, and at the end the error if there is one.
+/// Sends the pairs, and finally the error, if any.
 fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {

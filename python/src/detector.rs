@@ -1,5 +1,3 @@
-//! The class `Detector`.
-
 use std::sync::Arc;
 
 use pyo3::prelude::*;
@@ -98,7 +96,7 @@ impl Detector {
             None => config,
             Some(adapter) => config.adapter(crate::settings::adapter(adapter)?),
         };
-        // Here the backend is chosen, for which a driver may need some time.
+        // A driver may need some time.
         let pool = py.detach(|| DetectorPool::new(config, threads == Some(1))).map_err(error::engine)?;
         Ok(Self { pool })
     }

@@ -1,4 +1,4 @@
-//! The class `SimulationCore`: a run that Python drives step by step. The class `lazygrid.Simulation` wraps it.
+//! A run that Python drives step by step; `lazygrid.Simulation` wraps it.
 //!
 //! # Correctness
 //!
@@ -36,19 +36,18 @@ pub(crate) struct SimulationCore(Mutex<Inner>);
 struct Inner {
     simulation: AnySimulation,
     scenario: Scenario,
-    /// The pool of the run; `None` for the global pool.
+    /// `None` for the global pool.
     pool: Option<ThreadPool>,
-    /// The arrivals of the last call of `step`, each with the number of steps done.
+    /// The arrivals of the last `step` call, each with the number of steps done.
     arrivals: Vec<(u32, Arrival)>,
     /// The columns that arrays view.
     shared: Weak<SharedColumns>,
 }
 
-/// The memory of columns that the simulation has given up because arrays view it.
+/// Columns that the simulation has given up because arrays view them.
 #[derive(Default)]
 struct SharedColumns(OnceLock<Particles>);
 
-/// The base of arrays that view columns.
 #[pyclass(frozen)]
 #[expect(dead_code, reason = "the fields keep memory alive")]
 struct ColumnsOwner {
@@ -107,7 +106,7 @@ impl SimulationCore {
         Ok(Self(Mutex::new(inner)))
     }
 
-    /// Does some steps. On a signal the run stays after the step that it has reached.
+    /// Does some steps. A signal stops the run at the step that it has reached.
     fn step(&self, py: Python<'_>, steps: u32) -> PyResult<()> {
         let mut inner = self.lock()?;
         let inner = &mut *inner;
@@ -126,7 +125,6 @@ impl SimulationCore {
         Ok(())
     }
 
-    /// Adds particles and returns their ids.
     fn insert<'py>(
         &self,
         py: Python<'py>,
@@ -152,7 +150,6 @@ impl SimulationCore {
         inner.simulation.remove(ids.as_slice()?).map_err(error::simulator)
     }
 
-    /// Releases particles from a transmitter and returns their ids.
     fn emit<'py>(
         &self,
         py: Python<'py>,
@@ -211,7 +208,7 @@ impl SimulationCore {
         Ok(columns)
     }
 
-    /// The counts by name, as the columns of a series.
+    /// The counts, named like the columns of a series.
     fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.lock()?;
         let counts = PyDict::new(py);
@@ -222,7 +219,7 @@ impl SimulationCore {
         Ok(counts)
     }
 
-    /// The arrivals of the last call of `step`, as columns.
+    /// The arrivals of the last `step` call.
     fn arrivals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.lock()?;
         if !inner.scenario.model.logs_arrivals {
@@ -247,7 +244,6 @@ impl SimulationCore {
         Ok(columns)
     }
 
-    /// Writes a checkpoint.
     fn checkpoint(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let inner = self.lock()?;
         let inner = &*inner;
@@ -284,7 +280,6 @@ impl SimulationCore {
         Ok(self.lock()?.scenario.model.receivers.iter().map(|receiver| receiver.name.clone()).collect())
     }
 
-    /// Warnings about the scenario.
     #[getter]
     fn warnings(&self) -> PyResult<Vec<String>> {
         Ok(self.lock()?.scenario.warnings.clone())
@@ -307,7 +302,7 @@ impl SimulationCore {
 }
 
 impl Inner {
-    /// Gives up the columns that arrays view. Called before particles change.
+    /// Gives up the columns that arrays view, before particles change.
     fn detach(&mut self) -> PyResult<()> {
         if let Some(shared) = self.shared.upgrade()
             && let AnySimulation::Cpu(run) = &mut self.simulation
@@ -319,7 +314,7 @@ impl Inner {
         Ok(())
     }
 
-    /// Does steps until it is time to poll for signals, at most up to step `end`.
+    /// Does steps until the next poll for signals, at most up to step `end`.
     fn advance(&mut self, end: u32) -> Result<(), Error> {
         let began = Instant::now();
         while self.simulation.step_count() < end && began.elapsed() < SIGNAL_POLL {

@@ -34,7 +34,6 @@ enum Attribute {
     Numbers([f64; 4]),
 }
 
-/// Converts an error of the engine to an exception.
 pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
     use lazygrid::Error;
     let message = error.to_string();
@@ -55,7 +54,6 @@ pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
     }
 }
 
-/// Converts an invalid input to an exception with index and value.
 pub(crate) fn input(error: InputError) -> PyErr {
     match error {
         InputError::SecondSet(error) => {
@@ -93,17 +91,14 @@ fn described(error: InputError) -> (String, Vec<(&'static str, Attribute)>) {
     (message, attributes)
 }
 
-/// Any other error.
 pub(crate) fn other(message: impl ToString) -> PyErr {
     exception("Error", message.to_string(), &[])
 }
 
-/// An invalid setting.
 pub(crate) fn setting(message: impl ToString) -> PyErr {
     exception("SettingError", message.to_string(), &[])
 }
 
-/// An unknown name.
 pub(crate) fn unknown(name: lazygrid::UnknownName) -> PyErr {
     setting(name)
 }
@@ -118,7 +113,7 @@ pub(crate) fn too_many(message: String, [found, limit]: [usize; 2]) -> PyErr {
     exception("TooManyPairs", message, &attributes)
 }
 
-/// Converts an error of a reader. Names the options of the command line as in Python.
+/// Renames the options of the command line as in Python.
 pub(crate) fn file(error: lazygrid_io::Error) -> PyErr {
     use lazygrid_io::Error;
     let mut message = error.to_string();
@@ -135,7 +130,6 @@ pub(crate) fn file(error: lazygrid_io::Error) -> PyErr {
     }
 }
 
-/// Converts an error of the simulator to an exception.
 pub(crate) fn simulator(error: lazygrid_sim::Error) -> PyErr {
     use lazygrid_sim::Error;
     let message = error.to_string();
@@ -152,7 +146,7 @@ pub(crate) fn simulator(error: lazygrid_sim::Error) -> PyErr {
     }
 }
 
-/// `FileNotFoundError` and its like, by the number of the system's error.
+/// `FileNotFoundError` and similar, by the system's error number.
 fn system(error: &std::io::Error, path: &std::path::Path, message: String) -> PyErr {
     match error.raw_os_error() {
         Some(number) => {

@@ -1,5 +1,3 @@
-//! The class `Exclusions`.
-
 use std::sync::Arc;
 
 use numpy::PyUntypedArrayMethods;
@@ -31,7 +29,7 @@ pub(crate) struct Exclusions {
 }
 
 impl Exclusions {
-    /// The pairs, for as long as a call needs them.
+    /// Shared with running calls.
     pub(crate) fn list(&self) -> Arc<lazygrid::Exclusions> {
         self.list.clone()
     }

@@ -1,4 +1,4 @@
-//! Arrays of `float32` and `float64`, read where they lie.
+//! Arrays of `float32` and `float64`, read in place.
 
 use std::fmt;
 use std::mem::MaybeUninit;
@@ -20,7 +20,6 @@ use crate::arrays::{package, readable};
 pub(crate) struct Name(pub(crate) &'static str, pub(crate) Option<usize>);
 
 impl Name {
-    /// The name of member `part` of this tuple.
     pub(crate) fn member(self, part: usize) -> Self {
         Self(self.0, Some(part))
     }
@@ -40,15 +39,15 @@ pub(crate) trait Number: Element + Real + Copy {}
 impl Number for f32 {}
 impl Number for f64 {}
 
-/// An array of either coordinate type, borrowed for reading. Its strides are whole numbers of values, and not negative.
+/// An array of either coordinate type, borrowed for reading. Its strides are non-negative whole numbers of values.
 pub(crate) enum Floats<'py, D: Dimension> {
     F32(PyReadonlyArray<'py, f32, D>),
     F64(PyReadonlyArray<'py, f64, D>),
 }
 
 impl<'py, D: Dimension> Floats<'py, D> {
-    /// Borrows an array of shape `(n, width)`, or `(n,)` if the width is 0. Copies an array only if its layout cannot be read
-    /// in place.
+    /// Borrows an array of shape `(n, width)`, or `(n,)` if the width is 0. Copies an array only if its layout cannot
+    /// be read in place.
     ///
     /// # Errors
     /// `TypeError` for values that are not `float32` or `float64`; `InputError` for another shape.
@@ -80,10 +79,7 @@ impl<'py, D: Dimension> Floats<'py, D> {
         Ok(None)
     }
 
-    /// The array as `float64`: a copy, without loss, of one of `float32`.
-    ///
-    /// # Errors
-    /// `MemoryError`.
+    /// Returns the array as `float64`, copied without loss from `float32`.
     pub(crate) fn widened(self, name: Name) -> PyResult<PyReadonlyArray<'py, f64, D>> {
         match self {
             Self::F64(array) => Ok(array),
@@ -103,17 +99,13 @@ fn is_readable<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>, width
         && (array.is_c_contiguous() || array.strides().iter().all(is_whole))
 }
 
-/// The radii of points.
 pub(crate) enum RadiiArg<'py> {
     One(f64),
     Each(Floats<'py, Ix1>),
 }
 
 impl<'py> RadiiArg<'py> {
-    /// Reads a number or an array of shape `(n,)`.
-    ///
-    /// # Errors
-    /// The same as [`Floats::new`]; also `TypeError` for a number that `float64` cannot hold.
+    /// Reads a number or an array of shape `(n,)`. A number that `float64` cannot hold is a `TypeError`.
     pub(crate) fn new(given: &Bound<'py, PyAny>, name: Name) -> PyResult<Self> {
         if let Ok(number) = given.cast::<PyFloat>() {
             return Ok(Self::One(number.extract()?));
@@ -130,8 +122,7 @@ impl<'py> RadiiArg<'py> {
     }
 }
 
-/// A column of an array: its memory from the first value to the last, the number of values from one to the next, and the
-/// number of rows.
+/// A column of an array: its memory from the first value to the last, the step between values, and the number of rows.
 #[derive(Clone, Copy)]
 pub(crate) struct Column<'a, T> {
     pub(crate) memory: &'a [MaybeUninit<T>],
@@ -140,7 +131,6 @@ pub(crate) struct Column<'a, T> {
 }
 
 impl<'a, T: Number> Column<'a, T> {
-    /// The values of an array of one dimension.
     pub(crate) fn of_array(array: &'a PyReadonlyArray1<'_, T>) -> Self {
         Self::new(array, 0)
     }
@@ -154,8 +144,7 @@ impl<'a, T: Number> Column<'a, T> {
         })
     }
 
-    /// The values of an array that was made by [`Floats`], along its first axis, from the value at `offset` of its memory,
-    /// which is in the first row.
+    /// The values of an array made by [`Floats`], along its first axis, after `offset` values in the first row.
     fn new<D: Dimension>(array: &'a PyReadonlyArray<'_, T, D>, offset: usize) -> Self {
         let rows = array.shape()[0];
         if rows == 0 {
@@ -163,18 +152,18 @@ impl<'a, T: Number> Column<'a, T> {
         }
         // An array with one row may have any stride.
         let step = if rows == 1 { 1 } else { array.strides()[0] as usize / size_of::<T>() };
-        // SAFETY: the array is aligned, its strides are not negative, and `offset` is in the first row, so that the slice
-        // begins at a value of the array and ends with one, within one allocation. The values between them need not be
+        // SAFETY: the array is aligned, its strides are not negative, and `offset` is in the first row, so the slice
+        // begins and ends with a value of the array, within one allocation. The values between them need not be
         // initialized, which `MaybeUninit` allows. The array is borrowed for `'a`, and nothing writes to it meanwhile:
-        // of this module by `PyReadonlyArray`, of other threads by the contract of the package.
+        // this module because of `PyReadonlyArray`, other threads by the contract of the package.
         let memory =
             unsafe { std::slice::from_raw_parts(array.data().add(offset).cast(), (rows - 1) * step + 1) };
         Self { memory, step, rows }
     }
 
-    /// The values, if they lie one after the other.
+    /// The values, if they are contiguous.
     pub(crate) fn as_slice(&self) -> Option<&'a [T]> {
-        // SAFETY: without gaps all values are of the array, hence initialized.
+        // SAFETY: without gaps all values belong to the array, hence are initialized.
         (self.step == 1).then(|| unsafe { &*(std::ptr::from_ref(self.memory) as *const [T]) })
     }
 }

@@ -16,29 +16,22 @@ static COPIES: AtomicU32 = AtomicU32::new(0);
 pub(crate) struct Process(u32);
 
 impl Process {
-    /// This process.
     pub(crate) fn current() -> Self {
         Self(COPIES.load(Ordering::Relaxed))
     }
 
-    /// Returns `true` in this process, `false` in copies of it.
+    /// Returns `false` in a copy of this process.
     pub(crate) fn is_current(self) -> bool {
         self.0 == COPIES.load(Ordering::Relaxed)
     }
 
-    /// Refuses work in a copy of this process, in which the thread is gone.
-    ///
-    /// # Errors
-    /// `Error` in a copy.
+    /// Returns an `Error` in a copy of this process, in which the thread is missing.
     pub(crate) fn check(self) -> PyResult<()> {
         if self.is_current() { Ok(()) } else { Err(gone()) }
     }
 }
 
 /// Registers a handler that runs in forked processes.
-///
-/// # Errors
-/// Those of Python's `os.register_at_fork`.
 pub(crate) fn watch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let os = module.py().import("os")?;
     // Platforms without fork have no such function.
@@ -55,10 +48,7 @@ fn forked() {
     GONE.store(STARTED.load(Ordering::Relaxed), Ordering::Relaxed);
 }
 
-/// Records the use of threads.
-///
-/// # Errors
-/// `Error` in a forked process whose parent has used threads.
+/// Records the use of threads; an `Error` in a forked process whose parent has used threads.
 pub(crate) fn use_threads() -> PyResult<()> {
     if GONE.load(Ordering::Relaxed) {
         return Err(gone());

@@ -1,5 +1,3 @@
-//! The class `Interactions`.
-
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid::Interaction;
@@ -33,7 +31,7 @@ pub(crate) struct Interactions {
 }
 
 impl Interactions {
-    /// The table as it is now.
+    /// The current table.
     pub(crate) fn table(&self) -> lazygrid::Interactions {
         self.lock().clone()
     }

@@ -1,5 +1,5 @@
-//! lazygrid as a Python module, `lazygrid._lazygrid`. The package around it is `package/lazygrid`, with its
-//! documentation in `_lazygrid.pyi`.
+//! lazygrid as a Python module, `lazygrid._lazygrid`, documented in `_lazygrid.pyi` of the package around it,
+//! `package/lazygrid`.
 
 mod arrays;
 mod chunks;

@@ -1,4 +1,4 @@
-//! Neighbor lists of atoms, as ASE has them: the engine's, in NumPy arrays of ASE's types.
+//! Neighbor lists of atoms in NumPy arrays of ASE's types.
 //!
 //! ASE keeps atoms if `√d < c` for the cutoff `c` and the sum of squares `d` of the vector between them. This is the
 //! [open](lazygrid::ListOptions::open) list of spheres whose radii add up to the cutoff, to the last bit.
@@ -24,9 +24,9 @@ const CHUNK_ENTRIES: usize = 1 << 14;
 enum Cutoffs<'a> {
     /// A single distance for all.
     One(f64),
-    /// The sum of the radii of the two.
+    /// The sum of both radii.
     Radii(&'a [f64]),
-    /// A table by the kinds of the two.
+    /// A table by the kinds of both.
     Kinds { of: &'a [u32], table: &'a [f64], count: usize },
 }
 
@@ -40,7 +40,7 @@ impl Cutoffs<'_> {
         }
     }
 
-    /// The settings of a detector that finds all atoms at most their cutoff apart.
+    /// The settings of a detector for these cutoffs.
     fn config(&self, space: Space) -> Result<Config, Error> {
         let config = Config::default().backend(Backend::Cpu).space(space);
         let Self::Kinds { table, count, .. } = *self else { return Ok(config) };
@@ -73,10 +73,7 @@ struct Last {
     detectors: Arc<DetectorPool>,
 }
 
-/// Returns detectors for these settings: those of the last call, if they fit.
-///
-/// # Errors
-/// As `lazygrid::Detector::new`.
+/// Returns the last call's detectors, if their settings fit, or new ones.
 fn detectors(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>) -> PyResult<Arc<DetectorPool>> {
     let last = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
     let fitting = last.filter(|last| last.cell == cell && last.table == cutoffs.table());
@@ -156,7 +153,7 @@ impl<'py> Arrays<'py> {
     }
 }
 
-/// Writes a quantity of all entries, if there is an array for it.
+/// Writes a quantity of all entries, if it has an array.
 fn put<T: Send, U: Sync>(array: Option<&mut [T]>, values: &[U], value: impl Fn(&U) -> T + Sync) {
     let Some(array) = array else { return };
     array.par_chunks_mut(CHUNK_ENTRIES).zip(values.par_chunks(CHUNK_ENTRIES)).for_each(|(array, values)| {
@@ -164,12 +161,12 @@ fn put<T: Send, U: Sync>(array: Option<&mut [T]>, values: &[U], value: impl Fn(&
     });
 }
 
-/// Cutoffs as Python gives them: a number, a radius for each atom, or a kind for each atom and a table for two kinds.
+/// Cutoffs: a number, a radius per atom, or a kind per atom and a table for two kinds.
 #[derive(FromPyObject)]
 pub(crate) enum CutoffArg<'py> {
     Radii(PyReadonlyArray1<'py, f64>),
     Kinds(PyReadonlyArray1<'py, u32>, PyReadonlyArray2<'py, f64>),
-    /// The last, since an array of one number is a number too.
+    /// Last, because an array of one number is also a number.
     One(f64),
 }
 

@@ -1,4 +1,4 @@
-//! The detectors of one Python object. Each call leases one, so that several threads can use the object at a time. A
+//! The detectors of one Python object. Each call leases one, so several threads can use the object at a time. A
 //! returned detector keeps its buffers.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,7 +14,6 @@ struct PooledDetector {
     cancel: Arc<AtomicBool>,
 }
 
-/// Detectors of one configuration.
 pub(crate) struct DetectorPool {
     config: Config,
     is_single_threaded: bool,
@@ -25,15 +24,12 @@ pub(crate) struct DetectorPool {
 struct Idle {
     #[expect(clippy::vec_box, reason = "a lease moves the pointer, not the detector")]
     detectors: Vec<Box<PooledDetector>>,
-    /// The report of the call that ended last, if its detector is leased again.
+    /// The report of the last finished call, if its detector is leased again.
     report: Report,
 }
 
 impl DetectorPool {
     /// Creates a pool with one detector.
-    ///
-    /// # Errors
-    /// As `lazygrid::Detector::new`.
     pub(crate) fn new(config: Config, is_single_threaded: bool) -> Result<Arc<Self>, Error> {
         let first = PooledDetector::new(&config)?;
         let report = first.detector.report();
@@ -42,10 +38,7 @@ impl DetectorPool {
         Ok(Arc::new(Self { config, is_single_threaded, is_on_cpu, idle }))
     }
 
-    /// Leases an idle detector, or a new one.
-    ///
-    /// # Errors
-    /// As `lazygrid::Detector::new`; `Error` in a forked process.
+    /// Leases an idle detector, or a new one; an `Error` in a forked process.
     pub(crate) fn lease(self: &Arc<Self>) -> PyResult<DetectorLease> {
         if !self.is_single_threaded {
             fork::use_threads()?;
@@ -78,7 +71,7 @@ pub(crate) struct DetectorLease {
     pool: Arc<DetectorPool>,
     /// `None` only while the lease ends.
     detector: Option<Box<PooledDetector>>,
-    /// The flag of a [`StreamStopper`], if there is one: `true` until the lease ends.
+    /// The flag of a [`StreamStopper`]: `true` until the lease ends.
     stream: Option<Arc<AtomicBool>>,
 }
 

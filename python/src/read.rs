@@ -1,4 +1,4 @@
-//! Reading simulators' files: the classes `Frames` and `Frame`.
+//! Reading simulators' files.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -45,7 +45,6 @@ pub(crate) struct Frame {
     periodic: Option<(Option<CellVector>, Option<CellVector>, Option<CellVector>)>,
 }
 
-/// A period of space: a length along an axis, or a cell vector.
 #[derive(Clone, Copy, IntoPyObject, IntoPyObjectRef)]
 enum CellVector {
     Length(f64),

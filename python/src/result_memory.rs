@@ -1,6 +1,5 @@
-//! Memory of large result arrays, which later results reuse.
-//!
-//! The system zeroes new memory page by page, which takes as long as the search of a neighbor list.
+//! Memory of large result arrays, for reuse: the system zeroes new memory page by page, which takes as long as the
+//! search of a neighbor list.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -12,7 +11,7 @@ use pyo3::prelude::*;
 
 use crate::error;
 
-/// The largest total size of the pool in 8-byte words: 512 MiB.
+/// In 8-byte words: 512 MiB.
 const MAX_POOLED_WORDS: usize = 1 << 26;
 
 /// Memory of dropped arrays.
@@ -31,10 +30,7 @@ impl Drop for ResultMemory {
     }
 }
 
-/// Creates an array of 8-byte values with arbitrary values, in one piece.
-///
-/// # Errors
-/// `OutOfMemory`.
+/// Creates a contiguous array of 8-byte values with arbitrary contents.
 pub(crate) fn array<T: Element + Pod, const N: usize>(
     py: Python<'_>,
     shape: [usize; N],
@@ -48,19 +44,16 @@ where
     let mut memory = memory(length)?;
     let values = memory.as_mut_ptr().cast::<T>();
     let owner = Bound::new(py, ResultMemory(memory))?;
-    // SAFETY: `values` are at least as many words as the shape has values, of the same size and alignment, and any bits are
-    // values of `T`. The owner keeps this memory until it is dropped, and neither changes nor moves it. No other code reads
-    // or writes it, since the pool gives memory away.
+    // SAFETY: `values` are at least as many words as the shape has values, of the same size and alignment, and any bits
+    // are values of `T`. The owner keeps this memory until it is dropped, and neither changes nor moves it. No other
+    // code reads or writes it, because the pool has given it away.
     Ok(unsafe {
         let view = ArrayView::from_shape_ptr(shape, values);
         PyArray::borrow_from_array(&view, owner.into_any())
     })
 }
 
-/// Memory of at least `length` words: the smallest of the pool that is at most twice as large, or new memory.
-///
-/// # Errors
-/// `OutOfMemory`.
+/// Returns at least `length` words: the smallest block of the pool that is at most twice as large, or new memory.
 fn memory(length: usize) -> PyResult<Vec<u64>> {
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     let fitting = (0..pool.len()).filter(|&at| (length..=2 * length).contains(&pool[at].len()));

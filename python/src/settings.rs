@@ -1,5 +1,3 @@
-//! The keywords of a detector as the engine's settings.
-
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Config, Order, Skin, Space};
 use pyo3::exceptions::PyTypeError;
@@ -19,10 +17,7 @@ pub(crate) struct Settings<'s> {
 }
 
 impl Settings<'_> {
-    /// Converts the keywords to the engine's settings.
-    ///
-    /// # Errors
-    /// `SettingError` for an unknown name.
+    /// Converts the keywords of a detector to the engine's settings.
     pub(crate) fn config(self) -> PyResult<Config> {
         let config = Config::default()
             .backend(self.backend.parse().map_err(error::unknown)?)
@@ -44,9 +39,6 @@ fn order(name: &str) -> PyResult<Order> {
 }
 
 /// Reads `"auto"`, `"off"` or a distance.
-///
-/// # Errors
-/// `SettingError` for another word; `TypeError` for what is neither a word nor a number.
 fn skin(given: &Bound<'_, PyAny>) -> PyResult<Skin> {
     if let Ok(word) = given.extract::<&str>() {
         return match word {
@@ -65,9 +57,6 @@ fn skin(given: &Bound<'_, PyAny>) -> PyResult<Skin> {
 }
 
 /// Reads a space from the length of each periodic axis, or from cell vectors; `None` for an unbounded axis.
-///
-/// # Errors
-/// `TypeError` unless there are three lengths or vectors; `InputError` for lengths and vectors that make no box.
 pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
     let Some(given) = periodic else { return Ok(Space::UNBOUNDED) };
     let items = given.try_iter()?.collect::<PyResult<Vec<_>>>()?;
@@ -90,10 +79,7 @@ pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
     Space::triclinic(edges).map_err(error::input)
 }
 
-/// A GPU by its index or a part of its name.
-///
-/// # Errors
-/// `TypeError` for what is neither.
+/// Reads a GPU's index or a part of its name.
 pub(crate) fn adapter(given: &Bound<'_, PyAny>) -> PyResult<AdapterId> {
     match given.extract::<usize>() {
         Ok(index) => Ok(AdapterId::Index(index)),

@@ -1,4 +1,4 @@
-//! Runs of the simulator, with what they count and where particles are as arrays.
+//! Runs of the simulator, with counts and particles as arrays.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -18,7 +18,7 @@ use crate::arrays;
 use crate::interruptible::SIGNAL_POLL;
 use crate::{error, fork};
 
-/// A scenario: a file, its text, or a dictionary.
+/// A file, its text, or a dictionary.
 #[derive(FromPyObject)]
 pub(crate) enum Source<'py> {
     Dict(Bound<'py, PyDict>),
@@ -47,7 +47,7 @@ struct Run {
     /// The counts by column.
     counts: Vec<Vec<u64>>,
     frames: Vec<(u32, State)>,
-    /// The pool of the run; `None` for the global pool.
+    /// `None` for the global pool.
     pool: Option<ThreadPool>,
 }
 
@@ -111,7 +111,6 @@ impl Run {
         Ok(())
     }
 
-    /// The results by name.
     fn dict<'py>(self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let model = &self.scenario.model;
         let last = self.simulation.state().map_err(error::simulator)?.into_owned();
@@ -149,14 +148,10 @@ pub(crate) fn simulate<'py>(
     Ok((run.dict(py)?, advice))
 }
 
-/// Reads a scenario.
-///
-/// # Errors
-/// `SettingError` for a scenario that is not valid, `OSError` for a file that cannot be read.
 pub(crate) fn parse_scenario(source: Source<'_>) -> PyResult<Scenario> {
     match source {
         Source::Dict(dict) => parse(toml::to_string(&table(&dict)?).map_err(error::setting)?),
-        // No name of a file has several lines.
+        // A file name never has several lines.
         Source::Text(text) if text.contains('\n') => parse(text),
         Source::Text(path) => Scenario::read(Path::new(&path)).map_err(error::simulator),
         Source::File(path) => Scenario::read(&path).map_err(error::simulator),
@@ -167,7 +162,7 @@ fn parse(text: String) -> PyResult<Scenario> {
     Scenario::parse(Path::new("scenario"), text).map_err(error::simulator)
 }
 
-/// The particles in the order of their ids.
+/// In the order of ids.
 fn particles<'py>(py: Python<'py>, step: u32, state: State) -> PyResult<Bound<'py, PyDict>> {
     let ordered = state.particles.permuted(&state.particles.by_id());
     let rows = |columns: &[Vec<f32>; 3]| {
@@ -186,7 +181,7 @@ fn particles<'py>(py: Python<'py>, step: u32, state: State) -> PyResult<Bound<'p
     Ok(named)
 }
 
-/// The sent symbols, a row each, as `symbols.csv` of the command line.
+/// The sent symbols, one per row, like `symbols.csv`.
 fn symbols<'py>(py: Python<'py>, model: &Model, seed: u64) -> PyResult<Bound<'py, PyDict>> {
     let (mut times, mut names, mut sent) = (Vec::new(), Vec::new(), Vec::new());
     for (place, transmitter) in (0..).zip(&model.transmitters) {
@@ -204,12 +199,11 @@ fn symbols<'py>(py: Python<'py>, model: &Model, seed: u64) -> PyResult<Bound<'py
     Ok(columns)
 }
 
-/// A dictionary as TOML.
 fn table(dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
     let entry = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
         Ok((key.extract::<String>()?, toml_value(&value)?))
     };
-    // `None` stands for a key that the scenario does not have.
+    // `None` omits a key of the scenario.
     dict.iter().filter(|(_, value)| !value.is_none()).map(entry).collect()
 }
 

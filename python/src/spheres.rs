@@ -20,7 +20,7 @@ use crate::floats::{Column, Floats, Name, Number, RadiiArg};
 pub(crate) struct Arguments<'a, 'py> {
     pub(crate) spheres: &'a Bound<'py, PyAny>,
     pub(crate) second: Option<&'a Bound<'py, PyAny>>,
-    /// An array, or a tuple of two if there is a second set.
+    /// An array, or a tuple of two for two sets.
     pub(crate) species: Option<&'a Bound<'py, PyAny>>,
     /// Groups in the form of `species`.
     pub(crate) groups: Option<&'a Bound<'py, PyAny>>,
@@ -34,10 +34,6 @@ pub(crate) struct BorrowedQuery<'py> {
 }
 
 impl<'py> BorrowedQuery<'py> {
-    /// Borrows the arrays of a query.
-    ///
-    /// # Errors
-    /// `TypeError` for values of another type; `InputError` for another shape.
     pub(crate) fn new(arguments: Arguments<'_, 'py>) -> PyResult<Self> {
         let Arguments { spheres, second, species, groups, exclusions } = arguments;
         let exclusions = exclusions.map(|given| given.get().list());
@@ -54,10 +50,6 @@ impl<'py> BorrowedQuery<'py> {
         Ok(Self { first, second, exclusions })
     }
 
-    /// The query.
-    ///
-    /// # Errors
-    /// `InputError` for columns or labels of different lengths.
     pub(crate) fn query(&self) -> PyResult<Query<'_>> {
         let first = self.first.spheres().map_err(error::input)?;
         let query = match &self.second {
@@ -81,15 +73,12 @@ fn labels<'py>(given: Option<&Bound<'py, PyAny>>, name: Name) -> PyResult<Labels
     given.map(|given| whole(given, name)).transpose()
 }
 
-/// The labels as a slice. [`whole`] returns arrays in one piece.
+/// [`whole`] returns contiguous arrays.
 fn slice<'a>(labels: &'a Labels<'_>) -> Option<&'a [u32]> {
     labels.as_ref().map(|ids| ids.as_slice().unwrap_or_default())
 }
 
 /// The labels of two sets: a tuple with an array or `None` for each.
-///
-/// # Errors
-/// `TypeError` for anything else; otherwise as [`whole`].
 fn labels_of_two<'py>(given: Option<&Bound<'py, PyAny>>, name: &'static str) -> PyResult<[Labels<'py>; 2]> {
     let Some(given) = given else { return Ok([None, None]) };
     let Some(both) = given.cast::<PyTuple>().ok().filter(|tuple| tuple.len() == 2) else {
@@ -104,7 +93,6 @@ fn labels_of_two<'py>(given: Option<&Bound<'py, PyAny>>, name: &'static str) -> 
     Ok([of_set(0)?, of_set(1)?])
 }
 
-/// A set of spheres on borrowed arrays.
 struct BorrowedSpheres<'py> {
     numbers: Numbers<'py>,
     species: Labels<'py>,
@@ -118,7 +106,7 @@ enum Numbers<'py> {
 
 enum Layout<'py, T: Number> {
     Rows(PyReadonlyArray2<'py, T>),
-    /// Steps from value to value of the first three are equal.
+    /// The first three have equal steps.
     Columns([PyReadonlyArray1<'py, T>; 4]),
     Points(PyReadonlyArray2<'py, T>, PyReadonlyArray1<'py, T>),
     EqualPoints(PyReadonlyArray2<'py, T>, MaybeUninit<T>),
@@ -176,7 +164,7 @@ impl<'py> Numbers<'py> {
             (Floats::F32(points), RadiiArg::Each(Floats::F32(radii))) => {
                 Self::F32(Layout::Points(points, radii))
             }
-            // Numbers that `float32` holds need not make the positions wider.
+            // Numbers that `float32` holds need not widen the positions.
             (Floats::F32(points), RadiiArg::One(radius)) if f64::from(radius as f32) == radius => {
                 Self::F32(Layout::EqualPoints(points, MaybeUninit::new(radius as f32)))
             }
@@ -209,7 +197,7 @@ impl<T: Number> Layout<'_, T>
 where
     for<'a> Spheres<'a>: From<&'a [[T; 4]]>,
 {
-    /// The spheres where they lie: as rows or columns without gaps, which `float32` searches read, if they are such.
+    /// Returns the spheres in place: as rows or columns if they are contiguous, which `float32` searches read.
     fn spheres(&self) -> Result<Spheres<'_>, InputError> {
         match self {
             Self::Rows(rows) if rows.is_c_contiguous() => match rows.as_slice() {
@@ -231,10 +219,7 @@ where
     }
 }
 
-/// Spheres of these columns, of which the first three have the same step. `radii` is the name of the last one in errors.
-///
-/// # Errors
-/// [`InputError::Lengths`] if their lengths differ.
+/// Returns spheres of these columns; the first three have equal steps. `radii` is the name of the last one in errors.
 fn strided<'a, T: Number>(
     columns: [Column<'a, T>; 4],
     radii: &'static str,
