@@ -1,4 +1,4 @@
-// Acid and base in a periodic box: only an acid and a base within their binding radius react, and what reacted is gone.
+// Acid and base in a periodic box: an acid and a base within their binding radius react and vanish.
 //
 //     c++ -std=c++17 species.cpp $(pkg-config --cflags --libs lazygrid) && ./a.out
 #include <lazygrid.hpp>
@@ -14,7 +14,7 @@ namespace {
 constexpr float edge = 10, step_length = 0.05f, binding_radius = 0.2f;
 constexpr std::uint32_t acid = 0, base = 1;
 
-// Molecules as columns, as a simulator may keep them; points have radius 0.
+// Columns, as in many simulators; points have radius 0.
 struct Molecules {
     std::vector<float> x, y, z, r;
     std::vector<std::uint32_t> species;
@@ -24,7 +24,6 @@ struct Molecules {
     }
 };
 
-// Those that were not used up.
 Molecules survivors(const Molecules &all, const std::vector<bool> &is_used) {
     Molecules left;
     for (std::size_t k = 0; k < all.x.size(); k++) {
@@ -53,7 +52,7 @@ void run() {
     for (int step = 0; step < 10; step++) {
         const auto spheres = lazygrid::Spheres::columns(molecules.x, molecules.y, molecules.z, molecules.r);
         std::vector<bool> is_used(molecules.x.size());
-        // In canonical order the first pair of a molecule takes it, so that a run can be repeated.
+        // In canonical order the first pair of a molecule wins, so runs are reproducible.
         for (const auto &[i, j] : detector.pairs(spheres.with_species(molecules.species))) {
             if (!is_used[i] && !is_used[j]) is_used[i] = is_used[j] = true;
         }

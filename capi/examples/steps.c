@@ -1,5 +1,5 @@
 /*
- * A simulation in C: spheres diffuse for some steps, and each step finds all that overlap.
+ * A simulation in C: spheres diffuse, and each step finds the overlapping pairs.
  *
  *     cc steps.c $(pkg-config --cflags --libs lazygrid) -lm && ./a.out
  */
@@ -10,7 +10,7 @@
 
 enum { SPHERES = 10000, STEPS = 10 };
 
-/* A number between -1 and 1; the same sequence at every run. */
+/* A number between -1 and 1, reproducible. */
 static float random_number(uint32_t *state) {
     *state = *state * 1664525u + 1013904223u;
     return (float)(int32_t)*state / 2147483648.0f;

@@ -13,33 +13,30 @@
  *     }
  *     lazygrid_destroy(detector);
  *
- * WHAT A PAIR IS. (i, j) with i < j and (xi-xj)^2 + (yi-yj)^2 + (zi-zj)^2 <= (ri+rj)^2. Touching counts, coincident
- * centers count, each pair once. Numbers are floats or doubles and are never rounded; for doubles the expression is evaluated
- * in double precision. Space is unbounded unless the settings make it periodic. All lengths have one unit, the caller's. A
- * sphere of radius 0 is a point. Zero and one sphere are ordinary inputs. Searches never report pairs within a group or
- * excluded pairs.
+ * PAIRS. (i, j) with i < j and (xi-xj)^2 + (yi-yj)^2 + (zi-zj)^2 <= (ri+rj)^2. Touching and coincident spheres are
+ * pairs, each once. Numbers are floats or doubles and are never rounded; for doubles the expression is evaluated in
+ * double precision. Space is unbounded unless the settings make it periodic. All lengths have one unit, the caller's. A
+ * sphere of radius 0 is a point. Searches omit pairs within a group and excluded pairs.
  *
  * A QUERY is one set of spheres, for the pairs among them, or two sets, for pairs of one sphere of each; and optional
- * exclusions. All searches take a query: lazygrid_pairs, lazygrid_count, lazygrid_neighbors, lazygrid_neighbor_list and
- * lazygrid_stream. Every algorithm supports two sets.
+ * exclusions. All searches and all algorithms support both.
  *
- * ERRORS. Functions that can fail return a lazygrid_status; LAZYGRID_OK is 0. lazygrid_last_error returns a message with
- * the value, the limit and the remedy. No result is truncated, and no exception unwinds into the caller. The library prints
- * only if a bug in it causes a panic, which Rust reports on standard error; the call then returns LAZYGRID_ERROR_INTERNAL.
- * If a function fails, it writes NULL and 0 to its results, unless it says otherwise.
+ * ERRORS. Functions that can fail return a lazygrid_status; LAZYGRID_OK is 0. lazygrid_last_error returns a message
+ * with the value, the limit and the remedy. No result is truncated, and no exception unwinds into the caller. The
+ * library prints only if a bug in it causes a panic, which Rust reports on standard error; the call then returns
+ * LAZYGRID_ERROR_INTERNAL. A function that fails sets its results to NULL and 0, unless it says otherwise.
  *
- * LIFETIMES. The library reads inputs during the call only; they must not change meanwhile. The arrays that a search
- * returns belong to the detector. They live until the next search with it, even if that search fails, or until the detector
- * is destroyed. The caller must not write to them, nor pass them to the same detector as an input.
+ * LIFETIMES. Inputs are read during the call only and must not change meanwhile. Returned arrays belong to the detector
+ * and live until its next search, even if that fails, or until it is destroyed. The caller must not write to them, nor
+ * pass them to the same detector as an input.
  *
- * THREADS. Any thread may use any detector, one at a time. If two threads use a detector at once, or its own callback uses
- * it, the second call returns LAZYGRID_ERROR_BUSY and the first is not disturbed. Different detectors are independent.
- * Searches use one thread pool of the process, unless `threads` is set. A forked child must not use the library if the
- * parent has used it.
+ * THREADS. Any thread may use any detector, one at a time. If a second thread, or a detector's own callback, uses a
+ * busy detector, that call returns LAZYGRID_ERROR_BUSY and does not disturb the first. Searches use one thread pool of
+ * the process, unless `threads` is set. A forked child must not use the library if the parent has used it.
  *
- * NEWER VERSIONS. lazygrid_settings, lazygrid_spheres and lazygrid_query begin with their own size. Later versions append
- * fields, and 0 always means the default, so programs compiled with an older header keep working. All bytes of such a
- * structure, up to its size, must be initialized. The other structures do not change while the SONAME is the same.
+ * NEWER VERSIONS. lazygrid_settings, lazygrid_spheres and lazygrid_query begin with their own size. Later versions
+ * append fields, and 0 always means the default, so programs compiled with an older header keep working. All bytes of
+ * such a structure, up to its size, must be initialized. Other structures do not change while the SONAME is the same.
  */
 #ifndef LAZYGRID_H
 #define LAZYGRID_H
@@ -67,11 +64,11 @@ extern "C" {
 typedef int32_t lazygrid_status;
 enum {
     LAZYGRID_OK = 0,
-    /* A pointer is NULL or not aligned, a size or step is wrong, or a constant is not one of this header. */
+    /* A NULL or misaligned pointer, a wrong size or step, or an unknown constant. */
     LAZYGRID_ERROR_ARGUMENT = 1,
-    /* Invalid input: NaN, infinity, a negative radius, a species that the table does not have, too many spheres, an invalid
-       periodic length, cell vector or distance, exclusions of another number of spheres. The message names the first sphere
-       and its value. */
+    /* Invalid input: NaN, infinity, a negative radius, an unknown species, too many spheres, an invalid periodic
+       length, cell vector or distance, or exclusions of another number of spheres. The message names the first
+       sphere and its value. */
     LAZYGRID_ERROR_INPUT = 2,
     /* A setting is out of range, or two settings contradict each other. */
     LAZYGRID_ERROR_SETTING = 3,
@@ -89,16 +86,16 @@ enum {
     LAZYGRID_ERROR_DEVICE_LOST = 9,
     /* The GPU did not finish in time. */
     LAZYGRID_ERROR_TIMEOUT = 10,
-    /* Another thread uses the detector, or a callback searches. This status has no message. */
+    /* Another thread uses the detector, or a callback searches. Without a message. */
     LAZYGRID_ERROR_BUSY = 11,
     /* A bug in the library. Destroy the detector. */
     LAZYGRID_ERROR_INTERNAL = 12
 };
 
-/* Backends. AUTO uses a hardware GPU if one exists and a call has enough spheres, otherwise the CPU. */
+/* AUTO uses a hardware GPU if one exists and a call has enough spheres, otherwise the CPU. */
 enum { LAZYGRID_BACKEND_AUTO = 0, LAZYGRID_BACKEND_CPU = 1, LAZYGRID_BACKEND_GPU = 2 };
 
-/* Algorithms. All find the same pairs; AUTO chooses at each call and suits almost all programs. */
+/* All find the same pairs; AUTO chooses at each call and suits almost all programs. */
 enum {
     LAZYGRID_ALGORITHM_AUTO = 0,
     LAZYGRID_ALGORITHM_NAIVE = 1,          /* all with all; CPU and GPU */
@@ -110,28 +107,28 @@ enum {
     LAZYGRID_ALGORITHM_LAZY_GRID = 7       /* GPU */
 };
 
-/* The order of pairs: CANONICAL sorts by i, then j. UNORDERED omits the sort. */
+/* CANONICAL sorts pairs by i, then j. UNORDERED omits the sort. */
 enum { LAZYGRID_ORDER_CANONICAL = 0, LAZYGRID_ORDER_UNORDERED = 1 };
 
 /*
- * The skin of the candidate list (Verlet list) that a detector may reuse between calls. Results never depend on it. AUTO
- * keeps a list if the displacements predict that it saves time; the prediction uses no clock. OFF rebuilds at each call.
- * FIXED keeps the pairs within `skin_distance` of touching until a sphere has moved by half of it; on the CPU only with
- * LAZYGRID_ALGORITHM_AUTO and _CELL_LIST.
+ * The skin of the candidate list (Verlet list) that a detector may reuse between calls. Results never depend on it.
+ * AUTO keeps a list if the displacements predict that it saves time; the prediction uses no clock. OFF rebuilds at each
+ * call. FIXED keeps the pairs within `skin_distance` of touching until a sphere has moved by half of it; on the CPU
+ * only with LAZYGRID_ALGORITHM_AUTO and _CELL_LIST.
  */
 enum { LAZYGRID_SKIN_AUTO = 0, LAZYGRID_SKIN_OFF = 1, LAZYGRID_SKIN_FIXED = 2 };
 
-/* The condition for two spheres of given species to be a pair. */
+/* The condition for two spheres of given species to pair. */
 enum {
     LAZYGRID_NEVER = 0,
     LAZYGRID_TOUCH = 1, /* centers at most ri + rj apart */
     LAZYGRID_WITHIN = 2 /* centers at most a given distance apart, for any radii */
 };
 
-/* Finds pairs, call after call, reusing its memory. */
+/* Finds pairs, reusing its memory between calls. */
 typedef struct lazygrid_detector lazygrid_detector;
 
-/* A symmetric table: for any two species, the condition for a pair. */
+/* A symmetric table of the condition for any two species to pair. */
 typedef struct lazygrid_interactions lazygrid_interactions;
 
 /* Pairs that a search never reports, such as bonds. */
@@ -141,15 +138,15 @@ typedef struct lazygrid_exclusions lazygrid_exclusions;
 #define LAZYGRID_NO_GROUP 4294967295u
 
 /*
- * Two overlapping spheres by their indices in the input, which start at 0; i < j. For two sets, `i` is an index in the
- * first and `j` an index in the second, and either may be larger.
+ * Two overlapping spheres by input index; i < j. For two sets, `i` is an index in the first and `j` in the second, and
+ * either may be larger.
  */
 typedef struct lazygrid_pair {
     uint32_t i;
     uint32_t j;
 } lazygrid_pair;
 
-/* The settings of a detector. 0 is the default of each field. lazygrid_settings_init sets `size`. */
+/* The settings of a detector; 0 is the default of each field. lazygrid_settings_init sets `size`. */
 typedef struct lazygrid_settings {
     size_t size;              /* sizeof(lazygrid_settings) */
     int32_t backend;          /* LAZYGRID_BACKEND_... */
@@ -175,16 +172,16 @@ enum {
 };
 
 /*
- * A set of spheres, read in place: rows, columns, points with one radius, arrays of structures, `x[0]` of a `double **`.
- * Create it by lazygrid_rows or a similar function below, then set `species` and `groups` if needed.
+ * A set of spheres, read in place: rows, columns, points with one radius, arrays of structures, `x[0]` of a `double
+ * **`. Create it by lazygrid_rows or a similar function below, then set `species` and `groups` if needed.
  *
- * Value k of x is at `x` plus k * `step` bytes; the same holds for y and z, and for r with `r_step`. Both steps are
- * multiples of the size of a number. `step` must not be 0 for two or more spheres; `r_step` 0 gives all spheres the radius at
- * `r`. Pointers are aligned like numbers. From its first to its last value, the memory at each pointer is part of one array
- * and does not change during a call. Gaps may hold any bytes. With count 0 no pointer is read, and all may be NULL.
+ * Value k of x is at `x` plus k * `step` bytes, as for y and z, and for r with `r_step`. Both steps are multiples of
+ * the size of a number. `step` must not be 0 for two or more spheres; `r_step` 0 gives all spheres the radius at `r`.
+ * Pointers are aligned like numbers. From its first to its last value, the memory at each pointer is part of one array
+ * and does not change during a call. Gaps may hold any bytes. With count 0 no pointer is read.
  *
- * `species` has `count` ids below the number of species of the table, if the detector has a table; otherwise it may be NULL.
- * `groups` has `count` numbers, or is NULL: two spheres of one group, such as a molecule or a rigid body, are never a pair,
+ * `species` has `count` ids below the number of species of the detector's table; without a table it may be NULL.
+ * `groups` has `count` numbers, or is NULL: two spheres of one group, such as a molecule or a rigid body, never pair,
  * unless the group is LAZYGRID_NO_GROUP. Equal numbers in two sets are one group.
  */
 typedef struct lazygrid_spheres {
@@ -211,7 +208,7 @@ typedef struct lazygrid_query {
                                               counted nor listed. May change from call to call */
 } lazygrid_query;
 
-/* `count` spheres in any layout: see lazygrid_spheres. */
+/* `count` spheres in any layout; see lazygrid_spheres. */
 static inline lazygrid_spheres lazygrid_strided(int32_t type, size_t count, const void *x, const void *y, const void *z,
                                                 size_t step, const void *r, size_t r_step) {
     lazygrid_spheres spheres = {sizeof(lazygrid_spheres), count, x, y, z, r, step, r_step, type, 0, NULL, NULL};
@@ -225,7 +222,7 @@ static inline lazygrid_spheres lazygrid_rows(size_t count, const float *rows) {
     return lazygrid_strided(LAZYGRID_F32, count, rows, rows + 1, rows + 2, step, rows + 3, step);
 }
 
-/* The same with doubles. */
+/* As lazygrid_rows, with doubles. */
 static inline lazygrid_spheres lazygrid_rows_f64(size_t count, const double *rows) {
     const size_t step = 4 * sizeof(double);
     if (rows == NULL) return lazygrid_strided(LAZYGRID_F64, count, NULL, NULL, NULL, step, NULL, step);
@@ -238,15 +235,15 @@ static inline lazygrid_spheres lazygrid_columns(size_t count, const float *x, co
     return lazygrid_strided(LAZYGRID_F32, count, x, y, z, sizeof(float), r, sizeof(float));
 }
 
-/* The same with doubles. */
+/* As lazygrid_columns, with doubles. */
 static inline lazygrid_spheres lazygrid_columns_f64(size_t count, const double *x, const double *y, const double *z,
                                                     const double *r) {
     return lazygrid_strided(LAZYGRID_F64, count, x, y, z, sizeof(double), r, sizeof(double));
 }
 
 /*
- * `count` points, 3 * `count` floats x, y, z, x, y, ..., all with the radius at `radius`, which must outlive the spheres.
- * With half a cutoff as the radius, pairs are points within the cutoff.
+ * `count` points, 3 * `count` floats x, y, z, x, y, ..., all with the radius at `radius`, which must outlive the
+ * spheres. Half a cutoff as the radius finds the points within the cutoff.
  */
 static inline lazygrid_spheres lazygrid_points(size_t count, const float *centers, const float *radius) {
     const size_t step = 3 * sizeof(float);
@@ -254,23 +251,23 @@ static inline lazygrid_spheres lazygrid_points(size_t count, const float *center
     return lazygrid_strided(LAZYGRID_F32, count, centers, centers + 1, centers + 2, step, radius, 0);
 }
 
-/* The same with doubles. */
+/* As lazygrid_points, with doubles. */
 static inline lazygrid_spheres lazygrid_points_f64(size_t count, const double *centers, const double *radius) {
     const size_t step = 3 * sizeof(double);
     if (centers == NULL) return lazygrid_strided(LAZYGRID_F64, count, NULL, NULL, NULL, step, radius, 0);
     return lazygrid_strided(LAZYGRID_F64, count, centers, centers + 1, centers + 2, step, radius, 0);
 }
 
-/* A query for the pairs among `spheres`. It keeps the pointer. */
+/* A query for the pairs among `spheres`, whose pointer it keeps. */
 static inline lazygrid_query lazygrid_among(const lazygrid_spheres *spheres) {
     lazygrid_query query = {sizeof(lazygrid_query), spheres, NULL, NULL};
     return query;
 }
 
 /*
- * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers, or the spheres of a
- * process and ghosts. It keeps both pointers. If the detector has a table, both sets need species. Both may be the same
- * spheres; each is then a pair with itself. A message about `second` begins with "of the second set, ".
+ * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers, or own spheres
+ * and ghosts. It keeps both pointers. If the detector has a table, both sets need species. Both may be the same
+ * spheres; each then pairs with itself. A message about `second` begins with "of the second set, ".
  */
 static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, const lazygrid_spheres *second) {
     lazygrid_query query = {sizeof(lazygrid_query), first, second, NULL};
@@ -278,25 +275,24 @@ static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, cons
 }
 
 /*
- * Receives `count` pairs of a stream. Returns 0 to continue; any other value ends the search. The pairs live until it
- * returns. The library may call it from another thread than the one that called lazygrid_stream, but never concurrently. It
- * must return: no exception and no longjmp may leave it. It must not search with any detector, as the search would need
- * threads that wait for the callback: a search in the same thread returns LAZYGRID_ERROR_BUSY, and the callback must not wait
- * for a search of another thread.
+ * Receives `count` pairs of a stream, which live until it returns. Returns 0 to continue; any other value ends the
+ * search. The library may call it from another thread, but never concurrently. It must return: no exception and no
+ * longjmp may leave it. It must not search with any detector, nor wait for another thread's search, because searches
+ * need threads that wait for the callback; a search in the same thread returns LAZYGRID_ERROR_BUSY.
  */
 typedef int32_t (*lazygrid_pair_callback)(void *context, const lazygrid_pair *pairs, size_t count);
 
-/* The version of the library, as "0.1.0". */
+/* The library version, such as "0.1.0". */
 LAZYGRID_API const char *lazygrid_version(void);
 
-/* The name of a status, as "LAZYGRID_OK"; "unknown status" for any other number. */
+/* The name of a status, such as "LAZYGRID_OK"; "unknown status" for any other number. */
 LAZYGRID_API const char *lazygrid_status_name(lazygrid_status status);
 
 /*
- * The error message of the last call with `detector`, in UTF-8; "" if it succeeded. With NULL: the message of this thread's
- * last call without a detector (lazygrid_create, lazygrid_settings_init, the functions for interactions and exclusions, and
- * any call with NULL as its detector). The text lives until the next call with that detector, or the next such call in this
- * thread, except calls of this function.
+ * The error message of the last call with `detector`, in UTF-8; "" if it succeeded. With NULL: the message of this
+ * thread's last call without a detector (lazygrid_create, lazygrid_settings_init, the functions for interactions and
+ * exclusions, and any call with NULL as its detector). The text lives until the next such call, except calls of this
+ * function.
  */
 LAZYGRID_API const char *lazygrid_last_error(const lazygrid_detector *detector);
 
@@ -310,7 +306,7 @@ LAZYGRID_API lazygrid_status lazygrid_settings_init(lazygrid_settings *settings,
 LAZYGRID_API lazygrid_status lazygrid_interactions_create(uint32_t species, int32_t kind, double distance,
                                                           lazygrid_interactions **interactions);
 
-/* Sets the interaction of species `a` with `b`, and of `b` with `a`. If it fails, the table is unchanged. */
+/* Sets the interaction of `a` and `b`, in both orders. If it fails, the table is unchanged. */
 LAZYGRID_API lazygrid_status lazygrid_interactions_set(lazygrid_interactions *interactions, uint32_t a, uint32_t b,
                                                        int32_t kind, double distance);
 
@@ -318,20 +314,21 @@ LAZYGRID_API lazygrid_status lazygrid_interactions_set(lazygrid_interactions *in
 LAZYGRID_API void lazygrid_interactions_destroy(lazygrid_interactions *interactions);
 
 /*
- * Creates exclusions from `count` pairs of `spheres` spheres. Pairs may be in either order and may repeat. Exclusions never
- * change, so any threads may share them; they must outlive the queries that name them. They serve all calls with this number
- * of spheres; create new ones when the number changes. A pair of a sphere with itself is allowed and has no effect.
+ * Creates exclusions from `count` pairs of `spheres` spheres, in either order and possibly repeated; a pair of a sphere
+ * with itself has no effect. Exclusions never change, so any threads may share them; they must outlive the queries that
+ * name them. They serve all calls with this number of spheres.
  */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_create(size_t spheres, const lazygrid_pair *pairs, size_t count,
                                                         lazygrid_exclusions **exclusions);
 
-/* The same for two sets of `first` and `second` spheres: `i` is an index in the first, `j` an index in the second. */
+/* As lazygrid_exclusions_create, for two sets of `first` and `second` spheres: `i` is an index in the first, `j` in
+   the second. */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_across(size_t first, size_t second, const lazygrid_pair *pairs,
                                                          size_t count, lazygrid_exclusions **exclusions);
 
 /*
- * Creates exclusions from compressed sparse rows in the layout of lazygrid_neighbors: `offsets` has `spheres` + 1 values, and
- * the last is the length of `indices`. One of the two spheres of a pair needs to list the other. Rows may be in any order.
+ * Creates exclusions from compressed sparse rows in the layout of lazygrid_neighbors: `offsets` has `spheres` + 1
+ * values, and the last is the length of `indices`. One of the two rows of a pair suffices. Rows may be in any order.
  */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_from_csr(size_t spheres, const uint64_t *offsets, const uint32_t *indices,
                                                          lazygrid_exclusions **exclusions);
@@ -343,34 +340,31 @@ LAZYGRID_API void lazygrid_exclusions_destroy(lazygrid_exclusions *exclusions);
 LAZYGRID_API lazygrid_status lazygrid_create(const lazygrid_settings *settings, lazygrid_detector **detector);
 
 /*
- * Frees a detector and the arrays that it returned. Ignores NULL. While a search runs, it returns LAZYGRID_ERROR_BUSY and frees
- * nothing; but another thread must not begin a search at the same moment.
+ * Frees a detector and the arrays that it returned. Ignores NULL. While a search runs, it returns LAZYGRID_ERROR_BUSY
+ * and frees nothing; but no other thread may begin a search at the same moment.
  */
 LAZYGRID_API lazygrid_status lazygrid_destroy(lazygrid_detector *detector);
 
-/*
- * Finds the overlapping pairs and writes their address and number. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `*count` is the exact
- * number of pairs.
- */
+/* Finds the overlapping pairs. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `*count` is their exact number. */
 LAZYGRID_API lazygrid_status lazygrid_pairs(lazygrid_detector *detector, const lazygrid_query *query,
                                             const lazygrid_pair **pairs, uint64_t *count);
 
-/* Counts the pairs. The memory does not depend on their number. */
+/* Counts the pairs, in memory independent of their number. */
 LAZYGRID_API lazygrid_status lazygrid_count(lazygrid_detector *detector, const lazygrid_query *query, uint64_t *count);
 
 /*
  * Finds the pairs as neighbor lists in compressed sparse rows: the neighbors of sphere k are `indices[offsets[k]]` to
- * `indices[offsets[k + 1] - 1]`, ascending. For one set each pair is in both lists. For two sets each sphere of the first has a
- * list of its neighbors in the second. `*offsets` has one more value than there are lists; the last is the length of
- * `*indices`.
+ * `indices[offsets[k + 1] - 1]`, ascending. For one set each pair is in both lists. For two sets each sphere of the
+ * first lists its neighbors in the second. `*offsets` has one more value than there are lists; the last is the length
+ * of `*indices`.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, const lazygrid_query *query,
                                                 const uint64_t **offsets, const uint32_t **indices);
 
 /*
- * Passes the pairs to `consume` in chunks of at most `chunk`, 1 or more, and writes the number of delivered pairs. Memory stays
- * bounded for any number of pairs. In canonical order a result above `max_pairs` takes another search for each `max_pairs`
- * pairs. `context` is passed on unchanged.
+ * Passes the pairs to `consume` in chunks of at most `chunk`, 1 or more, and writes the number of delivered pairs.
+ * Memory stays bounded. In canonical order each `max_pairs` pairs take another search. `context` is passed on
+ * unchanged.
  */
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
                                              lazygrid_pair_callback consume, void *context, uint64_t *delivered);
@@ -386,7 +380,7 @@ enum {
 };
 
 /*
- * A neighbor list with `length` entries. Those of sphere k are `offsets[k]` to `offsets[k + 1] - 1`. Arrays without their option
+ * A neighbor list with `length` entries; sphere k has `offsets[k]` to `offsets[k + 1] - 1`. Arrays without their option
  * are NULL.
  */
 typedef struct lazygrid_list {
@@ -399,26 +393,26 @@ typedef struct lazygrid_list {
 } lazygrid_list;
 
 /*
- * Finds the neighbor list with all periodic images within the cutoff, also in a box that is smaller than the cutoff, where a
- * sphere may neighbor its own images. Computes in double precision and sorts by i, j and the shift. Exclusions and groups apply
- * to all images.
+ * Finds the neighbor list with all periodic images within the cutoff, also in a box smaller than the cutoff, where a
+ * sphere may neighbor its own images. Computes in double precision and sorts by i, j and the shift. Exclusions and
+ * groups apply to all images.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector, const lazygrid_query *query,
                                                     uint32_t options, lazygrid_list *list);
 
 /*
- * Returns the report of the last search as one JSON object: "spheres" and "pairs" (numbers; for two sets the spheres of both),
- * "backend", "adapter" (null on the CPU), "algorithm", "reason", "gpu" (the cost of a GPU call: "dispatches", "working_bytes",
- * "pair_bytes", "traffic_bytes"; null on the CPU), "candidates" (the candidate list: "count", "age" in calls,
- * "displacement_fraction", the largest used fraction of a displacement limit from 0 to 1, "rebuilt", the reason of a rebuild in
- * this call or null; null without a list), "phases" (seconds by name, in order). Later versions may add names. The text lives
- * until the next lazygrid_report_json with that detector.
+ * Returns the report of the last search as one JSON object: "spheres" and "pairs" (numbers; for two sets the spheres of
+ * both), "backend", "adapter" (null on the CPU), "algorithm", "reason", "gpu" (the cost of a GPU call: "dispatches",
+ * "working_bytes", "pair_bytes", "traffic_bytes"; null on the CPU), "candidates" (the candidate list: "count", "age" in
+ * calls, "displacement_fraction", the largest used fraction of a displacement limit from 0 to 1, "rebuilt", the reason
+ * of a rebuild in this call or null; null without a list), "phases" (seconds by name, in order). Later versions may add
+ * names. The text lives until the next lazygrid_report_json with that detector.
  */
 LAZYGRID_API lazygrid_status lazygrid_report_json(lazygrid_detector *detector, const char **json);
 
 /*
- * Estimates the bytes that the detector needs for `spheres` spheres, besides the result; on the CPU an upper bound. More than
- * 2^32 - 2 spheres count as that many. UINT64_MAX if a GPU cannot hold them.
+ * Estimates the bytes for `spheres` spheres (at most 2^32 - 2), without the result; on the CPU an upper bound.
+ * UINT64_MAX if a GPU cannot hold them.
  */
 LAZYGRID_API lazygrid_status lazygrid_memory_for(lazygrid_detector *detector, uint64_t spheres, uint64_t *bytes);
 

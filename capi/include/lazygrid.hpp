@@ -4,8 +4,8 @@
 //     std::vector<lazygrid::Sphere> spheres = {{0, 0, 0, 1}, {1.5f, 0, 0, 1}};
 //     for (const lazygrid::Pair &pair : detector.pairs(spheres)) collide(pair.i, pair.j);
 //
-// The rules of lazygrid.h for pairs, lifetimes and threads apply: a view lives until the next search with its detector, and
-// one thread at a time may use a detector. Every failure throws lazygrid::Error.
+// The rules of lazygrid.h for pairs, lifetimes and threads apply: a view lives until the next search with its detector,
+// and one thread at a time may use a detector. Every failure throws lazygrid::Error.
 #ifndef LAZYGRID_HPP
 #define LAZYGRID_HPP
 
@@ -47,12 +47,12 @@ public:
     using Error::Error;
 };
 
-// A list would have more pairs than Settings::max_pairs.
+// More pairs than Settings::max_pairs.
 class TooManyPairs : public Error {
 public:
     TooManyPairs(const std::string &message, std::uint64_t found)
         : Error(LAZYGRID_ERROR_TOO_MANY_PAIRS, message), found_(found) {}
-    // Their exact number.
+    // The exact number.
     std::uint64_t found() const noexcept { return found_; }
 
 private:
@@ -62,19 +62,19 @@ private:
 // Two spheres by their indices; i < j, or, for two sets, i in the first and j in the second.
 using Pair = lazygrid_pair;
 
-// Center and radius in the caller's length unit, as one row of the input.
+// One row of the input, in the caller's length unit.
 struct Sphere {
     float x, y, z, r;
 };
 static_assert(sizeof(Sphere) == 4 * sizeof(float), "rows are four floats");
 
-// The same in double precision.
+// A row in double precision.
 struct SphereF64 {
     double x, y, z, r;
 };
 static_assert(sizeof(SphereF64) == 4 * sizeof(double), "rows are four doubles");
 
-// A view of values that it does not own; std::span can be constructed from it.
+// A view of values; std::span can be constructed from it.
 template <class T> class View {
 public:
     using value_type = T;
@@ -94,9 +94,10 @@ private:
     std::size_t size_ = 0;
 };
 
-// The neighbors of each sphere, ascending. For one set each pair is in both lists, for two sets in the list of its first sphere.
+// The neighbors of each sphere, ascending. For one set each pair is in both lists, for two sets in the list of its
+// first sphere.
 struct Neighbors {
-    // The start of each list in `indices`, and the end of the last one.
+    // The start of each list, and the end of the last one.
     View<std::uint64_t> offsets;
     View<std::uint32_t> indices;
 
@@ -109,7 +110,7 @@ struct Neighbors {
 
 // A neighbor list with geometry. Views without their option are empty.
 struct NeighborList {
-    // The start of each sphere's entries, and the end of the last one's.
+    // The start of each sphere's entries, and the end of the last one.
     View<std::uint64_t> offsets;
     // The sphere and its neighbor; in a full list i may be the larger index.
     View<Pair> pairs;
@@ -144,7 +145,7 @@ template <class T> constexpr std::int32_t type_of() {
     return std::is_same_v<T, float> ? LAZYGRID_F32 : LAZYGRID_F64;
 }
 
-// The address `k` values after `first`; null if `first` is.
+// Null if `first` is null.
 template <class T> const T *offset(const T *first, std::size_t k) { return first == nullptr ? nullptr : first + k; }
 
 } // namespace detail
@@ -152,7 +153,8 @@ template <class T> const T *offset(const T *first, std::size_t k) { return first
 // Pairs that a search never reports, such as bonds. Immutable; copies share the data.
 class Exclusions {
 public:
-    // Pairs of `spheres` spheres, in any order, in a contiguous range with data() and size(), such as std::vector<Pair>.
+    // Pairs of `spheres` spheres, in any order, in a contiguous range with data() and size(), such as
+    // std::vector<Pair>.
     template <class Pairs> Exclusions(std::size_t spheres, const Pairs &pairs) {
         take([&](auto **made) { return lazygrid_exclusions_create(spheres, pairs.data(), pairs.size(), made); });
     }
@@ -162,7 +164,7 @@ public:
             return lazygrid_exclusions_across(first, second, pairs.data(), pairs.size(), made);
         });
     }
-    // The pairs of neighbor lists, such as those of Detector::neighbors.
+    // The pairs of neighbor lists, such as from Detector::neighbors.
     static Exclusions from_csr(const Neighbors &lists) {
         if (lists.offsets.empty()) detail::fail(LAZYGRID_ERROR_INPUT, "the lists have no offsets; pass one per sphere and the end");
         return Exclusions([&](auto **made) {
@@ -187,11 +189,10 @@ private:
 // The group number of spheres without a group.
 inline constexpr std::uint32_t no_group = LAZYGRID_NO_GROUP;
 
-// Spheres of float or double in the caller's memory, with or without species and groups. Copies no array; the arrays must
-// outlive it.
+// Spheres of float or double in the caller's memory, which must outlive it, with or without species and groups.
 class Spheres {
 public:
-    // Rows in a contiguous range with data() and size(), such as std::vector<Sphere> or std::vector<SphereF64>.
+    // A contiguous range with data() and size(), such as std::vector<Sphere> or std::vector<SphereF64>.
     template <class Rows, class = std::enable_if_t<std::is_same_v<detail::Row<Rows>, Sphere>
                                                    || std::is_same_v<detail::Row<Rows>, SphereF64>>>
     Spheres(const Rows &rows) : Spheres(rows.data(), rows.size()) {}
@@ -213,26 +214,27 @@ public:
         }
         return columns(x.data(), y.data(), z.data(), r.data(), x.size());
     }
-    // Points, as 3 * count numbers x, y, z, with one radius, which must outlive this. With half a cutoff as the radius, pairs are
-    // points within the cutoff.
+    // Points, as 3 * count numbers x, y, z, with one radius, which must outlive this. Half a cutoff as the radius finds
+    // the points within the cutoff.
     template <class T> static Spheres points(const T *centers, std::size_t count, const T &radius) {
         return strided(centers, detail::offset(centers, 1), detail::offset(centers, 2), 3 * sizeof(T), &radius, 0, count);
     }
     template <class T> static Spheres points(const T *centers, std::size_t count, const T &&radius) = delete;
-    // Numbers at regular distances: `step` bytes from one center to the next, `r_step` from one radius to the next, 0 for one
-    // radius. For members of an array of structures: strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p, count).
+    // Numbers at regular distances: `step` bytes from one center to the next, `r_step` from one radius to the next, 0
+    // for one radius. For members of an array of structures: strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p,
+    // count).
     template <class T>
     static Spheres strided(const T *x, const T *y, const T *z, std::size_t step, const T *r, std::size_t r_step,
                            std::size_t count) {
         return Spheres(lazygrid_strided(detail::type_of<T>(), count, x, y, z, step, r, r_step));
     }
-    // The same spheres with species ids. Throws InputError unless there is one per sphere.
+    // These spheres with species ids. Throws InputError unless there is one per sphere.
     template <class Ids> Spheres with_species(const Ids &ids) const {
         Spheres with = *this;
         with.given_.species = one_each(ids, "species ids");
         return with;
     }
-    // The same spheres with groups: two spheres of one group are never a pair, unless it is no_group. Throws InputError unless
+    // These spheres with groups: two spheres of one group never pair, unless it is no_group. Throws InputError unless
     // there is one per sphere.
     template <class Groups> Spheres with_groups(const Groups &groups) const {
         Spheres with = *this;
@@ -254,8 +256,8 @@ private:
     lazygrid_spheres given_;
 };
 
-// A query: the pairs among one set of spheres, or of one sphere of each of two sets, without exclusions. Searches also accept
-// spheres directly, and two sets as {a, b}. Spheres and exclusions must outlive the query.
+// One set of spheres or two, with optional exclusions; see lazygrid.h. Searches also accept spheres directly, and two
+// sets as {a, b}. Spheres and exclusions must outlive the query.
 class Query {
 public:
     Query(const Spheres &of) : first_(*of.get()) {}
@@ -265,7 +267,7 @@ public:
     Query(const Rows &rows) : Query(Spheres(rows)) {}
     // Pairs of one sphere of `first` and one of `second`.
     Query(const Spheres &first, const Spheres &second) : first_(*first.get()), second_(*second.get()), is_across_(true) {}
-    // The same query without these pairs.
+    // This query without these pairs.
     Query without(const Exclusions &exclusions) const {
         Query with = *this;
         with.exclusions_ = exclusions.get();
@@ -277,7 +279,7 @@ public:
         query.exclusions = exclusions_;
         return query;
     }
-    // The number of spheres of the only or first set, which is the number of neighbor lists.
+    // The number of spheres of the only or first set.
     std::size_t size() const noexcept { return first_.count; }
 
 private:
@@ -300,7 +302,7 @@ struct ListOptions {
     }
 };
 
-// The condition for two spheres of given species to be a pair.
+// The condition for two spheres of given species to pair.
 class Interaction {
 public:
     static Interaction never() { return {LAZYGRID_NEVER, 0}; }
@@ -316,7 +318,7 @@ private:
     double distance;
 };
 
-// A symmetric table: for any two species, the condition for a pair.
+// A symmetric table of the condition for any two species to pair.
 class Interactions {
 public:
     // For species 0 to `species` - 1, all with the interaction `all`.
@@ -325,7 +327,7 @@ public:
         detail::check(lazygrid_interactions_create(species, all.kind, all.distance, &made), nullptr);
         table_.reset(made);
     }
-    // Sets the interaction of a with b, and of b with a.
+    // Sets the interaction in both orders.
     Interactions &set(std::uint32_t a, std::uint32_t b, Interaction interaction) {
         detail::check(lazygrid_interactions_set(table_.get(), a, b, interaction.kind, interaction.distance), nullptr);
         return *this;
@@ -358,7 +360,7 @@ enum class Algorithm : std::int32_t {
 
 enum class Order : std::int32_t { canonical = LAZYGRID_ORDER_CANONICAL, unordered = LAZYGRID_ORDER_UNORDERED };
 
-// The skin of the candidate list that a detector may reuse between calls. Results never depend on it.
+// The skin of the candidate list; see LAZYGRID_SKIN_...
 class Skin {
 public:
     // Keeps a list if the displacements predict that it saves time.
@@ -374,7 +376,7 @@ private:
     double distance;
 };
 
-// The settings of a detector; the fields are those of lazygrid_settings.
+// See lazygrid_settings.
 struct Settings {
     Backend backend = Backend::automatic;
     Algorithm algorithm = Algorithm::automatic;
@@ -383,7 +385,7 @@ struct Settings {
     std::uint64_t max_pairs = 0;
     // The length of each periodic axis; 0: unbounded.
     std::array<double, 3> periodic = {0, 0, 0};
-    // Instead of `periodic`: the cell vectors of a triclinic cell. Space is not periodic along a vector that is 0.
+    // The cell vectors of a triclinic cell, instead of `periodic`. Space is not periodic along a vector that is 0.
     std::array<std::array<double, 3>, 3> cell_vectors = {};
     std::chrono::duration<std::uint32_t> timeout = {};
     // A GPU by its index or a part of its name; empty: the best one.
@@ -393,7 +395,7 @@ struct Settings {
     Skin skin = Skin::automatic();
 };
 
-// Finds pairs, call after call, reusing its memory. A moved-from detector throws at each call.
+// Finds pairs, reusing its memory between calls. A moved-from detector throws at each call.
 class Detector {
 public:
     explicit Detector(const Settings &settings = {}) {
@@ -429,7 +431,7 @@ public:
         return {found, static_cast<std::size_t>(count)};
     }
 
-    // The number of pairs. The memory does not depend on it.
+    // The number of pairs, in memory independent of it.
     std::uint64_t count(const Query &of) {
         const lazygrid_query query = of.get();
         std::uint64_t count = 0;
@@ -460,9 +462,9 @@ public:
                 {list.distances, options.distances ? length : 0}};
     }
 
-    // Passes the pairs to `consume` as View<Pair> of at most `chunk`, and returns the number of delivered pairs. `consume` returns
-    // nothing, or false to end the search. An exception of `consume` ends the search and is rethrown. `consume` may run in any
-    // thread, never concurrently, and must not search.
+    // Passes the pairs to `consume` as View<Pair> of at most `chunk`, and returns the number of delivered pairs.
+    // `consume` returns nothing, or false to end the search. An exception of `consume` ends the search and is rethrown.
+    // `consume` may run in any thread, never concurrently, and must not search.
     template <class F> std::uint64_t stream(const Query &of, std::size_t chunk, F &&consume) {
         const lazygrid_query query = of.get();
         Consuming<std::remove_reference_t<F>> consumer{consume, nullptr};
@@ -480,7 +482,7 @@ public:
         return json;
     }
 
-    // Estimates the bytes for `spheres` spheres, besides the result.
+    // Estimates the bytes for `spheres` spheres, without the result.
     std::uint64_t memory_for(std::uint64_t spheres) {
         std::uint64_t bytes = 0;
         detail::check(lazygrid_memory_for(get(), spheres, &bytes), get());
@@ -517,7 +519,7 @@ private:
     std::unique_ptr<lazygrid_detector, Destroy> detector_;
 };
 
-// The version of the library, as "0.1.0".
+// The library version, such as "0.1.0".
 inline std::string version() { return lazygrid_version(); }
 
 } // namespace lazygrid

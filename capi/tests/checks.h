@@ -1,4 +1,4 @@
-/* What the programs in C share: counted checks, and detectors to check. */
+/* Counted checks, and detectors to check. */
 #ifndef CHECKS_H
 #define CHECKS_H
 
@@ -20,7 +20,7 @@ static int passed, failed;
         }                                                                         \
     } while (0)
 
-/* Whether a message contains a text; shows the message where it does not. */
+/* Returns 1 if a message contains a text; otherwise shows the message. */
 static int says(const char *message, const char *text) {
     int found = strstr(message, text) != NULL;
     if (!found) fprintf(stderr, "the message is: %s\n", message);

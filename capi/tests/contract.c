@@ -1,12 +1,12 @@
 /*
- * What the header promises, one function for each promise. Ends with 0 and "N passed, 0 failed", or names the line.
- * Built as C99, so that the header stays within it.
+ * The header's promises, one per function. Returns 0 and prints "N passed, 0 failed", or names the line. Built as C99,
+ * so that the header stays within it.
  */
 #include "checks.h"
 
 #include <math.h>
 
-/* Spheres on a line, half a unit apart, of radius 0.3: each touches the next. */
+/* Half a unit apart, of radius 0.3: each touches the next. */
 static float *line(size_t count) {
     float *rows = malloc(4 * count * sizeof *rows);
     size_t k;
@@ -74,7 +74,6 @@ static void neighbors_are_in_both_lists(void) {
     free(rows);
 }
 
-/* What the callback of a stream sees and does. */
 typedef struct {
     lazygrid_detector *detector, *other;
     uint64_t pairs, calls, largest;
@@ -303,7 +302,6 @@ static void reports_and_names(void) {
     CHECK(says(json, "\"phases\":{\""));
     CHECK(lazygrid_memory_for(detector, 1000, &bytes) == LAZYGRID_OK && bytes > 0);
     CHECK(lazygrid_memory_for(detector, 1000000, &more) == LAZYGRID_OK && more > bytes);
-    /* More than the most spheres count as the most. */
     CHECK(lazygrid_memory_for(detector, UINT32_MAX - 1, &bytes) == LAZYGRID_OK);
     CHECK(lazygrid_memory_for(detector, UINT64_MAX, &more) == LAZYGRID_OK && more == bytes);
     CHECK(strcmp(lazygrid_status_name(LAZYGRID_ERROR_BUSY), "LAZYGRID_ERROR_BUSY") == 0);

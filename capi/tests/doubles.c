@@ -1,12 +1,9 @@
-/*
- * Spheres of doubles, in memory of every layout, and what is refused of it. Ends with 0 and "N passed, 0 failed", or names
- * the line. C99.
- */
+/* Spheres of doubles in memory of every layout, and refused layouts. C99. */
 #include "checks.h"
 
 #include <math.h>
 
-/* Whether these spheres have one pair, (0, 1). */
+/* Returns 1 if these spheres have one pair, (0, 1). */
 static int is_one_pair(lazygrid_detector *detector, const lazygrid_spheres *spheres) {
     const lazygrid_query query = lazygrid_among(spheres);
     const lazygrid_pair *pairs;
@@ -19,7 +16,7 @@ static int is_one_pair(lazygrid_detector *detector, const lazygrid_spheres *sphe
     return count == 1 && pairs[0].i == 0 && pairs[0].j == 1;
 }
 
-/* An array of structures, as a simulator may keep its particles. */
+/* An array of structures. */
 typedef struct {
     uint64_t id;
     double position[3];
@@ -33,7 +30,7 @@ typedef struct {
     float x, y, z;
 } small_particle;
 
-/* The first two are tangent, and the third is further from both. As floats all are at one place. */
+/* The first two are tangent, the third is farther away. As floats all coincide. */
 static const double exact[3][4] = {{1e9, 2e9, -1e9, 0.5}, {1e9 + 1, 2e9, -1e9, 0.5}, {1e9 - 1.0625, 2e9, -1e9, 0.5}};
 
 static void doubles_of_every_layout_are_read_in_place(void) {
@@ -57,7 +54,7 @@ static void doubles_of_every_layout_are_read_in_place(void) {
     CHECK(is_one_pair(detector, &spheres));
     spheres = lazygrid_points_f64(3, centers, &radius);
     CHECK(is_one_pair(detector, &spheres));
-    /* As LAMMPS has them: x[i][0..2] in one block. */
+    /* LAMMPS's layout: x[i][0..2] in one block. */
     spheres = lazygrid_strided(LAZYGRID_F64, 3, centers_of[0], centers_of[0] + 1, centers_of[0] + 2, 24, &radius, 0);
     CHECK(is_one_pair(detector, &spheres));
     spheres = lazygrid_strided(LAZYGRID_F64, 3, &particles[0].position[0], &particles[0].position[1],
@@ -98,7 +95,7 @@ static void floats_of_every_layout_are_read_in_place(void) {
     spheres = lazygrid_strided(LAZYGRID_F32, 3, &particles[0].x, &particles[0].y, &particles[0].z, sizeof(small_particle),
                                &particles[0].radius, sizeof(small_particle));
     CHECK(is_one_pair(detector, &spheres));
-    /* Rows without gaps, of which one number at a time is read from another array. As given, no two of them touch. */
+    /* Contiguous rows, except one number read from another array. As given, no two of them touch. */
     for (k = 0; k < 4; k++) {
         float apart[12], touching[12];
         const float *at[4];
@@ -153,7 +150,7 @@ static void two_sets_may_be_of_either_type(void) {
     lazygrid_exclusions_destroy(exclusions);
 }
 
-/* The spheres touch across a length of 10.1, which is no float, and not across one that is larger by 1e-9. */
+/* Tangent across a length of 10.1, which is no float, but not across a length larger by 1e-9. */
 static void lengths_are_not_rounded(void) {
     static const double rows[] = {0, 0, 0, 0.5, 9.1, 0, 0, 0.5};
     const lazygrid_spheres spheres = lazygrid_rows_f64(2, rows);
@@ -201,7 +198,7 @@ static void distances_are_not_rounded(void) {
     }
 }
 
-/* Whether a search of these spheres is LAZYGRID_ERROR_ARGUMENT, and says so. */
+/* Returns 1 if a search of these spheres is LAZYGRID_ERROR_ARGUMENT with this message. */
 static int is_refused(lazygrid_detector *detector, const lazygrid_spheres *spheres, const char *text) {
     const lazygrid_query query = lazygrid_among(spheres);
     uint64_t count = 7;

@@ -1,17 +1,15 @@
-/*
- * Tilted boxes, groups and excluded pairs, each result against the plain loop. Ends with 0 and "N passed, 0 failed", or
- * names the line. C99.
- */
+/* Tilted boxes, groups and excluded pairs against the plain loop. C99. */
 #include "checks.h"
 
 #include <math.h>
 
 enum { COUNT = 160, SPLIT = 60, MOST = COUNT * COUNT };
 
-/* Edges of a triclinic box by more than half an edge. Images that are more than four cell_vectors away touch nothing here. */
+/* Edges of a triclinic box, tilted by more than half an edge. Images more than four cell vectors away touch nothing
+   here. */
 static const double tilted[9] = {4, 0, 0, 3, 4, 0, -1, 2.5, 5};
 
-/* Coordinates and radii of whole thirty-seconds, so that the plain loop is exact; they leave the triclinic box. */
+/* Whole thirty-seconds, so that the plain loop is exact; coordinates may leave the triclinic box. */
 static void fill(float *rows, uint32_t seed) {
     size_t k;
     for (k = 0; k < 4 * COUNT; k++) {
@@ -20,7 +18,7 @@ static void fill(float *rows, uint32_t seed) {
     }
 }
 
-/* Whether any images touch; `cell_vectors` may be NULL. */
+/* Returns 1 if any images touch; `cell_vectors` may be NULL. */
 static int touch(const float *a, const float *b, const double *cell_vectors) {
     double reach = (double)a[3] + b[3];
     int far = cell_vectors == NULL ? 0 : 4, x, y, z, axis;
@@ -51,7 +49,7 @@ static int is_listed(const lazygrid_pair *list, size_t count, uint32_t i, uint32
     return 0;
 }
 
-/* What is left out of the plain loop: nothing where it is NULL. */
+/* Exclusions of the plain loop; NULL for none. */
 typedef struct {
     const uint32_t *groups;
     const lazygrid_pair *list;
@@ -84,7 +82,6 @@ static int32_t tally(void *context, const lazygrid_pair *pairs, size_t count) {
     return 0;
 }
 
-/* All kinds of results of one set. */
 static void each_result_is(lazygrid_detector *detector, const lazygrid_query *query, const lazygrid_pair *expected,
                            uint64_t wanted) {
     const lazygrid_pair *pairs;
@@ -120,7 +117,7 @@ static void boxes_lean(void) {
             settings.cell_vectors = cell_vectors;
             settings.algorithm = algorithms[k];
             detector = detector_of(&settings);
-            /* They were read when it was made. */
+            /* The detector has copied them. */
             cell_vectors[0] += 1;
             each_result_is(detector, &query, expected, wanted);
             cell_vectors[0] -= 1;
@@ -150,7 +147,7 @@ static void edges_are_refused(void) {
     CHECK(says(lazygrid_last_error(NULL), "settings.cell_vectors"));
 }
 
-/* Every third pair of those that touch, one way round or the other, and one twice. */
+/* Every third touching pair, in either order, and one twice. */
 static size_t some_of(const lazygrid_pair *pairs, uint64_t count, lazygrid_pair *list) {
     size_t listed = 0;
     uint64_t k;
@@ -175,7 +172,6 @@ static void what_is_left_out_is_no_pair(const double *cell_vectors) {
     uint64_t all, wanted;
     size_t listed, k;
     fill(rows, 2);
-    /* Crowded enough for groups to matter. */
     for (k = 3; k < 4 * COUNT; k += 4) rows[k] *= cell_vectors == NULL ? 3.0f : 1.0f;
     for (k = 0; k < COUNT; k++) groups[k] = k % 5 == 4 ? LAZYGRID_NO_GROUP : (uint32_t)k % 5;
     settings.cell_vectors = cell_vectors;
@@ -200,7 +196,7 @@ static void what_is_left_out_is_no_pair(const double *cell_vectors) {
     each_result_is(detector, &query, expected, wanted);
     lazygrid_exclusions_destroy(exclusions);
 
-    /* As columns, and with all that touch left out as the lists of neighbours name them. */
+    /* As columns, with all touching pairs excluded as neighbor lists. */
     {
         const uint64_t *offsets;
         const uint32_t *indices;
@@ -253,7 +249,6 @@ static void two_sets_leave_out_the_same(void) {
     CHECK(memcmp(pairs, expected, (size_t)wanted * sizeof *pairs) == 0);
     CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == wanted);
 
-    /* Made for one set, they are refused. */
     CHECK(lazygrid_exclusions_create(COUNT - SPLIT, NULL, 0, &of_one) == LAZYGRID_OK);
     query.exclusions = of_one;
     CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT);
@@ -284,7 +279,7 @@ static void lists_are_refused(void) {
     CHECK(lazygrid_exclusions_from_csr(2, falling, indices, &list) == LAZYGRID_ERROR_INPUT && list == NULL);
     CHECK(lazygrid_exclusions_from_csr(2, far, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_exclusions_from_csr(2, NULL, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
-    /* Made for others than the call has. */
+    /* Of other numbers of spheres. */
     CHECK(lazygrid_exclusions_create(3, beyond, 2, &list) == LAZYGRID_OK);
     query.exclusions = list;
     CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT && count == 0);

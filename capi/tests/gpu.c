@@ -1,6 +1,6 @@
 /*
- * The GPU finds what the CPU finds, and its report tells its cost. Skipped, with the reason, where no GPU can be used;
- * with LAZYGRID_REQUIRE_GPU=1 that is a failure.
+ * The GPU finds the CPU's pairs and reports its cost. Skipped without a usable GPU; with LAZYGRID_REQUIRE_GPU=1 that is
+ * a failure.
  */
 #include <lazygrid.h>
 
@@ -10,7 +10,7 @@
 
 enum { COUNT = 3000 };
 
-/* Coordinates and radii of whole eighths, so that distances are exact and both must agree also where spheres touch. */
+/* Whole eighths, so that distances are exact and both agree for tangent spheres. */
 static void fill(float *rows) {
     uint32_t state = 1;
     size_t k;

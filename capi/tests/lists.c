@@ -1,4 +1,4 @@
-/* Neighbor lists with geometry. Ends with 0 and "N passed, 0 failed", or names the line. C99. */
+/* Neighbor lists with geometry. C99. */
 #include "checks.h"
 
 /* One atom of a cubic crystal: its neighbors are its own images. */

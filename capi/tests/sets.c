@@ -1,14 +1,11 @@
-/*
- * Pairs between two sets, and skins: each result against the plain loop and against the functions for one set. Ends with
- * 0 and "N passed, 0 failed", or names the line. C99.
- */
+/* Pairs between two sets, and skins, against the plain loop and the functions for one set. C99. */
 #include "checks.h"
 
 #include <math.h>
 
 enum { FIRST = 300, SECOND = 200, ALL = FIRST + SECOND };
 
-/* Coordinates and radii of whole thirty-seconds, so that the plain loop is exact. */
+/* Whole thirty-seconds, so that the plain loop is exact. */
 static void fill(float *rows, size_t count, uint32_t seed) {
     size_t k;
     for (k = 0; k < 4 * count; k++) {
@@ -28,7 +25,7 @@ static int overlap(const float *a, const float *b, float length) {
     return squared <= reach * reach;
 }
 
-/* What there is between two sets, by the plain loop. */
+/* Returns the pairs between two sets by the plain loop. */
 static uint64_t expected_across(const float *a, const float *b, float length, lazygrid_pair *pairs) {
     uint64_t count = 0;
     uint32_t i, j;
@@ -43,7 +40,6 @@ static uint64_t expected_across(const float *a, const float *b, float length, la
     return count;
 }
 
-/* What a stream delivered over so far. */
 typedef struct {
     lazygrid_pair pairs[FIRST * SECOND];
     uint64_t count, largest, until;
@@ -97,7 +93,7 @@ static void each_result_is_that_of_the_plain_loop(int32_t algorithm, float lengt
     lazygrid_destroy(detector);
 }
 
-/* Among all spheres of both sets, those pairs that are of one of each are those between the sets. */
+/* The pairs between the sets are the pairs among all spheres with one sphere of each set. */
 static void one_set_of_both_says_the_same(void) {
     static float rows[4 * ALL];
     static uint32_t species[ALL];
@@ -158,7 +154,6 @@ static void the_second_set_is_named(void) {
     CHECK(says(lazygrid_last_error(detector), "`query.first` is NULL"));
     CHECK(lazygrid_stream(detector, &same, 0, take, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_stream(detector, &same, 1, NULL, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
-    /* Spheres against themselves: each touches itself. */
     CHECK(lazygrid_count(detector, &same, &count) == LAZYGRID_OK && count == 4);
     second.count = 0;
     CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK && count == 0);
@@ -175,7 +170,6 @@ static void the_second_set_is_named(void) {
     lazygrid_destroy(detector);
 }
 
-/* Spheres that move a little from call to call. */
 static void a_skin_never_changes_an_answer(void) {
     enum { COUNT = 3000, STEPS = 12 };
     static float rows[4 * COUNT];

@@ -1,4 +1,4 @@
-// What lazygrid.hpp adds to lazygrid.h: objects, views, exceptions. Ends with 0 and "N passed, 0 failed".
+// The additions of lazygrid.hpp to lazygrid.h: objects, views, exceptions.
 #include <lazygrid.hpp>
 
 #include <array>
@@ -173,7 +173,7 @@ void two_sets() {
     lazygrid::Detector detector(on_cpu());
     const auto spheres = line(100);
     const lazygrid::Spheres all(spheres), some(spheres.data() + 50, 20);
-    // Each touches itself and its neighbours on both sides.
+    // Each touches itself and both neighbors.
     CHECK(detector.count({some, all}) == 60);
     const auto pairs = detector.pairs({some, all});
     CHECK(pairs.size() == 60 && pairs[0].i == 0 && pairs[0].j == 49 && pairs[59].i == 19 && pairs[59].j == 70);
@@ -249,7 +249,7 @@ void boxes_that_lean_and_what_is_left_out() {
     CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "settings.cell_vectors"));
 }
 
-// A thread of its own for each detector, and a detector that wanders from thread to thread.
+// A thread per detector, and a detector that moves from thread to thread.
 void threads() {
     std::array<std::uint64_t, 4> found{};
     std::vector<std::thread> workers;
@@ -268,7 +268,7 @@ void threads() {
     std::thread([&] { CHECK(detector.count(spheres) == 9); }).join();
 }
 
-// Two threads with one detector: each call is done or refused, never both wrong.
+// Two threads with one detector: each call succeeds or is refused.
 void one_at_a_time() {
     lazygrid::Detector detector(on_cpu());
     const auto spheres = line(5000);

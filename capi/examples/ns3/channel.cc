@@ -1,10 +1,10 @@
-// Molecules that interact, in the event loop of ns-3: a channel that diffuses and reacts, a step at an event, with lazygrid
-// for who meets whom. A test compares the counts of its receiver with those of lazygrid's simulator in the same scenario.
+// Reacting molecules in the event loop of ns-3: a channel that diffuses and reacts at each step, with lazygrid as the
+// collision search. A test compares its receiver's counts with lazygrid's simulator in the same scenario.
 //
 //     lazygrid simulate channel.toml --replicas 64 --output expected
 //     c++ -std=c++17 channel.cc $(pkg-config --cflags --libs lazygrid) -lns3-core && ./a.out expected/mean.csv 64
 //
-// Prints both means with their standard errors, and ends with 1 where they are more than four of these apart.
+// Prints both means with their standard errors, and returns 1 if they are more than four of these apart.
 #include <lazygrid.hpp>
 
 #include <ns3/core-module.h>
@@ -25,13 +25,13 @@
 namespace {
 
 constexpr std::uint32_t acid = 0, base = 1;
-// As channel.toml has them; lengths in µm.
+// As in channel.toml; lengths in µm.
 constexpr double diffusion = 100, release_radius = 1, receiver_radius = 2, receiver_x = 3, base_y = 1;
 constexpr double binding_radius = 0.25;
 constexpr int time_step = 100, release_of_base = 3000, steps = 120, every = 8; // the first two in µs
 constexpr std::uint32_t count_of_each = 1000;
 
-// Points that move at every step; an acid and a base that come within the binding radius are gone.
+// Points that move at every step; an acid and a base within the binding radius vanish.
 class DiffusiveChannel : public ns3::Object {
 public:
     static ns3::TypeId GetTypeId() {
@@ -50,7 +50,7 @@ public:
 
     DiffusiveChannel() : detector_(settings()) {}
 
-    // Puts molecules anywhere in a ball around (0, y, 0).
+    // Places molecules anywhere in a ball around (0, y, 0).
     void Release(std::uint32_t species, std::uint32_t count, double y) {
         while (count > 0) {
             const double at[] = {uniform_->GetValue(-1, 1), uniform_->GetValue(-1, 1), uniform_->GetValue(-1, 1)};
@@ -61,7 +61,7 @@ public:
         }
     }
 
-    // The first step, which schedules the next ones.
+    // Schedules the next step.
     void Step() {
         const double length = std::sqrt(2 * diffusion_ * time_step_.GetSeconds());
         for (auto &position : positions_) {
@@ -72,7 +72,7 @@ public:
         ns3::Simulator::Schedule(time_step_, &DiffusiveChannel::Step, this);
     }
 
-    // How many of a species are in the receiver, and how many there are.
+    // The molecules of a species in the receiver, and in all.
     std::uint32_t Received(std::uint32_t species) const {
         std::uint32_t inside = 0;
         for (std::size_t k = 0; k < positions_.size(); k++) {
@@ -87,7 +87,7 @@ public:
 
 private:
     static lazygrid::Settings settings() {
-        // Copied when the detector is made.
+        // Copied by the constructor of the detector.
         static const auto reactions = [] {
             lazygrid::Interactions table(2, lazygrid::Interaction::never());
             table.set(acid, base, lazygrid::Interaction::within(binding_radius));
@@ -99,10 +99,10 @@ private:
         return settings;
     }
 
-    // Pairs in random order, and a molecule reacts once: the first pair wins.
+    // Pairs are in random order, and each molecule reacts once: its first pair wins.
     void React() {
         if (positions_.empty()) return;
-        // Points that lazygrid reads where ns-3's vectors lie.
+        // lazygrid reads ns-3's vectors in place.
         static constexpr double radius = 0;
         const ns3::Vector &first = positions_.front();
         const auto points = lazygrid::Spheres::strided(&first.x, &first.y, &first.z, sizeof first, &radius, 0,
@@ -136,7 +136,7 @@ private:
 };
 NS_OBJECT_ENSURE_REGISTERED(DiffusiveChannel);
 
-// Mean and standard error of what was counted in several runs.
+// Mean and standard error over several runs.
 struct Tally {
     double count = 0, sum = 0, squares = 0;
     void Add(double value) { count++, sum += value, squares += value * value; }
@@ -144,7 +144,6 @@ struct Tally {
     double Error() const { return std::sqrt(std::max(0.0, squares - sum * sum / count) / (count - 1) / count); }
 };
 
-// The counts at regular steps.
 struct Response {
     std::vector<Tally> received = std::vector<Tally>(steps / every + 1), left = received;
     int step = 0;
@@ -175,7 +174,7 @@ void RunOnce(std::uint64_t number, Response &response) {
     ns3::Simulator::Destroy();
 }
 
-// The rows of a file of comma-separated values, by the names of its columns.
+// The rows of a CSV file, by column name.
 std::vector<std::map<std::string, double>> Read(const std::string &path) {
     std::ifstream file(path);
     std::string line, cell;
@@ -191,7 +190,7 @@ std::vector<std::map<std::string, double>> Read(const std::string &path) {
     return rows;
 }
 
-// Whether two means are within four standard errors of their difference.
+// Returns true if two means are within four standard errors of their difference.
 bool Same(const Tally &own, const std::map<std::string, double> &row, const std::string &name) {
     const double mean = row.at(name + " mean"), error = row.at(name + " error");
     const double apart = std::abs(own.Mean() - mean), allowed = 4 * std::hypot(own.Error(), error);
