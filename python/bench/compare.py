@@ -1,13 +1,13 @@
-"""Time lazygrid and the tools that Python programmers use today, as Markdown tables.
+"""Time lazygrid and other Python tools, as Markdown tables.
 
     python bench/compare.py [--spheres 10000 100000 1000000] [--rounds 7] [--install]
 
-Every tool finds all pairs of the same spheres from scratch; of lazygrid therefore the skin is off. They fill 5 % of a box,
-which ends, or repeats: equal ones, so that a tool with one cutoff serves, and five sizes of equal number, each half as
-large as the one before, where such a tool takes the largest cutoff and a filter follows. Tools
-take turns, one call each per round; a table has the median of all rounds, and how many times lazygrid's that is. A tool
-whose pairs are not the same ends the program. Everything runs on one thread, as far as the tools let themselves be told.
-Times are of the processor, of the whole process, so that others on the machine do not count as much.
+Every tool finds all pairs of the same spheres from scratch, so lazygrid's skin is off. The spheres fill 5 % of a
+bounded or periodic box: equal ones, which suit tools with one cutoff, and five sizes of equal number, each half as
+large as the one before, for which such a tool uses the largest cutoff and a filter. Tools take turns, one call each per
+round; a table has the median of all rounds, and its multiple of lazygrid's. A tool with other pairs ends the program.
+Everything runs on one thread, as far as the tools allow. Times are processor times of the whole process, so that other
+processes count less.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ class Scene:
         volume = (4 / 3 * np.pi * self.radii.astype(np.float64) ** 3).sum()
         self.box = float(np.float32((volume / DENSITY) ** (1 / 3)))
         points = random.uniform(0, self.box, (count, 3)).astype(np.float32)
-        # No coordinate on the far face, where a box begins again.
+        # No coordinate is on the far face, where a box begins again.
         self.points = np.minimum(points, np.nextafter(np.float32(self.box), np.float32(0)))
         self.spheres = np.column_stack([self.points, self.radii])
         self.wide, self.wide_radii = self.points.astype(np.float64), self.radii.astype(np.float64)
         self.cell = np.eye(3) * self.box
         self.largest = 2 * max(sizes)
-        # What touches at exactly the cutoff is a pair for lazygrid, and not for tools that ask for less.
+        # Pairs at exactly the cutoff count for lazygrid, but not for all tools.
         self.above = float(np.nextafter(self.largest, 2 * self.largest))
 
     def in_reach(self, i: Any, j: Any) -> Any:
-        """Which pairs touch, for tools with one cutoff."""
+        """The exact filter for tools with one cutoff."""
         difference = self.wide[i] - self.wide[j]
         if self.periodic:
             difference -= self.box * np.round(difference / self.box)
@@ -72,7 +72,7 @@ def of_lazygrid(scene: Scene) -> Tool:
 
 
 def of_neighbor_list(scene: Scene) -> Tool:
-    """lazygrid's list as ASE has it, in float64, both ways."""
+    """lazygrid's list in ASE's form, in float64, both ways."""
     from types import SimpleNamespace
 
     ones = np.ones(len(scene.wide))
@@ -154,12 +154,12 @@ TOOLS = {
     "vesin": (of_vesin, "vesin"),
     "freud AABBQuery": (of_freud, "freud-analysis"),
 }
-# freud shifts the points to the middle of its box, and decides in float32: of pairs at the cutoff it may see some otherwise.
+# freud shifts the points to the middle of its box and decides in float32, so pairs at the cutoff may differ.
 TOLERANT = {"freud AABBQuery"}
 
 
 def same(name: str, found: Pairs, expected: Pairs) -> None:
-    """End the program where pairs differ."""
+    """End the program if pairs differ."""
     found = found[np.lexsort((found[:, 1], found[:, 0]))]
     if name in TOLERANT:
         differing = set(map(tuple, found)) ^ set(map(tuple, expected))
@@ -184,7 +184,7 @@ def compare(scene: Scene, rounds: int) -> dict[str, float]:
         same(name, found, expected)
         calls[name] = call
     times: dict[str, list[float]] = {name: [] for name in calls}
-    # What takes less time is asked more often.
+    # Faster calls are repeated more often.
     for _ in range(rounds * max(1, 100_000 // len(scene.radii))):
         for name, call in calls.items():
             began = time.process_time()
@@ -194,12 +194,12 @@ def compare(scene: Scene, rounds: int) -> dict[str, float]:
 
 
 def three_digits(number: float) -> str:
-    """A number with three significant digits, and no exponent."""
+    """A number with three significant digits, without an exponent."""
     return f"{number:.3g}" if number < 1000 else f"{round(number, 2 - int(np.log10(number))):.0f}"
 
 
 def table(title: str, columns: dict[int, dict[str, float]]) -> str:
-    """A Markdown table: a row for each tool, a column for each number of spheres."""
+    """A Markdown table with a row per tool and a column per number of spheres."""
     lines = [f"| {title} | " + " | ".join(f"{count:,} ms".replace(",", " ") for count in columns) + " |"]
     lines.append("| --- " * (len(columns) + 1) + "|")
     for name, (_, package) in TOOLS.items():

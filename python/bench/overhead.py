@@ -3,10 +3,10 @@
     python bench/overhead.py [--spheres 2 1000] [--rounds 21]
     cargo build --release -p lazygrid-capi && python bench/overhead.py target/release/liblazygrid.so
 
-All search the same rows, equal spheres that fill 5 % of a box, on one thread, without a skin. They take turns; a table has the
-medians of all rounds. Times are of the processor, so that other processes count less. The C library is called by ctypes, which
-takes about one microsecond of its time. The bar: at most 3 µs for a call of 2 spheres, and at most 1.10 × the time of the C
-library at a million spheres.
+All search the same rows, equal spheres that fill 5 % of a box, on one thread, without a skin. They take turns; a table
+has the medians of all rounds. Times are processor times. The C library is called by ctypes, which takes about one
+microsecond of its time. The bar: at most 3 µs for a call of 2 spheres, and at most 1.10 × the time of the C library at
+a million spheres.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class InC:
             raise RuntimeError(self.library.lazygrid_last_error(None).decode())
 
     def caller(self, rows: Any) -> Callable[[], int]:
-        """A function that searches these rows and returns how many pairs there are."""
+        """Return a function that searches these rows and returns the number of pairs."""
         spheres = Spheres.of_rows(rows)
         query = Query(ctypes.sizeof(Query), ctypes.pointer(spheres))
         pairs, count = ctypes.c_void_p(), ctypes.c_uint64()
@@ -119,7 +119,7 @@ def scene(count: int) -> Any:
 
 
 def medians(calls: list[Callable[[], Any]], rounds: int, repeat: int) -> list[float]:
-    """Seconds of a call, each the median of rounds in which all take turns."""
+    """Seconds per call: medians of rounds in which all take turns."""
     times: list[list[float]] = [[] for _ in calls]
     for _ in range(rounds):
         for taken, call in zip(times, calls):

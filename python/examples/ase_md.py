@@ -1,8 +1,8 @@
-"""Molecular dynamics with ASE: a Lennard-Jones calculator whose neighbors come from lazygrid.
+"""Molecular dynamics with ASE: a Lennard-Jones calculator with neighbors from lazygrid.
 
     python examples/ase_md.py [STEPS]
 
-Energy and forces are compared with those of ASE's own calculator, then some steps are run.
+Compares energy and forces with ASE's own calculator, then runs some steps.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ARGON: dict[str, float] = {"epsilon": 0.0103, "sigma": 3.4, "rc": 8.5}
 
 
 class Calculated(Calculator):
-    """Lennard-Jones between all atoms that are nearer than a cutoff, with the energy shifted to zero there."""
+    """Lennard-Jones between all atoms within a cutoff, at which the energy is shifted to zero."""
 
     implemented_properties = ["energy", "forces"]
 
@@ -37,7 +37,7 @@ class Calculated(Calculator):
         i, d, vectors = lazygrid.neighbor_list("idD", self.atoms, cutoff)
         sixth = (sigma / d) ** 6
         shift = 4 * epsilon * ((sigma / cutoff) ** 12 - (sigma / cutoff) ** 6)
-        # Every pair stands twice.
+        # The list has every pair twice.
         energy = 0.5 * np.sum(4 * epsilon * (sixth**2 - sixth) - shift)
         pull = (-24 * epsilon * (2 * sixth**2 - sixth) / d**2)[:, None] * vectors
         forces = np.column_stack([np.bincount(i, pull[:, axis], len(self.atoms)) for axis in range(3)])

@@ -1,10 +1,10 @@
-"""A feedback transmitter: it adapts its emission so that a receiver sees a constant number of molecules.
+"""A feedback transmitter, which adapts its emission so that a receiver sees a constant number of molecules.
 
     python examples/feedback.py
 
-Every 10 steps the transmitter learns how many molecules are inside the receiver, and corrects its rate by the difference
-from the target, as an integral controller. Half way, an enzyme-like decay becomes faster: the program removes a part of the
-molecules at each control step, and the transmitter compensates.
+Every 10 steps the transmitter learns the number of molecules inside the receiver, and corrects its rate by the
+difference from the target, as an integral controller. Halfway, the program begins to remove some molecules at each
+control step, like an enzyme, and the transmitter compensates.
 """
 
 from __future__ import annotations

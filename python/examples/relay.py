@@ -1,9 +1,9 @@
-"""A relay node: it counts the molecules of a far transmitter and forwards each bit with molecules of its own.
+"""A relay node, which counts the molecules of a far transmitter and forwards each bit with its own molecules.
 
     python examples/relay.py
 
-The transmitter sends the bits with molecules A. The relay, half way, counts A inside its sphere at the end of each symbol
-and, if there are more than a threshold, emits molecules B. The receiver, too far for A, counts the arrivals of B.
+The transmitter sends the bits with molecules A. The relay, halfway, counts A inside its sphere at the end of each
+symbol and emits molecules B above a threshold. The receiver, too far for A, counts the arrivals of B.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SCENARIO = {
     "steps": SYMBOL * (len(BITS) + 1),
     "seed": 4,
     "species": [{"name": "A", "diffusion": 100.0}, {"name": "B", "diffusion": 100.0}],
-    # Molecules that stay around would disturb later symbols.
+    # Remaining molecules would disturb later symbols.
     "decay": [{"equation": "A ->", "rate": 10.0}, {"equation": "B ->", "rate": 10.0}],
     "transmitter": [
         {"name": "source", "center": [0, 0, 0], "times": [], "release": [{"species": "A", "count": BURST}]},
@@ -34,7 +34,7 @@ SCENARIO = {
 
 
 def transmit(bits: list[int], seed: int) -> list[int]:
-    """The numbers of molecules B that arrive in each symbol period, the first of which has no bit yet."""
+    """The arrivals of molecules B per symbol period, the first of which has no bit yet."""
     simulation = lazygrid.Simulation(SCENARIO, seed=seed)
     received = []
     for bit in [*bits, 0]:

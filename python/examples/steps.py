@@ -1,4 +1,4 @@
-"""Spheres that move: one detector, whose buffers survive from step to step, and one array for the pairs.
+"""Moving spheres: one detector, which reuses its buffers, and one array for the pairs.
 
 python examples/steps.py [SPHERES [STEPS]]
 """

@@ -1,4 +1,4 @@
-"""More pairs than fit in memory: how many neighbors the spheres of a crowd have, chunk by chunk.
+"""More pairs than fit in memory: the number of neighbors of each sphere of a crowd, chunk by chunk.
 
 python examples/stream.py [SPHERES]
 """

@@ -1,7 +1,7 @@
-"""PyTorch on the CPU: spheres that overlap push each other apart, by the gradient of an energy of their overlaps.
+"""PyTorch on the CPU: overlapping spheres push each other apart, by the gradient of an overlap energy.
 
-The detector reads the tensor where it lies, and the indices that it found become a tensor without a copy. Where PyTorch is
-not installed this says so and ends.
+The detector reads the tensor in place, and its indices become a tensor without a copy. Without PyTorch the program says
+so and ends.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ SPHERES, STEPS, BOX, RATE = 2000, 20, 16.0, 0.25
 
 
 def pairs_of(detector: lazygrid.Detector, rows: torch.Tensor) -> torch.Tensor:
-    """Indices of the spheres that overlap, int32 of shape ``(m, 2)``."""
-    # A tensor that needs no gradient shares its memory with NumPy. Not every PyTorch knows uint32, and these are small.
+    """Indices of overlapping spheres, int32 of shape ``(m, 2)``."""
+    # A tensor without gradient shares its memory with NumPy. Not every PyTorch knows uint32, and these are small.
     return torch.from_numpy(detector.pairs(rows.detach()).view(np.int32))
 
 
 def energy(rows: torch.Tensor, pairs: torch.Tensor) -> torch.Tensor:
     """Half the squares of all overlaps."""
-    # PyTorch wants 64 bits of an index: this is the one copy.
+    # PyTorch indexing needs 64 bits: this is the only copy.
     i, j = pairs.long().unbind(1)
     distance = (rows[i, :3] - rows[j, :3]).norm(dim=1)
     return 0.5 * ((rows[i, 3] + rows[j, 3] - distance).clamp(min=0) ** 2).sum()
@@ -36,7 +36,7 @@ def main() -> None:
     torch.manual_seed(1)
     rows = torch.rand(SPHERES, 4) * BOX
     rows[:, 3] = 0.3 + 0.3 * torch.rand(SPHERES)
-    # What lies in the tensor is what is read: nothing was copied, neither in nor out.
+    # The detector has read the tensor's own memory.
     assert np.asarray(rows).ctypes.data == rows.data_ptr()
     detector = lazygrid.Detector(backend="cpu")
     pairs = pairs_of(detector, rows)

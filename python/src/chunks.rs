@@ -22,7 +22,7 @@ type Sent = Result<Vec<Pair>, Error>;
 
 /// An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream`.
 ///
-/// A thread searches ahead by some chunks. ``close``, the end of a ``with`` block, and dropping the iterator end it.
+/// A thread searches some chunks ahead. ``close``, the end of a ``with`` block, and dropping the iterator end it.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Chunks {
     /// `None` after the end.
@@ -96,7 +96,7 @@ impl Chunks {
         }
     }
 
-    /// End the search. There are no more chunks.
+    /// End the search and the iteration.
     fn close(&self, py: Python<'_>) {
         py.detach(|| self.end());
     }

@@ -13,30 +13,28 @@ use crate::settings::Settings;
 use crate::spheres::{Arguments, BorrowedQuery};
 use crate::{error, report};
 
-/// Finds all pairs of overlapping spheres, call after call, and reuses its buffers.
+/// Finds all pairs of overlapping spheres and reuses its buffers between calls.
 ///
-/// Two spheres are a pair if their centers are at most ``ri + rj`` apart; touching counts. A set of spheres is
+/// Two spheres are a pair if their centers are at most ``ri + rj`` apart. A set of spheres is
 ///
 /// - an array of shape ``(n, 4)`` with rows ``x, y, z, r``; or
 /// - a tuple of four arrays of shape ``(n,)``: ``(x, y, z, r)``; or
-/// - a tuple ``(positions, radii)`` of an array of shape ``(n, 3)``, and an array of shape ``(n,)`` or one number. For all
-///   pairs of points within a distance ``d``, give the radius ``d / 2``.
+/// - a tuple ``(positions, radii)`` of an array of shape ``(n, 3)``, and an array of shape ``(n,)`` or one number. The
+///   radius ``d / 2`` finds all points within a distance ``d``.
 ///
-/// Arrays are float32 or float64, in one length unit, anywhere in space. No number is rounded. Arrays in native byte order
-/// with strides that are multiples of the item size are read in place, such as columns of a larger array; others are
-/// copied. Of two types in one set, float32 values are copied to float64. float32 is faster. Other types are a
-/// ``TypeError``.
+/// Arrays are float32 (faster) or float64, in one length unit; other types are a ``TypeError``. No number is rounded.
+/// Arrays in native byte order whose strides are multiples of the item size, such as columns of a larger array, are
+/// read in place; others are copied. With both types in one set, float32 values are copied to float64.
 ///
-/// Any number of threads may use one detector at a time: a call releases the interpreter's lock while it runs. The arrays
-/// of a call must not be written to before it returns. Ctrl-C ends a long call on the CPU.
+/// A call releases the interpreter's lock, and any number of threads may use one detector at once. The arrays of a
+/// call must not change before it returns. Ctrl-C ends a long call on the CPU.
 ///
 /// Parameters
 /// ----------
 /// backend
-///     The backend. ``"auto"`` takes a GPU if there is one and a call has enough spheres; ``"cpu"`` and
-///     ``"gpu"`` never fall back.
+///     ``"auto"`` uses a GPU if one exists and a call has enough spheres; ``"cpu"`` and ``"gpu"`` never fall back.
 /// algorithm
-///     How to search; all algorithms find the same pairs.
+///     The algorithm; all find the same pairs.
 /// threads
 ///     The number of CPU threads; by default all.
 /// periodic
@@ -46,20 +44,20 @@ use crate::{error, report};
 /// order
 ///     ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` omits the sort.
 /// interactions
-///     Which species pair, and at which distance; spheres then need species ids.
+///     The species that pair, and their distances; spheres then need species ids.
 /// max_pairs
-///     The most pairs a list may hold, by default 2**29 (4 GiB). More are an error with the exact number.
+///     The most pairs of a list, by default 2**29 (4 GiB). More are an error with the exact number.
 /// adapter
-///     The GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
+///     The GPU: its index, or a part of its name, as listed by ``python -m lazygrid devices``.
 /// skin
-///     Whether a candidate list is kept from call to call; no answer depends on it. ``"auto"`` keeps one if spheres move
-///     so little that this is expected to take less time; ``"off"`` never does. A number keeps the pairs that are up to
-///     this distance, float64, too far apart, until a sphere has moved by half of it.
+///     The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
+///     move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
+///     with gaps up to this distance, until a sphere has moved by half of it.
 ///
 /// Raises
 /// ------
 /// SettingError
-///     For a setting out of range, and for an algorithm that does not run on the backend.
+///     For a setting out of range, and for an algorithm that the backend lacks.
 /// Error
 ///     If ``backend="gpu"`` and no GPU can be used.
 #[pyclass(frozen, module = "lazygrid")]
@@ -101,10 +99,10 @@ impl Detector {
         Ok(Self { pool })
     }
 
-    /// Return the overlapping pairs, each once, in the order of the detector.
+    /// Return the overlapping pairs, each once, in the detector's order.
     ///
-    /// Among one set ``i < j``. Of two sets ``i`` is an index in the first and ``j`` one in the second, and only pairs of one
-    /// sphere of each count.
+    /// For one set, ``i < j``. For two sets, only pairs across them count: ``i`` is an index in the first, ``j`` in the
+    /// second.
     ///
     /// >>> detector.pairs(spheres)
     /// >>> detector.pairs(carriers, receivers, species=(of_carriers, None))
@@ -112,20 +110,20 @@ impl Detector {
     /// Parameters
     /// ----------
     /// spheres
-    ///     The spheres, or the first of two sets; see the class for their forms.
+    ///     The spheres, or the first of two sets; see the class.
     /// second
     ///     The second of two sets.
     /// species
-    ///     If the detector has interactions: a species id per sphere, whole numbers of shape ``(n,)``. For two sets a tuple of
-    ///     two such arrays.
+    ///     With interactions: a species id per sphere, whole numbers of shape ``(n,)``; for two sets a tuple of two
+    ///     arrays.
     /// groups
-    ///     A number per sphere, such as that of its molecule: two spheres of one group are never a pair, unless the group is
-    ///     ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``. For two sets a tuple of two, either of which may be
-    ///     ``None``; equal numbers are one group.
+    ///     A group per sphere, such as its molecule: spheres of one group never pair, unless it is
+    ///     ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``; for two sets a tuple of two arrays or ``None``, and
+    ///     equal numbers are one group.
     /// exclusions
     ///     Pairs that are never reported, such as bonds; for two sets from :meth:`Exclusions.across`.
     /// out
-    ///     Where to write the pairs: a contiguous uint32 array of shape ``(k, 2)`` with ``k`` at least the number of pairs.
+    ///     The output: a contiguous uint32 array of shape ``(k, 2)`` with ``k`` at least the number of pairs.
     ///
     /// Returns
     /// -------
@@ -135,10 +133,10 @@ impl Detector {
     /// Raises
     /// ------
     /// InputError
-    ///     For values that are not finite and for negative radii, with ``index``, ``value`` and ``count``; for other shapes
-    ///     and unknown species. ``second`` is set if the second set is at fault.
+    ///     For values that are not finite and negative radii, with ``index``, ``value`` and ``count``; for wrong shapes
+    ///     and unknown species. ``second`` is set for the second set.
     /// TypeError
-    ///     For arrays that are neither float32 nor float64, and for labels that are not whole numbers.
+    ///     For arrays that are neither float32 nor float64, and labels that are not whole numbers.
     /// TooManyPairs
     ///     For more than ``max_pairs`` pairs, or more than ``out`` holds, with the exact number as ``found``.
     /// OutOfMemory, MemoryError
@@ -169,7 +167,7 @@ impl Detector {
         arrays::pairs(py, found, out)
     }
 
-    /// Return neighbor lists: for every sphere all that it overlaps, ascending; each pair is in both lists.
+    /// Return neighbor lists: the neighbors of every sphere, ascending; each pair is in both lists.
     ///
     /// For two sets, only the spheres of the first have a list, with indices in the second.
     ///
@@ -215,7 +213,7 @@ impl Detector {
         Ok((offsets.into_any(), indices.into_any()))
     }
 
-    /// Return the number of pairs. The memory it takes does not depend on that number.
+    /// Return the number of pairs, in memory independent of that number.
     ///
     /// Parameters
     /// ----------
@@ -246,11 +244,11 @@ impl Detector {
             .map_err(error::engine)
     }
 
-    /// Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.
+    /// Iterate over the pairs in arrays of at most ``chunk`` pairs.
     ///
-    /// The spheres are copied first, so that you may move them meanwhile, and call the detector. In canonical order the
-    /// detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks come as
-    /// they are found, with at most four in memory.
+    /// The spheres are copied first, so you may move them meanwhile and call the detector. In canonical order the
+    /// detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks
+    /// arrive as they are found, with at most four in memory.
     ///
     /// >>> detector = lazygrid.Detector(order="unordered")
     /// >>> for pairs in detector.stream(spheres, chunk=1_000_000):
@@ -266,7 +264,7 @@ impl Detector {
     /// Raises
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
-    ///     As :meth:`pairs`. The first ``next`` raises errors about values.
+    ///     As :meth:`pairs`; errors about values at the first ``next``.
     #[pyo3(signature = (spheres, second=None, *, chunk=65536, species=None, groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn stream<'py>(
@@ -286,13 +284,13 @@ impl Detector {
         Chunks::start(lease, &borrowed, chunk)
     }
 
-    /// Return an estimate of the bytes that the detector holds for this number of spheres, besides the result.
+    /// Return an estimate of the bytes that the detector holds for this number of spheres, without the result.
     fn memory_for(&self, spheres: u64) -> PyResult<u64> {
         let mut lease = self.pool.lease()?;
         Ok(lease.parts().0.memory_for(spheres))
     }
 
-    /// The report of the call that ended last; before the first call, of the detector. Times are in seconds.
+    /// The report of the last finished call; before the first call, of the detector. Times are in seconds.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         report::dict(py, &self.pool.report())

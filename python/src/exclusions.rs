@@ -7,8 +7,8 @@ use crate::{arrays, error};
 
 /// Pairs that a search never reports, such as bonds.
 ///
-/// Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They serve all calls with the same number of
-/// spheres; make new ones when the number changes. To exclude whole molecules, ``groups`` cost less.
+/// Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They are for one number of spheres. To exclude
+/// whole molecules, ``groups`` cost less.
 ///
 /// >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
 ///
@@ -17,12 +17,12 @@ use crate::{arrays, error};
 /// spheres
 ///     The number of spheres.
 /// pairs
-///     Indices of spheres, whole numbers of shape ``(m, 2)``, in any order. A pair may repeat.
+///     Indices of spheres, whole numbers of shape ``(m, 2)``, in any order and possibly repeated.
 ///
 /// Raises
 /// ------
 /// InputError
-///     For an index out of range, and for another shape.
+///     For an index out of range, and for a wrong shape.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Exclusions {
     list: Arc<lazygrid::Exclusions>,
@@ -51,12 +51,12 @@ impl Exclusions {
         Self::made(py, || lazygrid::Exclusions::new(spheres as usize, pairs.iter().map(|&[i, j]| (i, j))))
     }
 
-    /// Return exclusions for searches of two sets: pairs of one sphere of each.
+    /// Return exclusions for two sets: pairs of one sphere of each.
     ///
     /// Parameters
     /// ----------
     /// first, second
-    ///     The numbers of spheres of the two sets.
+    ///     The numbers of spheres.
     /// pairs
     ///     An index in the first set and one in the second, whole numbers of shape ``(m, 2)``.
     ///
@@ -71,20 +71,20 @@ impl Exclusions {
         Self::made(py, || lazygrid::Exclusions::across(first as usize, second as usize, pairs))
     }
 
-    /// Return the pairs of compressed rows, as :meth:`Detector.neighbors` returns them.
+    /// Return the pairs of compressed rows, such as from :meth:`Detector.neighbors`.
     ///
     /// Parameters
     /// ----------
     /// offsets
     ///     Whole numbers of shape ``(n + 1,)`` for ``n`` spheres.
     /// indices
-    ///     Whole numbers of shape ``(k,)``. Sphere ``i`` is never a pair with ``indices[offsets[i]:offsets[i + 1]]``; it
-    ///     is enough that one of two spheres names the other.
+    ///     Whole numbers of shape ``(k,)``. Sphere ``i`` never pairs with ``indices[offsets[i]:offsets[i + 1]]``; one
+    ///     of the two rows of a pair suffices.
     ///
     /// Raises
     /// ------
     /// InputError
-    ///     As the class, and for offsets that do not begin with 0, fall, or do not end with the number of indices.
+    ///     As the class, and for offsets that do not begin with 0, decrease, or do not end with the number of indices.
     #[staticmethod]
     fn from_csr(py: Python<'_>, offsets: &Bound<'_, PyAny>, indices: &Bound<'_, PyAny>) -> PyResult<Self> {
         let offsets = arrays::offsets(offsets, "offsets")?;

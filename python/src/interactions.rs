@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use crate::error;
 
-/// A symmetric table: for any two species, what makes them a pair.
+/// A symmetric table of the condition for any two species to pair.
 ///
 /// ``None``: never; ``"touch"``: within ``ri + rj``; a number: within this distance, for any radii.
 ///
@@ -19,12 +19,12 @@ use crate::error;
 /// species
 ///     The number of species, at most 4096; ids begin at 0.
 /// default
-///     What is between two species of which nothing else is said.
+///     The initial interaction of all species.
 ///
 /// Raises
 /// ------
 /// InputError
-///     For a species that is not in the table, a distance that is negative or not finite.
+///     For an unknown species, or a distance that is negative or not finite.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Interactions {
     table: Mutex<lazygrid::Interactions>,

@@ -13,14 +13,14 @@ use crate::arrays;
 use crate::error;
 use crate::settings::space;
 
-/// An iterator over the frames of a file, one in memory at a time. See :func:`lazygrid.read`, which reads one.
+/// An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 ///
 /// Raises
 /// ------
 /// FileError
-///     With line or row and text, where something else stands than the format asks for.
+///     For a file that does not follow its format, with line or row and text.
 /// OSError
-///     Where the system refuses the file.
+///     If the system refuses the file.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Frames {
     path: PathBuf,
@@ -32,13 +32,13 @@ pub(crate) struct Frames {
 pub(crate) struct Frame {
     /// Rows ``x, y, z, r``, of shape ``(n, 4)``.
     spheres: Py<PyArray2<f32>>,
-    /// A species id per sphere, of shape ``(n,)``, where the file has species.
+    /// A species id per sphere, of shape ``(n,)``, if the file has species.
     species: Option<Py<PyArray1<u32>>>,
-    /// An id per sphere, of shape ``(n,)``, where ids were asked for.
+    /// An id per sphere, of shape ``(n,)``, if ids were requested.
     ids: Option<Py<PyArray1<i64>>>,
     /// The names of the species, by id.
     names: Vec<String>,
-    /// The simulator's number of the time step, where the file has one.
+    /// The simulator's time step, if the file has one.
     step: Option<i64>,
     /// The length of each periodic axis, or the cell vectors of a triclinic box, for :class:`Detector`; ``None`` in
     /// unbounded space.
@@ -87,12 +87,12 @@ impl Frames {
         Frame::new(py, frame, names).map(Some)
     }
 
-    /// Return whether there is no further frame.
+    /// Return ``True`` after the last frame.
     fn at_end(&self, py: Python<'_>) -> PyResult<bool> {
         py.detach(|| self.lock().at_end()).map_err(error::file)
     }
 
-    /// The format that is read.
+    /// The format of the file.
     #[getter]
     fn format(&self) -> String {
         self.lock().format().to_string()

@@ -1,4 +1,4 @@
-"""What several tests use."""
+"""Shared functions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def brute_force_across(a: Rows | Doubles, b: Rows | Doubles, periodic: Box = OPE
 
 
 def brute_force_of_edges(rows: Rows | Doubles, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
-    """All pairs of spheres any of whose images, up to three edges away, are in reach; in canonical order."""
+    """All pairs of spheres with images in reach, up to three edges away; in canonical order."""
     wide = rows.astype(np.float64)
     turns = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
     difference = wide[:, None, :3] - wide[None, :, :3]
@@ -54,5 +54,5 @@ def scene(seed: int, count: int, box: float = 10.0, largest: float = 0.6) -> Row
 
 @pytest.fixture
 def spheres() -> Rows:
-    """Two hundred spheres of which some overlap."""
+    """Two hundred spheres, some of which overlap."""
     return scene(1, 200, box=4.0)

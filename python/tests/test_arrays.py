@@ -1,4 +1,4 @@
-"""Forms, types and layouts of the arrays that hold spheres."""
+"""Forms, types and layouts of the arrays of spheres."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def read_only(array: Any) -> Any:
 
 
 def fields(rows: Any) -> Any:
-    """A structured array with other values among those of the spheres."""
+    """A structured array with other values among the spheres."""
     names = [("id", "u8"), *((name, rows.dtype.type) for name in "xyzr"), ("mass", rows.dtype.type)]
     array = np.zeros(len(rows), np.dtype(names, align=True))
     for column, name in enumerate("xyzr"):
@@ -56,7 +56,7 @@ def fields(rows: Any) -> Any:
 
 
 def layouts(rows: Any) -> dict[str, Any]:
-    """The same spheres in all forms and layouts that are read in place."""
+    """The spheres in all forms and layouts that are read in place."""
     wide = np.full((len(rows), 9), np.nan, rows.dtype)
     wide[:, 2:6] = rows
     apart = np.full((3 * len(rows), 4), np.nan, rows.dtype)
@@ -181,7 +181,7 @@ def test_no_number_is_rounded(offset: float) -> None:
     detector = Detector(backend="cpu")
     np.testing.assert_array_equal(detector.pairs(rows), brute_force(rows))
     assert 20 < len(brute_force(rows)) < 5000
-    # Apart by one unit in the last place, which float32 does not hold.
+    # One unit in the last place apart, which float32 does not hold.
     two = np.array([[0.0, 0, 0, 0.5], [1.0, 0, 0, 0.5]])
     assert detector.count(two) == 1
     two[1, 0] = np.nextafter(1.0, 2.0)

@@ -1,4 +1,4 @@
-"""neighbor_list against ASE and matscipy, bit for bit, and what it refuses."""
+"""neighbor_list against ASE and matscipy, bit for bit, and its errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ase.neighborlist import natural_cutoffs, neighbor_list  # noqa: E402
 
 
 def ordered(lists: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The same lists sorted by i, then j, then S: ASE leaves the order of j open."""
+    """The lists sorted by i, then j, then S: ASE leaves the order of j open."""
     i, j, _, _, shift = lists
     order = np.lexsort((shift[:, 2], shift[:, 1], shift[:, 0], j, i))
     return tuple(array[order] for array in lists)
@@ -183,7 +183,7 @@ def test_cells_that_lean() -> None:
     for pbc in (True, (True, True, False), (False, True, False), False):
         atoms.pbc = pbc
         assert tilted(atoms, 4.0, self_interaction=pbc is not True) > 1000
-    # The same crystal, with a cell whose vectors are far from the shortest.
+    # The same crystal, with cell vectors far from the shortest.
     atoms.pbc = True
     atoms.set_cell(np.array([[1, 0, 0], [3, 1, 0], [-2, 2, 1]]) @ atoms.cell[:])
     atoms.positions += np.random.default_rng(3).integers(-3, 4, (len(atoms), 3)) @ atoms.cell[:]

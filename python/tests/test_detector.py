@@ -1,4 +1,4 @@
-"""The class Detector against the definition of pairs, and what it refuses."""
+"""The class Detector against the definition of pairs, and its errors."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_boxes_that_lean() -> None:
 
 
 class ByDlpack:
-    """An array of some other library, which has DLPack and nothing of NumPy's."""
+    """An array of another library, with DLPack and without NumPy's protocols."""
 
     def __init__(self, array: npt.NDArray[np.float32]) -> None:
         self.array = array

@@ -1,4 +1,4 @@
-"""What help() shows is what editors show: the documentation in the module is that of its stub file."""
+"""The documentation in the module equals its stub file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lazygrid import _lazygrid
 
 
 def documented(body: list[ast.stmt], name: str = "") -> Iterator[tuple[str, str]]:
-    """The classes and functions of a stub file, and what it says of them."""
+    """The classes and functions of a stub file, with their documentation."""
     for node in body:
         if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
             said = ast.get_docstring(node)

@@ -19,7 +19,7 @@ Pairs = npt.NDArray[np.uint32]
 
 
 def apart(pairs: Pairs, first: npt.NDArray[Any], second: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
-    """Which pairs are not of one group."""
+    """The pairs of different groups."""
     of_i, of_j = first[pairs[:, 0]], second[pairs[:, 1]]
     return np.asarray((of_i != of_j) | (of_i == NO_GROUP), np.bool_)
 

@@ -15,7 +15,7 @@ from conftest import scene
 
 import lazygrid
 
-# The scenario is short of steps, and says so.
+# The scenario has few steps, and warns.
 pytestmark = pytest.mark.filterwarnings("ignore:.*is long compared")
 
 ROOT = Path(__file__).parents[2]

@@ -23,7 +23,7 @@ ROWS = scene(1, 1_000_000, box=1e4)
 
 @pytest.fixture(autouse=True)
 def heard() -> Iterator[None]:
-    """What a shell starts in the background ignores Ctrl-C, and so does its Python."""
+    """Background processes of a shell ignore Ctrl-C, and so does their Python."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)

@@ -112,7 +112,7 @@ def test_labels_of_two_sets_are_a_tuple_of_two(spheres: Rows) -> None:
         detector.count(spheres, groups=(ids, ids))
     with pytest.raises(lazygrid.InputError, match="`groups` is not an array"):
         detector.count(spheres, groups=(ids, ids[:3]))
-    # What were the second and third argument of other searches.
+    # The second and third arguments of other searches.
     with pytest.raises(lazygrid.InputError, match=r"`second` has shape \(200,\) where \(n, 4\)"):
         detector.pairs(spheres, ids)
     with pytest.raises(TypeError, match="positional"):

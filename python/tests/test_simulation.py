@@ -38,7 +38,7 @@ SCENARIO: dict[str, Any] = {
 
 
 def same(a: Simulation, b: Simulation) -> bool:
-    """Whether two runs have the same particles and counts."""
+    """``True`` if two runs have the same particles and counts."""
     left, right = a.particles, b.particles
     order = np.argsort(left.id), np.argsort(right.id)
     columns = ("x", "y", "z", "radius", "species", "id")
@@ -77,7 +77,7 @@ def test_particles_are_views_that_never_change() -> None:
     assert moved.step == 5 and not np.shares_memory(moved.x, first.x)
     address = moved.x.ctypes.data
     del first, second, moved
-    # No array is alive, so the memory stays that of the simulation.
+    # No array is alive, so the memory stays with the simulation.
     run.remove([])
     assert run.particles.x.ctypes.data == address
     kept = run.particles

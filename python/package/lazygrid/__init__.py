@@ -5,7 +5,7 @@
 >>> lazygrid.Detector().pairs(spheres).tolist()
 [[0, 1]]
 
-A simulation keeps one :class:`Detector`, which reuses its buffers from step to step. Lengths are in any one unit.
+A simulation keeps one :class:`Detector`, which reuses its buffers. Lengths are in any one unit.
 """
 
 from ._atoms import neighbor_list

@@ -1,4 +1,4 @@
-"""The command line: ``python -m lazygrid detect pour.dump``; ``--help`` says more."""
+"""The command line: ``python -m lazygrid detect pour.dump``; see ``--help``."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ._lazygrid import command
 
 
 def main() -> int:
-    """Do what the arguments of the process say, and return the exit code."""
+    """Run the arguments of the process, and return the exit code."""
     if sys.platform == "linux" and not os.path.isabs(os.environ.get("XDG_RUNTIME_DIR", "")):
-        # Keeps libwayland, which graphics drivers ask for a display, from complaining that there is no such directory.
+        # Keeps libwayland, which graphics drivers ask for a display, from complaining about a missing directory.
         os.environ["XDG_RUNTIME_DIR"] = "/dev/null"
     return command(["lazygrid", *sys.argv[1:]])
 

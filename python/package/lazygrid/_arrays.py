@@ -1,4 +1,4 @@
-"""Conversion of arrays that Rust cannot read in place. Called from Rust."""
+"""Conversion of arrays that Rust cannot read in place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = npt.NDArray[Any]
 
 
 def _array(given: Any, what: str) -> npt.NDArray[Any]:
-    """``given`` as an array, without a copy if its memory can be shared: by NumPy's protocols, else by DLPack."""
+    """``given`` as an array, without a copy if its memory can be shared, by NumPy's protocols or DLPack."""
     if not hasattr(given, "__array__") and hasattr(given, "__dlpack__"):
         return np.from_dlpack(given)
     try:
@@ -24,7 +24,7 @@ def _array(given: Any, what: str) -> npt.NDArray[Any]:
 
 
 def floats(given: Any, what: str, width: int) -> Floats:
-    """``given``, of shape ``(n, width)`` or, if the width is 0, ``(n,)``, in a layout that Rust can read. Rounds nothing."""
+    """``given``, of shape ``(n, width)`` or, if the width is 0, ``(n,)``, in a layout for Rust. Rounds nothing."""
     array = _array(given, what)
     shape = f"(n, {width})" if width else "(n,)"
     if array.ndim != (2 if width else 1) or (width and array.shape[1] != width):
@@ -63,24 +63,24 @@ def radii(given: Any, what: str) -> float | Floats:
     if array.dtype.kind not in "iuf":
         raise TypeError(f"`{what}` is {given!r}; give a number, or an array of shape (n,)")
     number = float(array)
-    # As a number of Python, which compares whole numbers exactly.
+    # Python compares whole numbers exactly.
     if number != array.item() and not np.isnan(number):
         raise TypeError(f"`{what}` is {given!r}, which float64 cannot hold; give float({what})")
     return number
 
 
 def widened(array: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-    """The values as float64, in one piece."""
+    """The values as contiguous float64."""
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def in_one_piece(array: Floats) -> Floats:
-    """The same values, one after the other."""
+    """The values as a contiguous array."""
     return np.ascontiguousarray(array)
 
 
 def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
-    """``given`` as uint32 in one piece; values that do not fit are refused by index."""
+    """``given`` as contiguous uint32; refuses values out of range by index."""
     array = _array(given, what)
     if array.ndim != 1:
         raise InputError(f"`{what}` has shape {array.shape} where (n,) is needed")
@@ -88,7 +88,7 @@ def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
 
 
 def pairs(given: Any, what: str) -> npt.NDArray[np.uint32]:
-    """``given`` as uint32 of shape ``(m, 2)``, in one piece; values that do not fit are refused by index."""
+    """``given`` as contiguous uint32 of shape ``(m, 2)``; refuses values out of range by index."""
     array = _array(given, what)
     if array.size == 0:
         array = array.reshape(0, 2)
@@ -98,7 +98,7 @@ def pairs(given: Any, what: str) -> npt.NDArray[np.uint32]:
 
 
 def offsets(given: Any, what: str) -> npt.NDArray[np.uint64]:
-    """``given`` as uint64 in one piece; values that do not fit are refused by index."""
+    """``given`` as contiguous uint64; refuses values out of range by index."""
     array = _array(given, what)
     if array.ndim != 1:
         raise InputError(f"`{what}` has shape {array.shape} where (n + 1,) is needed")
@@ -106,7 +106,7 @@ def offsets(given: Any, what: str) -> npt.NDArray[np.uint64]:
 
 
 def _within(array: npt.NDArray[Any], what: str, into: type[np.unsignedinteger[Any]]) -> npt.NDArray[Any]:
-    """``array``, if it has whole numbers that ``into`` can hold."""
+    """``array``, if it has whole numbers in the range of ``into``."""
     if array.dtype.kind not in "iu" and array.size > 0:
         raise TypeError(f"`{what}` has values of type {array.dtype} where whole numbers are needed")
     most = np.iinfo(into).max

@@ -1,4 +1,4 @@
-"""Neighbor lists of atoms as ASE and matscipy have them."""
+"""Neighbor lists of atoms in the form of ASE and matscipy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Cutoff = float | Mapping[tuple[int | str, int | str], float] | npt.ArrayLike
 
 
 class Atoms(Protocol):
-    """What is used of ``ase.Atoms``: positions in any length unit, the cell in the same, and the periodic axes."""
+    """The used part of ``ase.Atoms``: positions and cell in one length unit, and the periodic axes."""
 
     @property
     def positions(self) -> Any: ...
@@ -32,27 +32,27 @@ class Atoms(Protocol):
 
 
 def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: bool = False) -> Any:
-    """Return the neighbors of atoms, as ``ase.neighborlist.neighbor_list`` does, to the last bit.
+    """Return the neighbors of atoms, like ``ase.neighborlist.neighbor_list``, to the last bit.
 
-    Atoms are neighbors if they are nearer to each other than the cutoff, with all their periodic images, however small the
-    cell is. Every pair is in the list twice, as ``(i, j)`` and as ``(j, i)``. The list is sorted by ``i``, then ``j``, then
-    ``S``. In a triclinic cell distances may differ from those of ASE by the rounding of a sum in float64.
+    Atoms are neighbors if they are nearer to each other than the cutoff, with all their periodic images, also in small
+    cells. The list has every pair as ``(i, j)`` and as ``(j, i)``, sorted by ``i``, then ``j``, then ``S``. In a
+    triclinic cell distances may differ from ASE's by the rounding of a sum in float64.
 
     Parameters
     ----------
     quantities
-        Which arrays are returned, in this order: ``i`` and ``j``, indices of the atoms, int64 of shape ``(m,)``;
-        ``d``, distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``;
-        ``S``, the number of cell vectors between the two, int64 of shape ``(m, 3)``, so that
-        ``D = a.positions[j] - a.positions[i] + S @ a.cell``.
+        The returned arrays, in this order: ``i`` and ``j``, indices of the atoms, int64 of shape ``(m,)``; ``d``,
+        distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``; ``S``,
+        the numbers of cell vectors between them, int64 of shape ``(m, 3)``, so that ``D = a.positions[j] -
+        a.positions[i] + S @ a.cell``.
     a
-        The atoms: ``ase.Atoms``, or anything with ``positions``, ``cell``, ``pbc`` and ``numbers``. Nothing is
-        rounded: distances are decided in float64.
+        ``ase.Atoms``, or any object with ``positions``, ``cell``, ``pbc`` and ``numbers``. Distances are decided in
+        float64.
     cutoff
-        A distance; or a dictionary of distances by two symbols or atomic numbers, ``{("H", "O"): 1.2}``, where pairs
-        that are not in it are not neighbors; or a radius for each atom: the cutoff of two atoms is the sum of theirs.
+        A distance; or a dictionary of distances by two symbols or atomic numbers, ``{("H", "O"): 1.2}``, whose missing
+        pairs are not neighbors; or a radius per atom: the cutoff is the sum of both radii.
     self_interaction
-        Whether every atom is its own neighbor at distance zero.
+        If true, every atom is its own neighbor at distance zero.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def _cell(given: Any, periodic: list[bool]) -> Vectors:
         raise InputError(f"the cell has shape {cell.shape} where (3, 3) is needed")
     for axis in range(3):
         if not periodic[axis]:
-            # No bond crosses the cell here, so that its vector does not matter.
+            # No bond crosses the cell here, so its vector does not matter.
             cell[axis] = 0.0
         elif not np.isfinite(cell[axis]).all() or not cell[axis].any():
             raise InputError(f"the cell is periodic along {AXES[axis]} and its vector there is {cell[axis].tolist()}")
@@ -98,7 +98,7 @@ def _cell(given: Any, periodic: list[bool]) -> Vectors:
 
 
 def _cutoffs(cutoff: Cutoff, a: Atoms, atoms: int) -> tuple[Any, float]:
-    """The cutoffs as the search takes them, and the largest of any two atoms."""
+    """The cutoffs of the search, and the largest of any two atoms."""
     if isinstance(cutoff, Mapping):
         return _by_kind(cutoff, np.asarray(a.numbers))
     given = np.asarray(cutoff, dtype=np.float64)
@@ -119,7 +119,7 @@ def _by_kind(cutoff: Mapping[Any, float], numbers: npt.NDArray[Any]) -> tuple[An
     kinds, of = np.unique(numbers, return_inverse=True)
     place = {int(number): kind for kind, number in enumerate(kinds)}
     table = np.zeros((len(kinds), len(kinds)))
-    # As in ASE, the last of two entries for the same pair counts.
+    # In ASE, the last of two entries for one pair counts.
     for pair, distance in cutoff.items():
         first, second = (place.get(_number(element), -1) for element in pair)
         if first >= 0 and second >= 0:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 
 class Error(Exception):
-    """The base of all errors. The message names the value, the limit and the remedy."""
+    """The base of all errors. Messages name the value, the limit and the remedy."""
 
 
 class InputError(Error, ValueError):
     """An invalid input: values that are not finite, negative radii, wrong shapes, unknown species."""
 
     index: int | None = None
-    """The index of the first invalid sphere, if a sphere is at fault."""
+    """The index of the first invalid sphere."""
     value: list[float] | int | None = None
     """Its ``[x, y, z, r]``, or its species id."""
     count: int | None = None
     """The number of spheres that are not finite or have a negative radius."""
     second: bool = False
-    """``True`` if the second of two sets is at fault."""
+    """``True`` for the second of two sets."""
 
 
 class SettingError(Error, ValueError):
@@ -41,4 +41,4 @@ class OutOfMemory(Error, MemoryError):
     """The system or the GPU is out of memory."""
 
     bytes: int
-    """The number of requested bytes."""
+    """The requested bytes."""

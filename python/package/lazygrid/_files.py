@@ -21,32 +21,32 @@ def read(
 ) -> Frame:
     """Read the spheres of one frame of a file.
 
-    CSV, NPY, extended XYZ, LAMMPS dumps and Smoldyn's output are read, compressed by gzip or Zstandard or not. To go
-    through the frames of a file use :class:`Frames`, which takes the same keywords.
+    Formats: CSV, NPY, extended XYZ, LAMMPS dumps and Smoldyn's output, also compressed by gzip or Zstandard.
+    :class:`Frames` iterates over the frames of a file, with the same keywords.
 
     Parameters
     ----------
     path
         The file.
     frame
-        The index of the frame, which starts at 0. It may be omitted for a file with one frame.
+        The index of the frame, from 0. May be omitted for a file with one frame.
     format
-        ``csv``, ``npy``, ``xyz``, ``lammps`` or ``smoldyn``; else by extension, else by content.
+        ``csv``, ``npy``, ``xyz``, ``lammps`` or ``smoldyn``; by default by extension, then by content.
     radii
-        Radii by species, in the file's length unit, which win over those of the file.
+        Radii by species, in the file's length unit, which override the file's.
     periodic
-        The lengths of the periodic axes, ``None`` for one that is unbounded; or ``"none"`` for unbounded space. Overrides the file.
-        By default the file's box counts, where it declares one.
+        The lengths of the periodic axes, ``None`` for an unbounded axis; or ``"none"`` for unbounded space. By default
+        the file's box.
     ids
-        Whether ids are read too.
+        If true, also reads ids.
 
     Raises
     ------
     FileError
-        For a file that does not follow its format, with line or row and text; if there is no such
-        frame, or several and none was chosen.
+        For a file that does not follow its format, with line or row and text; for a missing frame, or several and no
+        choice.
     OSError
-        Where the system refuses the file.
+        If the system refuses the file.
     """
     frames = Frames(path, format=format, radii=radii, periodic=periodic, ids=ids)
     for number, found in enumerate(frames):

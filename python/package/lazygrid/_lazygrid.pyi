@@ -1,4 +1,4 @@
-"""The part of lazygrid that is written in Rust."""
+"""The part of lazygrid in Rust."""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -33,30 +33,28 @@ _Edge = float | tuple[float, float, float]
 
 @final
 class Detector:
-    """Finds all pairs of overlapping spheres, call after call, and reuses its buffers.
+    """Finds all pairs of overlapping spheres and reuses its buffers between calls.
 
-    Two spheres are a pair if their centers are at most ``ri + rj`` apart; touching counts. A set of spheres is
+    Two spheres are a pair if their centers are at most ``ri + rj`` apart. A set of spheres is
 
     - an array of shape ``(n, 4)`` with rows ``x, y, z, r``; or
     - a tuple of four arrays of shape ``(n,)``: ``(x, y, z, r)``; or
-    - a tuple ``(positions, radii)`` of an array of shape ``(n, 3)``, and an array of shape ``(n,)`` or one number. For all
-      pairs of points within a distance ``d``, give the radius ``d / 2``.
+    - a tuple ``(positions, radii)`` of an array of shape ``(n, 3)``, and an array of shape ``(n,)`` or one number. The
+      radius ``d / 2`` finds all points within a distance ``d``.
 
-    Arrays are float32 or float64, in one length unit, anywhere in space. No number is rounded. Arrays in native byte order
-    with strides that are multiples of the item size are read in place, such as columns of a larger array; others are
-    copied. Of two types in one set, float32 values are copied to float64. float32 is faster. Other types are a
-    ``TypeError``.
+    Arrays are float32 (faster) or float64, in one length unit; other types are a ``TypeError``. No number is rounded.
+    Arrays in native byte order whose strides are multiples of the item size, such as columns of a larger array, are
+    read in place; others are copied. With both types in one set, float32 values are copied to float64.
 
-    Any number of threads may use one detector at a time: a call releases the interpreter's lock while it runs. The arrays
-    of a call must not be written to before it returns. Ctrl-C ends a long call on the CPU.
+    A call releases the interpreter's lock, and any number of threads may use one detector at once. The arrays of a
+    call must not change before it returns. Ctrl-C ends a long call on the CPU.
 
     Parameters
     ----------
     backend
-        The backend. ``"auto"`` takes a GPU if there is one and a call has enough spheres; ``"cpu"`` and
-        ``"gpu"`` never fall back.
+        ``"auto"`` uses a GPU if one exists and a call has enough spheres; ``"cpu"`` and ``"gpu"`` never fall back.
     algorithm
-        How to search; all algorithms find the same pairs.
+        The algorithm; all find the same pairs.
     threads
         The number of CPU threads; by default all.
     periodic
@@ -66,20 +64,20 @@ class Detector:
     order
         ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` omits the sort.
     interactions
-        Which species pair, and at which distance; spheres then need species ids.
+        The species that pair, and their distances; spheres then need species ids.
     max_pairs
-        The most pairs a list may hold, by default 2**29 (4 GiB). More are an error with the exact number.
+        The most pairs of a list, by default 2**29 (4 GiB). More are an error with the exact number.
     adapter
-        The GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
+        The GPU: its index, or a part of its name, as listed by ``python -m lazygrid devices``.
     skin
-        Whether a candidate list is kept from call to call; no answer depends on it. ``"auto"`` keeps one if spheres move
-        so little that this is expected to take less time; ``"off"`` never does. A number keeps the pairs that are up to
-        this distance, float64, too far apart, until a sphere has moved by half of it.
+        The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
+        move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
+        with gaps up to this distance, until a sphere has moved by half of it.
 
     Raises
     ------
     SettingError
-        For a setting out of range, and for an algorithm that does not run on the backend.
+        For a setting out of range, and for an algorithm that the backend lacks.
     Error
         If ``backend="gpu"`` and no GPU can be used.
     """
@@ -107,10 +105,10 @@ class Detector:
         exclusions: Exclusions | None = None,
         out: npt.NDArray[np.uint32] | None = None,
     ) -> npt.NDArray[np.uint32]:
-        """Return the overlapping pairs, each once, in the order of the detector.
+        """Return the overlapping pairs, each once, in the detector's order.
 
-        Among one set ``i < j``. Of two sets ``i`` is an index in the first and ``j`` one in the second, and only pairs of one
-        sphere of each count.
+        For one set, ``i < j``. For two sets, only pairs across them count: ``i`` is an index in the first, ``j`` in the
+        second.
 
         >>> detector.pairs(spheres)
         >>> detector.pairs(carriers, receivers, species=(of_carriers, None))
@@ -118,20 +116,20 @@ class Detector:
         Parameters
         ----------
         spheres
-            The spheres, or the first of two sets; see the class for their forms.
+            The spheres, or the first of two sets; see the class.
         second
             The second of two sets.
         species
-            If the detector has interactions: a species id per sphere, whole numbers of shape ``(n,)``. For two sets a tuple of
-            two such arrays.
+            With interactions: a species id per sphere, whole numbers of shape ``(n,)``; for two sets a tuple of two
+            arrays.
         groups
-            A number per sphere, such as that of its molecule: two spheres of one group are never a pair, unless the group is
-            ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``. For two sets a tuple of two, either of which may be
-            ``None``; equal numbers are one group.
+            A group per sphere, such as its molecule: spheres of one group never pair, unless it is
+            ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``; for two sets a tuple of two arrays or ``None``, and
+            equal numbers are one group.
         exclusions
             Pairs that are never reported, such as bonds; for two sets from :meth:`Exclusions.across`.
         out
-            Where to write the pairs: a contiguous uint32 array of shape ``(k, 2)`` with ``k`` at least the number of pairs.
+            The output: a contiguous uint32 array of shape ``(k, 2)`` with ``k`` at least the number of pairs.
 
         Returns
         -------
@@ -141,10 +139,10 @@ class Detector:
         Raises
         ------
         InputError
-            For values that are not finite and for negative radii, with ``index``, ``value`` and ``count``; for other shapes
-            and unknown species. ``second`` is set if the second set is at fault.
+            For values that are not finite and negative radii, with ``index``, ``value`` and ``count``; for wrong shapes
+            and unknown species. ``second`` is set for the second set.
         TypeError
-            For arrays that are neither float32 nor float64, and for labels that are not whole numbers.
+            For arrays that are neither float32 nor float64, and labels that are not whole numbers.
         TooManyPairs
             For more than ``max_pairs`` pairs, or more than ``out`` holds, with the exact number as ``found``.
         OutOfMemory, MemoryError
@@ -162,7 +160,7 @@ class Detector:
         groups: Labels | None = None,
         exclusions: Exclusions | None = None,
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
-        """Return neighbor lists: for every sphere all that it overlaps, ascending; each pair is in both lists.
+        """Return neighbor lists: the neighbors of every sphere, ascending; each pair is in both lists.
 
         For two sets, only the spheres of the first have a list, with indices in the second.
 
@@ -193,7 +191,7 @@ class Detector:
         groups: Labels | None = None,
         exclusions: Exclusions | None = None,
     ) -> int:
-        """Return the number of pairs. The memory it takes does not depend on that number.
+        """Return the number of pairs, in memory independent of that number.
 
         Parameters
         ----------
@@ -216,11 +214,11 @@ class Detector:
         groups: Labels | None = None,
         exclusions: Exclusions | None = None,
     ) -> Chunks:
-        """Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.
+        """Iterate over the pairs in arrays of at most ``chunk`` pairs.
 
-        The spheres are copied first, so that you may move them meanwhile, and call the detector. In canonical order the
-        detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks come as
-        they are found, with at most four in memory.
+        The spheres are copied first, so you may move them meanwhile and call the detector. In canonical order the
+        detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks
+        arrive as they are found, with at most four in memory.
 
         >>> detector = lazygrid.Detector(order="unordered")
         >>> for pairs in detector.stream(spheres, chunk=1_000_000):
@@ -236,27 +234,27 @@ class Detector:
         Raises
         ------
         InputError, TypeError, OutOfMemory, KeyboardInterrupt
-            As :meth:`pairs`. The first ``next`` raises errors about values.
+            As :meth:`pairs`; errors about values at the first ``next``.
         """
 
     def memory_for(self, spheres: int) -> int:
-        """Return an estimate of the bytes that the detector holds for this number of spheres, besides the result."""
+        """Return an estimate of the bytes that the detector holds for this number of spheres, without the result."""
 
     @property
     def report(self) -> Report:
-        """The report of the call that ended last; before the first call, of the detector. Times are in seconds."""
+        """The report of the last finished call; before the first call, of the detector. Times are in seconds."""
 
 @final
 class Chunks:
     """An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream`.
 
-    A thread searches ahead by some chunks. ``close``, the end of a ``with`` block, and dropping the iterator end it.
+    A thread searches some chunks ahead. ``close``, the end of a ``with`` block, and dropping the iterator end it.
     """
 
     def __iter__(self) -> Iterator[npt.NDArray[np.uint32]]: ...
     def __next__(self) -> npt.NDArray[np.uint32]: ...
     def close(self) -> None:
-        """End the search. There are no more chunks."""
+        """End the search and the iteration."""
 
     def __enter__(self) -> Self: ...
     def __exit__(
@@ -268,8 +266,8 @@ class Chunks:
 class Exclusions:
     """Pairs that a search never reports, such as bonds.
 
-    Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They serve all calls with the same number of
-    spheres; make new ones when the number changes. To exclude whole molecules, ``groups`` cost less.
+    Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They are for one number of spheres. To exclude
+    whole molecules, ``groups`` cost less.
 
     >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
 
@@ -278,23 +276,23 @@ class Exclusions:
     spheres
         The number of spheres.
     pairs
-        Indices of spheres, whole numbers of shape ``(m, 2)``, in any order. A pair may repeat.
+        Indices of spheres, whole numbers of shape ``(m, 2)``, in any order and possibly repeated.
 
     Raises
     ------
     InputError
-        For an index out of range, and for another shape.
+        For an index out of range, and for a wrong shape.
     """
 
     def __new__(cls, spheres: int, pairs: npt.ArrayLike) -> Self: ...
     @staticmethod
     def across(first: int, second: int, pairs: npt.ArrayLike) -> Exclusions:
-        """Return exclusions for searches of two sets: pairs of one sphere of each.
+        """Return exclusions for two sets: pairs of one sphere of each.
 
         Parameters
         ----------
         first, second
-            The numbers of spheres of the two sets.
+            The numbers of spheres.
         pairs
             An index in the first set and one in the second, whole numbers of shape ``(m, 2)``.
 
@@ -306,27 +304,27 @@ class Exclusions:
 
     @staticmethod
     def from_csr(offsets: npt.ArrayLike, indices: npt.ArrayLike) -> Exclusions:
-        """Return the pairs of compressed rows, as :meth:`Detector.neighbors` returns them.
+        """Return the pairs of compressed rows, such as from :meth:`Detector.neighbors`.
 
         Parameters
         ----------
         offsets
             Whole numbers of shape ``(n + 1,)`` for ``n`` spheres.
         indices
-            Whole numbers of shape ``(k,)``. Sphere ``i`` is never a pair with ``indices[offsets[i]:offsets[i + 1]]``; it
-            is enough that one of two spheres names the other.
+            Whole numbers of shape ``(k,)``. Sphere ``i`` never pairs with ``indices[offsets[i]:offsets[i + 1]]``; one
+            of the two rows of a pair suffices.
 
         Raises
         ------
         InputError
-            As the class, and for offsets that do not begin with 0, fall, or do not end with the number of indices.
+            As the class, and for offsets that do not begin with 0, decrease, or do not end with the number of indices.
         """
 
     def __len__(self) -> int: ...
 
 @final
 class Interactions:
-    """A symmetric table: for any two species, what makes them a pair.
+    """A symmetric table of the condition for any two species to pair.
 
     ``None``: never; ``"touch"``: within ``ri + rj``; a number: within this distance, for any radii.
 
@@ -339,12 +337,12 @@ class Interactions:
     species
         The number of species, at most 4096; ids begin at 0.
     default
-        What is between two species of which nothing else is said.
+        The initial interaction of all species.
 
     Raises
     ------
     InputError
-        For a species that is not in the table, a distance that is negative or not finite.
+        For an unknown species, or a distance that is negative or not finite.
     """
 
     def __new__(cls, species: int, default: Literal["touch"] | float | None = None) -> Self: ...
@@ -357,14 +355,14 @@ class Interactions:
 
 @final
 class Frames:
-    """An iterator over the frames of a file, one in memory at a time. See :func:`lazygrid.read`, which reads one.
+    """An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 
     Raises
     ------
     FileError
-        With line or row and text, where something else stands than the format asks for.
+        For a file that does not follow its format, with line or row and text.
     OSError
-        Where the system refuses the file.
+        If the system refuses the file.
     """
 
     def __new__(
@@ -379,11 +377,11 @@ class Frames:
     def __iter__(self) -> Iterator[Frame]: ...
     def __next__(self) -> Frame: ...
     def at_end(self) -> bool:
-        """Return whether there is no further frame."""
+        """Return ``True`` after the last frame."""
 
     @property
     def format(self) -> str:
-        """The format that is read."""
+        """The format of the file."""
 
     @property
     def path(self) -> Any:
@@ -399,7 +397,7 @@ class Frame:
 
     @property
     def species(self) -> npt.NDArray[np.uint32] | None:
-        """A species id per sphere, of shape ``(n,)``, where the file has species."""
+        """A species id per sphere, of shape ``(n,)``, if the file has species."""
 
     @property
     def names(self) -> list[str]:
@@ -407,11 +405,11 @@ class Frame:
 
     @property
     def ids(self) -> npt.NDArray[np.int64] | None:
-        """An id per sphere, of shape ``(n,)``, where ids were asked for."""
+        """An id per sphere, of shape ``(n,)``, if ids were requested."""
 
     @property
     def step(self) -> int | None:
-        """The simulator's number of the time step, where the file has one."""
+        """The simulator's time step, if the file has one."""
 
     @property
     def periodic(self) -> tuple[_Edge | None, _Edge | None, _Edge | None] | None:
@@ -470,4 +468,4 @@ def simulate(source: Any, options: dict[str, Any]) -> tuple[dict[str, Any], list
     """Return the results of a run, and warnings. See :func:`lazygrid.simulate`."""
 
 def command(arguments: list[str]) -> int:
-    """Do what the arguments say, of which the first is the program's name, and return the exit code."""
+    """Run the command line, whose first argument is the program's name, and return the exit code."""

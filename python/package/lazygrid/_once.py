@@ -20,7 +20,7 @@ def pairs(
     exclusions: Exclusions | None = None,
     **settings: Any,
 ) -> npt.NDArray[np.uint32]:
-    """Return all pairs of overlapping spheres, as a new :class:`Detector` does. For more than one call keep a detector.
+    """Return all pairs of overlapping spheres, by a new :class:`Detector`. Programs with several calls should keep one.
 
     >>> lazygrid.pairs((points, 0.5), periodic=(10, 10, None))
 

@@ -37,7 +37,7 @@ class Particles:
 
     @property
     def spheres(self) -> npt.NDArray[np.float32]:
-        """Rows ``x, y, z, r`` in µm, as :class:`Detector` takes them: a new array of shape ``(n, 4)``."""
+        """Rows ``x, y, z, r`` in µm for :class:`Detector`: a new array of shape ``(n, 4)``."""
         return np.column_stack([self.position, self.radius])
 
 
@@ -45,8 +45,8 @@ class Particles:
 class ParticleColumns:
     """All particles of a :class:`Simulation`, a read-only array per quantity, in no particular order.
 
-    On the CPU the arrays view the memory of the simulation, without a copy. They never change: the next step leaves their
-    memory to them if they are still in use, and continues on a copy.
+    On the CPU the arrays view the memory of the simulation without a copy, and never change: if they are still in use,
+    the next step continues on a copy.
     """
 
     step: int
@@ -62,7 +62,7 @@ class ParticleColumns:
     radius: npt.NDArray[np.float32]
     """Radii in µm, of shape ``(n,)``."""
     species: npt.NDArray[np.uint32]
-    """Indices of species, of shape ``(n,)``; :attr:`Simulation.species` has their names."""
+    """Indices of species in :attr:`Simulation.species`, of shape ``(n,)``."""
     id: npt.NDArray[np.uint32]
     """Ids, of shape ``(n,)``. A particle keeps its id, and no id is used twice."""
 
@@ -76,24 +76,24 @@ class ParticleColumns:
 
     @property
     def spheres(self) -> tuple[npt.NDArray[np.float32], ...]:
-        """The columns ``(x, y, z, radius)``, as :class:`Detector` takes them, without a copy."""
+        """The columns ``(x, y, z, radius)`` for :class:`Detector`, without a copy."""
         return self.x, self.y, self.z, self.radius
 
 
 @dataclass(frozen=True)
 class Arrivals:
-    """Particles that receivers took, a row each, in the order of their arrival: columns of shape ``(m,)``."""
+    """Particles that receivers absorbed, in the order of their arrival: columns of shape ``(m,)``."""
 
     step: npt.NDArray[np.uint32]
-    """The number of steps done when it had arrived."""
+    """The number of steps done on arrival."""
     receiver: npt.NDArray[np.uint32]
-    """The index of the receiver; :attr:`Simulation.receivers` has their names."""
+    """The index of the receiver in :attr:`Simulation.receivers`."""
     species: npt.NDArray[np.uint32]
     """The index of the species on arrival."""
     id: npt.NDArray[np.uint32]
     """The id of the particle."""
     transmitter: npt.NDArray[np.int64]
-    """The index of the transmitter of the particle, or -1 for an inserted one."""
+    """The index of the particle's transmitter, or -1 for an inserted one."""
     released: npt.NDArray[np.int64]
     """The step at whose beginning the particle was released, or -1."""
 
@@ -116,21 +116,21 @@ class Simulation:
     Parameters
     ----------
     scenario
-        A TOML file; or its text, which a string with a line break is; or the same as a dictionary. Lengths are in µm,
-        times in s. The simulation may do more or fewer ``steps`` than the scenario says.
+        A TOML file; or its text, a string with a line break; or an equal dictionary. Lengths are in µm, times in s. The
+        number of ``steps`` of the scenario does not bind the simulation.
     seed
         The seed of the random numbers; by default the scenario's.
     backend
         ``cpu`` or ``gpu``. On a GPU, changes read all particles back and upload them again.
     algorithm
-        The search of pairs on the CPU; it does not change the result.
+        The search of pairs on the CPU, without effect on the result.
     threads
         CPU threads; by default all.
 
     Raises
     ------
     SettingError
-        For a scenario that is not valid, with its line and key.
+        For an invalid scenario, with line and key.
     """
 
     def __init__(
@@ -181,9 +181,7 @@ class Simulation:
         algorithm: str = "auto",
         threads: int | None = None,
     ) -> Simulation:
-        """Return the run of a file that :meth:`checkpoint` has written, which continues bit for bit.
-
-        Checkpoints of the command line serve too.
+        """Return the run of a file by :meth:`checkpoint` or the command line, which continues bit for bit.
 
         Raises
         ------
@@ -205,10 +203,9 @@ class Simulation:
         algorithm: str = "auto",
         threads: int | None = None,
     ) -> Iterator[Simulation]:
-        """Yield ``count`` runs of one scenario with independent seeds, those of ``lazygrid simulate --replicas``.
+        """Yield ``count`` runs of one scenario with the independent seeds of ``lazygrid simulate --replicas``.
 
-        Each begins when the iterator comes to it. Steps release the interpreter's lock, so that threads can run several
-        at once:
+        Each is created on demand. Steps release the interpreter's lock, so threads can run several at once:
 
         >>> with concurrent.futures.ThreadPoolExecutor() as pool:
         ...     results = list(pool.map(run, lazygrid.Simulation.replicas(scenario, 20, threads=1)))
@@ -230,15 +227,15 @@ class Simulation:
         steps
             The number of steps.
         callback
-            Called with the simulation after every ``every`` steps and at the end. It may read and change the simulation.
-            If it returns ``False``, no further step is done.
+            Called with the simulation after every ``every`` steps and at the end. It may read and change the
+            simulation. If it returns ``False``, the steps end.
         every
-            The number of steps between two calls of ``callback``.
+            The number of steps between calls of ``callback``.
 
         Raises
         ------
         KeyboardInterrupt
-            After Ctrl-C; the simulation stays at the step that it has reached.
+            After Ctrl-C; the simulation keeps the step that it has reached.
         """
         if callback is None:
             self._core.step(steps)
@@ -280,13 +277,16 @@ class Simulation:
     @property
     def counts(self) -> dict[str, int]:
         """Counts by name, as the columns of ``series.csv``: particles of each species, reactions and decays so far,
-        ``receiver:species``, and pairs and resolved contacts of the last step."""
+        ``receiver:species``, and pairs and resolved contacts of the last step.
+        """
         return self._core.counts()
 
     @property
     def arrivals(self) -> Arrivals:
-        """The particles that absorbing receivers took in the last call of :meth:`step`; with a callback, since its last
-        call. On a GPU only if the scenario sets ``arrivals = true`` in ``[output]``."""
+        """The particles that absorbing receivers took in the last call of :meth:`step`, or since the last callback.
+
+        On a GPU only if the scenario sets ``arrivals = true`` in ``[output]``.
+        """
         return Arrivals(**self._core.arrivals())
 
     def insert(self, species: str | int, positions: npt.ArrayLike) -> npt.NDArray[np.uint32]:
@@ -295,7 +295,7 @@ class Simulation:
         Parameters
         ----------
         species
-            The name or the index of their species.
+            The name or index of their species.
         positions
             In µm, of shape ``(n, 3)``; wrapped or reflected into the boundary.
 
@@ -308,20 +308,20 @@ class Simulation:
         return self._core.insert(_index(species, self.species, "species"), rows)
 
     def remove(self, ids: npt.ArrayLike) -> int:
-        """Remove particles by id, free or bound, and return their number. Unknown ids are ignored."""
+        """Remove particles by id, free or bound, and return their number. Ignores unknown ids."""
         return self._core.remove(_arrays.whole(ids, "ids"))
 
     def emit(self, transmitter: str | int, count: int, species: str | int | None = None) -> npt.NDArray[np.uint32]:
-        """Let a transmitter release particles now, besides those of its schedule, and return their ids.
+        """Let a transmitter release particles now, besides its schedule, and return their ids.
 
         Parameters
         ----------
         transmitter
-            The name or the index of the transmitter, whose center and shape the particles have.
+            The name or index of the transmitter, whose center and shape the particles have.
         count
             The number of particles.
         species
-            The name or the index of their species; may be omitted if the scenario has one.
+            The name or index of their species; optional for a single species.
 
         Raises
         ------
@@ -336,7 +336,7 @@ class Simulation:
         return self._core.emit(at, _index(species, self.species, "species"), count)
 
     def checkpoint(self, path: str | os.PathLike[str]) -> None:
-        """Write the state to a file, from which :meth:`resume` continues. The file appears when it is complete."""
+        """Write the state to a file for :meth:`resume`. The file appears when it is complete."""
         self._core.checkpoint(path)
 
     def __repr__(self) -> str:
@@ -360,9 +360,10 @@ class SimulationResult:
     """The result of :func:`simulate`."""
 
     series: dict[str, npt.NDArray[Any]]
-    """Columns of equal length, as of ``series.csv`` of the command line, for ``pandas.DataFrame(run.series)``:
-    ``step``, ``time`` in s, particles by species, reactions and decays so far, counts of receivers as
-    ``receiver:species``, pairs and resolved contacts of the last step."""
+    """Columns of equal length, like ``series.csv``, for ``pandas.DataFrame(run.series)``: ``step``, ``time`` in s,
+    particles by species, reactions and decays so far, counts of receivers as ``receiver:species``, pairs and resolved
+    contacts of the last step.
+    """
     symbols: dict[str, Any]
     """The sent symbols: columns ``time`` in s, ``transmitter`` and ``symbol``."""
     particles: Particles
@@ -396,23 +397,23 @@ def simulate(
     Parameters
     ----------
     scenario
-        A TOML file; or its text, which a string with a line break is; or the same as a dictionary. Lengths are in µm,
-        times in s.
+        A TOML file; or its text, a string with a line break; or an equal dictionary. Lengths are in µm, times in s.
     seed, steps, every
-        Override the scenario: the seed of the random numbers, the number of steps, the steps between rows of the series.
+        Override the scenario: the seed of the random numbers, the number of steps, the steps between rows of the
+        series.
     frames_every
-        The steps between frames, which keep all particles. By default only those at the end are kept.
+        The steps between frames, which keep all particles. By default only the particles at the end are kept.
     backend
         ``cpu`` or ``gpu``.
     algorithm
-        The search of pairs on the CPU; it does not change the result.
+        The search of pairs on the CPU, without effect on the result.
     threads
         CPU threads; by default all.
 
     Raises
     ------
     SettingError
-        For a scenario that is not valid, with its line and key.
+        For an invalid scenario, with line and key.
     KeyboardInterrupt
         After Ctrl-C; the run is lost.
     """

@@ -19,19 +19,19 @@ Labels = Union[npt.ArrayLike, tuple[Union[npt.ArrayLike, None], Union[npt.ArrayL
 Periodic = Union[Sequence[Union[float, Sequence[float], None]], npt.NDArray[np.floating[Any]]]
 """The length of each of three axes, or three cell vectors of a triclinic box; ``None`` for an unbounded axis."""
 Backend = Literal["auto", "cpu", "gpu"]
-"""Where to run."""
+"""The backend."""
 Algorithm = Literal[
     "auto", "naive", "hash-grid", "array-grid", "recursive-grid", "cell-list", "eager-grid", "lazy-grid"
 ]
-"""How to search."""
+"""The algorithm."""
 Order = Literal["canonical", "unordered"]
 """By ``i``, then ``j``, or as they are found."""
 Skin = Union[Literal["auto", "off"], float]
-"""Whether candidates are kept from call to call; a number: those up to this distance too far apart."""
+"""The skin of the candidate list: pairs with gaps up to this distance are kept between calls."""
 
 
 class Cost(TypedDict):
-    """What a call costs a GPU."""
+    """The cost of a call on a GPU."""
 
     dispatches: int
     working_bytes: int
@@ -40,19 +40,19 @@ class Cost(TypedDict):
 
 
 class Candidates(TypedDict):
-    """The candidates that a call was answered from."""
+    """The candidate list that answered a call."""
 
     count: int
     age: int
-    """How many calls ago they were found."""
+    """The age of the list in calls."""
     displacement_fraction: float
-    """The part, from 0 to 1, of what a sphere may move that one has moved."""
+    """The largest used fraction of a displacement limit, from 0 to 1."""
     rebuilt: str | None
     """The reason of a rebuild in this call; ``None`` if the list was reused."""
 
 
 class Report(TypedDict):
-    """What a call did and why. Times of phases are in seconds."""
+    """The report of a call. Times of phases are in seconds."""
 
     spheres: int
     pairs: int
