@@ -131,7 +131,7 @@ impl BitErrors {
                 }
                 DetectionRule::Species => {
                     let own = |entry: usize| self.detector.of(counts.iter().map(|entries| entries[entry]));
-                    // The first of equal ones.
+                    // First of equal ones.
                     (0..entries).rev().max_by_key(|&entry| own(entry)).unwrap_or(0) as u64
                 }
             };
@@ -144,7 +144,7 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// Returns the counts of each slot by entry of the burst: one list of arrivals, or a list per row of the series.
+    /// By entry of the burst: one list of arrivals, or a list per row of the series.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
         if self.detector == Detector::Arrivals {
@@ -301,7 +301,6 @@ mod tests {
 
     #[test]
     fn momentary_counts_are_detected_by_peak_energy_and_strength() {
-        // Bits 1 0 1 1 in slots of 10 steps from step 5, two rows each.
         let mut model = model();
         model.receivers[0].kind = lazygrid_sim::ReceiverKind::Transparent;
         let counts = [9, 2, 5, 6, 4, 3, 7, 1, 0];
@@ -339,7 +338,6 @@ mod tests {
 
     #[test]
     fn bit_errors_of_a_known_sequence() {
-        // 1 0 1 1 arrives as 6, 3, 4, 2.
         let sent = log(&[(0, 0, 6), (0, 1, 3), (2, 2, 4), (3, 3, 2)]);
         let mut errors = of(&model(), 0);
         errors.add(&files(sent), &model(), &slots(100));
@@ -347,7 +345,6 @@ mod tests {
         // 0 is read as 1 up to a threshold of 3; the last 1 as 0 above 4, the middle one above 5, the first above 7.
         assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
         assert_eq!((errors.bits, errors.ones, errors.most(), errors.best()), (4, 3, 6, vec![0]));
-        // The other replica has a threshold without errors.
         errors.add(&files(log(&[(0, 0, 6), (2, 2, 4), (3, 3, 5)])), &model(), &slots(100));
         let (rates, all) = errors.at(&[4]);
         assert_eq!((rates.mean(), rates.standard_error(), all), (0.125, Some(0.125), 1));

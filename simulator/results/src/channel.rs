@@ -29,7 +29,6 @@ pub struct Channels {
 
 /// Bins of a response without a message.
 const BINS: u32 = 100;
-/// Bins of a symbol.
 const PER_SYMBOL: f64 = 20.0;
 /// Symbols of a response, and slots of interference.
 const SYMBOLS: usize = 8;

@@ -13,7 +13,6 @@ pub fn wilson(hits: u64, trials: u64) -> [f64; 2] {
     let middle = part + Z * Z / (2.0 * n);
     let half = Z * (part * (1.0 - part) / n + Z * Z / (4.0 * n * n)).sqrt();
     let [low, high] = [middle - half, middle + half].map(|end| end / (1.0 + Z * Z / n));
-    // Rounding would leave a little at both ends.
     [if hits == 0 { 0.0 } else { low }, if hits == trials { 1.0 } else { high }]
 }
 

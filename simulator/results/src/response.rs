@@ -28,7 +28,6 @@ impl Link {
         all
     }
 
-    /// Returns the releases that count.
     pub(crate) fn releases(self, log: &Log) -> impl Iterator<Item = &crate::log::Released> {
         let own = move || log.releases.iter().filter(move |release| release.transmitter == self.transmitter);
         let mut species: Vec<usize> = own().map(|release| release.species).collect();
@@ -38,7 +37,7 @@ impl Link {
         own().filter(move |release| species.contains(&release.species))
     }
 
-    /// Returns `true` if a release counts: of the arriving species if the transmitter releases it, else of any.
+    /// True for the arriving species if the transmitter releases it, else for any.
     fn is_from(self, log: &Log, species: usize) -> bool {
         let own = |s: usize| log.releases.iter().any(|r| r.transmitter == self.transmitter && r.species == s);
         species == self.species || !own(self.species)

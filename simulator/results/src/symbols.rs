@@ -37,7 +37,6 @@ impl SymbolSlots {
         (1..=self.len()).contains(&after).then(|| after - 1)
     }
 
-    /// Returns the slot of an arrival in the step that ends after `step` steps.
     pub(crate) fn of_arrival(&self, step: u32) -> Option<usize> {
         self.of_release(step.checked_sub(1)?)
     }
@@ -110,7 +109,6 @@ impl Interference {
         self.add_parts(inside.into_iter().zip(seen));
     }
 
-    /// Adds a count and its total per lag.
     fn add_parts(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
         let mut parts = Vec::new();
         for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
@@ -210,7 +208,6 @@ pub(crate) mod tests {
 
     #[test]
     fn interference_inside_is_a_mean_over_rows() {
-        // A row in the middle and at the end of each slot; slots begin at 5, 15, 25, 35.
         let rows = [10, 15, 20, 25, 30, 35, 40, 45];
         let inside =
             |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };

@@ -7,7 +7,6 @@ use crate::gpu::plan::Sizes;
 use crate::model::Model;
 use crate::reaction::interactions;
 
-/// A run's detectors, if it needs them.
 #[derive(Debug)]
 pub(super) struct Detectors {
     /// For pairs that react or overlap at the end of a step.

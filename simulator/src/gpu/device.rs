@@ -22,10 +22,8 @@ pub(super) fn with_error_scope<T>(
     own.with_error_scope(what, bytes, work).map_err(refused)
 }
 
-/// Returns a buffer for kernels and for copies both ways.
 pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
     use wgpu::BufferUsages as Usage;
-    // An empty table is still bound, with space for a row.
     let size = if bytes == 0 { 64 } else { bytes.next_multiple_of(16) };
     let usage = Usage::STORAGE | Usage::UNIFORM | Usage::COPY_SRC | Usage::COPY_DST;
     // A buffer above the uniform limit is never bound as a uniform.
@@ -51,7 +49,6 @@ pub(super) fn filled<T: ShaderType + WriteInto>(
     Ok(made)
 }
 
-/// Submits `encoder` and reads the beginnings of `parts`.
 pub(super) fn read(
     own: &GpuDevice,
     mut encoder: wgpu::CommandEncoder,
@@ -75,7 +72,6 @@ pub(super) fn read(
     with_error_scope(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
     let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
-    // The receiver may be gone after a failed wait.
     let done = move |result| drop(tell.send(result));
     with_error_scope(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };

@@ -200,7 +200,6 @@ const SIZED: [&str; 20] = [
 ];
 
 impl StepDispatches {
-    /// Allocates and binds, after the detector's allocation for these sizes.
     pub(super) fn new(run: &mut RunBuffers, sizes: Sizes, rounds: u32, found: Found) -> Result<Self, Error> {
         let mut buffers = run.buffers.clone();
         for name in SIZED {
@@ -221,7 +220,6 @@ impl StepDispatches {
         }
         let output_order = if order.is_some() { "cell_order" } else { "same_order" };
         buffers.insert("output_order", buffers[output_order].clone());
-        // Bound but not read.
         buffers.insert("order", order.unwrap_or_else(|| buffers["species_rows"].clone()));
         let (limits, counts_inside) = (run.limits, run.counts_inside);
         let (reflects, receptors, dissociates) = (run.reflects, run.receptors, run.dissociates);
@@ -356,7 +354,6 @@ impl StepDispatches {
     }
 }
 
-/// Names a binding of the matching, whose two lists swap every round.
 fn alternating(name: &'static str, source: u32) -> &'static str {
     match (name, source) {
         ("round", 0) => "round0",

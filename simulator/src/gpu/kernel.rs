@@ -38,7 +38,6 @@ kernels! {
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows",
     ];
-    /// Moves particles among surfaces that reflect or adsorb.
     PARTICLES_MOVE_REFLECTING = "particles_move_reflecting" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
@@ -51,7 +50,6 @@ kernels! {
     WINDOW_SPHERES = "window_spheres" [
         Uniform "params", Write "window", Read "movers", Write "next_events", Write "inflated",
     ];
-    /// Accepts the candidates, or halts the run.
     CANDIDATES_CHECK = "candidates_check" [Write "control", Write "window", Write "near_outcome"];
     NEIGHBORS_COUNT = "neighbors_count" [
         Uniform "params", Read "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
@@ -92,7 +90,6 @@ kernels! {
     RECEPTORS_SELECT = "receptors_select" [
         Write "control", Read "tags", Read "event_rows", Write "claims", Write "receptors", Read "requesters", Write "moved",
     ];
-    /// Accepts the detector's result, or halts the run.
     DETECTOR_CHECK = "detector_check" [Uniform "params", Write "control", Write "outcome"];
     REACTIONS_SAMPLE = "reactions_sample" [
         Uniform "params", Write "control", Read "pairs", Read "moved", Read "species", Read "tags", Read "reaction_rows",
@@ -102,7 +99,6 @@ kernels! {
         Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left",
         Write "left_next",
     ];
-    /// Records the best priority at each particle.
     MATCHING_PROPOSE = "matching_propose" [
         Uniform "round", Write "control", Read "candidates", Read "reaction_rows", Write "claims", Read "left_next",
     ];
@@ -121,7 +117,6 @@ kernels! {
         Uniform "output_order", Write "control", Read "order", Read "moved", Read "tags", Write "claims", Write "ids",
         Write "sums", Uniform "params", Write "events",
     ];
-    /// Scans these counts and commits the step.
     SURVIVORS_SCAN = "survivors_scan" [Uniform "params", Write "control", Write "sums", Write "log"];
     SURVIVORS_PLACE = "survivors_place" [
         Uniform "output_order", Read "order", Read "moved", Read "species", Read "ids", Write "claims", Read "sums",

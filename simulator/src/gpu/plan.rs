@@ -40,7 +40,6 @@ impl Default for GpuOptions {
 pub(super) const MAX_LOOP_ITERATIONS: u32 = 60_000;
 /// Capacity of the log: the most steps between readbacks.
 pub(super) const LOG_ROWS: u32 = 1024;
-/// Enough to fill today's largest devices.
 const ROUND_GROUPS: u32 = 1024;
 /// At about twenty loop iterations each.
 const CANDIDATES_PER_THREAD: u32 = 2048;
@@ -64,8 +63,6 @@ pub(super) struct Sizes {
 }
 
 impl Sizes {
-    /// # Errors
-    /// [`Error::LimitExceeded`] if the device cannot bind it.
     pub(super) fn bytes(self, name: &'static str, limits: &DeviceLimits) -> Result<u64, Error> {
         let Self { particles, pairs, births, events, has_velocity, near, .. } = self;
         let movers = if near > 0 { particles } else { 0 };
@@ -95,7 +92,6 @@ impl Sizes {
         Ok(needed)
     }
 
-    /// Returns the top speed of collisions over the usual one.
     pub(super) fn speed_factor(self) -> f32 {
         2f32.powi(self.speed_doublings as i32)
     }
@@ -121,7 +117,7 @@ pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
     (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }
 
-/// Returns a capacity for `needed` particles, with a reserve.
+/// With a reserve.
 pub(super) fn grown(needed: u32) -> u32 {
     needed.saturating_add(needed / 4).max(WORKGROUP_SIZE)
 }

@@ -64,9 +64,6 @@ impl ReceiverCellsBuilder {
 
     /// Builds lists for receivers that begin at `centers`, stay within `displacements` of them, and move by at most
     /// `max_displacement` in a step; none if numbers are too large for cells.
-    ///
-    /// # Errors
-    /// Fails if the detector fails.
     pub(super) fn build(
         &mut self,
         centers: &[[f32; 3]],
@@ -91,7 +88,6 @@ impl ReceiverCellsBuilder {
             }
             let around = |kind| (0..cells.count()).map(|at| cells.sphere(at, reach(kind))).collect();
             let around: Vec<Vec<Sphere>> = self.species_rows.iter().map(around).collect();
-            // A single cell contains every receiver once.
             if let Some(words) = self.words(&around, &receivers)? {
                 return Ok(ReceiverCells { head: cells.head(), words });
             }
@@ -128,7 +124,6 @@ struct Cells {
 
 /// In µm. A smaller box would make flushed-to-zero values matter.
 const MIN_BOX: f64 = 1e-20;
-/// Bound of the rounding of cell coordinates, relative to the box.
 const ROUNDING: f64 = 1e-6;
 
 impl Cells {
@@ -185,7 +180,6 @@ impl Cells {
             && (2.0 * last.radius).is_finite()
     }
 
-    /// Returns the sphere that particles of a cell can reach, rounding included.
     fn sphere(&self, at: usize, reach: f32) -> Sphere {
         let [x, y, _] = self.cells.map(|count| count as usize);
         let place = [at % x, at / x % y, at / x / y];

@@ -15,7 +15,6 @@ pub(super) struct ReceiverTrajectory {
     pub(super) max_displacements: Vec<f32>,
 }
 
-/// Limit of the table, unless one step needs more.
 const TABLE_BYTES: u64 = 4 << 20;
 const ROW_BYTES: u64 = 32;
 

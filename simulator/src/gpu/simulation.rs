@@ -48,7 +48,6 @@ pub struct GpuSimulation {
     cell_ratio: f32,
     options: GpuOptions,
     steps: StepDispatches,
-    /// Particles at the last readback.
     alive: u32,
     /// Released since then, not yet on the device.
     due: Particles,
@@ -73,7 +72,6 @@ const MAX_SUBMITTED_WORK: u32 = 1 << 24;
 const MAX_SUBMITTED_STEPS: u32 = 64;
 /// With collisions, steps after a halt are wasted.
 const MAX_STEPS_WITH_COLLISIONS: u32 = 16;
-/// Rounds of a window before the first halt.
 const FIRST_WINDOW_ROUNDS: u32 = 8;
 
 impl GpuSimulation {

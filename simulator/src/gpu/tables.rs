@@ -72,10 +72,6 @@ fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
     model.decays.iter().flat_map(move |first| after(first).map(move |second| (first, second)))
 }
 
-/// Refuses models without kernels.
-///
-/// # Errors
-/// [`Error::NotOnGpu`], which names the first unsupported part.
 pub(super) fn check(model: &Model) -> Result<(), Error> {
     let rejected = |what: String| Err(Error::NotOnGpu { what });
     for (first, second) in chained_decays(model) {
@@ -139,7 +135,6 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
     let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
-    // Receptors take a workgroup per receiver.
     let visits = seen.max(model.receivers.len());
     match visits > most {
         true => Err(Error::NotOnGpu {
@@ -303,7 +298,6 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
     }
     for (k, axis) in model.boundary.axes.into_iter().enumerate() {
         let (kind, walls) = match axis {
-            // Unused, but no division by zero.
             Axis::Open => (0, [0.0, 1.0]),
             Axis::Reflecting { low, high } => (1, [low, high]),
             Axis::Periodic { low, high } => (2, [low, high]),
@@ -368,8 +362,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
     (species_rows, event_rows)
 }
 
-/// Returns the distance that all but one in ten million particles stay within in a step, plus three displacements of
-/// a receiver.
+/// Distance of all but one in ten million particles, plus three displacements of a receiver.
 fn reach(step: &SpeciesStep, carried: &Carried) -> f32 {
     1.01 * (6.0 * step.length + carried.length()) + step.bend
 }
@@ -399,7 +392,7 @@ fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<Ev
     })
 }
 
-/// Returns the largest word whose number in (0, 1), as on the CPU, is below a probability.
+/// Equals the CPU for numbers in (0, 1).
 fn below(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0 - 0.5).ceil().clamp(0.0, 4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)

@@ -139,7 +139,6 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
         let [a, by, priority, kind] = Key::new(7).draw(k, salt, 0, Purpose::Pair);
         let a = a % particles;
         let b = (a + 1 + by % (particles - 1)) % particles;
-        // Ids differ from indices.
         let id = |at: u32| (at * 37 + 11) % 1_000_003;
         let ids = [id(a).min(id(b)), id(a).max(id(b))];
         if seen.insert(ids) {

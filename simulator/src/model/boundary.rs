@@ -75,7 +75,7 @@ impl Axis {
         match self {
             Self::Periodic { low, high } => {
                 let length = f64::from(high - low);
-                // Mostly the same image, and a quotient takes long.
+                // A quotient takes long.
                 if 2.0 * d.abs() < length { d } else { d - length * (d / length).round() }
             }
             _ => d,

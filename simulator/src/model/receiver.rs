@@ -82,7 +82,6 @@ impl ReceiverKind {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
 
-    /// Returns `true` for a sphere that acts on particles.
     pub(crate) fn is_active_sphere(self) -> bool {
         !matches!(self, Self::Transparent | Self::Wall(_))
     }
@@ -129,7 +128,7 @@ impl Receiver {
 const FEW: usize = 1;
 const CHUNK: usize = 1 << 16;
 
-/// Returns the particles inside transparent receivers at `centers`, by receiver and species.
+/// Indexed by receiver and species.
 pub(crate) fn all_inside(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -143,7 +142,6 @@ pub(crate) fn all_inside(
     counts
 }
 
-/// Returns (receiver, particle) indices of particles inside transparent receivers at `centers`.
 pub(crate) fn inside_of(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -193,10 +191,6 @@ fn found_inside(
     Ok(inside)
 }
 
-/// Creates the detector of particles near receivers.
-///
-/// # Errors
-/// [`Error::Detection`] for a box without extent.
 pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Auto).order(Order::Unordered);
     Ok(Detector::new(config.space(boundary.space()?))?)

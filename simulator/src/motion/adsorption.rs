@@ -35,7 +35,7 @@ use crate::random::philox::Draws;
 
 const ROOT_PI: f64 = 1.772_453_850_905_516;
 
-/// Returns exp(x²)·erfc(x), for x ≥ 0.
+/// For x ≥ 0: exp(x²)·erfc(x).
 pub(crate) fn erfcx(x: f64) -> f64 {
     if x < 25.0 {
         return libm::exp(x * x) * libm::erfc(x);
@@ -44,15 +44,12 @@ pub(crate) fn erfcx(x: f64) -> f64 {
     (1.0 - s * (1.0 - 3.0 * s * (1.0 - 5.0 * s))) / (x * ROOT_PI)
 }
 
-/// Returns the reactivity of a sphere with `free` free receptors, in µm/s.
 pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
     binding_rate * f64::from(free) / (4.0 * PI * radius * radius)
 }
 
-/// A diffusion step near an adsorbing sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
-    /// √(DΔt) in µm.
     length: f64,
     radius: f64,
     /// κ√(Δt/D)
@@ -69,13 +66,12 @@ impl Step {
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// Returns the adsorption probability at a plane, by the sum of both heights.
+    /// The sum of both heights decides.
     fn on_plane(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 
-    /// Returns the adsorption probability of a particle that reaches the sphere. `heights` are before and after the
-    /// step, negative inside.
+    /// `heights` are before and after the step, negative inside.
     pub(crate) fn sticking(&self, [a, b]: [f64; 2]) -> f64 {
         let [from, to] = [self.radius + a, self.radius + b];
         let crossed = if b > 0.0 { a * b } else { 0.0 };

@@ -35,7 +35,6 @@ const TASK: usize = 4096;
 /// Units per contact distance; 2²² of them fit 64 bits.
 const UNITS: f64 = (1_u64 << 40) as f64;
 
-/// Particle index, and its displacement in units.
 type Push = (u32, [i64; 3]);
 
 impl Contacts {
@@ -97,7 +96,7 @@ impl Contacts {
         resolved
     }
 
-    /// Returns the displacements until contact; `None` without an overlap.
+    /// `None` without an overlap.
     fn pushes(&self, particles: &Particles, pair: Pair, (key, step): (Key, u32)) -> Option<[Push; 2]> {
         let [mut a, mut b] = [pair.i, pair.j];
         if particles.id[a as usize] > particles.id[b as usize] {

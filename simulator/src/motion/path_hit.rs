@@ -101,7 +101,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Returns `true` if such a drift may carry a segment past a sphere.
+/// True if such a drift may carry a segment past a sphere.
 pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > SEGMENT_DRIFT[0] * radius && drift > SEGMENT_DRIFT[1] * spread
 }
@@ -114,8 +114,7 @@ fn one_minus_exp(x: f32) -> f32 {
     1.0 - libm::expf(-x)
 }
 
-/// Returns the probability that a diffusing path reaches a sphere between heights `a` and `b` > 0. `diffusion` is
-/// DΔt, in µm².
+/// Between heights `a` and `b` > 0. `diffusion` is DΔt, in µm².
 #[inline]
 pub(crate) fn hit_probability(radius: f32, [a, b]: [f32; 2], diffusion: f32) -> f32 {
     let exponent = a * b / diffusion;
@@ -151,7 +150,7 @@ impl Hit {
         Self { begin: time, part: 0.0, heights: [0.0; 2] }
     }
 
-    /// Draws the fraction of the step of the first hit on the receiver `place`.
+    /// In steps, for the receiver `place`.
     ///
     /// A Brownian path from height α to ±β that reaches the surface does so first at s, where u = s/(1 − s) has the
     /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and
@@ -167,7 +166,7 @@ impl Hit {
     }
 }
 
-/// Returns the fraction of a segment at which it first reaches the surface, by random numbers.
+/// In segments, by random numbers.
 pub(crate) fn first_passage([a, b]: [f32; 2], normal: f32, uniform: f32) -> f32 {
     let b = b.abs();
     if a <= 0.0 {
@@ -208,7 +207,6 @@ impl BrownianBridge<'_> {
         let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
         let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.receiver.displacement[k]));
         let half_time = begin + 0.5 * part;
-        // Walls and images never increase distances.
         if self.height(middle, half_time) > half + BEND * spread {
             return None;
         }
@@ -291,7 +289,7 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit>
     })
 }
 
-/// Returns the fraction of a line at which it enters a sphere around the origin.
+/// In lengths of the line, for a sphere around the origin.
 fn entry_time(from: [f64; 3], way: [f64; 3], radius: f64) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let outside = dot(from, from) - radius * radius;

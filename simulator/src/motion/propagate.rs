@@ -114,7 +114,6 @@ impl Propagator {
         particles.id.par_chunks(BLOCK).enumerate().flat_map_iter(of_block).collect()
     }
 
-    /// Returns a particle's path without receivers and collisions.
     #[inline(always)]
     fn flight(
         &self,
@@ -258,7 +257,7 @@ impl Propagator {
         }
     }
 
-    /// Applies an absorbing wall to a particle that no receiver keeps, or its decays.
+    /// Applies an absorbing wall, or decays.
     #[inline]
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
         let ParticleMove { at, species, who, path, free_end, .. } = *moved;
@@ -273,7 +272,7 @@ impl Propagator {
         });
     }
 
-    /// Returns the reach of a path beyond its line, by diffusion and approaching receivers, in µm.
+    /// Bounds diffusion and approaching receivers, in µm.
     #[inline(always)]
     fn more(&self, moved: &ParticleMove) -> f32 {
         self.steps[moved.species as usize].bend + self.bodies.max_displacement
@@ -299,7 +298,6 @@ impl Propagator {
             let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
             self.resolve_events(moved, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
             if self.more(moved) + moved.gone > reach * (1.0 + ROUNDED) {
-                // A receiver pushed it beyond the receivers that were found.
                 *moved = begun;
                 events.clear();
                 self.resolve_events(moved, self.bodies.all.iter(), &mut events);

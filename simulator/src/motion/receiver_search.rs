@@ -34,7 +34,6 @@ impl StepBounds {
         Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * way[k]), half, more }
     }
 
-    /// Returns the path's largest distance from its beginning, in µm.
     pub(crate) fn around_beginning(&self) -> f32 {
         2.0 * self.half + self.more
     }
@@ -55,7 +54,7 @@ pub(crate) struct ReceiverSearch {
     worth: SearchCost,
 }
 
-/// Chooses between searches and tests of every receiver. Results do not depend on it.
+/// Results do not depend on it.
 #[derive(Debug, Default)]
 struct SearchCost {
     steps: u32,
@@ -97,7 +96,6 @@ impl ReceiverSearch {
         }))
     }
 
-    /// Begins a step. Returns `true` if it searches.
     pub(crate) fn begin(&mut self, particles: usize, bodies: &ActiveReceivers) -> bool {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
@@ -121,7 +119,6 @@ impl ReceiverSearch {
         self.travelled += bodies.max_displacement;
     }
 
-    /// Returns `true` if a particle meets no receiver.
     #[inline(always)]
     pub(crate) fn is_clear(&self, place: usize, reach: &StepBounds) -> bool {
         let [x, y, z, radius] = self.clear_spheres[place];

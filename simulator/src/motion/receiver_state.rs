@@ -66,7 +66,6 @@ pub(crate) struct ActiveReceivers {
     moving: bool,
     turning: bool,
     pub(crate) diffusion: f32,
-    /// Largest displacement of a receiver in this step, in µm.
     pub(crate) max_displacement: f32,
     pub(crate) largest: f32,
 }
@@ -115,7 +114,6 @@ impl ActiveReceivers {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    /// Center, in µm.
     pub(crate) center: [f32; 3],
     /// Displacement in the last step, not wrapped, in µm.
     pub(crate) displacement: [f32; 3],

@@ -69,7 +69,6 @@ pub(crate) fn reflect_path(
     Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32 })
 }
 
-/// Returns the images of each sphere nearest to the path's beginning and end.
 fn obstacles<'a>(
     bodies: &[&'a ReceiverState],
     domain: &Boundary,
@@ -96,7 +95,6 @@ fn obstacles<'a>(
 }
 
 impl Obstacle<'_> {
-    /// Returns the vector from its center to the particle displaced by `gone`, at a time of the step.
     fn offset_at(&self, gone: [f64; 3], time: f64) -> [f64; 3] {
         std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
     }

@@ -60,7 +60,6 @@ pub(crate) struct ParticleMove {
     pub(crate) species: u32,
     pub(crate) who: DrawContext,
     pub(crate) path: Path,
-    /// End of the path without walls and receivers.
     pub(crate) free_end: [f32; 3],
     pub(crate) gone: f32,
     pub(crate) velocity: Option<[f32; 3]>,
@@ -129,7 +128,7 @@ fn reflect_or_keep<'a>(
     }
     let mut first = FirstHit::default();
     for body in near.into_iter().filter(|body| body.receiver.kind != ReceiverKind::Reflecting) {
-        // The path to the surface that reflected it first is the original one.
+        // The path to the first reflecting surface is the original one.
         let taken = match &reflected {
             Some(ReflectedPath { first, path, .. }) if *first != body.place => path,
             _ => &path,

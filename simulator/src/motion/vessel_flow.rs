@@ -12,7 +12,6 @@ pub(crate) struct FlowStep {
 pub(crate) struct AdvectedPath {
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
-    /// Displacement along the vessel, in µm.
     pub(crate) by: f32,
 }
 

@@ -43,7 +43,6 @@ pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: 
 
 #[derive(Clone, Debug)]
 pub(crate) struct AbsorbingWall {
-    /// Index among the receivers.
     pub(crate) receiver: u32,
     /// Flags by species.
     pub(crate) sees: Vec<bool>,
@@ -51,7 +50,6 @@ pub(crate) struct AbsorbingWall {
 }
 
 impl AbsorbingWall {
-    /// Returns the absorbing walls of a model.
     pub(crate) fn all(model: &Model) -> Vec<Self> {
         let wall = |(receiver, own): (usize, &crate::Receiver)| match own.kind {
             ReceiverKind::Wall(face) => {
@@ -80,7 +78,6 @@ impl AbsorbingWall {
             return true;
         }
         let exponent = a * b / path.diffusion;
-        // Infinite without diffusion.
         exponent < NEVER && {
             let [word, ..] = who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver);
             open_unit(word) < (-exponent).exp()

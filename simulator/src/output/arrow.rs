@@ -34,10 +34,6 @@ struct Column {
     nullable: bool,
 }
 
-/// Converts the CSV files of a run.
-///
-/// # Errors
-/// [`Error::Read`] if they differ from what the run wrote, and [`Error::Write`].
 pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
     let of = |names: Vec<&str>| Kind::Name(Arc::new(StringArray::from(names)));
     let receivers = of(model.receivers.iter().map(|receiver| &receiver.name[..]).collect());

@@ -14,13 +14,11 @@ pub(crate) struct DiskEstimate {
     pub(crate) checkpoint: u64,
 }
 
-/// Samples of the number of particles.
 const SAMPLES: u32 = 1000;
 /// Mean bytes of a coordinate as text: eight digits, a point, half a sign.
 const COORDINATE: f64 = 9.7;
 
 impl DiskEstimate {
-    /// Scales the estimate to equal runs.
     pub(crate) fn times(self, runs: u32) -> Self {
         let [least, most, checkpoint] =
             [self.least, self.most, self.checkpoint].map(|bytes| bytes.saturating_mul(runs.into()));
@@ -36,7 +34,6 @@ impl DiskEstimate {
         let mut empty = Vec::new();
         let mut header = 0;
         if output.xyz {
-            // Writing to memory does not fail.
             drop(frames::xyz(&mut empty, model, &State { step: steps, ..State::default() }));
             header += empty.len();
         }
@@ -75,7 +72,6 @@ pub(crate) fn next_bytes(run: &impl RunView, output: Output) -> u64 {
     present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
 }
 
-/// Returns `true` if particles may disappear other than by decay.
 fn loses(model: &Model) -> bool {
     model.decays.iter().any(|decay| decay.products[0].is_none())
         || model.reactions.iter().any(|reaction| reaction.products.contains(&None))
@@ -129,7 +125,6 @@ fn decay(model: &Model, now: &mut [f64], time: f64) {
 fn text(model: &Model, species: usize, ids: f64) -> f64 {
     let kind = &model.species[species];
     let radius = kind.radius.to_string().len();
-    // Most ids below a number have as many digits.
     digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE
 }
 

@@ -15,10 +15,6 @@ pub(crate) struct Lock {
 }
 
 impl Lock {
-    /// Locks an existing directory.
-    ///
-    /// # Errors
-    /// [`Error::Write`], also if another run holds it.
     pub(crate) fn take(directory: &Path) -> Result<Self, Error> {
         let refused = |source| Error::Write { path: directory.to_owned(), source };
         let open = OpenOptions::new().create(true).truncate(false).write(true).open(directory.join(".lock"));
@@ -50,7 +46,6 @@ fn remove_temporaries(directory: &Path) {
             random.len() == RANDOM && random.bytes().all(|b| b.is_ascii_alphanumeric())
         });
         if is_temporary && entry.file_type().is_ok_and(|kind| kind.is_file()) {
-            // Failure does no harm.
             if std::fs::remove_file(entry.path()).is_ok() {
                 log::info!("{}: removed; a run that was killed had left it", entry.path().display());
             }

@@ -34,7 +34,6 @@ const XYZ: &str = "frames.xyz";
 const ARRIVALS: &str = "arrivals.csv";
 const RELEASES: &str = "releases.csv";
 const OCCUPANCY: &str = "occupancy.csv";
-/// Frames of the animation.
 const ANIMATED: &str = "animation.frames";
 
 #[derive(Debug)]
@@ -187,9 +186,6 @@ impl Files {
 }
 
 /// Checks the files of a run against a checkpoint, without a change.
-///
-/// # Errors
-/// [`Error::Damaged`], [`Error::Read`] and [`Error::Write`] if a file cannot be resumed.
 pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Error> {
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
@@ -207,7 +203,6 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     }
     let foreign =
         [SERIES, SYMBOLS, XYZ, ARRIVALS, RELEASES, OCCUPANCY, ANIMATED, "animation.html", "mean.csv"];
-    // A device or a FIFO has no content to lose.
     let is_file = |name: &str| directory.join(name).is_file();
     if let Some(name) = foreign.into_iter().find(|name| !overwrite && is_file(name)) {
         let message = format!(
@@ -245,7 +240,6 @@ pub fn write_atomically(
         let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
         builder.prefix(lock::TEMPORARY).rand_bytes(lock::RANDOM);
-        // Temporary files are private by default.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let mut file = builder.tempfile_in(directory)?;

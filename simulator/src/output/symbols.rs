@@ -8,7 +8,6 @@ pub(super) fn any(model: &Model) -> bool {
     model.transmitters.iter().any(|t| matches!(t.schedule, Schedule::Message(_)))
 }
 
-/// Time, transmitter and value of each symbol.
 pub(super) fn write(out: &mut impl Write, model: &Model, seed: u64) -> io::Result<()> {
     writeln!(out, "time,transmitter,symbol")?;
     for (place, Transmitter { name, schedule, .. }) in (0..).zip(&model.transmitters) {

@@ -90,7 +90,6 @@ impl Draws {
         Self { key, counter: [id, 0, step, purpose as u32], words: [0; 4], used: 4 }
     }
 
-    /// Uniform in (0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         fine_unit(self.word())
     }
@@ -155,7 +154,6 @@ pub fn open_unit(word: u32) -> f32 {
     ((word >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
 }
 
-/// Returns one of 2³² equally spaced numbers in (0, 1).
 #[inline]
 pub(crate) fn fine_unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0

@@ -63,9 +63,6 @@ impl KeyMessage {
 impl DistributedMatching {
     /// Returns this rank's winning candidates, by key. Ghosts follow its `own` particles. `sample` adds candidates as
     /// for [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
-    ///
-    /// # Errors
-    /// The communicator's, and those of `sample` on any rank.
     pub(super) fn greedy<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -128,7 +125,6 @@ impl DistributedMatching {
                 self.taken[at] = true;
                 won.extend(at.checked_sub(own).map(|ghost| ghost as u32));
             }
-            // Without taken particles.
             active.retain(|&c| claimed(c).all(|at| !self.taken[at]));
             chosen.extend(winners);
             self.touched.iter().for_each(|&at| self.best[at as usize] = None);

@@ -266,7 +266,6 @@ fn shared(model: &Model, seed: u64, step: u32) -> Settings {
 }
 
 impl RankPairSearch {
-    /// Returns the search of a model with interactions, with its run's detector.
     fn of(run: &mut Simulation, algorithm: Algorithm, rank: u32, ranks: u32) -> Result<Option<Self>, Error> {
         let Some(within) = run.detector.take() else { return Ok(None) };
         // The paper's grids take one set, and ghosts are a second.

@@ -38,9 +38,7 @@ pub struct BestCandidates {
 const CANDIDATES_PER_PARTICLE: usize = 4;
 /// Always kept.
 const MIN_CAPACITY: usize = 1 << 14;
-/// Pairs per parallel task.
 const TASK: usize = 4096;
-/// Pairs between updates of the bound.
 const BLOCK: usize = 64 * TASK;
 
 impl BestCandidates {

@@ -16,7 +16,6 @@ pub struct Decays {
 
 #[derive(Clone, Debug, Default)]
 struct SpeciesDecays {
-    /// Sum of all rates, in 1/s.
     rate: f64,
     channels: Vec<Channel>,
 }
@@ -105,7 +104,6 @@ impl Decays {
 }
 
 impl SpeciesDecays {
-    /// Returns the time of a decay within `time`.
     fn wait(&self, time: f64, word: u32) -> f64 {
         -libm::log1p(unit(word) * libm::expm1(-self.rate * time)) / self.rate
     }

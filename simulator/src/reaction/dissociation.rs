@@ -49,7 +49,6 @@ pub struct Dissociated {
 }
 
 impl Dissociated {
-    /// Returns `true` for a second product, which needs an id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
     }

@@ -93,7 +93,6 @@ impl Matching {
                 break Ok(());
             }
         };
-        // Clears the table.
         let claimed = chosen.iter().flat_map(ReactionCandidate::claimed);
         claimed.for_each(|p| *self.best[p].get_mut() = NONE);
         result.map(|()| chosen)

@@ -34,7 +34,6 @@ pub struct Reactions {
     center_domains: Vec<Boundary>,
 }
 
-/// Reactions within a distance.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactionShell {
     /// Largest distance, if below the detector's.
@@ -75,7 +74,6 @@ impl Reactions {
     /// Creates the reactions of a checked model.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
-        // Without inert species, so that the table stays small.
         let mut reactants: Vec<u32> =
             model.reactions.iter().flat_map(|reaction| reaction.reactants).collect();
         reactants.sort_unstable();
@@ -202,7 +200,6 @@ pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Bou
     (0..3).map(|k| boundary.axes[k].displacement_exact(b[k] - a[k])).map(|d| d * d).sum()
 }
 
-/// Returns the largest contact distance of two species.
 fn reach(model: &Model, a: u32, b: u32) -> f32 {
     let touch = model.species[a as usize].radius + model.species[b as usize].radius;
     if model.contact == Contact::Ignore { 0.0 } else { touch }

@@ -43,7 +43,6 @@ impl Species {
     }
 }
 
-/// Particles of a species that are released together.
 struct Batch<'a> {
     from: &'a Transmitter,
     species: u32,
@@ -104,7 +103,6 @@ impl Model {
         Ok(out)
     }
 
-    /// Returns a burst of one species with these ids.
     pub(crate) fn burst(&self, from: &Transmitter, species: u32, ids: Range<u32>, key: Key) -> Released {
         let mut out = Released {
             particles: Particles::default(),
@@ -125,7 +123,6 @@ impl Model {
         self.all_batches(step, key).map(|(place, batch)| (place, batch.species, batch.count))
     }
 
-    /// Returns batches with their transmitters.
     fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, Batch<'_>)> {
         let of = move |(place, transmitter)| {
             self.batches(transmitter, place, step, key).into_iter().map(move |batch| (place, batch))
@@ -172,7 +169,6 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
-    /// Adds a particle, by its index in burst and batch.
     fn add(
         &self,
         batch: &Batch<'_>,

@@ -30,7 +30,6 @@ impl Sharing {
     }
 }
 
-/// Refuses a run whose largest release cannot fit.
 pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing) -> Result<(), Error> {
     let particles = largest_release(model, steps);
     if particles < MIN_GROWTH {
@@ -39,7 +38,6 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
     check(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE).saturating_add(OVERHEAD))
 }
 
-/// Returns the most particles of one release, on average.
 fn largest_release(model: &Model, steps: u32) -> u64 {
     let released = |transmitter: &crate::Transmitter| {
         let mean = |window| -> f64 {
@@ -61,7 +59,6 @@ pub(crate) struct MemoryGuard {
 }
 
 impl MemoryGuard {
-    /// Checks the memory for the next `steps` steps of a run with `present` particles.
     pub(crate) fn check(
         &mut self,
         model: &Model,

@@ -64,12 +64,10 @@ pub enum RunEnd {
     Stopped,
 }
 
-/// A run among replicas.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReplicaSlot {
     pub(crate) place: u32,
     pub(crate) count: u32,
-    /// Replicas at the same time.
     pub(crate) at_once: u32,
 }
 
@@ -146,7 +144,6 @@ impl Run {
                 end = RunEnd::Stopped;
             }
         }
-        // The last complete output remains.
         if simulation.step_count() > first {
             self.save(&simulation, &mut files)?;
         }

@@ -64,7 +64,6 @@ pub(crate) fn run_all(
     results.map(|(k, (group, done))| group.results(&done).map_err(|error| (k, error))).collect()
 }
 
-/// State shared by workers.
 struct RunQueue<'a> {
     groups: &'a [Replicas],
     at_once: u32,
@@ -72,7 +71,6 @@ struct RunQueue<'a> {
     starts: Vec<usize>,
     next: AtomicUsize,
     stop: AtomicBool,
-    /// Ends of runs, by group and replica.
     ended: Mutex<BTreeMap<(usize, u32), Result<RunEnd, Error>>>,
 }
 
@@ -87,7 +85,6 @@ impl<'a> RunQueue<'a> {
         Self { groups, at_once, starts, next, stop, ended: Mutex::default() }
     }
 
-    /// Does runs until none is left, `watch` breaks, or one fails.
     fn work(&self, watch: &(impl Fn(usize, u32, &AnySimulation) -> ControlFlow<()> + Sync)) {
         while !self.stop.load(Ordering::Relaxed) {
             let run = self.next.fetch_add(1, Ordering::Relaxed);

@@ -96,7 +96,6 @@ impl Replicas {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
-        // One animation is enough.
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
         // Only a replica that was begun can resume.
         run.resume &= run.directory.join("checkpoint").exists();
@@ -194,7 +193,6 @@ impl Replicas {
         Err(refused(io::Error::new(io::ErrorKind::StorageFull, message)))
     }
 
-    /// Returns the replicas that are done, now or before.
     pub(crate) fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let mut done = Vec::new();
         for replica in self.begun()? {
@@ -207,10 +205,6 @@ impl Replicas {
     }
 }
 
-/// Returns `true` if a checkpoint has all steps.
-///
-/// # Errors
-/// As [`Checkpoint::read`], and [`Error::Damaged`] if the series is not the recorded one.
 fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
     let path = directory.join("checkpoint");
     if !path.exists() {

@@ -19,12 +19,10 @@ use crate::{Error, output};
 
 /// Begins checkpoints of all versions.
 const NAME: &str = "lazygrid checkpoint ";
-/// Version of the layout.
 const VERSION: u32 = 5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// `checkpoint`.
     Whole,
     Part,
 }

@@ -248,7 +248,6 @@ impl Simulation {
         particles.species[place] = species;
         particles.radius[place] = new.radius;
         if !model.boundary.is_unbounded() {
-            // A larger particle may overlap a wall.
             let domain = model.boundary.inset(new.radius);
             particles.set_position(place, domain.confine(particles.position_of(place)));
         }
@@ -346,14 +345,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Ends a step with this rank's share of the next releases.
     pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
         self.state.release(&self.model, &self.motion.decays, self.key, slice)
     }
 }
 
-/// Returns the detector of a model's pairs, if anything interacts.
 pub(crate) fn detector(model: &Model, algorithm: Algorithm) -> Result<Option<Detector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).order(Order::Unordered);

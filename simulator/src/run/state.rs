@@ -68,7 +68,6 @@ impl State {
         Ok(state)
     }
 
-    /// Returns a copy without particles, with these totals.
     pub(crate) fn without_particles(&self, totals: Totals) -> Self {
         let Self { particles: _, step, next_id, totals: _, centers, bound: _, origins } = self;
         Self {
@@ -97,7 +96,6 @@ impl State {
         Self { totals, ..self }
     }
 
-    /// Returns `true` if the state fits the model.
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();

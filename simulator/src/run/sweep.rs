@@ -128,7 +128,6 @@ impl SweepRuns {
         Err(Error::Checkpoint { path: path.to_owned(), message })
     }
 
-    /// Refuses simultaneous runs beyond the memory.
     fn check_memory(&self) -> Result<(), (usize, Error)> {
         let sharing = Sharing { runs: queue::at_once(&self.points), ranks: 1 };
         let check = |(k, point): (usize, &Replicas)| {

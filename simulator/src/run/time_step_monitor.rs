@@ -38,7 +38,6 @@ impl TimeStepMonitor {
             let part = count / f64::from(steps.max(1)) / there.max(1.0);
             let (all, fast, worst) = &mut self.seen[place];
             *all += count;
-            // Few particles are not significant.
             if part > FAST && there > 10.0 {
                 *fast += count;
                 *worst = worst.max(part);

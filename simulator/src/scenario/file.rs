@@ -323,7 +323,6 @@ impl Default for One {
     }
 }
 
-/// A name for the header of a table.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "String")]
 pub(super) struct Name(pub(super) String);

@@ -94,7 +94,6 @@ impl Sweep {
     }
 }
 
-/// Adds the point's values to an error.
 pub(crate) fn sweep_point_error(keys: &[SweptKey], values: &[String], source: Error) -> Error {
     Error::SweepPoint { values: named_values(keys, values), source: Box::new(source) }
 }
@@ -167,7 +166,6 @@ fn quoted(value: &str) -> String {
     format!("\"{}\"", value.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// Removes quotes and repeated spaces.
 fn plain(value: &str) -> String {
     let inner = ['"', '\''].into_iter().find_map(|quote| value.strip_prefix(quote)?.strip_suffix(quote));
     inner.unwrap_or(value).replace(',', " ").split_whitespace().collect::<Vec<_>>().join(" ")
@@ -204,7 +202,6 @@ fn list_value(value: &Spanned<DeValue<'_>>, path: String, known: &mut Vec<KnownK
     known.push(KnownKey { path, span: value.span(), is_string });
 }
 
-/// Returns the names of an element of an array with `count` elements.
 fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String> {
     let mut names = vec![index.to_string()];
     match value {
@@ -229,7 +226,6 @@ fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), Stri
     ))
 }
 
-/// Refuses keys of the same text.
 fn disjoint(spots: Vec<(Range<usize>, bool)>) -> Result<Vec<(Range<usize>, bool)>, String> {
     let mut ends: Vec<&Range<usize>> = spots.iter().map(|(span, _)| span).collect();
     ends.sort_by_key(|span| span.start);
@@ -323,7 +319,6 @@ mod tests {
             ("20 0.005", 20.0, 0.005),
         ];
         assert_eq!(seen, expected.map(|(values, x, step)| (values.to_owned(), x, step)));
-        // Keeps comments and lines.
         assert_eq!(sweep.points[3].scenario.text, TEXT.replace("0.01 #", "0.005 #").replace("[5,", "[10,"));
     }
 

@@ -7,7 +7,6 @@ use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::reaction::probability::undoes;
 use crate::reaction::rate;
 
-/// Returns `true` if walls shield a sphere.
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {
     let beyond = |(axis, x): (Axis, f32)| match axis {
         Axis::Reflecting { low, high } => (low - x).max(x - high).max(0.0),
@@ -65,7 +64,6 @@ pub(super) fn walls(boundary: &Boundary) -> String {
 
 pub(super) fn below(value: f64) -> String {
     let unit = 10_f64.powi(value.log10().floor() as i32 - 2);
-    // Rounding must not exceed the value.
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }
 
@@ -80,7 +78,6 @@ pub(super) fn long_step(
         return None;
     }
     let longest = match rate {
-        // The radius depends on the time step.
         Some(rate) => rate::longest_step_for(rate, diffusion),
         None => rate::longest_step(radius, diffusion),
     };

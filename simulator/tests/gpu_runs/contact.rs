@@ -166,7 +166,6 @@ fn pressure_and_diffusion_are_those_of_hard_spheres() {
             there.run(1).expect("a step");
             let now = there.state().expect("a state").particles;
             for (at, moved) in moved.iter_mut().enumerate() {
-                // States are sorted by id.
                 let d = model.boundary.displacement(last.position_of(at), now.position_of(at));
                 (0..3).for_each(|k| moved[k] += d[k]);
             }

@@ -103,7 +103,6 @@ fn vessels_carry_as_on_the_cpu() {
     }
 }
 
-/// A → B → C → A or nothing, within a few steps.
 #[test]
 fn chains_of_decays_equal_those_of_the_cpu() {
     let mut model = brownian(true);
@@ -173,7 +172,6 @@ fn dissociating() -> Model {
     model
 }
 
-/// Runs as many steps at once as each entry says.
 fn in_portions(
     own: &GpuDevice,
     model: &Model,

@@ -126,7 +126,6 @@ pub(crate) fn assert_same(a: &State, b: &State) {
     assert_eq!(by_id(a), by_id(b));
 }
 
-/// A and B diffuse in a box and may annihilate.
 pub(crate) fn brownian(reacts: bool) -> Model {
     let burst = |species: u32| Transmitter {
         name: format!("{species}"),

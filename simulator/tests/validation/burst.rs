@@ -30,7 +30,6 @@ pub(crate) fn pairs_of_a_point_burst() -> Vec<Row> {
     ]
 }
 
-/// The difference of acid and base diffuses linearly for any reaction.
 pub(crate) fn acid_base() -> Vec<Row> {
     let (acid, base, sigma, step_per_sigma, time) = (4000, 2500, 0.1_f64, 0.5, 0.5);
     let time_step = (step_per_sigma * sigma).powi(2) / 2.0;

@@ -138,7 +138,7 @@ pub(crate) fn other_modulations() -> Vec<Row> {
 
 const FEW_SYMBOLS: u32 = 30;
 const RUNS: u64 = 16;
-/// Slot at or above one has the next higher level.
+/// Levels begin at these arrivals.
 const THRESHOLDS: [u64; 3] = [14, 30, 52];
 const MOST: u32 = 120;
 /// Few, so that another species is often ahead.
@@ -177,7 +177,6 @@ fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     std::array::from_fn(|symbol| {
         let wins = |count: usize| -> f64 {
             let below = |other: usize| -> f64 {
-                // Ties go to the first symbol.
                 let most = if other < symbol { count } else { count + 1 };
                 counts[other].iter().take(most).sum()
             };

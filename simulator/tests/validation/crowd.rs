@@ -236,7 +236,6 @@ impl Shells {
         for pair in self.detector.pairs(&rows).expect("pairs") {
             let [a, b] = [pair.i, pair.j].map(|k| particles.position_of(k as usize).into());
             let distance = self.space.distance_squared(a, b).sqrt();
-            // Rounding may leave a small overlap.
             let shell = ((distance - 1.0).max(0.0) / WIDTH) as usize;
             if let Some(count) = self.counts.get_mut(shell) {
                 *count += 1;

@@ -1,5 +1,3 @@
-//! One seed, one result.
-
 use lazygrid::Algorithm;
 use lazygrid_sim::{
     Adsorption, Axis, Boundary, Contact, CountDistribution, Decay, Model, Particles, Reaction, ReactionRate,

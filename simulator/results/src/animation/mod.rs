@@ -72,7 +72,6 @@ fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::R
     Ok(after)
 }
 
-/// Drops particles of species that later frames thin out.
 fn thinned(mut frame: Frame, shift: u32) -> Frame {
     frame.rows.retain(|row| is_drawn(row.id, shift));
     frame.rows.sort_unstable_by_key(|row| (row.species, row.id));

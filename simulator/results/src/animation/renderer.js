@@ -1,5 +1,4 @@
 "use strict";
-// Rendering: particles as shaded discs, transceivers as translucent solids, walls as lines.
 
 const BACKGROUND = [0.07, 0.086, 0.11];
 const COLOURS = ["#4c9be8", "#f2695c", "#5fc56d", "#ffae42", "#b48ae0", "#c58f7d", "#f08cc8", "#35c9d8", "#d3d34a",

@@ -4,7 +4,6 @@ use crate::series::Series;
 use lazygrid_sim::animation::{Frame, moving_receivers};
 use lazygrid_sim::{Axis, Model, Receiver, Shape, Species, Transmitter};
 
-/// Everything on a page except the positions of particles.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Scene {
     title: String,
@@ -185,7 +184,6 @@ impl Scene {
         if self.view.radius <= 0.0 || !self.view.radius.is_finite() {
             self.view.radius = 1.0;
         }
-        // Shapes without extent stay visible.
         let least = self.view.radius / 80.0;
         for transceiver in &mut self.transceivers {
             transceiver.shape.size = transceiver.shape.size.map(|half| half.max(least));
@@ -194,7 +192,6 @@ impl Scene {
     }
 }
 
-/// Encodes positions as 16 bits per coordinate.
 pub(crate) fn places(frame: &Frame) -> Vec<u8> {
     let (low, size) = extent(frame);
     let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
@@ -242,7 +239,7 @@ fn receiver(receiver: &Receiver) -> Transceiver {
     Transceiver { name: receiver.name.clone(), role: "receiver", center: receiver.center, moves: None, shape }
 }
 
-/// Groups the series into charts, without counts that are always zero.
+/// Omits counts that are always zero.
 fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
     let species = model.species.len();
     let reactions = species + model.reactions.len() + model.decays.len();

@@ -12,7 +12,6 @@ use crate::gpu::plan::Sizes;
 #[derive(Debug, Default)]
 pub(super) struct CollisionStages {
     pub(super) begin: Vec<Stage>,
-    /// Stages before the candidates of a window.
     pub(super) before_candidates: Vec<Stage>,
     pub(super) window: Vec<Stage>,
     pub(super) land: Vec<Stage>,
@@ -64,12 +63,10 @@ impl StepDispatches {
         self.encode(encoder, &self.collisions.begin, particles);
     }
 
-    /// Records a window up to the spheres for its candidates.
     pub(in crate::gpu) fn encode_window(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         self.encode(encoder, &self.collisions.before_candidates, particles);
     }
 
-    /// Records the events of a window.
     pub(in crate::gpu) fn encode_rounds(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         self.encode(encoder, &self.collisions.window, particles);
     }
@@ -81,7 +78,6 @@ pub(super) fn separation_stages(
 ) -> Result<Vec<Stage>, Error> {
     let mut stages = Vec::new();
     for pass in 0..PASSES {
-        // Only the first pass counts overlaps.
         let round = if pass == 0 { "round0" } else { "round1" };
         let find = |name| find(if name == "round" { round } else { name });
         stages.push(run.stage(&k::SEPARATION_PUSH, Groups::Pairs, find)?);

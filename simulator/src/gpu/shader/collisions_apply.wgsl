@@ -38,7 +38,7 @@ fn reflect_at_wall(mover: Mover, wall: u32) -> Mover {
     return reflected;
 }
 
-// Exchanges momentum of approaching particles. Returns true if their paths change.
+// Returns true if paths change.
 fn collide(at: u32, partner: u32, time: f32) -> bool {
     var a = advanced(at, time);
     var b = advanced(partner, time);

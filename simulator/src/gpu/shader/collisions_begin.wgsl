@@ -22,7 +22,6 @@
 #include wall
 #include path
 
-// Returns a key that ascends with x.
 fn ascending(x: f32) -> u32 {
     let bits = bitcast<u32>(x);
     return select(bits | 0x80000000u, ~bits, (bits & 0x80000000u) != 0u);

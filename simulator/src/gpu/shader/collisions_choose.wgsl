@@ -14,7 +14,6 @@
 @group(0) @binding(5) var<storage, read_write> next_events: array<NextEvent>;
 @group(0) @binding(6) var<storage, read> neighbors: array<u32>;
 
-// Most loop iterations of a thread.
 const MAX_ITERATIONS: u32 = 60000u;
 
 var<private> iterations: u32;
@@ -41,7 +40,6 @@ fn leaves(other: u32, pair: vec2<u32>, earliest: f32) -> f32 {
     return first;
 }
 
-// Returns true if no third particle can hit one of the pair before its event.
 fn is_safe(at: u32, pair: vec2<u32>, time: f32, earliest: f32) -> bool {
     let mover = movers[at];
     let begin = next_events[at].begin;
@@ -86,7 +84,6 @@ fn collisions_choose(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workg
                      @builtin(local_invocation_index) local_index: u32) {
     let at = global_index(group, groups, local_index);
     if (at == 0u) {
-        // For the next round.
         atomicStore(&window.earliest[1u - round.source], LATER);
     }
     if (at >= window.count || is_over(round.source)) {

@@ -17,7 +17,6 @@
 
 var<workgroup> earliest: atomic<u32>;
 
-// Returns true if an event precedes another of the same particle.
 fn is_before(time: f32, partner: u32, now: NextEvent) -> bool {
     if (time != now.time) {
         return time < now.time;

@@ -16,7 +16,7 @@ fn free_receptors(receiver: u32) -> u32 {
     return count - min(count, atomicLoad(&receptors[receiver].bound));
 }
 
-// Returns true if a particle at a surface adsorbs; `word` is its draw.
+// `word` is the draw.
 fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     if (event.kind == PER_STEP) {
         return word <= event.threshold;
@@ -28,7 +28,6 @@ fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     return unit_32(word) < adsorption_probability(surface_of(own, event.length, event.radius), a, b);
 }
 
-// Requests a receptor, with the direction from the center to the contact.
 fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank: u32) {
     let out = minimum_image(touching - center);
     let distance = length(out);

@@ -17,7 +17,7 @@ const DIGITS: u32 = 8u;
 
 // Requests, free receptors, and the beginning of the receiver's list.
 var<workgroup> numbers: vec3<u32>;
-// Histogram of the next digit, over requests with the known digits of the threshold key.
+// Histogram of the next digit, over requests with the known digits.
 var<workgroup> digits: array<atomic<u32>, 256>;
 // Known digits of the threshold key, and the accepted requests with those digits.
 var<workgroup> known: vec3<u32>;

@@ -8,7 +8,6 @@
 @group(0) @binding(2) var<storage, read_write> sums: array<u32>;
 @group(0) @binding(3) var<storage, read_write> log: array<vec2<u32>>;
 
-// Largest id of a new particle.
 const MAX_ID: u32 = 0xfffffffeu;
 
 var<workgroup> group_halted: u32;

@@ -15,7 +15,6 @@ fn coordinate(key: u32) -> f32 {
     return bitcast<f32>(select(~key, key & 0x7fffffffu, (key & 0x80000000u) != 0u));
 }
 
-// Returns the largest useful allowance.
 fn largest_allowance() -> f32 {
     let largest = params.largest_radius;
     var volume = 1.0;
@@ -25,7 +24,6 @@ fn largest_allowance() -> f32 {
         if (params.axes[k] == 0u) {
             extent = coordinate(atomicLoad(&window.highs[k])) - coordinate(~atomicLoad(&window.lows[k]));
         } else if (params.axes[k] == 2u) {
-            // A pair is tested at one image only.
             image = min(image, max(0.25 * extent - largest, 0.01 * largest));
         }
         volume *= max(extent, largest);

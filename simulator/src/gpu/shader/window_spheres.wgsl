@@ -27,7 +27,6 @@ fn window_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let place = confined_axes(mover.base + mover.offset, 0.0);
     let reach = mover.radius + window.allowance;
     inflated[at] = vec4(place, select(-1.0, reach + rounding(place, reach), mover.radius >= 0.0));
-    // All neighbors are new.
     next_events[at].happens = 1u;
     next_events[at].count = 0u;
 }

@@ -26,7 +26,6 @@ impl GpuSimulation {
         Ok(entries)
     }
 
-    /// Records the steps up to `head.done`: births, releases, origins and arrivals.
     pub(super) fn record_steps(
         &mut self,
         bursts: &[Burst],

@@ -124,7 +124,6 @@ impl Device {
         bytemuck::pod_collect_to_vec(&bytes[0])
     }
 
-    /// Lists the neighbors by particle, in ascending order.
     fn list(&mut self, n: u32) -> Vec<Vec<u32>> {
         let pairs = n * (n - 1) / 2;
         self.run(&k::NEIGHBORS_COUNT, pairs, 0);

@@ -52,7 +52,6 @@ pub(crate) struct Collisions {
 #[derive(Debug, Default)]
 struct Scratch {
     movers: Vec<Mover>,
-    /// At the beginning of the window.
     begun: Vec<Mover>,
     rows: Vec<[f32; 4]>,
     neighbors: Adjacency,
@@ -62,7 +61,6 @@ struct Scratch {
 const ALLOWANCE: [f64; 2] = [0.25, 0.25];
 /// Top speed of a window over its fastest particle.
 const TOP_SPEED: f64 = 1.15;
-/// Mean collisions per particle and step.
 const MAX_COLLISIONS: u64 = 1000;
 /// Additional collisions, for few particles.
 const MIN_BUDGET: u64 = 1_000_000;
@@ -74,7 +72,7 @@ impl Collisions {
         Ok(Some(Self { detector: finder(&model.boundary)?, rules, scratch: Scratch::default() }))
     }
 
-    /// Lets particles collide, which changes their flights. Returns the number of collisions.
+    /// Changes the flights. Returns the number of collisions.
     ///
     /// [`Error::Step`] from the detector, [`Error::Collisions`] above [`MAX_COLLISIONS`].
     pub(crate) fn resolve(
@@ -157,7 +155,6 @@ impl Collisions {
         };
         let spacing =
             (0..3).map(extent).map(|x| x.max(largest)).product::<f64>() / movers.len().max(1) as f64;
-        // A pair is tested at one image only.
         let image = axes.into_iter().filter_map(|axis| match axis {
             Axis::Periodic { low, high } => Some((f64::from(high - low) / 4.0 - largest).max(0.01 * largest)),
             _ => None,

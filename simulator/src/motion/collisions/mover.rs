@@ -4,15 +4,12 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::model::particles::Particles;
 use crate::motion::path_hit::Path;
 
-/// A particle's path in a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flight {
     pub(crate) path: Path,
     /// End without reflections, in µm.
     pub(crate) free_end: [f32; 3],
-    /// Own velocity at the beginning, in µm/s.
     pub(crate) begun: [f32; 3],
-    /// Own velocity at the end, in µm/s.
     pub(crate) velocity: [f32; 3],
 }
 
@@ -60,7 +57,6 @@ impl Mover {
         self.time = time;
     }
 
-    /// Returns the displacement to another particle at a time.
     pub(crate) fn displacement(&self, other: &Self, time: f64, boundary: &Boundary) -> [f64; 3] {
         let [from, to] = [self, other].map(|mover| mover.position_at(time));
         std::array::from_fn(|k| boundary.axes[k].displacement_exact(to[k] - from[k]))
@@ -70,7 +66,7 @@ impl Mover {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
-    /// Returns the surface distance at a time, in µm; negative for an overlap.
+    /// In µm; negative for an overlap.
     pub(crate) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
         length(self.displacement(other, time, boundary)) - self.touch(other)
     }

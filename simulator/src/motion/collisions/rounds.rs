@@ -44,16 +44,12 @@ pub(crate) struct Window<'a> {
     pub(crate) top_speed: f64,
     /// [`SLACK`], or 0 for the exact order.
     pub(crate) slack: f64,
-    /// Limit of collisions.
     pub(crate) limit: u64,
 }
 
-/// The reason why a window cannot finish.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Unfinished {
-    /// Speed of the fastest particle.
     TooFast(f64),
-    /// Collisions so far.
     TooMany(u64),
 }
 
@@ -77,9 +73,6 @@ enum News {
 
 impl Window<'_> {
     /// Lets all events of the window happen. Returns the number of collisions.
-    ///
-    /// # Errors
-    /// [`Unfinished`], with `movers` in mid-window.
     pub(crate) fn run(&self, movers: &mut [Mover]) -> Result<u64, Unfinished> {
         let mut agenda = self.begin(movers);
         let mut collisions = 0;

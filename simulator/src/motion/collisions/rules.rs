@@ -11,7 +11,6 @@ use crate::model::{Contact, Model};
 pub(crate) struct Rules {
     pub(crate) is_elastic: bool,
     pub(crate) boundary: Boundary,
-    /// Boundaries of centers, by species.
     pub(crate) domains: Vec<Boundary>,
     /// Reciprocal masses by species; diffusion coefficients for separation.
     mobility: Vec<f64>,
@@ -19,7 +18,6 @@ pub(crate) struct Rules {
     reacts: Vec<bool>,
 }
 
-/// A predicted event of a particle with another or a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Event {
     /// Infinite without an event.
@@ -30,7 +28,6 @@ pub(crate) struct Event {
     wall: u32,
 }
 
-/// Index that stands for a wall.
 pub(crate) const WALL: u32 = u32::MAX;
 /// After those of the three axes.
 const VESSEL_WALL: u32 = 6;
@@ -98,7 +95,7 @@ impl Rules {
         if approach <= 0.0 {
             return None;
         }
-        // Rounding may have left a small overlap.
+        // Rounding may leave a small overlap.
         let apart = (dot(d, d) - a.touch(b).powi(2)).max(0.0);
         let root = approach * approach - dot(relative, relative) * apart;
         let time = now + apart / (approach + root.max(0.0).sqrt());

@@ -64,7 +64,6 @@ fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
     (0..edge.pow(3)).map(mover).collect()
 }
 
-/// Returns the particles and collisions of rounds and of the order of times.
 fn both(case: u32, contact: Contact, axis: Axis, slack: f64) -> [(Vec<Mover>, u64); 2] {
     let rules = Rules::new(&model(contact, axis)).expect("collisions");
     let mut rounds = movers(case, 5, 0.4);

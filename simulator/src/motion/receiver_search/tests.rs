@@ -14,7 +14,6 @@ fn place(k: u32) -> [f32; 3] {
     [x, y, z]
 }
 
-/// Receivers of all kinds, some moving if `speed` is not 0.
 fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
     let sizes = [0.05, 0.2, 0.5];
     let kinds = [

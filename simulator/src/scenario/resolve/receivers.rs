@@ -40,7 +40,6 @@ pub(super) fn receivers(
             check_place(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
             all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
         }
-        // One such receiver is enough.
         warnings.truncate(said + 1);
     }
     Ok(all)

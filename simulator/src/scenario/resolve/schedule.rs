@@ -58,7 +58,6 @@ fn times(transmitter: &file::Transmitter) -> Vec<f64> {
     times
 }
 
-/// Refuses keys of steady release.
 fn steady_only(transmitter: &file::Transmitter, with: &str) -> Result<(), Problem> {
     let given = [("from", &transmitter.from), ("until", &transmitter.until)];
     match given.into_iter().find_map(|(key, value)| Some((key, value.as_ref()?.span()))) {

@@ -50,7 +50,6 @@ fn dissociation_products_may_react_again() {
         (0.1, ReactionRate::PerTime(100.0))
     );
     assert_eq!(model.decays[0].unbinding, Unbinding::Within(0.1));
-    // Nothing takes these together.
     let model = network(&(reaction("A + B -> D", "rate = 0.5") + &apart(""))).unwrap().model;
     assert_eq!(model.decays[0].unbinding, Unbinding::Apart(0.0));
 }

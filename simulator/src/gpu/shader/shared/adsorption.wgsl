@@ -27,12 +27,12 @@ fn surface_of(own: f32, length: f32, radius: f32) -> Surface {
     return Surface(own, own + length / radius, length, radius);
 }
 
-// The adsorption probability of a path that reaches a plane, by the sum of both distances.
+// The sum of both distances decides.
 fn on_plane(surface: Surface, distances: f32) -> f32 {
     return min(ROOT_PI * surface.own * erfcx(surface.all + distances / (2.0 * surface.length)), 1.0);
 }
 
-// The adsorption probability of a path that reaches the sphere, between two heights, negative inside.
+// Between two heights, negative inside.
 fn adsorption_probability(surface: Surface, a: f32, b: f32) -> f32 {
     let before = surface.radius + a;
     let after = surface.radius + b;
@@ -100,7 +100,7 @@ fn unit_of(draws: ptr<function, Draws>) -> f32 {
     return unit_32(word_of(draws));
 }
 
-// Draws the height at the end of the step in which a particle unbinds.
+// After unbinding within the step.
 fn height_after(surface: Surface, draws: ptr<function, Draws>) -> f32 {
     let scale = 2.0 * surface.length;
     let most = taken_from(surface.all, 0.0) * (1.0 + FAR * scale / surface.radius);

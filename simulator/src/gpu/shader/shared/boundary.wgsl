@@ -28,7 +28,7 @@ fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
     return confined_in_vessel(p, params.vessel_radius - radius);
 }
 
-// Returns by axis if walls reverse a particle that would end at x without walls.
+// True for walls that reverse a particle that would end at x.
 fn reversed_axes(x: vec3<f32>, radius: f32) -> vec3<bool> {
     let low = params.low + radius;
     let high = params.high - radius;

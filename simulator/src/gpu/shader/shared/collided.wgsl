@@ -1,4 +1,4 @@
-// Replaces the end of a path by the one from collisions_land.
+// From collisions_land.
 fn collided(path: Path, at: u32, radius: f32) -> Path {
     if (params.collides == 0u || moved[at].w == 0.0) {
         return path;

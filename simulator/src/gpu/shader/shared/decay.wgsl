@@ -6,7 +6,7 @@ struct Moved {
     velocity: vec3<f32>,
 }
 
-// Models that may exceed it are refused.
+// Models beyond it are refused.
 const MAX_DECAYS: u32 = 64u;
 const ARRIVAL_UNIT: f32 = 0x1p-17;
 
@@ -36,7 +36,6 @@ fn decay_time(rate: f32, left: f32, word: u32) -> f32 {
     return min(minus_ln_of_rest(unit_32(word) * probability_within(rate * left)) / rate, left);
 }
 
-// The first decay of a particle in a step, or NOTHING.
 fn first_decay(kind: SpeciesRow, word: u32) -> u32 {
     for (var k = kind.decays_begin; k < kind.events_end; k++) {
         if (word <= event_rows[k].threshold) {

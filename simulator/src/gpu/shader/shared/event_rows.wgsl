@@ -21,7 +21,6 @@ struct SpeciesRow {
     tumbles: u32,
     tumble_threshold: u32,
     decay_rate: f32,
-    // Reciprocal mass.
     mobility: f32,
 }
 
@@ -41,7 +40,6 @@ struct EventRow {
     length: f32,
     // Reactivity of a surface or of a free receptor: kappa sqrt(dt / D).
     own: f32,
-    // Expected unbinding events per step.
     unbinding: f32,
     // Fraction of the decay rate up to this channel.
     share: f32,
@@ -64,7 +62,6 @@ struct TrajectoryHeader {
     first: u32,
     // Rows of a step; 0 if all receivers rest.
     stride: u32,
-    // Largest displacement of a receiver in a step.
     max_displacement: f32,
     // First row of the lists of receivers.
     cells_at: u32,

@@ -11,7 +11,7 @@ fn one_minus_exp(x: f32) -> f32 {
     return 1.0 - exp(-x);
 }
 
-// Returns the probability that a path reaches a sphere between heights a and b > 0.
+// Between heights a and b > 0.
 fn hit_probability(radius: f32, a: f32, b: f32, diffusion: f32) -> f32 {
     let exponent = a * b / diffusion;
     if (exponent >= NEVER) {
@@ -21,8 +21,7 @@ fn hit_probability(radius: f32, a: f32, b: f32, diffusion: f32) -> f32 {
     return exp(-exponent) * one_minus_exp(image) / one_minus_exp(exponent + image);
 }
 
-// Returns the fraction of a step of the first passage, by heights in units of sqrt(2 D dt), a normal and a uniform
-// number.
+// Takes heights in sqrt(2 D dt), a normal and a uniform number; in steps.
 fn first_passage(heights: vec2<f32>, normal: f32, uniform: f32) -> f32 {
     let a = heights.x;
     let b = abs(heights.y);

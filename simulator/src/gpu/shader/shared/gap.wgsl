@@ -1,4 +1,3 @@
-// Distances of particles in motion.
 #include mover
 
 fn displacement_at(a: Mover, b: Mover, time: f32) -> vec3<f32> {

@@ -6,11 +6,9 @@ struct Mover {
     id: u32,
     offset: vec3<f32>,
     time: f32,
-    // Displacement per step.
     motion: vec3<f32>,
     radius: f32,
     own: vec3<f32>,
-    // Reciprocal mass.
     mobility: f32,
 }
 
@@ -23,7 +21,6 @@ struct NextEvent {
     collided: u32,
     // Least id of an overlapping particle left to bounce.
     bounces_from: u32,
-    // List of neighbors.
     begin: u32,
     count: u32,
 }

@@ -14,7 +14,7 @@ fn rayleigh(word: u32) -> f32 {
     return sqrt(-2.0 * ln(open_unit(word)));
 }
 
-// Cosine and sine of an angle, given as a 32-bit fraction of a full turn.
+// The angle is a 32-bit fraction of a turn.
 fn cos_sin(word: u32) -> vec2<f32> {
     let quarter = (word + 0x20000000u) >> 30u;
     let rest = bitcast<i32>(word - (quarter << 30u)) >> 8u;

@@ -73,7 +73,7 @@ fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement:
     let relative = displacement - obstacle.displacement;
     let distance = length(out);
     let b = dot(out, relative);
-    // Rounding may have left the particle inside.
+    // Rounding may have left it inside.
     let c = max((distance - obstacle.radius) * (distance + obstacle.radius), 0.0);
     let root = b * b - dot(relative, relative) * c;
     if (b >= 0.0 || root < 0.0) {
@@ -114,7 +114,6 @@ struct FollowedPath {
     displacement: vec3<f32>,
     length: f32,
     first: u32,
-    // Displacement of the particle's own velocity.
     velocity: vec3<f32>,
 }
 
@@ -149,7 +148,6 @@ fn follow(start: vec3<f32>, velocity: vec3<f32>, count: u32) -> FollowedPath {
 }
 
 fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
-    // A wall reflects before any sphere does.
     let displacement = select(path.end, path.after, params.axes == vec3(1u)) - path.before;
     var found = FollowedPath(vec3(0.0), length(displacement), NOTHING, vec3(0.0));
     left_region = true;

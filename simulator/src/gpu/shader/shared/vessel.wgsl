@@ -19,13 +19,12 @@ fn second_across() -> u32 {
     return (along_vessel() + 2u) % 3u;
 }
 
-// Returns the coordinates of a point across the vessel, from its axis.
 fn across_vessel(p: vec3<f32>) -> vec2<f32> {
     let d = p - params.vessel_center;
     return vec2(d[first_across()], d[second_across()]);
 }
 
-// Moves a point to coordinates across the vessel, at most `radius` from the axis.
+// At most `radius` from the axis.
 fn placed_across(p: vec3<f32>, across: vec2<f32>, radius: f32) -> vec3<f32> {
     var q = p;
     var shrink = 0.0;
@@ -40,7 +39,7 @@ fn placed_across(p: vec3<f32>, across: vec2<f32>, radius: f32) -> vec3<f32> {
     return q;
 }
 
-// Reflects a point at the wall. A point far beyond it goes to the axis.
+// A point far beyond the wall goes to the axis.
 fn confined_in_vessel(p: vec3<f32>, radius: f32) -> vec3<f32> {
     let across = across_vessel(p);
     let distance = length(across);
@@ -63,7 +62,6 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
     }
     var at = across_vessel(before);
     var displacement = to - at;
-    // Rounding may have left the particle outside.
     at /= max(length(at) / radius, 1.0);
     var across = vec2(velocity[first_across()], velocity[second_across()]);
     for (var k = 0u; k < VESSEL_REFLECTIONS; k++) {

@@ -1,6 +1,5 @@
 // Reflection at walls of diffusion with drift, as in wall.rs.
 
-// Returns the end of a step between walls at low and high.
 fn reflected_at_wall(low: f32, high: f32, ends: vec2<f32>, spread: f32, word: u32) -> f32 {
     let before = ends.x;
     let end = ends.y;

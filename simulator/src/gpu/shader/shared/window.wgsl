@@ -10,11 +10,8 @@ struct Window {
     allowance: f32,
     largest_allowance: f32,
     top_speed: f32,
-    // Pairs to read from the detector.
     pairs: u32,
-    // Used list entries.
     listed: atomic<u32>,
-    // Bits of the largest speed.
     fastest: atomic<u32>,
     // Bits of the earliest event's time, by parity of the round.
     earliest: array<atomic<u32>, 2>,
