@@ -2,10 +2,10 @@ import io.github.lazygrid.Detector;
 import io.github.lazygrid.Spheres;
 import java.nio.IntBuffer;
 
-/** What takes the octree's place: no bounds, no capacity, no query for each particle. */
+/** The replacement of the octree: no bounds, no capacity, no query per particle. */
 final class Lazygrid implements NeighborSearch {
     private final Detector detector = new Detector();
-    /** Made once: the simulator moves its particles in the same buffer. */
+    /** Created once: the simulator moves its particles in one buffer. */
     private Spheres spheres;
 
     @Override

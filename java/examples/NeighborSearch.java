@@ -1,6 +1,6 @@
-/** What the simulator asks of a structure of space: which particles touch which. */
+/** The simulator's interface to a spatial structure: the particles that touch. */
 interface NeighborSearch extends AutoCloseable {
-    /** What is done with two particles that touch, {@code i < j}. */
+    /** Receives two particles that touch, {@code i < j}. */
     interface Touch {
         void meet(int i, int j);
     }

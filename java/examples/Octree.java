@@ -1,7 +1,7 @@
 import java.util.Arrays;
 
 /**
- * What was there before: an octree over the centers, made again at each step. It needs bounds, a capacity and a depth,
+ * The structure to replace: an octree over the centers, rebuilt at each step. It needs bounds, a capacity and a depth,
  * and a query for every particle, widened by the largest radius.
  */
 final class Octree implements NeighborSearch {
@@ -15,7 +15,7 @@ final class Octree implements NeighborSearch {
         final int[] particles = new int[CAPACITY];
         int count;
         Node[] children;
-        /** Particles at the greatest depth, where a cube is not split any more. */
+        /** Particles at the greatest depth, where cubes are not split. */
         int[] overflow = new int[0];
 
         Node(float[] center, float half) {

@@ -1,12 +1,12 @@
 import java.nio.FloatBuffer;
 import java.util.Random;
 
-/** Particles as a simulator keeps them: x, y, z and radius of each, one after the other. */
+/** Particles in a simulator: consecutive x, y, z and radius. */
 final class Particles {
     final int count;
     final FloatBuffer rows;
 
-    /** Particles at random positions of a cube, the same for the same seed. */
+    /** Particles at reproducible random positions in a cube. */
     Particles(int count, float edge, FloatBuffer rows, long seed) {
         this.count = count;
         this.rows = rows;
@@ -35,7 +35,7 @@ final class Particles {
         return squared <= reach * reach;
     }
 
-    /** Every particle diffuses by a random step. */
+    /** Moves every particle by a random step. */
     void diffuse(Random random, float length) {
         for (int k = 0; k < count; k++) {
             for (int axis = 0; axis < 3; axis++) {

@@ -3,8 +3,8 @@ import java.util.Random;
 import java.util.TreeSet;
 
 /**
- * A small simulator of diffusing particles that counts who meets whom, with an octree and with lazygrid in its place.
- * Both must find the same at each step.
+ * A small simulator of diffusing particles that counts contacts, with an octree and with lazygrid. Both must agree at
+ * each step.
  */
 final class Simulator {
     private static final int PARTICLES = 5000;

@@ -1,11 +1,11 @@
 package io.github.lazygrid;
 
-/** Where to search. The order is that of {@code lazygrid.h}. */
+/** The backend, in the order of {@code lazygrid.h}. */
 public enum Backend {
-    /** The CPU, or a real GPU if there is one and a call has enough spheres. */
+    /** The CPU, or a hardware GPU if one exists and a call has enough spheres. */
     AUTO,
     /** The CPU. */
     CPU,
-    /** A GPU, one in software included. Never falls back. */
+    /** A GPU or a software adapter. Never falls back. */
     GPU
 }

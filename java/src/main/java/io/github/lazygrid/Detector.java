@@ -9,7 +9,7 @@ import java.util.Set;
 import java.util.concurrent.atomic.AtomicBoolean;
 
 /**
- * Finds overlapping spheres, call after call, reusing its memory.
+ * Finds overlapping spheres, reusing its memory between calls.
  *
  * <pre>{@code
  * FloatBuffer rows = Spheres.allocateFloats(4 * n);                  // x, y, z, r of each sphere
@@ -23,20 +23,20 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * }
  * }</pre>
  *
- * <p>Searches take a {@link Query}: one set of spheres or two, with or without exclusions. For one set the spheres
- * themselves do.
+ * <p>Searches take a {@link Query}: one set of spheres or two, with or without exclusions; or simply one set of
+ * spheres.
  *
  * <p>Result buffers are in the detector's memory. Do not use them after the next search or after {@link #close}: reads
  * then return arbitrary values or crash the process. {@link #pairsAsArray} returns a copy.
  *
- * <p>Any thread may call, one at a time: a second one, and a consumer that calls back, get
- * {@link Status#BUSY}. A detector keeps its memory until it is closed.
+ * <p>Any thread may call, one at a time: a second thread, and a consumer that calls back, get {@link Status#BUSY}. A
+ * detector keeps its memory until it is closed.
  */
 public final class Detector implements AutoCloseable {
-    /** Where results stand in {@link #places}: two addresses or numbers, or a {@code lazygrid_list}. */
+    /** The offset of results in {@link #places}: two addresses or numbers, or a {@code lazygrid_list}. */
     private static final int OUT = Query.SIZE;
 
-    /** The query of a search, and what the library writes. Allocated once, since a step must not allocate memory. */
+    /** The query of a search, and its results. Allocated once, because a step must not allocate memory. */
     private final ByteBuffer places = ByteBuffer.allocateDirect(OUT + 48).order(ByteOrder.nativeOrder());
     private final long question = NativeApi.address(places, 1);
     private final long first = question + OUT;
@@ -46,20 +46,20 @@ public final class Detector implements AutoCloseable {
     private long detector;
 
     /**
-     * A detector with the default settings.
+     * Creates a detector with the default settings.
      *
-     * @throws LazygridException where the system refuses threads or memory
+     * @throws LazygridException if the system refuses threads or memory
      */
     public Detector() {
         this(new Settings());
     }
 
     /**
-     * A detector. The backend is decided here.
+     * Creates a detector and chooses its backend.
      *
-     * @param settings what it is asked to do
-     * @throws LazygridException {@link Status#SETTING} or {@link Status#INPUT} for a setting out of range,
-     *     {@link Status#GPU_UNAVAILABLE} where a GPU is asked for and cannot be used
+     * @param settings the settings
+     * @throws LazygridException {@link Status#SETTING} or {@link Status#INPUT} for a setting out of range, {@link
+     *     Status#GPU_UNAVAILABLE} if a required GPU cannot be used
      */
     public Detector(Settings settings) {
         try (NativeSettings given = new NativeSettings(settings)) {
@@ -71,22 +71,22 @@ public final class Detector implements AutoCloseable {
     /**
      * The version of the native library.
      *
-     * @return as "0.1.0"
+     * @return such as "0.1.0"
      */
     public static String version() {
         return NativeApi.version();
     }
 
     /**
-     * The overlapping pairs, each once: i and j of each, one after the other. Among one set i &lt; j; across two sets i
-     * is an index in the first and j one in the second. Valid until the next search.
+     * Returns the overlapping pairs, each once, as consecutive i and j. Among one set i &lt; j; across two sets i is an
+     * index in the first and j in the second. Valid until the next search.
      *
-     * @param query which spheres, where they are now
+     * @param query the spheres
      * @return the pairs, read-only, in the detector's memory
      * @throws TooManyPairsException for more than {@link Settings#maxPairs(long)}, with their exact number
-     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown
-     *     species and exclusions of other spheres; {@link Status#DEVICE_LIMIT} for more than 2<sup>28</sup> - 1 pairs, which a
-     *     buffer of 2 GiB cannot hold
+     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown species
+     *     and exclusions of other numbers of spheres; {@link Status#DEVICE_LIMIT} for more than 2<sup>28</sup> - 1
+     *     pairs, which a buffer of 2 GiB cannot hold
      */
     public IntBuffer pairs(Query query) {
         enter(query);
@@ -104,9 +104,9 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The overlapping pairs among one set: {@link #pairs(Query)} of {@link Query#of}.
+     * Returns {@link #pairs(Query)} of {@link Query#of}.
      *
-     * @param spheres where they are now
+     * @param spheres the spheres
      * @return the pairs, read-only, in the detector's memory
      * @throws LazygridException as {@link #pairs(Query)}
      */
@@ -115,10 +115,10 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The overlapping pairs in an array of the caller's.
+     * Returns the overlapping pairs in a new array.
      *
-     * @param query which spheres, where they are now
-     * @return i and j of each pair, one after the other
+     * @param query the spheres
+     * @return consecutive i and j
      * @throws LazygridException as {@link #pairs(Query)}
      */
     public int[] pairsAsArray(Query query) {
@@ -129,10 +129,10 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The overlapping pairs among one set in an array of the caller's.
+     * Returns {@link #pairsAsArray(Query)} of {@link Query#of}.
      *
-     * @param spheres where they are now
-     * @return i and j of each pair, one after the other
+     * @param spheres the spheres
+     * @return consecutive i and j
      * @throws LazygridException as {@link #pairs(Query)}
      */
     public int[] pairsAsArray(Spheres spheres) {
@@ -140,11 +140,11 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Counts the pairs. The memory does not depend on their number.
+     * Counts the pairs, in memory independent of their number.
      *
-     * @param query which spheres, where they are now
-     * @return the number
-     * @throws LazygridException as {@link #pairs(Query)}, except for the number of pairs
+     * @param query the spheres
+     * @return the number of pairs
+     * @throws LazygridException as {@link #pairs(Query)}, except for too many pairs
      */
     public long count(Query query) {
         enter(query);
@@ -161,8 +161,8 @@ public final class Detector implements AutoCloseable {
     /**
      * Counts the pairs among one set.
      *
-     * @param spheres where they are now
-     * @return the number
+     * @param spheres the spheres
+     * @return the number of pairs
      * @throws LazygridException as {@link #count(Query)}
      */
     public long count(Spheres spheres) {
@@ -170,9 +170,9 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The pairs as neighbor lists. Valid until the next search.
+     * Returns the pairs as neighbor lists. Valid until the next search.
      *
-     * @param query which spheres, where they are now
+     * @param query the spheres
      * @return the lists, in the detector's memory; across two sets one for each sphere of the first
      * @throws LazygridException as {@link #pairs(Query)}; for too many pairs without their number
      */
@@ -190,9 +190,9 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The pairs among one set as neighbor lists. Valid until the next search.
+     * Returns {@link #neighbors(Query)} of {@link Query#of}.
      *
-     * @param spheres where they are now
+     * @param spheres the spheres
      * @return the lists, in the detector's memory
      * @throws LazygridException as {@link #neighbors(Query)}
      */
@@ -201,12 +201,12 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The neighbor list with all periodic images within the cutoff, also in a box that is smaller than the cutoff, where a
-     * sphere may neighbor its own images. It is computed in double precision. Exclusions and groups apply to
-     * all images. Valid until the next search.
+     * Returns the neighbor list with all periodic images within the cutoff, in double precision, also in a box smaller
+     * than the cutoff, where a sphere may neighbor its own images. Exclusions and groups apply to all images. Valid
+     * until the next search.
      *
-     * @param query which spheres, where they are now
-     * @param options what is wanted; an empty set: the pairs of a full list
+     * @param query the spheres
+     * @param options the contents; an empty set: the pairs of a full list
      * @return the list, in the detector's memory
      * @throws LazygridException as {@link #neighbors(Query)}; {@link Status#DEVICE_LIMIT} for a buffer of 2 GiB or more
      */
@@ -218,7 +218,7 @@ public final class Detector implements AutoCloseable {
             query.keep();
             check(status, detector);
             long length = result(0);
-            // What was not asked for has no address.
+            // Quantities that were not requested have no address.
             long shifts = result(3), vectors = result(4), distances = result(5);
             return new NeighborList(
                 offsets(result(1), query),
@@ -232,10 +232,10 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The neighbor list of one set: {@link #neighborList(Query, Set)} of {@link Query#of}.
+     * Returns {@link #neighborList(Query, Set)} of {@link Query#of}.
      *
-     * @param spheres where they are now
-     * @param options what is wanted
+     * @param spheres the spheres
+     * @param options the contents
      * @return the list, in the detector's memory
      * @throws LazygridException as {@link #neighborList(Query, Set)}
      */
@@ -244,13 +244,13 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Passes the pairs to a consumer in chunks; memory stays bounded for any number of pairs.
+     * Passes the pairs to a consumer in chunks, in bounded memory.
      *
-     * @param query which spheres, where they are now
+     * @param query the spheres
      * @param chunk the most pairs of a chunk, at least 1
-     * @param consumer takes them
+     * @param consumer receives the chunks
      * @return the number of delivered pairs
-     * @throws LazygridException as {@link #count(Query)}; and the exceptions of the consumer
+     * @throws LazygridException as {@link #count(Query)}; also the exceptions of the consumer
      */
     public long stream(Query query, int chunk, PairConsumer consumer) {
         enter(query);
@@ -279,11 +279,11 @@ public final class Detector implements AutoCloseable {
     /**
      * Passes the pairs among one set to a consumer in chunks.
      *
-     * @param spheres where they are now
+     * @param spheres the spheres
      * @param chunk the most pairs of a chunk, at least 1
-     * @param consumer takes them
+     * @param consumer receives the chunks
      * @return the number of delivered pairs
-     * @throws LazygridException as {@link #stream(Query, int, PairConsumer)}; and the exceptions of the consumer
+     * @throws LazygridException as {@link #stream(Query, int, PairConsumer)}; also the exceptions of the consumer
      */
     public long stream(Spheres spheres, int chunk, PairConsumer consumer) {
         return stream(Query.of(spheres), chunk, consumer);
@@ -306,9 +306,9 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Estimates the bytes that the detector needs for a number of spheres, besides the result.
+     * Estimates the bytes for a number of spheres, without the result.
      *
-     * @param spheres the number of spheres, 0 or more; more than 2<sup>32</sup> - 2 count as that many
+     * @param spheres the number of spheres, 0 or more, counted up to 2<sup>32</sup> - 2
      * @return bytes; -1 if a GPU cannot hold them
      * @throws IllegalArgumentException for a negative number of spheres
      */
@@ -325,7 +325,7 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Frees the detector and its buffers. A second call does nothing.
+     * Frees the detector and its buffers, once.
      *
      * @throws LazygridException {@link Status#BUSY} while a search runs
      */
@@ -370,7 +370,7 @@ public final class Detector implements AutoCloseable {
         if (status != 0) throw new LazygridException(Status.of(status), NativeApi.lastError(detector));
     }
 
-    /** One of the numbers or addresses that the library has written. */
+    /** Returns a number or address that the library has written. */
     private long result(int k) {
         return places.getLong(OUT + Long.BYTES * k);
     }
@@ -383,7 +383,7 @@ public final class Detector implements AutoCloseable {
         return view(address, count, Integer.BYTES).asIntBuffer().asReadOnlyBuffer();
     }
 
-    /** {@code count} values of {@code size} bytes in the detector's memory. */
+    /** Returns {@code count} values of {@code size} bytes in the detector's memory. */
     private static ByteBuffer view(long address, long count, int size) {
         if (count > Integer.MAX_VALUE / size) throw tooLarge(count);
         return NativeApi.view(address, (int) count * size);

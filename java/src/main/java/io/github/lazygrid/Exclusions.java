@@ -9,9 +9,8 @@ import java.nio.LongBuffer;
 import java.util.function.LongToIntFunction;
 
 /**
- * Pairs that a query never reports, such as bonds. A list never changes, so that any threads may use it at once. It serves
- * all queries of as many spheres; when spheres come or go, make another. To leave out whole molecules,
- * {@link Spheres#withGroups groups} cost less.
+ * Pairs that a query never reports, such as bonds. A list is immutable; any threads may share it. It is for one number
+ * of spheres. To exclude whole molecules, {@link Spheres#withGroups groups} cost less.
  *
  * @see Query#without
  */
@@ -20,7 +19,7 @@ public final class Exclusions {
 
     private final long address;
 
-    /** A list that {@code create} makes and writes the address of. */
+    /** Creates the list; {@code create} writes its address. */
     private Exclusions(LongToIntFunction create) {
         ByteBuffer out = ByteBuffer.allocateDirect(Long.BYTES).order(ByteOrder.nativeOrder());
         Detector.check(create.applyAsInt(NativeApi.address(out, 1)), 0);
@@ -31,13 +30,13 @@ public final class Exclusions {
     }
 
     /**
-     * Pairs of one set, in either order, or both, and more than once.
+     * Creates exclusions of one set, in either order and possibly repeated.
      *
-     * @param spheres how many there are
-     * @param pairs i and j of each, one after the other
+     * @param spheres the number of spheres
+     * @param pairs consecutive i and j
      * @return the list
-     * @throws IllegalArgumentException for a number of indices that is odd, and a number of spheres below 0
-     * @throws LazygridException {@link Status#INPUT} for an index that is of no sphere
+     * @throws IllegalArgumentException for an odd number of indices, or a negative number of spheres
+     * @throws LazygridException {@link Status#INPUT} for an index out of range
      */
     public static Exclusions of(int spheres, int... pairs) {
         check(spheres, "spheres");
@@ -50,11 +49,11 @@ public final class Exclusions {
     }
 
     /**
-     * Pairs of one sphere of each of two sets, for {@link Query#across}. Each index counts in its own set.
+     * Creates exclusions of one sphere of each of two sets, for {@link Query#across}, by index in each set.
      *
-     * @param first how many spheres the first set has
-     * @param second how many the second one has
-     * @param pairs i and j of each, one after the other
+     * @param first the size of the first set
+     * @param second the size of the second set
+     * @param pairs consecutive i and j
      * @return the list
      * @throws IllegalArgumentException as {@link #of}
      * @throws LazygridException as {@link #of}
@@ -72,14 +71,14 @@ public final class Exclusions {
     }
 
     /**
-     * The pairs of compressed rows, laid out as in {@link Neighbors}, whose buffers it takes as they are. It is enough
-     * that one of two spheres names the other.
+     * Creates exclusions from compressed sparse rows in the layout of {@link Neighbors}. One of the two rows of a pair
+     * suffices.
      *
-     * @param offsets where the row of each sphere begins, and where the last one ends; direct, in native order
+     * @param offsets the start of each sphere's row, and the end of the last; direct, in native order
      * @param indices the other sphere of each pair; direct, in native order
      * @return the list
-     * @throws IllegalArgumentException for another kind of buffer, and where the last offset is not the number of indices
-     * @throws LazygridException {@link Status#INPUT} for other offsets that fall, and an index that is of no sphere
+     * @throws IllegalArgumentException for another kind of buffer, or if the last offset is not the number of indices
+     * @throws LazygridException {@link Status#INPUT} for decreasing offsets, and an index out of range
      */
     public static Exclusions fromCsr(LongBuffer offsets, IntBuffer indices) {
         LongBuffer starts = offsets.duplicate();
@@ -100,7 +99,7 @@ public final class Exclusions {
         });
     }
 
-    /** Where the list is, for as long as this is reachable. */
+    /** The list's address, while this is reachable. */
     long address() {
         return address;
     }

@@ -1,34 +1,33 @@
 package io.github.lazygrid;
 
 /**
- * What makes two spheres of given species a pair.
+ * The condition for two spheres of given species to pair.
  *
- * @param kind which rule
- * @param distance the largest distance of centers for {@link Kind#WITHIN}, in the length unit of the spheres; else
- *     unused
+ * @param kind the rule
+ * @param distance the largest distance of centers for {@link Kind#WITHIN}, in the unit of the spheres; otherwise unused
  */
 public record Interaction(Kind kind, double distance) {
     /** The rules, in the order of {@code lazygrid.h}. */
     public enum Kind {
         /** Never a pair. */
         NEVER,
-        /** A pair when centers are at most the sum of radii apart. */
+        /** A pair if centers are at most the sum of radii apart. */
         TOUCH,
-        /** A pair when centers are at most a given distance apart, for any radii. */
+        /** A pair if centers are at most a given distance apart, for any radii. */
         WITHIN
     }
 
     /** Never a pair. */
     public static final Interaction NEVER = new Interaction(Kind.NEVER, 0);
 
-    /** A pair when centers are at most the sum of radii apart. */
+    /** A pair if centers are at most the sum of radii apart. */
     public static final Interaction TOUCH = new Interaction(Kind.TOUCH, 0);
 
     /**
-     * A pair when centers are at most this far apart, for any radii.
+     * A pair if centers are at most this far apart, for any radii.
      *
-     * @param distance in the length unit of the spheres; at least 0, and finite
-     * @return the rule
+     * @param distance in the unit of the spheres; at least 0, and finite
+     * @return the interaction
      */
     public static Interaction within(double distance) {
         return new Interaction(Kind.WITHIN, distance);

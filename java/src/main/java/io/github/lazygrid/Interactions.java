@@ -3,9 +3,9 @@ package io.github.lazygrid;
 import java.util.ArrayList;
 import java.util.List;
 
-/** A symmetric table: for any two species, the condition for a pair. The constructor of a detector checks it. */
+/** A symmetric table of the condition for any two species to pair, checked by the constructor of a detector. */
 public final class Interactions {
-    /** One call of {@link #set}. */
+    /** A call of {@link #set}. */
     record Entry(int a, int b, Interaction interaction) {}
 
     private final int species;
@@ -13,7 +13,7 @@ public final class Interactions {
     private final List<Entry> entries = new ArrayList<>();
 
     /**
-     * A table in which every two species have the same interaction.
+     * Creates a table with one interaction for all species.
      *
      * @param species the number of species, at most 4096; ids start at 0
      * @param all the interaction of all
@@ -24,11 +24,11 @@ public final class Interactions {
     }
 
     /**
-     * Sets the interaction of two species, in both directions. The last one counts.
+     * Sets the interaction of two species, in both orders. The last call counts.
      *
      * @param a one species
      * @param b the other, or the same
-     * @param interaction the condition for a pair
+     * @param interaction the condition
      * @return this table
      */
     public Interactions set(int a, int b, Interaction interaction) {

@@ -1,17 +1,17 @@
 package io.github.lazygrid;
 
-/** Why a call gave no result. The message names the value, the limit and the remedy. */
+/** The failure of a call. The message names the value, the limit and the remedy. */
 public class LazygridException extends RuntimeException {
     private static final long serialVersionUID = 1;
 
-    /** What became of the call. */
+    /** The status of the call. */
     private final Status status;
 
     /**
-     * An exception with a message.
+     * Creates an exception.
      *
-     * @param status what became of the call
-     * @param message why
+     * @param status the status of the call
+     * @param message the reason
      */
     public LazygridException(Status status, String message) {
         super(message);
@@ -19,7 +19,7 @@ public class LazygridException extends RuntimeException {
     }
 
     /**
-     * What became of the call.
+     * Returns the status of the call.
      *
      * @return the status, never {@link Status#OK}
      */

@@ -1,15 +1,12 @@
 package io.github.lazygrid;
 
-/**
- * What {@link Detector#neighborList(Query, java.util.Set)} is asked for, beyond the pairs. The order is that of
- * {@code lazygrid.h}.
- */
+/** An option of {@link Detector#neighborList(Query, java.util.Set)}, in the order of {@code lazygrid.h}. */
 public enum ListOption {
-    /** Every pair once, i &lt; j, and of opposite images of one sphere one; without it every pair twice. */
+    /** Every pair once, i &lt; j, and one of opposite images of a sphere; otherwise every pair twice. */
     HALF,
-    /** Only distances below the reach, as in ASE; without it touching counts. */
+    /** Only distances below the cutoff, as in ASE; otherwise touching counts. */
     OPEN,
-    /** Every sphere of a radius above 0 is its own neighbor, too, at distance 0. */
+    /** Every sphere of a radius above 0 is also its own neighbor, at distance 0. */
     SELF,
     /** {@link NeighborList#shifts}. */
     SHIFTS,
@@ -18,7 +15,7 @@ public enum ListOption {
     /** {@link NeighborList#distances}. */
     DISTANCES;
 
-    /** The bit that C has for it. */
+    /** The bit in C. */
     int bit() {
         return 1 << ordinal();
     }

@@ -10,8 +10,8 @@ import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 
 /**
- * The functions of {@code lazygrid.h}, called through JNA. Java 22 and later use another class of this name, which calls
- * them through {@code java.lang.foreign}. Pointers are numbers, which 64-bit machines pass in the same way.
+ * The functions of {@code lazygrid.h}, called through JNA. Java 22 and later use another class of this name. Pointers
+ * are numbers, which 64-bit machines pass alike.
  */
 final class NativeApi {
     /** Receives the address and the number of pairs; returns 0 to continue. Must not throw. */
@@ -24,12 +24,12 @@ final class NativeApi {
         int take(Pointer context, Pointer pairs, long count);
     }
 
-    /** All views without a value, which need no address. */
+    /** For views without values, which need no address. */
     private static final ByteBuffer EMPTY = ByteBuffer.allocateDirect(0);
 
     private NativeApi() {}
 
-    /** Which callMethod the library is called. */
+    /** The method by which the library is called. */
     static String callMethod() {
         return "JNA";
     }
@@ -85,7 +85,7 @@ final class NativeApi {
         ensureJna();
     }
 
-    /** Names the remedy if JNA is missing; without this, the error would be a class that is not found. */
+    /** Names the remedy if JNA is missing; otherwise the error would be a missing class. */
     private static void ensureJna() {
         try {
             Class.forName("com.sun.jna.Native");
@@ -95,7 +95,7 @@ final class NativeApi {
         }
     }
 
-    /** The address of what lies at the position of a direct buffer of values of {@code size} bytes. */
+    /** The address of the position of a direct buffer of values of {@code size} bytes. */
     static long address(Buffer buffer, int size) {
         if (buffer.capacity() == 0) return 0;
         return Pointer.nativeValue(Native.getDirectBufferPointer(buffer)) + (long) buffer.position() * size;

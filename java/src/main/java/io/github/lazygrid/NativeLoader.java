@@ -8,7 +8,7 @@ import java.nio.file.Path;
 import java.nio.file.StandardCopyOption;
 import java.util.Locale;
 
-/** Where the library is: named by a property, inside the jar, or installed. */
+/** Finds the library: named by a property, inside the jar, or installed. */
 final class NativeLoader {
     /** A path, or a name for the system to look up. */
     static final String LOCATION = locate();
@@ -26,18 +26,18 @@ final class NativeLoader {
         }
     }
 
-    /** A folder of its own, since systems load by path, and names may be taken. */
+    /** Uses a new folder, because systems load by path, and names may be taken. */
     private static String extract(InputStream inside, String name) throws IOException {
         Path folder = Files.createTempDirectory("lazygrid");
         Path file = folder.resolve(name);
         Files.copy(inside, file, StandardCopyOption.REPLACE_EXISTING);
-        // In this order: what is registered last is deleted first.
+        // In this order, because the last registered file is deleted first.
         folder.toFile().deleteOnExit();
         file.toFile().deleteOnExit();
         return file.toString();
     }
 
-    /** The system and the processor, as {@code linux-x86_64}. */
+    /** The system and the processor, such as {@code linux-x86_64}. */
     static String platform() {
         String os = System.getProperty("os.name").toLowerCase(Locale.ROOT);
         String system = os.startsWith("mac") ? "macos" : os.startsWith("windows") ? "windows" : "linux";

@@ -26,7 +26,7 @@ final class NativeSettings implements AutoCloseable {
     private final ByteBuffer cellVectors;
     private final long interactions;
 
-    /** Throws {@link LazygridException} for a table that is refused. */
+    /** Throws {@link LazygridException} for a refused table. */
     NativeSettings(Settings settings) {
         Detector.check(NativeApi.settingsInit(address(), SIZE), 0);
         structure.putInt(BACKEND, settings.backend.ordinal());
@@ -51,7 +51,7 @@ final class NativeSettings implements AutoCloseable {
         structure.putLong(INTERACTIONS, interactions);
     }
 
-    /** Where the structure is, until this is closed. */
+    /** The structure's address, until this is closed. */
     long address() {
         return NativeApi.address(structure, 1);
     }

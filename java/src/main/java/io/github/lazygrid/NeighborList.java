@@ -5,23 +5,23 @@ import java.nio.IntBuffer;
 import java.nio.LongBuffer;
 
 /**
- * A neighbor list with geometry, in order of i, j and the shift. The entries of sphere k are {@code offsets.get(k)} to
- * {@code offsets.get(k + 1) - 1}. Buffers that were not asked for are empty.
+ * A neighbor list with geometry, in order of i, j and the shift. Sphere k has the entries {@code offsets.get(k)} to
+ * {@code offsets.get(k + 1) - 1}. Buffers of unrequested quantities are empty.
  *
- * <p>All buffers are read-only and lie in the detector's memory. They must not be used after the next search with it,
- * nor after it is closed.
+ * <p>All buffers are read-only, in the detector's memory. Do not use them after the next search, nor after it is
+ * closed.
  *
- * @param offsets where each sphere's entries start; one more than there are spheres, the last the number of entries
- * @param pairs i and j of each entry: the sphere and its neighbor. In a full list i may be the larger
- * @param shifts three numbers for each entry: how many times each edge of the space leads to the image of the neighbor
- * @param vectors x, y and z for each entry, from the sphere to that image
+ * @param offsets the start of each sphere's entries; the last is the number of entries
+ * @param pairs i and j of each entry: the sphere and its neighbor. In a full list i may be larger
+ * @param shifts three numbers per entry: multiples of the cell vectors that lead to the neighbor's image
+ * @param vectors x, y and z per entry, from the sphere to that image
  * @param distances the length of each vector
  */
 public record NeighborList(
     LongBuffer offsets, IntBuffer pairs, IntBuffer shifts, DoubleBuffer vectors, DoubleBuffer distances) {
 
     /**
-     * How many entries there are.
+     * The number of entries.
      *
      * @return the number
      */

@@ -4,14 +4,13 @@ import java.nio.IntBuffer;
 import java.nio.LongBuffer;
 
 /**
- * Neighbor lists in compressed sparse rows: those of sphere k are at {@code offsets.get(k)} to
- * {@code offsets.get(k + 1) - 1} of the indices, ascending. Every pair stands in both lists; of a query across two
- * sets only spheres of the first have a list, of those of the second.
+ * Neighbor lists in compressed sparse rows: the neighbors of sphere k are the indices {@code offsets.get(k)} to {@code
+ * offsets.get(k + 1) - 1}, ascending. Every pair is in both lists; across two sets, spheres of the first list neighbors
+ * in the second.
  *
- * <p>Both buffers lie in the detector's memory. They must not be used after the next search with it, nor after it is
- * closed.
+ * <p>Both buffers are in the detector's memory. Do not use them after the next search, nor after it is closed.
  *
- * @param offsets where each sphere's list starts; one more than there are spheres, the last the number of indices
+ * @param offsets the start of each sphere's list; the last is the number of indices
  * @param indices the neighbors, list after list
  */
 public record Neighbors(LongBuffer offsets, IntBuffer indices) {

@@ -1,9 +1,9 @@
 package io.github.lazygrid;
 
-/** In which order pairs come. The order is that of {@code lazygrid.h}. */
+/** The order of pairs, in the order of {@code lazygrid.h}. */
 public enum Order {
     /** By i, then j. */
     CANONICAL,
-    /** As they are found, which saves the sorting. */
+    /** In the order of discovery, without sorting. */
     UNORDERED
 }

@@ -2,15 +2,15 @@ package io.github.lazygrid;
 
 import java.nio.IntBuffer;
 
-/** Takes the pairs of a stream. */
+/** Receives the pairs of a stream. */
 @FunctionalInterface
 public interface PairConsumer {
     /**
-     * Takes some pairs. It runs in any thread, in one at a time, and must not search. What it throws ends the search
-     * and is thrown by {@link Detector#stream(Query, int, PairConsumer)}.
+     * Receives some pairs. It may run in any thread, never concurrently, and must not search. Its exception ends the
+     * search and is rethrown by {@link Detector#stream(Query, int, PairConsumer)}.
      *
-     * @param pairs i and j of each pair, one after the other; not to be used after this returns
-     * @return whether to go on
+     * @param pairs consecutive i and j, valid until this returns
+     * @return true to continue
      */
     boolean take(IntBuffer pairs);
 }

@@ -5,8 +5,8 @@ import java.nio.ByteBuffer;
 import java.util.Objects;
 
 /**
- * What a detector searches: the pairs among one set of spheres, or those of one sphere of each of two sets, except
- * excluded ones. Queries are immutable, hold no memory outside the heap, and serve any number of searches.
+ * The input of a search: the pairs among one set of spheres, or across two sets, except excluded ones. Queries are
+ * immutable, hold no memory outside the heap, and serve any number of searches.
  */
 public final class Query {
     /** Size of {@code lazygrid_query} on 64-bit machines. */
@@ -18,7 +18,7 @@ public final class Query {
     private final Spheres first;
     /** Null for one set. */
     private final Spheres second;
-    /** Null if no pairs are excluded. */
+    /** Null without exclusions. */
     private final Exclusions exclusions;
 
     private Query(Spheres first, Spheres second, Exclusions exclusions) {
@@ -28,7 +28,7 @@ public final class Query {
     }
 
     /**
-     * The pairs among these spheres, i &lt; j.
+     * Creates a query for the pairs among these spheres, i &lt; j.
      *
      * @param spheres the only set
      * @return the query
@@ -38,9 +38,9 @@ public final class Query {
     }
 
     /**
-     * The pairs of one sphere of each set, such as particles and receivers: i is an index in {@code first}, j one in
-     * {@code second}. No two spheres of one set are compared. The sets may differ in precision and layout. If both are
-     * the same spheres, each is a pair with itself.
+     * Creates a query for the pairs of one sphere of each set, such as particles and receivers: i is an index in {@code
+     * first}, j in {@code second}. The sets may differ in precision and layout. If both are the same spheres, each
+     * pairs with itself.
      *
      * @param first the set of i
      * @param second the set of j; messages about it begin with "of the second set, "
@@ -51,17 +51,17 @@ public final class Query {
     }
 
     /**
-     * The same query without some pairs. The list takes the place of an earlier one.
+     * Returns this query with these exclusions, which replace earlier ones.
      *
-     * @param exclusions the pairs, for two sets from {@link Exclusions#across}; null: none. The search refuses a list
-     *     that was made for other numbers of spheres
+     * @param exclusions the pairs, for two sets from {@link Exclusions#across}; null: none. The search refuses
+     *     exclusions of other numbers of spheres
      * @return the query, of the same spheres
      */
     public Query without(Exclusions exclusions) {
         return new Query(first, second, exclusions);
     }
 
-    /** The number of spheres that have a list of neighbors. */
+    /** The number of spheres with a neighbor list. */
     int lists() {
         return first.count();
     }
@@ -74,7 +74,7 @@ public final class Query {
         into.putLong(at + EXCLUSIONS, exclusions == null ? 0 : exclusions.address());
     }
 
-    /** Called after each search, so that the memory that the structure names is not freed before. */
+    /** Called after each search, so that the memory of the structure is not freed before. */
     void keep() {
         first.keep();
         if (second != null) second.keep();

@@ -2,7 +2,7 @@ package io.github.lazygrid;
 
 import java.time.Duration;
 
-/** What a detector is asked to do. The defaults suit almost all programs. Each method returns these settings. */
+/** The settings of a detector. The defaults suit almost all programs. Each method returns these settings. */
 public final class Settings {
     Backend backend = Backend.AUTO;
     Algorithm algorithm = Algorithm.AUTO;
@@ -20,7 +20,7 @@ public final class Settings {
     public Settings() {}
 
     /**
-     * Where to search.
+     * Sets the backend.
      *
      * @param backend by default {@link Backend#AUTO}
      * @return these settings
@@ -31,7 +31,7 @@ public final class Settings {
     }
 
     /**
-     * How to search.
+     * Sets the algorithm.
      *
      * @param algorithm by default {@link Algorithm#AUTO}
      * @return these settings
@@ -42,7 +42,7 @@ public final class Settings {
     }
 
     /**
-     * In which order pairs come.
+     * Sets the order of pairs.
      *
      * @param order by default {@link Order#CANONICAL}
      * @return these settings
@@ -53,9 +53,9 @@ public final class Settings {
     }
 
     /**
-     * How many threads search on the CPU.
+     * Sets the number of CPU threads.
      *
-     * @param threads 0, the default: as many as the process may use, shared by all detectors
+     * @param threads 0, the default: all, shared by all detectors
      * @return these settings
      */
     public Settings threads(int threads) {
@@ -65,7 +65,7 @@ public final class Settings {
     }
 
     /**
-     * The most pairs a list may hold, 8 bytes each. Counts and streams have no limit.
+     * Sets the most pairs of a list, 8 bytes each. Counts and streams have no limit.
      *
      * @param maxPairs 0, the default: 2<sup>29</sup>
      * @return these settings
@@ -77,7 +77,7 @@ public final class Settings {
     }
 
     /**
-     * The length of each periodic axis, in the length unit of the spheres.
+     * Sets the length of each periodic axis, in the unit of the spheres.
      *
      * @param x along x; 0: unbounded
      * @param y along y; 0: unbounded
@@ -90,14 +90,13 @@ public final class Settings {
     }
 
     /**
-     * Up to three edges of any direction along which space repeats, as those of a triclinic cell, in place of
-     * {@link #periodic}. Each has x, y and z, in the length unit of the spheres.
+     * Sets up to three cell vectors, in place of {@link #periodic}: x, y and z of each, in the unit of the spheres.
      *
-     * @param a one edge; null: none
-     * @param b another; null: none
-     * @param c another; null: none
+     * @param a a cell vector; null: none
+     * @param b a cell vector; null: none
+     * @param c a cell vector; null: none
      * @return these settings
-     * @throws IllegalArgumentException for an edge without exactly three components
+     * @throws IllegalArgumentException for a vector without exactly three components
      */
     public Settings cellVectors(double[] a, double[] b, double[] c) {
         double[][] given = {a, b, c};
@@ -112,7 +111,7 @@ public final class Settings {
     }
 
     /**
-     * How long a call may take a GPU.
+     * Sets the time limit of a GPU call.
      *
      * @param timeout in whole seconds, at least one; by default ten minutes
      * @return these settings
@@ -123,7 +122,7 @@ public final class Settings {
     }
 
     /**
-     * Which GPU.
+     * Sets the GPU.
      *
      * @param adapter its number, or a part of its name that no other has; null, the default: the best one
      * @return these settings
@@ -134,9 +133,10 @@ public final class Settings {
     }
 
     /**
-     * Which species pair, and at which distance. Spheres must then carry species.
+     * Sets the species that pair, and their distances. Spheres must then carry species.
      *
-     * @param interactions the table, read when a detector is made; null, the default: all that touch are pairs
+     * @param interactions the table, read by the constructor of a detector; null, the default: all touching spheres
+     *     pair
      * @return these settings
      */
     public Settings interactions(Interactions interactions) {
@@ -145,7 +145,7 @@ public final class Settings {
     }
 
     /**
-     * Whether candidates are kept from call to call. An answer never depends on it.
+     * Sets the skin of the candidate list kept between calls. Results never depend on it.
      *
      * @param skin by default {@link Skin#AUTO}
      * @return these settings

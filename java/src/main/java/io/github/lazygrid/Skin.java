@@ -1,35 +1,34 @@
 package io.github.lazygrid;
 
 /**
- * Whether a detector keeps candidates, pairs that may soon overlap, from call to call. An answer never depends on it.
+ * The skin of the candidate list that a detector keeps between calls. Results never depend on it.
  *
- * @param kind which rule
- * @param distance how far too far apart to touch candidates are for {@link Kind#FIXED}, in the length unit of the
- *     spheres; else 0
+ * @param kind the rule
+ * @param distance the skin for {@link Kind#FIXED}, in the unit of the spheres; otherwise 0
  */
 public record Skin(Kind kind, double distance) {
     /** The rules, in the order of {@code lazygrid.h}. */
     public enum Kind {
-        /** Candidates where that is expected to take less time. */
+        /** Keeps a list if that is expected to save time. */
         AUTO,
-        /** Every search starts from scratch. */
+        /** Searches at every call. */
         OFF,
-        /** Candidates up to a given distance. */
+        /** Keeps the pairs with gaps up to a given distance. */
         FIXED
     }
 
-    /** Candidates where spheres move so little that it is expected to take less time; by the spheres, not by a clock. */
+    /** Keeps a list if spheres move so little that it is expected to save time; the decision uses no clock. */
     public static final Skin AUTO = new Skin(Kind.AUTO, 0);
 
-    /** Every search starts from scratch. */
+    /** Searches at every call. */
     public static final Skin OFF = new Skin(Kind.OFF, 0);
 
     /**
-     * Candidates are the pairs that are up to this much too far apart to touch, until some sphere has moved by half of
-     * it. On the CPU only with {@link Algorithm#AUTO} and {@link Algorithm#CELL_LIST}.
+     * Keeps the pairs with gaps up to this distance, until some sphere has moved by half of it. On the CPU only with
+     * {@link Algorithm#AUTO} and {@link Algorithm#CELL_LIST}.
      *
-     * @param distance in the length unit of the spheres; 1e-14 to 1e17
-     * @return the rule
+     * @param distance in the unit of the spheres; 1e-14 to 1e17
+     * @return the skin
      */
     public static Skin fixed(double distance) {
         return new Skin(Kind.FIXED, distance);

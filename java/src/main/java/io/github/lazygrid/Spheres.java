@@ -12,12 +12,12 @@ import java.util.ArrayList;
 import java.util.List;
 
 /**
- * Spheres in direct buffers of the caller, in single or double precision, which each search reads. No number is rounded.
- * They serve every step of a simulation that writes to the same buffers. The values between position and limit at
+ * Spheres in direct buffers of the caller, in single or double precision, which each search reads. No number is
+ * rounded. They serve every step of a simulation that writes to these buffers. The values between position and limit at
  * construction count.
  *
- * <p>Lengths are in one unit, the caller's. A radius of 0 is a point. Searches read rows and columns of floats in
- * place and copy other layouts.
+ * <p>Lengths have one unit, the caller's. A radius of 0 is a point. Searches read rows and columns of floats in place
+ * and copy other layouts.
  */
 public final class Spheres {
     /** The group number of spheres without a group. */
@@ -51,7 +51,7 @@ public final class Spheres {
     }
 
     private final int count;
-    /** The caller's buffers, which live as long as their addresses are known. */
+    /** The caller's buffers, kept while their addresses are in use. */
     private final List<Buffer> kept;
     private final ByteBuffer structure = ByteBuffer.allocateDirect(SIZE).order(ByteOrder.nativeOrder());
     private final long address = NativeApi.address(structure, 1);
@@ -65,7 +65,7 @@ public final class Spheres {
         structure.putLong(STEP, (long) precision.size * step).putLong(R_STEP, (long) precision.size * radiusStep);
     }
 
-    /** The same spheres with a buffer in one place of the structure. */
+    /** These spheres with a further buffer at a place of the structure. */
     private Spheres(Spheres same, int place, IntBuffer values) {
         count = same.count;
         structure.put(0, same.structure, 0, SIZE).putLong(place, NativeApi.address(values, Integer.BYTES));
@@ -74,9 +74,9 @@ public final class Spheres {
     }
 
     /**
-     * Spheres as rows in single precision.
+     * Creates spheres from rows in single precision.
      *
-     * @param rows x, y, z and radius of each, one after the other; direct, in native order
+     * @param rows consecutive x, y, z and radius; direct, in native order
      * @return the spheres
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 4 does not divide
      */
@@ -85,7 +85,7 @@ public final class Spheres {
     }
 
     /**
-     * Spheres as rows in double precision.
+     * Creates spheres from rows in double precision.
      *
      * @param rows as {@link #rows(FloatBuffer)}
      * @return the spheres
@@ -104,28 +104,28 @@ public final class Spheres {
     }
 
     /**
-     * Spheres as columns of one length in single precision.
+     * Creates spheres from columns of one length in single precision.
      *
-     * @param x coordinates of centers along x; direct, in native order, like the others
+     * @param x coordinates along x; direct, in native order, like the others
      * @param y along y
      * @param z along z
      * @param r radii
      * @return the spheres
-     * @throws IllegalArgumentException for another kind of buffer, or lengths that differ
+     * @throws IllegalArgumentException for another kind of buffer, or different lengths
      */
     public static Spheres columns(FloatBuffer x, FloatBuffer y, FloatBuffer z, FloatBuffer r) {
         return ofColumns(x, y, z, r);
     }
 
     /**
-     * Spheres as columns of one length in double precision.
+     * Creates spheres from columns of one length in double precision.
      *
-     * @param x coordinates of centers along x; direct, in native order, like the others
+     * @param x coordinates along x; direct, in native order, like the others
      * @param y along y
      * @param z along z
      * @param r radii
      * @return the spheres
-     * @throws IllegalArgumentException for another kind of buffer, or lengths that differ
+     * @throws IllegalArgumentException for another kind of buffer, or different lengths
      */
     public static Spheres columns(DoubleBuffer x, DoubleBuffer y, DoubleBuffer z, DoubleBuffer r) {
         return ofColumns(x, y, z, r);
@@ -146,10 +146,11 @@ public final class Spheres {
     }
 
     /**
-     * Spheres of one radius in single precision. With half a cutoff as the radius, pairs are points within the cutoff.
+     * Creates spheres of one radius in single precision. Half a cutoff as the radius finds the points within the
+     * cutoff.
      *
-     * @param centers x, y and z of each, one after the other; direct, in native order
-     * @param radius of all
+     * @param centers consecutive x, y and z; direct, in native order
+     * @param radius the radius of all
      * @return the spheres
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 3 does not divide
      */
@@ -158,10 +159,10 @@ public final class Spheres {
     }
 
     /**
-     * Spheres of one radius in double precision.
+     * Creates spheres of one radius in double precision.
      *
      * @param centers as {@link #points(FloatBuffer, float)}
-     * @param radius of all
+     * @param radius the radius of all
      * @return the spheres
      * @throws IllegalArgumentException as {@link #points(FloatBuffer, float)}
      */
@@ -188,9 +189,9 @@ public final class Spheres {
     }
 
     /**
-     * The same spheres with a species each.
+     * Returns these spheres with a species each.
      *
-     * @param species an id for each sphere; direct, in native order
+     * @param species an id per sphere; direct, in native order
      * @return the spheres, in the same buffers
      * @throws IllegalArgumentException for another kind of buffer, or another number of ids
      */
@@ -199,10 +200,10 @@ public final class Spheres {
     }
 
     /**
-     * The same spheres with a group each, as a molecule or a rigid body: two spheres of one group are never a pair,
-     * except those of {@link #NO_GROUP}. In two sets equal numbers are the same group.
+     * Returns these spheres with a group each, such as a molecule or a rigid body: spheres of one group never pair,
+     * except in {@link #NO_GROUP}. In two sets equal numbers are one group.
      *
-     * @param groups a number for each sphere, of which all 32 bits count; direct, in native order
+     * @param groups a number per sphere, of 32 bits; direct, in native order
      * @return the spheres, in the same buffers
      * @throws IllegalArgumentException for another kind of buffer, or another number of groups
      */
@@ -217,9 +218,9 @@ public final class Spheres {
     }
 
     /**
-     * A direct buffer of single precision as {@link #rows(FloatBuffer)} takes it.
+     * Allocates a buffer for {@link #rows(FloatBuffer)}.
      *
-     * @param length how many values it has
+     * @param length the number of values
      * @return the buffer, all zeros
      */
     public static FloatBuffer allocateFloats(int length) {
@@ -227,9 +228,9 @@ public final class Spheres {
     }
 
     /**
-     * A direct buffer of double precision as {@link #rows(DoubleBuffer)} takes it.
+     * Allocates a buffer for {@link #rows(DoubleBuffer)}.
      *
-     * @param length how many values it has
+     * @param length the number of values
      * @return the buffer, all zeros
      */
     public static DoubleBuffer allocateDoubles(int length) {
@@ -237,9 +238,9 @@ public final class Spheres {
     }
 
     /**
-     * A direct buffer as {@link #withSpecies} and {@link #withGroups} take them.
+     * Allocates a buffer for {@link #withSpecies} and {@link #withGroups}.
      *
-     * @param length how many values it has
+     * @param length the number of values
      * @return the buffer, all zeros
      */
     public static IntBuffer allocateInts(int length) {
@@ -247,7 +248,7 @@ public final class Spheres {
     }
 
     /**
-     * How many spheres there are.
+     * Returns the number of spheres.
      *
      * @return the number
      */
@@ -255,12 +256,12 @@ public final class Spheres {
         return count;
     }
 
-    /** The address of a {@code lazygrid_spheres}, for as long as this is {@linkplain #keep kept}. */
+    /** The address of a {@code lazygrid_spheres}, valid until this is {@linkplain #keep kept}. */
     long address() {
         return address;
     }
 
-    /** Called after each use of the address, so that the memory that the structure names is not freed before. */
+    /** Called after each use of the address, so that the memory of the structure is not freed before. */
     void keep() {
         Reference.reachabilityFence(structure);
         Reference.reachabilityFence(kept);

@@ -1,6 +1,6 @@
 package io.github.lazygrid;
 
-/** The status of a call of the library, in the order of {@code lazygrid.h}. */
+/** The status of a call, in the order of {@code lazygrid.h}. */
 public enum Status {
     /** The call succeeded. */
     OK,
@@ -24,7 +24,7 @@ public enum Status {
     DEVICE_LOST,
     /** The GPU did not finish in time. */
     TIMEOUT,
-    /** The detector is in use by another thread, or a consumer of pairs searches. */
+    /** Another thread uses the detector, or a consumer of pairs searches. */
     BUSY,
     /** A bug in the library; close the detector. */
     INTERNAL;

@@ -4,7 +4,7 @@ package io.github.lazygrid;
 public final class TooManyPairsException extends LazygridException {
     private static final long serialVersionUID = 1;
 
-    /** How many pairs there are. */
+    /** The exact number of pairs. */
     private final long found;
 
     TooManyPairsException(String message, long found) {
@@ -13,7 +13,7 @@ public final class TooManyPairsException extends LazygridException {
     }
 
     /**
-     * How many pairs there are, exactly.
+     * Returns the exact number of pairs.
      *
      * @return the number
      */

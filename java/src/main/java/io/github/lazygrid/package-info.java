@@ -1,8 +1,8 @@
 /**
  * All pairs of overlapping spheres, at every step of a simulation.
  *
- * <p>{@link io.github.lazygrid.Detector} is the callMethod in. Spheres are given in direct buffers, in which pairs come back,
- * so that nothing is copied on the callMethod through Java. On Java 22 and later the library is called through
- * {@code java.lang.foreign}, before that through JNA 5, which must then be on the class path.
+ * <p>Start with {@link io.github.lazygrid.Detector}. Spheres and pairs are in direct buffers, without copies. Java 22
+ * and later call the library through {@code java.lang.foreign}, earlier versions through JNA 5, which must be on the
+ * class path.
  */
 package io.github.lazygrid;

@@ -18,8 +18,8 @@ import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 
 /**
- * The functions of {@code lazygrid.h}, called through {@code java.lang.foreign}. Java 22 and later use this class instead
- * of the one that calls through JNA. Pointers are numbers, which 64-bit machines pass in the same way.
+ * The functions of {@code lazygrid.h}, called through {@code java.lang.foreign}. Java 22 and later use this class
+ * instead of the JNA class. Pointers are numbers, which 64-bit machines pass alike.
  */
 final class NativeApi {
     /** Receives the address and the number of pairs; returns 0 to continue. Must not throw. */
@@ -76,7 +76,7 @@ final class NativeApi {
 
     private NativeApi() {}
 
-    /** Which callMethod the library is called. */
+    /** The method by which the library is called. */
     static String callMethod() {
         return "java.lang.foreign";
     }
@@ -93,7 +93,7 @@ final class NativeApi {
         return consumer.take(pairs, count);
     }
 
-    /** The address of the value at the position of a direct buffer; {@code size} is unused. */
+    /** The address of the position of a direct buffer; {@code size} is unused. */
     static long address(Buffer buffer, int size) {
         return MemorySegment.ofBuffer(buffer).address();
     }
@@ -108,7 +108,7 @@ final class NativeApi {
         return MemorySegment.ofAddress(address).reinterpret(Long.MAX_VALUE).getString(0);
     }
 
-    /** What a handle throws of itself is a fault of this class: the functions of C throw nothing. */
+    /** The functions of C throw nothing, so an exception of a handle is a fault of this class. */
     private static AssertionError fault(Throwable thrown) {
         return new AssertionError("a call of lazygrid failed", thrown);
     }
@@ -250,7 +250,7 @@ final class NativeApi {
         }
     }
 
-    /** The address of a function for C that calls the consumer, until the arena is closed. */
+    /** The address of a C function that calls the consumer, until the arena is closed. */
     private static long stub(Consumer consumer, Arena arena) {
         return LINKER.upcallStub(TAKE.bindTo(consumer), PAIR_CALLBACK, arena).address();
     }

@@ -43,7 +43,7 @@ final class BoxesAndExclusions {
         return rows;
     }
 
-    /** Whether any images touch that are up to four edges away. */
+    /** Returns true if images up to four edges away touch. */
     private static boolean touch(FloatBuffer rows, int i, int j, double[][] edges) {
         double reach = (double) rows.get(4 * i + 3) + rows.get(4 * j + 3);
         int far = edges == null ? 0 : 4;

@@ -19,8 +19,8 @@ import java.util.regex.Matcher;
 import java.util.regex.Pattern;
 
 /**
- * What the documentation promises, by the technique with which this Java calls the library. Arguments: that technique, {@code JNA} or
- * {@code java.lang.foreign}, and the path of {@code lazygrid.h}. Ends with 0 and "N passed, 0 failed".
+ * The promises of the documentation. Arguments: the expected technique of calls, {@code JNA} or {@code
+ * java.lang.foreign}, and the path of {@code lazygrid.h}. Returns 0 and prints "N passed, 0 failed".
  */
 public final class ContractTest {
     private static int passed;
@@ -113,7 +113,7 @@ public final class ContractTest {
         check(Detector.version().matches("\\d+\\.\\d+\\.\\d+"), "version " + Detector.version());
     }
 
-    /** The plain loop judges. */
+    /** Against the plain loop. */
     private static void arbitraryScenes() {
         Random random = new Random(1);
         try (Detector detector = new Detector(onCpu())) {
@@ -225,7 +225,7 @@ public final class ContractTest {
         check(right.get() == 20, "threads: " + right);
     }
 
-    /** Steps reuse the structures of spheres and detectors, also those that find nothing. */
+    /** Steps reuse the structures of spheres and detectors, also in searches without pairs. */
     private static void steps() {
         BufferPoolMXBean pool = ManagementFactory.getPlatformMXBeans(BufferPoolMXBean.class).stream()
             .filter(one -> one.getName().equals("direct")).findFirst().orElseThrow();
@@ -246,7 +246,7 @@ public final class ContractTest {
         }
     }
 
-    /** The numbers of enumerations are those of the header. */
+    /** The numbers of enumerations equal the header's. */
     private static void header(Path path) throws IOException {
         TreeSet<String> named = new TreeSet<>();
         Matcher matcher = Pattern.compile("LAZYGRID_([A-Z_0-9]+) = (\\d+)").matcher(Files.readString(path));
@@ -270,7 +270,7 @@ public final class ContractTest {
      * Runs all.
      *
      * @param arguments see above
-     * @throws Exception where a test cannot run
+     * @throws Exception if a test cannot run
      */
     public static void main(String[] arguments) throws Exception {
         check(NativeApi.callMethod().equals(arguments[0]), "called through " + NativeApi.callMethod());

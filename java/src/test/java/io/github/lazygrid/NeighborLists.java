@@ -25,7 +25,7 @@ final class NeighborLists {
         twoSets();
     }
 
-    /** A list in a large box has the pairs of a search, each twice, with the shortest vectors. */
+    /** In a large box, a list has the pairs of a search, each twice, with the shortest vectors. */
     private static void geometry() {
         int count = 300;
         double length = 10.1;
@@ -86,7 +86,7 @@ final class NeighborLists {
         }
     }
 
-    /** A sphere in a box that is smaller than the reach is the neighbor of its own images. */
+    /** In a box smaller than the cutoff, a sphere is the neighbor of its own images. */
     private static void smallBox() {
         Spheres one = Spheres.points(Spheres.allocateDoubles(3), 1.0);
         try (Detector detector = new Detector(onCpu().periodic(1, 0, 0))) {

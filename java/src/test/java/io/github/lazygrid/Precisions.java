@@ -103,7 +103,7 @@ final class Precisions {
         }
     }
 
-    /** A reach of exactly the distance counts; one that is smaller by a unit in the last place does not. */
+    /** A cutoff of exactly the distance counts; one ulp less does not. */
     private static void tangent() {
         try (Detector detector = new Detector(onCpu())) {
             for (double offset : new double[] {0, FAR}) {
@@ -159,7 +159,7 @@ final class Precisions {
         }
     }
 
-    /** Distances of interactions are not rounded either. */
+    /** Distances of interactions are not rounded. */
     private static void distances() {
         double distance = 0.1;
         Spheres spheres = Spheres.points(direct(0, 0, 0, distance, 0, 0), 0.0).withSpecies(Spheres.allocateInts(2));

@@ -13,7 +13,7 @@ import java.util.Arrays;
 import java.util.Random;
 import java.util.stream.IntStream;
 
-/** Pairs across two sets, and skins, against the plain loop and against searches of one set. */
+/** Pairs across two sets, and skins, against the plain loop and searches of one set. */
 final class SetsAndSkins {
     private SetsAndSkins() {}
 
@@ -65,7 +65,7 @@ final class SetsAndSkins {
         }
     }
 
-    /** Of all pairs of one set, those across are those of its two parts. */
+    /** The pairs of one set that are of both parts equal the pairs across its parts. */
     private static void species() {
         int count = 400, split = 150;
         FloatBuffer rows = scene(new Random(3), count);
