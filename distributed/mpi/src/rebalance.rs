@@ -21,7 +21,13 @@ pub struct RebalanceReport {
 }
 
 /// Moves the spheres of all ranks to the ranks in whose domains they are.
-pub(crate) fn rebalance(comm: &mut MpiCommunicator, partitioner: &mut Partitioner, wrapper: &SphereWrapper, bound: f64, particles: &mut OwnedSpheres) -> Result<RebalanceReport, Error> {
+pub(crate) fn rebalance(
+    comm: &mut MpiCommunicator,
+    partitioner: &mut Partitioner,
+    wrapper: &SphereWrapper,
+    bound: f64,
+    particles: &mut OwnedSpheres,
+) -> Result<RebalanceReport, Error> {
     let (has_species, local) = checked(comm, particles)?;
     let rank = comm.rank();
     let wrapped = wrapper.wrap_all((0..local.ids.len()).map(|k| local.particle(k as u32)));

@@ -44,8 +44,10 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
         FileSplit::Rows(rows) => rows.read(&args.file, args.options(), rank, ranks),
         // Lines are counted by all ranks before one of them may fail.
         FileSplit::Lines(text) => {
-            let rank_lines =
-                agree(world, text.lines_of(&args.file, rank, ranks).map_err(|message| refused(world, message)))?;
+            let rank_lines = agree(
+                world,
+                text.lines_of(&args.file, rank, ranks).map_err(|message| refused(world, message)),
+            )?;
             let before = before(world, rank_lines.lines());
             rank_lines.read(&args.file, args.options(), before)
         }

@@ -6,7 +6,13 @@ use serde_json::json;
 use super::output::Target;
 
 /// Writes the manifest. Scripts depend on its names.
-pub(crate) fn write(target: &Target, files: &[PathBuf], pairs: &[u64], spheres: u64, wide: bool) -> Result<(), lazygrid_io::Error> {
+pub(crate) fn write(
+    target: &Target,
+    files: &[PathBuf],
+    pairs: &[u64],
+    spheres: u64,
+    wide: bool,
+) -> Result<(), lazygrid_io::Error> {
     let of_ranks: Vec<_> = files
         .iter()
         .zip(pairs)

@@ -83,16 +83,19 @@ pub(crate) fn write(
     let counts = distributed.gather(&[pairs.len() as u64])?;
     let files: Vec<_> = (0..world.size() as u32).map(|rank| target.of_rank(rank)).collect();
     let written = match rank {
-        0 => {
-            manifest::write(target, &files, &counts, distributed.report().owned.total, wide).map_err(failed)
-        }
+        0 => manifest::write(target, &files, &counts, distributed.report().owned.total, wide).map_err(failed),
         _ => Ok(()),
     };
     agree(world, written)?;
     Ok(std::iter::once(target.manifest()).chain(files).collect())
 }
 
-fn table(path: &Path, target: &Target, pairs: &[[u64; 2]], wide: bool) -> Result<AtomicFile, lazygrid_io::Error> {
+fn table(
+    path: &Path,
+    target: &Target,
+    pairs: &[[u64; 2]],
+    wide: bool,
+) -> Result<AtomicFile, lazygrid_io::Error> {
     let mut file = AtomicFile::create(path)?;
     let header = match target.format {
         TableFormat::Csv => b"i,j\n".to_vec(),

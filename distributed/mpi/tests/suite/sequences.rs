@@ -146,7 +146,12 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, particles: &O
     refused(distributed.stream(local, 9, |_| ControlFlow::Continue(())).unwrap_err());
 }
 
-fn call(world: &SimpleCommunicator, distributed: &mut Distributed, local: LocalSpheres<'_>, kind: u64) -> Vec<[u64; 2]> {
+fn call(
+    world: &SimpleCommunicator,
+    distributed: &mut Distributed,
+    local: LocalSpheres<'_>,
+    kind: u64,
+) -> Vec<[u64; 2]> {
     if kind > 0 {
         return gathered(world, distributed.pairs(local).unwrap());
     }
