@@ -194,7 +194,6 @@ impl RadiusMix {
         }
     }
 
-    /// Returns the size groups of `n` spheres.
     fn classes(self, n: usize) -> Vec<SizeGroup> {
         let class = |count: usize, radius: f32| SizeGroup { count: count as f64, radius: radius.into() };
         match self {

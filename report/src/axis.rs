@@ -47,7 +47,6 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Formats a value for an axis.
     pub(crate) fn label(self, value: f64) -> String {
         match self {
             Self::Count if value.fract() == 0.0 && (1.0..1e15).contains(&value) => count(value as usize),

@@ -22,7 +22,6 @@ pub fn page(document: &Document) -> String {
     out + "</body></html>\n"
 }
 
-// Writing to a string cannot fail.
 fn add(out: &mut String, section: &Section) {
     let _ = writeln!(out, "<h2>{}</h2>", escaped(&section.title));
     for paragraph in &section.text {
@@ -73,7 +72,6 @@ fn cell(cell: &Cell) -> String {
 fn inline(text: &str) -> String {
     let text = escaped(text);
     let parts: Vec<&str> = text.split('`').collect();
-    // A single backtick is text.
     let (pairs, rest) = parts.split_at((parts.len() - 1) / 2 * 2);
     let code = |pair: &[&str]| format!("{}<code>{}</code>", pair[0], pair[1]);
     pairs.chunks(2).map(code).collect::<String>() + &rest.join("`")

@@ -77,7 +77,6 @@ const FONT: &str = "sans-serif";
 const TITLE: u32 = 27;
 /// Height of the labels of axes.
 const TEXT: u32 = 22;
-/// Height of the names of lines.
 const NAMES: u32 = 19;
 const MARGIN: u32 = 12;
 const BELOW: u32 = 64;
@@ -96,7 +95,6 @@ const COLOURS: [RGBColor; 10] = [
 ];
 const GRID: RGBColor = RGBColor(225, 225, 225);
 
-/// Most points drawn as circles.
 const POINTS: usize = 50;
 
 /// Draws the plot as SVG; `None` without points.

@@ -13,18 +13,17 @@ use crate::rank_segments::RankSegments;
 /// Ranks over MPI. Methods are collective, except getters.
 pub(crate) struct MpiCommunicator {
     comm: SimpleCommunicator,
-    /// Most bytes of a message.
     limit: u64,
     sent: u64,
 }
 
-/// Elements to send, in a segment per rank.
+/// A segment per rank.
 struct Outgoing<'a, T> {
     data: &'a [T],
     segments: &'a RankSegments,
 }
 
-/// Room for elements to receive, in a segment per rank.
+/// A segment per rank.
 struct Incoming<'a, T> {
     data: &'a mut [T],
     segments: &'a RankSegments,
@@ -85,7 +84,7 @@ impl MpiCommunicator {
         Ok(())
     }
 
-    /// Sends one message from each rank to each, within the limit.
+    /// Exchanges one message within the limit.
     fn message<T: Pod>(&self, outgoing: Outgoing<'_, T>, incoming: Incoming<'_, T>) {
         let (Outgoing { data: out, segments: leaving }, Incoming { data: into, segments: coming }) =
             (outgoing, incoming);

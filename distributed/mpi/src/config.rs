@@ -152,7 +152,6 @@ impl Config {
             .with("message_limit", self.message_limit)
     }
 
-    /// Refuses settings out of range.
     pub(crate) fn check(&self, ranks: u32) -> Result<(), Error> {
         let refuse = |name: &str, value: String, range: String| {
             Err(Error::Setting { name: name.to_owned(), value, range })

@@ -253,11 +253,9 @@ impl Distributed {
     }
 }
 
-/// Pairs up to a limit; further ones are counted.
 struct List {
     pairs: Vec<GlobalPair>,
     limit: u64,
-    /// Refused bytes.
     refused: Option<u64>,
 }
 
@@ -282,7 +280,6 @@ impl List {
     }
 }
 
-/// Sends pairs to their other owners.
 fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Error> {
     let rank = comm.rank();
     let other = |pair: &GlobalPair| if pair.a.rank == rank { pair.b.rank } else { pair.a.rank };

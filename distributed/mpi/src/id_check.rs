@@ -4,7 +4,6 @@ use lazygrid_ranks::{Communicator, Digest};
 use crate::communicator::{MpiCommunicator, try_zeroed};
 use crate::{Error, LocalSpheres};
 
-/// Checks that ids are unique.
 #[derive(Debug, Default)]
 pub(crate) struct IdCheck {
     /// Digest of the last unique ids.
@@ -69,7 +68,7 @@ fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Er
     comm.agree(duplicate)
 }
 
-/// Returns a record per sphere, ordered by home rank, and the number of records for each rank.
+/// A record per sphere by home rank, and their number for each rank.
 fn records(local: LocalSpheres<'_>, rank: u32, ranks: u32) -> Result<(Vec<IdRecord>, Vec<usize>), Error> {
     let mut counts = vec![0; ranks as usize];
     let mut records: Vec<IdRecord> = try_zeroed("ids", local.ids.len() as u64, rank)?;

@@ -58,7 +58,6 @@ impl<'a> LocalSpheres<'a> {
         }
     }
 
-    /// Returns sphere `k` as a ghost.
     #[inline]
     pub(crate) fn particle(&self, k: u32) -> Particle {
         let species = self.spheres.species().map_or(0, |species| species[k as usize]);

@@ -6,10 +6,8 @@ use lazygrid::Backend;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 
-/// A rank on its node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NodeRank {
-    /// From 0.
     pub(crate) rank: usize,
     /// Ranks that may run on the same cores.
     sharing: usize,

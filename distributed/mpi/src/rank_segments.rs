@@ -30,7 +30,6 @@ impl RankSegments {
         self.starts[rank]..self.starts[rank] + self.lengths[rank]
     }
 
-    /// Omits the segment of `rank`.
     pub(crate) fn without(mut self, rank: usize) -> Self {
         self.lengths[rank] = 0;
         self

@@ -20,7 +20,6 @@ pub struct RebalanceReport {
     pub migration: Migration,
 }
 
-/// Moves the spheres of all ranks to the ranks in whose domains they are.
 pub(crate) fn rebalance(
     comm: &mut MpiCommunicator,
     partitioner: &mut Partitioner,

@@ -75,7 +75,6 @@ fn main() -> Result<(), lazygrid::Error> {
 fn print_row(name: &str, particles: &[Particle], ranks: u32) -> Result<(), lazygrid::Error> {
     let in_process = InProcessRanks::balanced(particles, ranks, SphereWrapper::default())?;
     let (owned, ghosts) = (in_process.owned(), in_process.ghosts());
-    // Every rank gets the bounds of all others.
     let bounds = in_process.bounds() * size_of::<ClassBounds>() as u64;
     let sent = ghosts.total * size_of::<Particle>() as u64 + bounds * u64::from(ranks - 1);
     println!(

@@ -15,7 +15,6 @@ pub struct Partitioner {
 #[derive(Clone, Debug)]
 struct FreshPartition {
     partition: Partition,
-    /// Imbalance of the new partition.
     fresh: f64,
 }
 
@@ -61,7 +60,6 @@ impl Partitioner {
     }
 }
 
-/// Returns the rank of each sphere, and the load of all ranks.
 fn owners<C: Communicator>(
     communicator: &mut C,
     partition: &Partition,
@@ -77,7 +75,6 @@ fn owners<C: Communicator>(
     Ok((parts, owned))
 }
 
-/// Cuts the sample on rank 0, and sends the planes to all.
 fn partition<C: Communicator>(
     communicator: &mut C,
     spheres: &[WrappedSphere],

@@ -40,7 +40,6 @@ impl PairCounts {
 #[derive(Debug)]
 pub struct Search {
     detector: Detector,
-    /// For two sets, if different.
     across: Option<Detector>,
     wrapper: SphereWrapper,
     rank: u32,

@@ -7,7 +7,6 @@ use lazygrid::{Interaction, Interactions};
 /// partner.
 #[derive(Clone, Debug)]
 pub(crate) struct SpeciesGroups {
-    /// Group of each species.
     groups: Vec<u32>,
     /// Groups that may pair, as bits.
     partners: Vec<u64>,

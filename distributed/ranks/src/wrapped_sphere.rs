@@ -28,7 +28,6 @@ impl WrappedSphere {
 #[derive(Clone, Debug, Default)]
 pub struct SphereWrapper {
     space: Space,
-    /// For triclinic spaces.
     orthogonal: Option<Orthogonalization>,
     /// `None` if all touching spheres pair.
     species: Option<SpeciesTable>,

@@ -136,7 +136,6 @@ proptest! {
 }
 
 proptest! {
-    // Each rank makes a detector.
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]

@@ -19,7 +19,6 @@ const EDGE: f32 = 12.0;
 
 #[derive(Clone, Debug)]
 enum Change {
-    /// Calls with the same spheres.
     Repeat(u8),
     Drift(u8, f32),
     /// Multiplies all radii, or every fourth.

@@ -76,7 +76,6 @@ fn coincident_spheres_and_their_pairs_are_balanced() {
         // One of two ranks half of all apart reports all common pairs.
         let most = 1.02 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
         assert!(reported.imbalance() <= most, "{} on {ranks} ranks", reported.imbalance());
-        // No ghosts are compared with each other.
         let ranks = in_process.pairs(&Config::default().threads(1)).unwrap();
         assert!(ranks.iter().all(|rank| rank.counts.elsewhere == 0));
     }
@@ -152,7 +151,6 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
         let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
         pairs.sort_unstable();
         assert_eq!(pairs, naive(&particles, &Space::UNBOUNDED, Some(&table)));
-        // Without the table, half of the crowd is sent.
         let all = InProcessRanks::with_owners(owned, SphereWrapper::default()).unwrap();
         assert!(all.ghosts().total >= 1000);
     }

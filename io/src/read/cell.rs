@@ -4,7 +4,6 @@ use lazygrid::Space;
 
 use crate::error::{Error, Location};
 
-/// Three cell vectors, some periodic.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Cell {
     pub(super) edges: [[f64; 3]; 3],
@@ -14,10 +13,6 @@ pub(super) struct Cell {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Cell {
-    /// Returns the space: orthogonal if each periodic vector lies along its own axis, else triclinic.
-    ///
-    /// # Errors
-    /// [`Error::BoxLength`] and [`Error::BoxEdges`].
     pub(super) fn space(&self, place: &Location) -> Result<Space, Error> {
         let repeats = self.edges.iter().zip(self.periodic);
         let mut lengths = [None; 3];

@@ -56,7 +56,6 @@ fn closing_quote(inside: &[u8], quote: u8) -> Option<usize> {
     None
 }
 
-/// Returns the position of the closing bracket, counted after the first.
 fn closing_bracket(text: &[u8], [open, close]: [u8; 2]) -> Option<usize> {
     let mut depth = 0_usize;
     for (at, &b) in text.iter().enumerate() {

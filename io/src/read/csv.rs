@@ -55,7 +55,6 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
 }
 
 impl Csv {
-    /// Returns the columns of a header with any separator.
     fn of(line: Line<'_>, header: &[u8]) -> Result<Self, Error> {
         let separator = separator(header);
         let columns = fields(line, header, separator)?.map(|field| {
@@ -89,8 +88,7 @@ fn separator(header: &[u8]) -> u8 {
     most.unwrap_or(b',')
 }
 
-/// Returns fields without white space and quotes. Quoted separators and quotes are refused: no read column needs
-/// them.
+/// Quoted separators and quotes are refused: no read column needs them.
 fn fields<'a>(
     line: Line<'a>,
     bytes: &'a [u8],
@@ -111,7 +109,6 @@ fn unquoted(field: &[u8]) -> Option<&[u8]> {
     field.strip_prefix(b"\"")?.strip_suffix(b"\"")
 }
 
-/// Returns `true` if a first line, perhaps a comment, resembles a header.
 pub(super) fn is_header(line: &[u8]) -> bool {
     let line = commented(line).unwrap_or(line);
     let separator = separator(line);

@@ -147,7 +147,6 @@ impl Table for Atoms {
     }
 }
 
-/// Parses `BOX BOUNDS pp pp ff`.
 fn periodic(item: &[u8]) -> [bool; 3] {
     let mut words = item.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).rev();
     let mut last = || words.next() == Some(b"pp");
@@ -199,7 +198,6 @@ impl Style {
 }
 
 impl Bounds {
-    /// Returns the position at fractions of the vectors.
     fn place(&self, line: Line<'_>, scaled: [f64; 3]) -> Result<[f32; 3], Error> {
         let mut center = [0.0; 3];
         for (axis, (coordinate, name)) in center.iter_mut().zip(["x", "y", "z"]).enumerate() {

@@ -29,7 +29,6 @@ pub(super) struct Lines {
     failed: Option<Error>,
 }
 
-/// Whole lines.
 #[derive(Clone, Copy)]
 pub(super) struct LineBlock<'a> {
     bytes: &'a [u8],
@@ -61,7 +60,6 @@ impl Lines {
         Ok(None)
     }
 
-    /// Returns `true` if only blank lines are left.
     pub(super) fn at_end(&mut self) -> Result<bool, Error> {
         while self.advance()? {
             if !self.line().is_blank() {
@@ -72,7 +70,7 @@ impl Lines {
         Ok(true)
     }
 
-    /// Returns the next line of a frame that has `found` of `expected` `what`.
+    /// For a frame that has `found` of `expected` `what`.
     pub(super) fn required(
         &mut self,
         what: &'static str,
@@ -86,9 +84,7 @@ impl Lines {
         }
     }
 
-    /// Returns the last line once more.
     pub(super) fn put_back(&mut self) {
-        // Its end and a mark before it are skipped again.
         self.unread.start = match memrchr(b'\n', &self.buffer[..self.line.start]) {
             Some(end) if self.number > 1 => end + 1,
             _ => self.line.start,

@@ -29,7 +29,6 @@ pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Fram
     header.check_length(&source)?;
     let mut frame = Frame::default();
     if source.length.is_some() {
-        // Without a known length, memory is reserved as rows come.
         let room = frame.spheres.try_reserve_exact(header.rows as usize);
         room.map_err(|_| header.too_many(&source, "memory"))?;
     }

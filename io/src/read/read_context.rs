@@ -15,7 +15,6 @@ pub(super) struct ReadContext {
     pub(super) groups: bool,
     /// Lines of serial numbers, which are unique.
     serials: HashMap<Serial, u64>,
-    /// Loss of digits was logged.
     warned: bool,
 }
 
@@ -35,7 +34,7 @@ impl ReadContext {
         }
     }
 
-    /// Records serial numbers and lines; refuses a repeated one.
+    /// Refuses a repeated serial number.
     pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
         for &(serial, line) in serials {
             if let Some(first) = self.serials.insert(serial, line) {

@@ -15,7 +15,6 @@ use crate::error::{Error, Location, Position};
 pub(super) trait Table: Sync {
     fn columns(&self) -> &Columns;
 
-    /// Returns a line's values; `None` for no row.
     fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error>;
 
     fn has_serials(&self) -> bool {
@@ -87,7 +86,6 @@ impl Lines {
             }
             let mut before = Some(parts);
             let parsed = self.parse(most - lines, parse, || added = add(before.take().unwrap_or_default()));
-            // Nothing was parsed yet.
             added.and_then(|()| add(before.unwrap_or_default()))?;
             let (next, more) = parsed?;
             if more == 0 {
@@ -156,7 +154,6 @@ fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> 
 }
 
 impl Frame {
-    /// Appends a block to the frame.
     fn add(
         &mut self,
         part: ParsedBlock,

@@ -48,7 +48,6 @@ fn is_name(word: &[u8]) -> bool {
     word.ends_with(b")") && word.iter().position(|&b| b == b'(').is_some_and(|at| at > 0)
 }
 
-/// Returns `true` if a first line resembles a listing.
 pub(super) fn is_listing(line: &[u8]) -> bool {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     words.next().is_some_and(is_name) && words.count() >= 2

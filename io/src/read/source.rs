@@ -11,7 +11,6 @@ use crate::error::{Error, Location, Position};
 pub(super) struct Source {
     pub(super) path: Arc<Path>,
     input: Box<dyn Read + Send>,
-    /// Number of all bytes, if known.
     pub(super) length: Option<u64>,
 }
 

@@ -12,7 +12,6 @@ pub type Radii = BTreeMap<String, f32>;
 #[derive(Clone, Debug, Default)]
 pub struct Species {
     names: Vec<String>,
-    /// Names as written.
     keys: Vec<Box<[u8]>>,
     radii: Vec<Option<f32>>,
     ids: HashMap<Box<[u8]>, u32>,

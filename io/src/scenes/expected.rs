@@ -95,7 +95,6 @@ fn shared(classes: &[SizeGroup], cloud: CenterDistribution) -> f64 {
 }
 
 impl CenterDistribution {
-    /// The chance that two centers are within `reach`.
     fn hit(self, reach: f64) -> f64 {
         match self {
             Self::Ball { radius } => {

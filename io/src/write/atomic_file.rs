@@ -81,7 +81,6 @@ impl fmt::Debug for AtomicFile {
     }
 }
 
-/// In messages.
 pub(super) const STDOUT: &str = "standard output";
 
 #[cfg(test)]

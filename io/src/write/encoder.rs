@@ -5,7 +5,6 @@ use std::thread::JoinHandle;
 use flate2::write::GzEncoder;
 use ruzstd::encoding::{CompressionLevel, FrameCompressor};
 
-/// Bytes per system call.
 const BUFFER: usize = 1 << 20;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -48,7 +48,6 @@ impl Temporary {
         Ok((file, Self { path: Some(path) }))
     }
 
-    /// Renames the file, in place of any other.
     pub(super) fn rename(mut self, path: &Path) -> io::Result<()> {
         let mut begun = begun();
         let Some(temporary) = self.path.take() else { return Ok(()) };
@@ -62,7 +61,6 @@ impl Drop for Temporary {
         if let Some(temporary) = self.path.take() {
             let mut begun = begun();
             begun.files.retain(|file| **file != *temporary);
-            // No other thread can read the list.
             drop(temporary);
         }
     }

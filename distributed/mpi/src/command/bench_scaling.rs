@@ -71,7 +71,7 @@ fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
     Duration::from_secs_f64(most)
 }
 
-/// Returns a line of JSON with the times of the median step.
+/// The median step's times as JSON.
 fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> String {
     let spheres = report.owned.total.max(1) as f64;
     let median = |of: fn(&Step) -> f64| {
@@ -96,7 +96,6 @@ fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> St
         "reason": report.detector,
     });
     let mut line = String::new();
-    // Writing to a string does not fail.
     let _ = writeln!(line, "{object}");
     line
 }
@@ -128,7 +127,7 @@ fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     match scene {
         Scene::Uniform => Sphere::new(cube(edge), 1.0),
         Scene::FiveSizes => Sphere::new(cube(edge), 0.5_f32.powi((id % 5) as i32)),
-        // Four uniform numbers sum up to a standard deviation of 0.58.
+        // Four uniform numbers have a standard deviation of 0.58.
         Scene::Gaussian => {
             let sum = |axis: u64| (0..4).map(|k| random(id, 8 * axis + k) - 0.5).sum::<f32>();
             Sphere::new(Vec3::from([1, 2, 3].map(sum)) * (edge / 1.45), 1.0)
@@ -144,7 +143,7 @@ fn wander(particles: &mut OwnedSpheres, step: u32) {
     }
 }
 
-/// Returns a number in 0..1, the same on every rank.
+/// In 0..1, the same on every rank.
 fn random(id: u64, stream: u64) -> f32 {
     (tie_breaker(tie_breaker(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
 }

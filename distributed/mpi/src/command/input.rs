@@ -42,7 +42,7 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
         FileSplit::Whole if rank == 0 => whole(&args.file, args),
         FileSplit::Whole => Ok(Frame::default()),
         FileSplit::Rows(rows) => rows.read(&args.file, args.options(), rank, ranks),
-        // Lines are counted by all ranks before one of them may fail.
+        // All ranks count lines before one may fail.
         FileSplit::Lines(text) => {
             let rank_lines = agree(
                 world,
@@ -109,7 +109,6 @@ fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
 fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Result<Space, Error> {
     let mut edges = own.cell_vectors().map(|edge| edge.unwrap_or([0.0; 3]));
     world.process_at_rank(0).broadcast_into(edges.as_flattened_mut());
-    // No vector is zero.
     let first = Space::triclinic(edges.map(|edge| (edge != [0.0; 3]).then_some(edge)));
     let first = first.map_err(|error| refused(world, error.to_string()));
     let agreed = first.and_then(|first| match split {

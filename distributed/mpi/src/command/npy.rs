@@ -9,10 +9,8 @@ use lazygrid_io::read::{Format, Frame, Frames, Options};
 
 const LONGEST: usize = 1 << 16;
 
-/// Consecutive rows.
 #[derive(Debug)]
 pub(crate) struct Rows {
-    /// Bytes before the rows.
     header: Vec<u8>,
     /// Position of the number of rows in the header.
     digits: std::ops::Range<usize>,
@@ -53,7 +51,7 @@ impl Rows {
         whole.then(|| Self { header, digits, rows, width: body / rows })
     }
 
-    /// Returns a header of fewer rows, of the same length.
+    /// Fewer rows, of the same length.
     fn header_for(&self, rows: u64) -> Vec<u8> {
         let digits = rows.to_string();
         let missing = self.digits.len().saturating_sub(digits.len());

@@ -17,7 +17,6 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// Returns the output; `None` if pairs are only counted.
     pub(crate) fn of(args: &Detect) -> Result<Option<Self>, String> {
         let Some(path) = &args.output else { return Ok(None) };
         let Some(format) = TableFormat::from_extension(path) else {
@@ -40,7 +39,6 @@ impl Target {
         self.renamed(|stem, ending| format!("{stem}.{rank}{ending}"))
     }
 
-    /// `pairs.manifest.json` for `pairs.npy.gz`.
     pub(crate) fn manifest(&self) -> PathBuf {
         self.renamed(|stem, _| format!("{stem}.manifest.json"))
     }

@@ -9,10 +9,8 @@ use lazygrid_io::read::{Format, Frame, Frames, Options};
 
 use super::npy::share;
 
-/// Most bytes before the first row.
 const LONGEST: u64 = 1 << 16;
 
-/// Rows, one per line.
 #[derive(Debug)]
 pub(crate) struct TextRows {
     format: Format,
@@ -31,7 +29,6 @@ pub(crate) struct RankLines {
 }
 
 impl TextRows {
-    /// Finds the rows of a file, if any.
     pub(crate) fn of(path: &Path, format: Format) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
         let mut start = Vec::new();
@@ -46,7 +43,7 @@ impl TextRows {
         }))
     }
 
-    /// The whole lines that begin in a rank's share of the bytes.
+    /// Lines that begin in a rank's share of the bytes.
     pub(crate) fn lines_of(&self, path: &Path, rank: u64, ranks: u64) -> Result<RankLines, String> {
         let from = self.head.len() as u64;
         let cut = |rank| from + share(self.end.saturating_sub(from), rank, ranks);
@@ -70,7 +67,7 @@ impl RankLines {
         newlines(&self.bytes)
     }
 
-    /// Reads the spheres. `before` counts lines of earlier ranks, for messages.
+    /// `before` counts lines of earlier ranks, for messages.
     pub(crate) fn read(self, path: &Path, options: Options, before: u64) -> Result<Frame, String> {
         if self.bytes.is_empty() && !self.is_first {
             return Ok(Frame::default());
@@ -99,7 +96,7 @@ fn newlines(bytes: &[u8]) -> u64 {
     bytes.iter().filter(|&&byte| byte == b'\n').count() as u64
 }
 
-/// Returns the length of comments and header; `None` if they do not end.
+/// `None` if comments and header do not end.
 fn head(start: &[u8]) -> Option<usize> {
     let mut length = 0;
     for line in start.split_inclusive(|&byte| byte == b'\n') {
@@ -116,7 +113,7 @@ fn head(start: &[u8]) -> Option<usize> {
     None
 }
 
-/// Returns the start of the first line at or after `at`, among the rows.
+/// The first line that begins at or after `at`.
 fn line_from(file: &mut File, first: u64, end: u64, at: u64) -> io::Result<u64> {
     if at <= first {
         return Ok(first);

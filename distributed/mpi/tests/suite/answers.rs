@@ -28,7 +28,6 @@ impl Placement {
 pub(crate) fn every_scene(world: &SimpleCommunicator) {
     let (rank, ranks) = (world.rank() as u32, world.size() as u32);
     for space in [Space::UNBOUNDED, Space::periodic([Some(30.0), None, Some(44.0)]).unwrap()] {
-        // Reused, as by a simulation.
         let mut kept = Distributed::new(world, config().space(space)).unwrap();
         let balance = config().space(space).ownership(Ownership::BALANCE);
         let mut balanced = Distributed::new(world, balance).unwrap();
@@ -126,7 +125,6 @@ pub(crate) fn streams(world: &SimpleCommunicator) {
     assert_eq!(total, Ok(listed.len() as u64));
     assert_eq!(gathered(world, &streamed), listed);
     assert_eq!(distributed.count(local(&particles)), Ok(listed.len() as u64));
-    // One rank stops; the others continue.
     let stopped = distributed.stream(local(&particles), 1, |_| match rank {
         0 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),

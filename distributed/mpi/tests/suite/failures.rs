@@ -78,7 +78,6 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank() as u32, world.size() as u32 - 1);
     let particles = part(world, 800);
     let mut distributed = Distributed::new(world, config()).unwrap();
-    // One rank lacks ids.
     let ids = if rank == last { &particles.ids[1..] } else { &particles.ids[..] };
     let Err(Error::Input { rank: named, index: None, message }) =
         distributed.count(LocalSpheres::new(&particles.spheres, ids))

@@ -47,7 +47,6 @@ fn main() {
     if std::env::var_os("LAZYGRID_TEST_MPI_PANIC").is_some() {
         failures::panic(&world);
     }
-    // Cargo passes names of cases.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     let mut passed = 0;
     for (name, case) in CASES {

@@ -1,5 +1,3 @@
-//! Scenes made in parts.
-
 use lazygrid::{Backend, Detector, Space, Sphere, Spheres};
 use lazygrid_mpi::{Config, GlobalPair, LocalSpheres, OwnedSpheres};
 use mpi::Count;
@@ -69,7 +67,6 @@ fn normal(k: u64, axis: u64) -> f32 {
     (0..6).map(|j| random(k, 16 + 8 * axis + j)).sum::<f32>() - 3.0
 }
 
-/// The CPU, one thread per rank.
 pub(crate) fn config() -> Config {
     Config::default().backend(Backend::Cpu).threads(1)
 }
@@ -78,7 +75,6 @@ pub(crate) fn local(particles: &OwnedSpheres) -> LocalSpheres<'_> {
     particles.local().unwrap()
 }
 
-/// Pairs of one process, as sorted ids.
 pub(crate) fn expected(spheres: &[Sphere], space: Space) -> Vec<[u64; 2]> {
     let config = lazygrid::Config::default().backend(Backend::Cpu).space(space).threads(1);
     let mut detector = Detector::new(config).unwrap();

@@ -16,10 +16,8 @@ const EDGE: f32 = 12.0;
 struct World {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
-    /// Rank of each sphere.
     owners: Vec<u32>,
     ranks: u32,
-    /// Random choices so far.
     drawn: u64,
 }
 

@@ -14,7 +14,6 @@ pub struct RankBounds {
     starts: Vec<usize>,
 }
 
-/// Spheres in a box of a rank.
 struct BoxedSpheres<'a> {
     bounds: &'a ClassBounds,
     /// Ascending indices.
@@ -106,7 +105,6 @@ impl RankBounds {
     }
 }
 
-/// Returns a rank's boxes with their spheres.
 fn boxed<'a>(spheres: &[WrappedSphere], all: &'a [ClassBounds]) -> Result<Vec<BoxedSpheres<'a>>, Error> {
     let mut boxed: Vec<_> = all.iter().map(|bounds| BoxedSpheres { bounds, members: Vec::new() }).collect();
     for (k, sphere) in (0..).zip(spheres) {

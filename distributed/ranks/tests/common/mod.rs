@@ -1,5 +1,3 @@
-//! The judge, and scenes.
-
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 use lazygrid::{Interaction, Interactions, Space, Sphere};

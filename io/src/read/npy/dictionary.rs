@@ -16,7 +16,6 @@ pub(super) enum Descr<'a> {
 pub(super) struct Field<'a> {
     pub(super) name: &'a [u8],
     pub(super) kind: &'a [u8],
-    /// Shape of an array field.
     pub(super) shape: Vec<u64>,
 }
 

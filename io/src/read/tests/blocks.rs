@@ -65,7 +65,6 @@ fn is_of(frame: &Frame, names: &[String], rows: std::ops::Range<usize>) {
     }
 }
 
-/// Rows among comments and blank lines, and their line numbers.
 fn csv(rows: usize) -> (String, Vec<usize>) {
     let (mut text, mut lines, mut line) = ("id,species,x,y,z,r\r\n".to_owned(), Vec::new(), 1);
     for k in 0..rows {

@@ -46,7 +46,6 @@ fn damaged_compression_is_an_error() {
             assert!(refused.starts_with(&format!("{name}: cannot read: ")), "{cut}: {refused}");
         }
         let mut flipped = whole.clone();
-        // In the checksum.
         let at = if name.ends_with("gz") { whole.len() - 6 } else { whole.len() - 2 };
         flipped[at] ^= 1;
         let refused = refusal(name, flipped, &[]);

@@ -55,7 +55,6 @@ fn survives(format: Option<Format>, bytes: Vec<u8>) -> Result<(), TestCaseError>
     Ok(())
 }
 
-/// Replaces, removes, repeats and inserts bytes and meaningful fragments.
 fn mutate(mut bytes: Vec<u8>, edits: Vec<(usize, u8, usize)>) -> Vec<u8> {
     const FRAGMENTS: [&[u8]; 12] =
         [b"\n", b"-", b"9999999999999", b"nan", b"1e999", b",", b" ", b"\"", b"(", b"ITEM: ", b"'", b"\xFF"];
