@@ -41,6 +41,7 @@ pub mod release;
 /// Runs from a scenario to their files.
 pub mod run;
 pub mod scenario;
+pub mod state;
 
 mod error;
 mod output;
@@ -56,5 +57,5 @@ pub use output::{animation, series, table, write_atomically};
 pub use release::origins::{Arrival, Origin};
 pub use run::any::AnySimulation;
 pub use run::simulation::Simulation;
-pub use run::state::{State, Totals};
-pub use run::view::RunView;
+pub use state::view::RunView;
+pub use state::{State, Totals};

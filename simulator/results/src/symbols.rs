@@ -4,7 +4,7 @@ use crate::log::Log;
 use crate::mean::RunningStats;
 use crate::response::Link;
 use lazygrid_sim::model::message::Message;
-use lazygrid_sim::release::time::step_of;
+use lazygrid_sim::model::time::step_of;
 use lazygrid_sim::{Model, Schedule};
 
 /// The complete slots of a message, from symbol to symbol, with a delay.

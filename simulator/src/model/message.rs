@@ -1,7 +1,7 @@
 //! Messages: bits as symbols, symbols as bursts.
 
+use crate::model::time::step_of;
 use crate::random::philox::{Key, Purpose};
-use crate::release::time::step_of;
 
 /// A sequence of symbols that a transmitter sends.
 #[derive(Clone, Debug, PartialEq)]

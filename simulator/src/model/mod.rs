@@ -3,7 +3,9 @@
 pub mod boundary;
 pub mod message;
 pub mod particles;
+pub(crate) mod probability;
 pub mod receiver;
+pub mod time;
 pub mod transmitter;
 pub mod vessel;
 

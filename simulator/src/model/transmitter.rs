@@ -1,9 +1,9 @@
 //! Sources of particles.
 
 use crate::model::message::Message;
+use crate::model::time::step_of;
 use crate::random::gaussian;
 use crate::random::philox::{Key, open_unit};
-use crate::release::time::step_of;
 
 /// A source of particles.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,10 +1,10 @@
 use crate::Error;
 use crate::model::boundary::Axis;
 use crate::model::message::Symbols;
+use crate::model::probability::ReactionProbabilities;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, WallFace};
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
-use crate::reaction::probability::ReactionProbabilities;
 
 impl Model {
     pub(crate) fn misfit(&self, species: &Species) -> Option<String> {

@@ -6,10 +6,22 @@ use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::error::Damage;
-use crate::run::checkpoint::FileRecord;
-use crate::run::checksum::{Digest, DigestWriter};
+use serde::{Deserialize, Serialize};
+
+use crate::output::checksum::{Digest, DigestWriter};
 
 type Out = BufWriter<DigestWriter<File>>;
+
+/// An appended file at the checkpoint, without the bytes after `length`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileRecord {
+    /// Name in the directory of the run.
+    pub name: String,
+    /// Number of bytes.
+    pub length: u64,
+    /// XXH64.
+    pub checksum: u64,
+}
 
 #[derive(Debug)]
 pub(super) struct AppendFile {

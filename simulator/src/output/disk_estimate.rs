@@ -1,6 +1,6 @@
 use super::animation;
 use super::{frames, series};
-use crate::scenario::Output;
+use crate::output::options::Output;
 use crate::{Model, ReceiverKind, RunView, State};
 
 /// The remaining output, in bytes.

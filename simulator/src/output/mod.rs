@@ -3,14 +3,16 @@
 //! and `checkpoint`.
 
 pub mod animation;
-mod append_file;
+pub(crate) mod append_file;
 mod arrivals;
 #[cfg(feature = "arrow")]
 mod arrow;
+pub(crate) mod checksum;
 mod disk_estimate;
 mod frames;
 mod lock;
 pub(crate) mod occupancy;
+pub(crate) mod options;
 pub mod series;
 mod symbols;
 pub mod table;
@@ -24,8 +26,8 @@ pub(crate) use lock::Lock;
 
 use append_file::AppendFile;
 
-use crate::run::checkpoint::FileRecord;
-use crate::scenario::Output;
+use crate::output::append_file::FileRecord;
+use crate::output::options::Output;
 use crate::{Error, Model, RunView};
 
 const SERIES: &str = "series.csv";

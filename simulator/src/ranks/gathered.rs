@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use crate::run::view::RunView;
+use crate::state::view::RunView;
 use crate::{Arrival, Error, Model, State, Totals};
 
 /// The state of a run on rank 0. Other ranks have only counts.

@@ -15,15 +15,12 @@
 
 mod gathered;
 mod matching;
-mod rank_slice;
 mod rows;
 mod run;
 mod simulation;
 
 pub use gathered::Gathered;
 pub use simulation::{GatherFields, RankSimulation};
-
-pub(crate) use rank_slice::RankSlice;
 
 use crate::model::Contact;
 use crate::{Error, Model};

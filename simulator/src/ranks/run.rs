@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use lazygrid::Backend;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
-use super::{GatherFields, RankSimulation, RankSlice};
+use super::{GatherFields, RankSimulation};
 use crate::output::{self, Files, Lock, occupancy};
+use crate::release::rank_slice::RankSlice;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;

@@ -10,11 +10,12 @@ use lazygrid_ranks::{
 };
 
 use super::matching::DistributedMatching;
-use super::{Gathered, RankSlice, check, rows};
+use super::{Gathered, check, rows};
 use crate::motion::binding::{self, BindingRequest};
 use crate::reaction::candidates::{BestCandidates, StepPairs};
 use crate::reaction::dissociation::Dissociated;
 use crate::reaction::{ReactantChange, interactions};
+use crate::release::rank_slice::RankSlice;
 use crate::run::simulation::{Moved, detector};
 use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
 

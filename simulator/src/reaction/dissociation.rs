@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use crate::model::boundary::Boundary;
 use crate::model::particles::{Particle, Particles};
+use crate::model::probability::ReactionProbabilities;
 use crate::model::{Model, Unbinding};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
-use crate::reaction::probability::ReactionProbabilities;
 
 /// Dissociations by species.
 #[derive(Clone, Debug, Default)]

@@ -6,18 +6,16 @@ pub mod dissociation;
 pub mod matching;
 pub mod rate;
 
-pub(crate) mod probability;
-
 use lazygrid::{Interaction, Interactions, Pair};
 
 use crate::Error;
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
+use crate::model::probability::{ProbabilityShell, ReactionProbabilities};
 use crate::model::{Contact, Model, Reaction};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, probability_threshold};
 use crate::reaction::matching::ReactionCandidate;
-use crate::reaction::probability::ReactionProbabilities;
 
 /// Reactions by pairs of species.
 #[derive(Clone, Debug)]
@@ -157,7 +155,7 @@ impl Reactions {
 fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> Vec<ReactionShell> {
     let all = chances.zones(pair);
     let outermost = all.last().map_or(0.0, |zone| zone.radius).max(reach(model, pair[0], pair[1]));
-    let zone = |zone: probability::ReactionShell| {
+    let zone = |zone: ProbabilityShell| {
         let mut below = 0.0;
         let rule = |(place, probability): (usize, f64)| {
             below += probability;

@@ -5,7 +5,7 @@
 
 pub mod origins;
 
-pub mod time;
+pub(crate) mod rank_slice;
 
 use std::ops::Range;
 
@@ -18,8 +18,8 @@ use crate::model::{Model, Species};
 use crate::random::gaussian;
 use crate::random::gaussian::direction;
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
-use crate::ranks::RankSlice;
 use crate::reaction::decay::Decays;
+use crate::release::rank_slice::RankSlice;
 
 /// Particles released at the beginning of a step.
 #[derive(Clone, Debug, Default)]

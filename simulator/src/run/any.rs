@@ -8,7 +8,7 @@ use lazygrid::{Algorithm, Backend};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::{GpuOptions, GpuSimulation};
-use crate::run::view::RunView;
+use crate::state::view::RunView;
 use crate::{Arrival, Error, Model, Simulation, State, Totals};
 
 /// A run on the CPU or on a GPU.

@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Damage;
 use crate::motion::binding::Bound;
-use crate::ranks::RankSlice;
+pub use crate::output::append_file::FileRecord;
+use crate::release::rank_slice::RankSlice;
 use crate::run::sealed::{self, Kind};
 use crate::{Error, Particles, State};
 
@@ -44,17 +45,6 @@ pub struct Checkpoint {
     pub parts: Vec<PartRecord>,
     /// State.
     pub state: State,
-}
-
-/// An appended file at the checkpoint, without the bytes after `length`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FileRecord {
-    /// Name in the directory of the run.
-    pub name: String,
-    /// Number of bytes.
-    pub length: u64,
-    /// XXH64.
-    pub checksum: u64,
 }
 
 /// A rank's file.

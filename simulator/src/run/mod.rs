@@ -1,5 +1,6 @@
 pub mod any;
 pub mod checkpoint;
+mod edit;
 mod queue;
 pub mod replicas;
 /// Command-line arguments of commands that run scenarios.
@@ -7,14 +8,8 @@ pub mod replicas;
 pub mod run_args;
 /// Runs on the CPU.
 pub mod simulation;
-pub mod state;
 pub mod sweep;
-/// The state of a run on any backend.
-pub mod view;
 
-mod edit;
-
-pub(crate) mod checksum;
 mod difference;
 pub(crate) mod memory_estimate;
 pub(crate) mod sealed;
@@ -25,11 +20,13 @@ use std::path::{Path, PathBuf};
 
 use lazygrid::{Algorithm, Backend};
 
+use crate::output::append_file::FileRecord;
+use crate::output::options::Output;
 use crate::output::{self, DiskEstimate, Files, Lock};
-use crate::run::checkpoint::{Checkpoint, FileRecord};
+use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
-use crate::scenario::{Output, Scenario};
+use crate::scenario::Scenario;
 use crate::{AnySimulation, Error, RunView, State};
 
 /// A run and its directory.

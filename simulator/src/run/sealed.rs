@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::Damage;
-use crate::run::checksum;
+use crate::output::checksum;
 use crate::{Error, output};
 
 /// Begins checkpoints of all versions.

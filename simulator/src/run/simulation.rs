@@ -11,13 +11,13 @@ use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
 use crate::motion::receiver_state;
 use crate::random::philox::{Key, Purpose};
-use crate::ranks::RankSlice;
 use crate::reaction::candidates::StepPairs;
 use crate::reaction::dissociation::{self, Dissociated, Dissociation};
 use crate::reaction::matching::Matching;
 use crate::reaction::{ReactantChange, Reactions, interactions};
 use crate::release::origins::Arrival;
-use crate::run::state::State;
+use crate::release::rank_slice::RankSlice;
+use crate::state::State;
 
 /// A run on the CPU.
 #[derive(Debug)]

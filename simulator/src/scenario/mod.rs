@@ -15,7 +15,7 @@ pub use self::overrides::Overrides;
 pub use self::sweep::Sweep;
 use lazygrid_io::{excerpt, printed};
 
-use crate::output::animation::Animation;
+pub use crate::output::options::Output;
 use crate::{Error, Model, Transmitter};
 
 /// A scenario.
@@ -33,37 +33,6 @@ pub struct Scenario {
     pub text: String,
     /// Logged warnings: location and remedy.
     pub warnings: Vec<String>,
-}
-
-/// Outputs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Output {
-    /// Steps between rows of the series.
-    pub every: u32,
-    /// Steps between frames.
-    pub frames_every: u32,
-    /// Frames in one extended XYZ file.
-    pub xyz: bool,
-    /// NumPy file for each frame.
-    pub npy: bool,
-    /// Steps between checkpoints, besides the last.
-    pub checkpoint_every: Option<u32>,
-    /// Also writes the log as Arrow files; needs the feature `arrow`.
-    pub arrow: bool,
-    /// Animation.
-    pub animation: Option<Animation>,
-}
-
-impl Output {
-    /// Returns `true` if the run writes a frame after `step` steps.
-    pub fn has_frame(&self, step: u32) -> bool {
-        (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
-    }
-
-    /// Returns the animation's options, if it has a frame after this step.
-    pub fn animated(&self, step: u32) -> Option<Animation> {
-        self.animation.filter(|animation| step.is_multiple_of(animation.every))
-    }
 }
 
 impl Scenario {

@@ -1,10 +1,10 @@
 //! Warnings of probably unintended scenarios, with remedies.
 
 use crate::model::boundary::{Axis, Boundary};
+use crate::model::probability::undoes;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, signed_distance};
 use crate::model::transmitter::{Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
-use crate::reaction::probability::undoes;
 use crate::reaction::rate;
 
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {

@@ -12,6 +12,7 @@ use crate::{DetectorVariant, Gpu, TestInput, Tolerance, catch_panic, difference,
 
 pub(crate) mod draw;
 
+/// A sequence of calls with one detector.
 #[derive(Clone, Debug)]
 pub struct Round {
     /// The seed that determines the round.

@@ -5,8 +5,8 @@ use std::ops::Range;
 use toml::Spanned;
 
 use super::Names;
+use crate::model::probability::undoes;
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
-use crate::reaction::probability::undoes;
 use crate::reaction::rate;
 use crate::scenario::file::{self, Positive};
 use crate::scenario::{Problem, warnings};

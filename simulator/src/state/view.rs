@@ -1,3 +1,5 @@
+//! A view of a run on any backend.
+
 use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};

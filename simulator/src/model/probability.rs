@@ -9,7 +9,7 @@
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ReactionShell {
+pub(crate) struct ProbabilityShell {
     /// In µm.
     pub(crate) radius: f32,
     /// Reactions, as indices in the model, and their probabilities.
@@ -20,7 +20,7 @@ pub(crate) struct ReactionShell {
 pub(crate) struct ReactionProbabilities<'a>(pub(crate) &'a Model);
 
 impl<'a> ReactionProbabilities<'a> {
-    pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<ReactionShell> {
+    pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<ProbabilityShell> {
         let channels: Vec<_> = channels(self.0, pair).collect();
         let mut radii: Vec<f32> = channels.iter().map(|(_, reaction)| reaction.binding_radius).collect();
         radii.sort_unstable_by(f32::total_cmp);
@@ -35,7 +35,7 @@ impl<'a> ReactionProbabilities<'a> {
                     rate * factor(total, self.0.time_step)
                 }
             };
-            ReactionShell {
+            ProbabilityShell {
                 radius,
                 channels: inside().map(|&(place, reaction)| (place, chance(reaction))).collect(),
             }
@@ -109,7 +109,7 @@ mod tests {
         }
     }
 
-    fn close(zone: &ReactionShell, radius: f32, expected: &[(usize, f64)]) {
+    fn close(zone: &ProbabilityShell, radius: f32, expected: &[(usize, f64)]) {
         assert_eq!(zone.radius, radius);
         assert_eq!(zone.channels.len(), expected.len(), "{zone:?}");
         for (found, expected) in zone.channels.iter().zip(expected) {

@@ -1,5 +1,7 @@
 //! The state of a run.
 
+pub mod view;
+
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -8,10 +10,10 @@ use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
 use crate::motion::binding::Bound;
 use crate::random::philox::Key;
-use crate::ranks::RankSlice;
 use crate::reaction::decay::Decays;
 use crate::release::Released;
 use crate::release::origins::{Origin, Origins};
+use crate::release::rank_slice::RankSlice;
 
 /// With the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

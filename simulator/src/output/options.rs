@@ -1,0 +1,32 @@
+use super::animation::Animation;
+
+/// Outputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// Steps between rows of the series.
+    pub every: u32,
+    /// Steps between frames.
+    pub frames_every: u32,
+    /// Frames in one extended XYZ file.
+    pub xyz: bool,
+    /// NumPy file for each frame.
+    pub npy: bool,
+    /// Steps between checkpoints, besides the last.
+    pub checkpoint_every: Option<u32>,
+    /// Also writes the log as Arrow files; needs the feature `arrow`.
+    pub arrow: bool,
+    /// Animation.
+    pub animation: Option<Animation>,
+}
+
+impl Output {
+    /// Returns `true` if the run writes a frame after `step` steps.
+    pub fn has_frame(&self, step: u32) -> bool {
+        (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
+    }
+
+    /// Returns the animation's options, if it has a frame after this step.
+    pub fn animated(&self, step: u32) -> Option<Animation> {
+        self.animation.filter(|animation| step.is_multiple_of(animation.every))
+    }
+}
