@@ -10,7 +10,6 @@ use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// Two clouds next to a receiver; the upper one decays.
 const SCENARIO: &str = r#"
 time-step = 0.001
 steps = 40
@@ -189,7 +188,6 @@ fn a_resumed_animation_is_the_same_and_a_thinned_one_says_so() {
 
 const SIZE: [usize; 2] = [1000, 640];
 
-/// A screenshot by rows of red, green and blue.
 fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[&str]) -> Vec<[u8; 3]> {
     let shot = scratch.path("shot.png");
     let done = Command::new(browser)
@@ -231,7 +229,6 @@ fn rows_of(pixels: &[[u8; 3]], like: [u8; 3]) -> Vec<usize> {
     rows.enumerate().flat_map(found).collect()
 }
 
-/// The first two colors of the page.
 const ACID: [u8; 3] = [0x4C, 0x9B, 0xE8];
 const BASE: [u8; 3] = [0xF2, 0x69, 0x5C];
 
@@ -243,7 +240,6 @@ fn a_browser_shows_the_particles_and_time() {
     let shot = |hash: &str, more: &[&str]| screenshot(browser, &scratch, &page, hash, more);
     let [first, last] = ["frame=0", "frame=40"].map(|hash| shot(hash, &[]));
     let counts = [&first, &last].map(|pixels| [ACID, BASE].map(|colour| hued(pixels, colour)));
-    // First both are in a ball; in the end acid is everywhere, and base is gone.
     let [[acid, base], [acid_later, base_later]] = counts;
     assert!(acid > 500 && base > 2000, "{counts:?}");
     assert!(acid_later > 3 * acid && base_later < base / 5, "{counts:?}");

@@ -8,7 +8,6 @@ fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
     LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))
 }
 
-/// Five touching spheres in a row, in molecules of two, two and one.
 const CHAIN: &str =
     "x,y,z,r,id,molecule\n0,0,0,0.5,10,1\n1,0,0,0.5,11,1\n2,0,0,0.5,9,2\n3,0,0,0.5,8,2\n4,0,0,0.5,7,0\n";
 

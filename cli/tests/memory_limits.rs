@@ -28,7 +28,7 @@ shape = { kind = \"gaussian\", width = 40.0 }
 release = [{ species = \"A\", count = COUNT }, { species = \"B\", count = COUNT }]
 ";
 
-/// Runs the command in at most this many MiB. Returns the exit code and standard error.
+/// Limits the address space. Returns the exit code and standard error.
 fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
     let script = format!("ulimit -v {} && exec \"$0\" \"$@\"", mebibytes << 10);
     let mut command = Command::new("sh");
@@ -44,7 +44,6 @@ fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
     (code, said)
 }
 
-/// MiB from loading the program to enough, in equal ratios.
 fn limits(most: f64) -> Vec<u64> {
     const LEAST: f64 = 56.0;
     let count = if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { 35 } else { 4 };

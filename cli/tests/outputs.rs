@@ -59,7 +59,6 @@ mod stopped {
 
     use super::*;
 
-    /// A run that has written a frame's pairs and waits for the next frame.
     fn begun(scratch: &Scratch) -> Child {
         let before = scratch.names();
         let mut child = Command::new(env!("CARGO_BIN_EXE_lazygrid"))

@@ -266,7 +266,6 @@ fn check_of_the_page_finds_no_fault_in_a_browser() {
 fn overlapping_spheres_have_their_color_in_a_browser() {
     let Some(browser) = browser().filter(|_| has_dawn()) else { return };
     let scratch = Scratch::new();
-    // Orange has more red than blue.
     let colors = |filling: u32| {
         let page = format!("{}#scene=equal&spheres=1000&filling={filling}&pause=4", PAGE.display());
         let until = "window.page?.scene.paused && !window.page.scene.stage.showing";
@@ -286,7 +285,6 @@ fn overlapping_spheres_have_their_color_in_a_browser() {
     assert!(many.0 > 2 * many.1, "orange and blue pixels: {many:?}");
 }
 
-/// Opens the page with another device until it fails. Returns its message.
 fn failure_with(device: &str, until: &str) -> Option<String> {
     let browser = browser().filter(|_| has_dawn())?;
     let scratch = Scratch::new();

@@ -27,7 +27,6 @@ fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
     pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
 }
 
-/// Five sizes, beyond the boxes of these tests.
 fn spheres() -> Vec<Sphere> {
     Scene::FiveSizes.spheres(600, 11)
 }

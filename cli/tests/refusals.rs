@@ -96,7 +96,6 @@ fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
-    // In the middle of the table.
     std::thread::sleep(Duration::from_secs(2));
     Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     let begun = Instant::now();

@@ -1,5 +1,3 @@
-//! The command on one GPU, and on several.
-
 use super::*;
 
 #[test]

@@ -40,7 +40,6 @@ fn read(path: &Path) -> Vec<Sphere> {
     frames.next().expect("a frame").expect("a valid frame").spheres
 }
 
-/// Frames of 2 and 3 spheres, with 1 and 3 pairs.
 const TWO_FRAMES: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n2 0 0 1\n\
                           3\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n0 1 0 1\n";
 

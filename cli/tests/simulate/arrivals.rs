@@ -3,7 +3,6 @@
 use super::{files, lazygrid, rows};
 use lazygrid_tests::command::{Scratch, has_gpu};
 
-/// Two transmitters, whose particles change or split, and two receivers.
 const SCENARIO: &str = r#"
 time-step = 0.001
 steps = 60

@@ -331,7 +331,6 @@ fn a_full_disk_shows_before_the_run() {
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
 }
 
-/// A run that ends with this value.
 #[cfg(unix)]
 struct Endless(Option<std::process::Child>);
 

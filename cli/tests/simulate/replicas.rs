@@ -88,7 +88,6 @@ fn replicas_are_resumed_replaced_and_refused() {
     );
     simulate(&whole, &["--replicas", "4"]).succeeds();
     simulate(&out, &["--replicas", "2", "--steps", "17"]).succeeds();
-    // One replica was not begun, and one interrupted.
     fs::remove_dir_all(out.clone() + "/replica-0001").unwrap();
     let series = out.clone() + "/replica-0000/series.csv";
     fs::write(&series, fs::read_to_string(&series).unwrap() + "18,half a li").unwrap();

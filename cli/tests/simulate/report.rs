@@ -189,7 +189,6 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         assert!((number(row, "part mean") - part).abs() < 4.0 * error + 1e-4, "{row:?}, not {part}");
         assert!(row["so far mean"].is_empty());
     }
-    // Means over the four rows of a slot.
     for row in table("interference.csv").iter().take(3) {
         let from = 0.2 * number(row, "slot");
         let part = (1..=4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
@@ -233,7 +232,6 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         }
         assert!(thresholds > 10, "{detector}: {thresholds} thresholds");
     }
-    // More are inside after a 1.
     let by_symbol = table("by-symbol.csv");
     let mean = |symbol: &str| {
         let own = by_symbol.iter().filter(|row| row["symbol"] == symbol && number(row, "time") > 0.07);

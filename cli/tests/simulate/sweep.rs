@@ -3,7 +3,6 @@ use std::fs;
 use super::{SCENARIO, files, lazygrid, rows};
 use lazygrid_tests::command::Scratch;
 
-/// A burst near an absorbing receiver of 2 µm.
 const BURST: &str = r#"
 time-step = 0.002
 steps = 200

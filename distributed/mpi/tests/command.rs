@@ -147,7 +147,7 @@ fn an_input_error_is_printed_once_with_its_place_in_the_file() {
     assert!(said.contains("--output <FILE>"), "{said}");
 }
 
-/// Returns standard error of two ranks with different arguments, which end with this code.
+/// Standard error of ranks with different arguments, which end with `code`.
 fn of_two(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
     // Open MPI ends the others after a failure, with unreliable exit codes.
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
@@ -199,7 +199,6 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     let said =
         of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 1);
     assert!(said.contains("error: the setting `--steps` is 5 on rank 0 and 3 on rank 1; "), "{said}");
-    // Options that may differ between ranks.
     let own = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);
     of_two(directory.path(), [&base, &own], 0);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 3);

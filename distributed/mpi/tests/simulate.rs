@@ -77,7 +77,6 @@ fn state(directory: &Path) -> State {
     state
 }
 
-/// Compares `steps` steps of a shipped scenario on these numbers of ranks with one process.
 fn compare(name: &str, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
     let directory = tempfile::tempdir().unwrap();
     let (path, one) = (scenario(name), directory.path().join("run"));
@@ -143,7 +142,7 @@ fn an_error_is_printed_once() {
     assert!(!Path::new(&at("out")).exists());
 }
 
-/// Returns the error of two ranks with different arguments, which end with code 1.
+/// Error of ranks with different arguments, which end with code 1.
 fn error_of_two(arguments: [&[&str]; 2]) -> String {
     // Open MPI ends the others after a failure, with unreliable exit codes.
     let command = env!("CARGO_BIN_EXE_lazygrid-mpi");

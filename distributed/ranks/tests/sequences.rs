@@ -21,7 +21,6 @@ const EDGE: f32 = 12.0;
 enum Change {
     Repeat(u8),
     Drift(u8, f32),
-    /// Multiplies all radii, or every fourth.
     Radii {
         factor: f32,
         all: bool,
@@ -33,7 +32,6 @@ enum Change {
     Place(Placement),
 }
 
-/// A sphere with a negative radius, or not finite.
 #[derive(Clone, Copy, Debug)]
 struct Fail {
     rank: u32,
@@ -286,7 +284,6 @@ proptest! {
     }
 }
 
-/// Tiny radii leave few candidates, kept until radii are large.
 #[test]
 fn candidate_list_of_tiny_spheres_is_rebuilt_when_radii_grow() {
     for (ranks, skin) in [(1, Skin::Auto), (3, Skin::Auto), (2, Skin::Fixed(0.2))] {

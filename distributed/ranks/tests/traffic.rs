@@ -144,7 +144,6 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
         let ranks =
             InProcessRanks::with_owners(owned.clone(), SphereWrapper::new(Space::UNBOUNDED, Some(&table)))
                 .unwrap();
-        // One class, so rank 0 sends: its crowd near the target, or the target.
         let expected = if second == 0 { near } else { 1 };
         assert_eq!(ranks.ghosts().total, expected, "the target is on rank {first}");
         let found = ranks.pairs(&Config::default().interactions(table.clone()).threads(1)).unwrap();

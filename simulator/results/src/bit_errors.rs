@@ -367,7 +367,6 @@ mod tests {
 
     #[test]
     fn concentrations_are_told_by_thresholds() {
-        // Levels 0, ¾, ¼ and 1 for the symbols 0 to 3.
         let levels = Modulation::Concentration(vec![0.0, 0.75, 0.25, 1.0]);
         let (model, slots) = sends(vec![0, 2, 1, 3, 2, 1], levels, vec![(0, 100)]);
         let mut errors = of(&model, 0);

@@ -163,7 +163,6 @@ mod tests {
 
     #[test]
     fn part_inside_is_a_mean_over_rows() {
-        // Ten after 0 and ten after 8 steps, rows every 2 steps up to 12, bins of 4 steps.
         let inside =
             |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
         let log = Log {

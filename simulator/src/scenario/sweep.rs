@@ -336,7 +336,6 @@ mod tests {
             assert_eq!(point.scenario.text.lines().count(), text.lines().count());
             assert!(!point.scenario.text.contains("distances"));
         }
-        // Reading a scenario refuses the section.
         let error = Scenario::parse(Path::new("s.toml"), format!("{TEXT}{section}")).unwrap_err().to_string();
         assert!(error.contains("line 17, `sweep`: ") && error.contains("lazygrid simulate"), "{error}");
     }

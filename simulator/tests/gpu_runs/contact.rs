@@ -7,7 +7,6 @@ use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species, Transmit
 
 use super::*;
 
-/// Spheres of diameter 1 on a lattice, with steps of about `length`.
 fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> Model {
     let n = edge.pow(3);
     let side = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;

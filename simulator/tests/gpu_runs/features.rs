@@ -1,5 +1,3 @@
-//! Features that draw the numbers of the CPU and decide the same.
-
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
@@ -11,7 +9,6 @@ use super::device;
 use super::models::{brownian, cpu, dyadic, gpu, reaction, species};
 use super::surfaces::{assert_close, compare, receiver, surfaces};
 
-/// Two speeds of swimmers and thermal particles that convert into each other, among reflecting and binding surfaces.
 fn swimmers() -> Model {
     let mut model = surfaces();
     model.time_step = 0.004;
@@ -66,7 +63,6 @@ fn unbound_swimmers_have_the_velocities_of_the_cpu() {
     }
 }
 
-/// A vessel with Poiseuille flow, either ends, and an absorbing receiver at its wall.
 fn in_vessel(along: usize, ends: Axis) -> Model {
     let mut axes = [Axis::Open; 3];
     axes[along] = ends;
@@ -141,7 +137,6 @@ fn several_reactions_of_the_same_reactants_equal_those_of_the_cpu() {
     }
 }
 
-/// A + B → C, which dissociates to a distance or within a ball, or decays.
 fn dissociating() -> Model {
     let mut model = brownian(true);
     model.species.push(Species { radius: 0.0625, ..species("C", 0.5, [0.0; 3]) });

@@ -10,7 +10,6 @@ use lazygrid_sim::{
 use super::device;
 use super::models::{brownian, by_id, cpu, gpu, species};
 
-/// Asserts equal counts, and positions up to rounding.
 #[track_caller]
 pub(super) fn assert_close(a: &State, b: &State, tolerance: f32) {
     assert_eq!((a.step, a.next_id), (b.step, b.next_id));
@@ -41,7 +40,6 @@ pub(super) fn receiver(name: &str, center: [f32; 3], radius: f32, kind: Receiver
     Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
 }
 
-/// Every kind of surface among A and B that annihilate.
 pub(super) fn surfaces() -> Model {
     let receptors =
         |count| ReceiverKind::Receptors(Receptors { count, binding_rate: 40.0, unbinding_rate: 60.0 });
@@ -113,7 +111,6 @@ fn bodies_go_where_they_go_on_the_cpu() {
     compare(&model, 13, 8);
 }
 
-/// Many small receivers of all kinds, listed by cells; some move.
 fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
     let kinds = surfaces().receivers.into_iter().map(|receiver| receiver.kind);
     let kinds: Vec<ReceiverKind> = kinds.collect();

@@ -67,7 +67,6 @@ fn run(directory: &Path, seed: u64, steps: u32, resume: bool) -> Run {
     run
 }
 
-/// Runs to a checkpoint on `ranks` ranks, or in one process if 0.
 fn begun(seed: u64, steps: u32, ranks: u32) -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
     files::go(&run(directory.path(), seed, steps, false), ranks);
@@ -83,7 +82,6 @@ fn resumed(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     files
 }
 
-/// Asserts that resuming names the file and a remedy.
 fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     let before = fs::read(directory.join(name)).unwrap();
     let run = run(directory, 7, STEP + 5, true);
@@ -102,7 +100,6 @@ fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     assert_eq!(fs::read(directory.join(name)).unwrap(), before, "{name}, {damage}: the file was changed");
 }
 
-/// Asserts that these bytes are refused, and restores the file.
 fn assert_refuses(directory: &Path, ranks: u32, name: &str, (bytes, damage): (&[u8], &str)) {
     let path = directory.join(name);
     let whole = fs::read(&path).unwrap();

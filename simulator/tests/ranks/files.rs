@@ -93,7 +93,6 @@ pub(crate) fn run(directory: &Path, steps: u32, resume: bool) -> Run {
     }
 }
 
-/// On `ranks` ranks, or in one process if 0.
 pub(crate) fn go(run: &Run, ranks: u32) {
     if ranks == 0 {
         assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);

@@ -39,7 +39,6 @@ pub(crate) fn everything() -> Parts {
     }
 }
 
-/// Some hundred particles, most with several candidates in a step.
 pub(crate) fn model(parts: &Parts) -> Model {
     let species = |name: &str, radius: f32, diffusion: f64| Species {
         name: name.into(),

@@ -1,5 +1,3 @@
-//! Receivers with surfaces, and moving ones.
-
 use lazygrid_sim::{
     Adsorption, Boundary, Flow, Model, Particle, Particles, Receiver, ReceiverKind, Receptors, Shape,
     Simulation, Transmitter,
@@ -31,7 +29,6 @@ fn erfcx(x: f64) -> f64 {
     1.0 / (std::f64::consts::PI.sqrt() * (x + 0.5 / (x + 1.0 / (x + 1.5 / x))))
 }
 
-/// At a reactivity in steps of different lengths, and at a probability per step.
 pub(crate) fn partial() -> Vec<Row> {
     let (n, time) = (40_000_u32, 0.5);
     let share = |sticking, count: u32| {
@@ -131,7 +128,6 @@ pub(crate) fn receptors() -> Vec<Row> {
     [(0.005, 2.0), (0.02, 2.0), (0.02, 0.2)].map(row).into()
 }
 
-/// Uniform particles outside a sphere, and the shells around it.
 pub(crate) fn reflecting() -> Vec<Row> {
     const N: u32 = 20_000;
     const RADIUS: f32 = 1.0;

@@ -94,7 +94,6 @@ pub(crate) fn on_off_keying() -> Vec<Row> {
     rows
 }
 
-/// Mean arrivals of concentration and molecule shift keying by symbol, and of steady release.
 pub(crate) fn other_modulations() -> Vec<Row> {
     let head = format!(
         "time-step = 0.002\nsteps = 1\n[[species]]\nname = \"A\"\ndiffusion = {D}\n\
@@ -141,7 +140,6 @@ const RUNS: u64 = 16;
 /// Levels begin at these arrivals.
 const THRESHOLDS: [u64; 3] = [14, 30, 52];
 const MOST: u32 = 120;
-/// Few, so that another species is often ahead.
 const OF_A_SPECIES: u32 = 15;
 
 /// The probability of each number of arrivals of bursts (size, fraction in time).

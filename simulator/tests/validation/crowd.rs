@@ -154,7 +154,6 @@ fn by_id(particles: &Particles) -> Vec<[f32; 3]> {
     rows
 }
 
-/// A thin elastic gas stays uniform up to walls and isotropic, and keeps its energy.
 pub(crate) fn gas_between_walls() -> Vec<Row> {
     let (n, radius, half, layer) = (5000_u32, 0.01_f32, 1.0_f32, 0.05_f32);
     let model = Model {

@@ -27,7 +27,7 @@ pub(crate) struct Row {
     pub(crate) measured: f64,
     /// Largest deviation that passes.
     pub(crate) tolerance: f64,
-    /// Two must differ by more than the tolerance.
+    /// Expects a difference above the tolerance.
     pub(crate) must_differ: bool,
 }
 

@@ -220,7 +220,6 @@ pub(crate) fn rate_inside() -> Vec<Row> {
     [0.1, 0.3].map(row).into()
 }
 
-/// A → B → nothing, in steps of a tenth lifetime.
 pub(crate) fn chain() -> Vec<Row> {
     let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
     let n = 200_000;

@@ -74,7 +74,6 @@ pub(crate) fn absorbing_in_flow() -> Vec<Row> {
 
 pub(crate) const FLOW: f64 = 10.0;
 
-/// Adsorbed at these velocities of particles and sphere.
 pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Row {
     let (start, n) = ([-4.0_f32, 1.0, 0.0], 40_000_u32);
     let distance = f64::from(start[0].hypot(start[1]));
@@ -100,7 +99,6 @@ pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Ro
     Row::new(format!("{what}, {count} steps"), expected, share, 4.0 * share_error(expected, n.into()))
 }
 
-/// For a sphere of radius 1.
 fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
     const TERMS: usize = 60;
     // kₗ rises with l, so its recurrence is stable upwards, and that of iₗ downwards.
@@ -124,7 +122,6 @@ fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
     (-kappa * distance * cosine - kappa * (distance - 1.0)).exp() * sum
 }
 
-/// A sphere of radius 1, steps of 0.3 to 4 radii, random distances.
 pub(crate) fn long_steps() -> Vec<Row> {
     const CASES: u32 = 16;
     let n = 20_000_u32;

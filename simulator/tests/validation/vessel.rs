@@ -46,7 +46,6 @@ fn along(particles: &Particles) -> [[f64; 2]; 2] {
     [[mean, (variance / n).sqrt()], [variance, error]]
 }
 
-/// Plug and Poiseuille flow: displacement, dispersion, and uniformity across the vessel.
 pub(crate) fn flow_profiles() -> Vec<Row> {
     let mut rows = Vec::new();
     for (profile, variance) in [("plug", (|t| 2.0 * D * t) as fn(f64) -> f64), ("poiseuille", taylor)] {

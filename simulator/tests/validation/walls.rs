@@ -22,14 +22,12 @@ fn model(time_step: f64, boundary: &str, drift: f64, center: &str, faces: &[&str
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
-/// The part that a wall has taken after a number of steps.
 fn taken(model: &Model, count: u32, receiver: usize, seed: u64) -> f64 {
     let mut simulation = begin(model, seed);
     steps(&mut simulation, count);
     simulation.received()[receiver][0] as f64 / f64::from(N)
 }
 
-/// Planes with and without drift, a slit and a cylinder, in steps of any length or short ones.
 pub(crate) fn absorbing_walls() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, found: f64| {

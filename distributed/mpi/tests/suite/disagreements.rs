@@ -16,7 +16,6 @@ fn part(world: &SimpleCommunicator) -> OwnedSpheres {
 fn refused(world: &SimpleCommunicator, odd: i32, [all, one]: [&Config; 2]) -> Error {
     let own = if world.rank() == odd { one } else { all };
     let error = Distributed::new(world, own.clone()).err().expect("ranks disagree");
-    // The communicator is in the same state on all ranks.
     let mut distributed = Distributed::new(world, config()).expect("ranks agree");
     assert!(distributed.count(local(&part(world))).is_ok());
     error

@@ -65,7 +65,6 @@ fn steady(
     assert!(scene == Scene::WideSizes || sent <= 2.0, "{scene:?}: {sent} bytes per sphere");
 }
 
-/// Number and digest of one process's pairs, on all ranks.
 fn whole(world: &SimpleCommunicator, scene: Scene) -> (u64, u64) {
     let (mut count, mut own) = (0, 0);
     if world.rank() == 0 {

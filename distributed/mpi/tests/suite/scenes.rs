@@ -21,7 +21,6 @@ impl Scene {
     pub(crate) const ALL: [Self; 6] =
         [Self::Uniform, Self::FiveSizes, Self::Giant, Self::Gaussian, Self::WideSizes, Self::Point];
 
-    /// Sphere `k` of `n`, the same on every rank.
     pub(crate) fn sphere(self, k: u64, n: u64) -> Sphere {
         let edge = (n as f32).cbrt() * 4.0;
         let cube = || [0, 1, 2].map(|axis| edge * (random(k, axis) - 0.5));
@@ -41,7 +40,6 @@ impl Scene {
         (0..n).map(|k| self.sphere(k, n)).collect()
     }
 
-    /// The spheres of `rank`; ids are neither small nor in order.
     pub(crate) fn part(self, n: u64, rank: u32, owner: impl Fn(u64) -> u32) -> OwnedSpheres {
         let mine = || (0..n).filter(|&k| owner(k) == rank);
         OwnedSpheres {

@@ -31,7 +31,6 @@ fn npy_in_every_arrangement() {
         for (descr, data) in stored {
             let file = npy(version, &header(descr, fortran, 2), &data);
             assert_eq!(rows("a.npy", file.clone(), &[]), TWO, "{descr} {fortran} {version}");
-            // Without an extension, and from a pipe of unknown length.
             let frame = Frames::new("a", Cursor::new(file), None, Options::default()).unwrap().next();
             assert_eq!(bytemuck::cast_slice::<_, [f32; 4]>(&frame.unwrap().unwrap().spheres), TWO);
         }

@@ -1,5 +1,3 @@
-//! Readers on damaged and arbitrary bytes.
-
 use proptest::prelude::*;
 
 use super::arrays::{flat, header, npy};

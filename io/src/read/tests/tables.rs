@@ -72,7 +72,6 @@ fn ids_come_from_the_file() {
     assert!(ids("a.npy", plain).unwrap_err().contains("a structured array with a field `id`"));
 }
 
-/// A structured array with the rows `TWO`, species 3 and 5, ids 70 and 1.
 fn structured(fields: &str, row: impl Fn([f32; 4], u8, u8) -> Vec<u8>) -> Vec<u8> {
     let header = format!("{{'descr': [{fields}], 'fortran_order': False, 'shape': (2,), }}\n");
     let data = [row(TWO[0], 3, 70), row(TWO[1], 5, 1)].concat();

@@ -27,7 +27,6 @@ fn metadata_matches_every_shader() {
             (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
         assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
         let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
-        // Devices with fewer bindings refuse models with surfaces.
         let most = if kernel.name == PARTICLES_MOVE_REFLECTING.name { SURFACE_BUFFERS as usize } else { 8 };
         assert!(storage <= most, "{} binds {storage} storage buffers", kernel.name);
     }

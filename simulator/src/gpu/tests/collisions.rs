@@ -1,5 +1,3 @@
-//! Collisions and separation against the CPU.
-
 use std::collections::HashMap;
 
 use super::*;
@@ -26,7 +24,6 @@ fn crowd(contact: Contact, axis: Axis) -> Model {
     Model { time_step: 0.5, ..model(contact, axis) }
 }
 
-/// Spheres on a jittered lattice of 5 × 5 × 5 sites, some overlapping.
 fn movers(model: &Model, case: u32) -> Vec<[u32; MOVER]> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
@@ -172,7 +169,6 @@ fn neighbors_are_those_of_the_cpu() {
     }
 }
 
-/// Each round begins with the device's state.
 #[test]
 fn rounds_are_those_of_the_cpu() {
     let Some(own) = device() else { return };

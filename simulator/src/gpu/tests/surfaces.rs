@@ -51,7 +51,6 @@ fn adsorption_and_unbinding_equal_those_of_the_cpu() {
     assert!(others <= 4, "{others} of 12 288 heights are others");
 }
 
-/// Three reflecting spheres as private variables, and paths near them.
 fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let receiver =
         |center, radius| Receiver { center, radius, kind: ReceiverKind::Reflecting, ..Receiver::default() };

@@ -8,7 +8,6 @@ use crate::random::gaussian::normals;
 use crate::random::philox::{open_unit, philox};
 use crate::{Axis, Boundary};
 
-/// Applies events one by one, the earliest first. Returns the collisions.
 fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon: f64) -> u64 {
     let mut collisions = 0;
     loop {

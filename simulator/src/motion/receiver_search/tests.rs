@@ -128,7 +128,6 @@ fn a_search_finds_the_receivers_of_a_loop() {
     }
 }
 
-/// A receiver pushes a particle farther than either moves, onto another receiver.
 #[test]
 fn receivers_in_the_path_of_a_pushed_particle_are_found() {
     let of = |center: f32, kind, velocity| Receiver {
