@@ -239,17 +239,18 @@ fn a_browser_shows_the_particles_and_time() {
     let page = animated(&scratch, "out", &[]) + "/animation.html";
     let shot = |hash: &str, more: &[&str]| screenshot(browser, &scratch, &page, hash, more);
     let [first, last] = ["frame=0", "frame=40"].map(|hash| shot(hash, &[]));
-    let counts = [&first, &last].map(|pixels| [ACID, BASE].map(|colour| hued(pixels, colour)));
+    let counts = [&first, &last].map(|pixels| [ACID, BASE].map(|color| hued(pixels, color)));
+    // First both are in a ball; in the end acid is everywhere, and base is gone.
     let [[acid, base], [acid_later, base_later]] = counts;
     assert!(acid > 500 && base > 2000, "{counts:?}");
     assert!(acid_later > 3 * acid && base_later < base / 5, "{counts:?}");
-    let [below, above] = [ACID, BASE].map(|colour| {
-        let rows = rows_of(&first, colour);
+    let [below, above] = [ACID, BASE].map(|color| {
+        let rows = rows_of(&first, color);
         rows.iter().sum::<usize>() / rows.len()
     });
     assert!(below > above + 50, "row {below} and row {above}");
     assert_ne!(shot("frame=0&turn=2.5", &[]), first);
     let without = shot("frame=0", &["--disable-3d-apis"]);
-    assert_eq!([ACID, BASE].map(|colour| hued(&without, colour)), [0, hued(&without, BASE)]);
+    assert_eq!([ACID, BASE].map(|color| hued(&without, color)), [0, hued(&without, BASE)]);
     assert!(hued(&without, [0xFF, 0x8A, 0x80]) > 100, "there is no message");
 }

@@ -43,7 +43,7 @@ pub struct Series {
     /// Dashed if `true`.
     pub dashed: bool,
     /// Index of the color; related lines share one.
-    pub colour: usize,
+    pub color: usize,
 }
 
 impl Series {
@@ -51,8 +51,8 @@ impl Series {
         self.points.iter().copied().filter(move |mark| mark.is_shown(scales))
     }
 
-    fn colour(&self) -> RGBColor {
-        COLOURS[self.colour % COLOURS.len()]
+    fn color(&self) -> RGBColor {
+        COLORS[self.color % COLORS.len()]
     }
 }
 
@@ -81,7 +81,7 @@ const NAMES: u32 = 19;
 const MARGIN: u32 = 12;
 const BELOW: u32 = 64;
 const LEFT: u32 = 110;
-const COLOURS: [RGBColor; 10] = [
+const COLORS: [RGBColor; 10] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 39, 40),
     RGBColor(44, 160, 44),
@@ -135,21 +135,21 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
         mesh.label_style((FONT, TEXT)).axis_desc_style((FONT, TEXT)).bold_line_style(GRID).draw()?;
         let drawn = series.iter().filter(|line| line.marks(scales).next().is_some());
         for (row, line) in (0..).zip(drawn) {
-            let colour = line.colour();
+            let color = line.color();
             let marks = || line.marks(scales);
             let points = || marks().map(|mark| mark.at).filter(|at| scales[1].holds(at.1));
             let bar = |PlotPoint { at: (x, _), bar: (low, high) }| {
                 let low = if scales[1].holds(low) { low } else { bottom };
-                PathElement::new([(x, low), (x, high)], colour.mix(0.35).stroke_width(5))
+                PathElement::new([(x, low), (x, high)], color.mix(0.35).stroke_width(5))
             };
             chart.draw_series(marks().filter(|mark| mark.bar.0 < mark.bar.1).map(bar))?;
             if line.dashed {
-                chart.draw_series(DashedLineSeries::new(points(), 6, 4, colour.stroke_width(2)))?;
+                chart.draw_series(DashedLineSeries::new(points(), 6, 4, color.stroke_width(2)))?;
             } else {
-                chart.draw_series(LineSeries::new(points(), colour.stroke_width(2)))?;
+                chart.draw_series(LineSeries::new(points(), color.stroke_width(2)))?;
             }
             if points().count() <= POINTS {
-                chart.draw_series(points().map(|p| Circle::new(p, 3, colour.filled())))?;
+                chart.draw_series(points().map(|p| Circle::new(p, 3, color.filled())))?;
             }
             name(&legend, row, line)?;
         }
@@ -163,10 +163,10 @@ fn name<B: DrawingBackend>(
     row: i32,
     line: &Series,
 ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-    let (colour, middle) = (line.colour(), 24 + 24 * row);
+    let (color, middle) = (line.color(), 24 + 24 * row);
     let gap = if line.dashed { 5 } else { 0 };
-    legend.draw(&PathElement::new([(0, middle), (9 - gap, middle)], colour.stroke_width(2)))?;
-    legend.draw(&PathElement::new([(9 + gap, middle), (18, middle)], colour.stroke_width(2)))?;
+    legend.draw(&PathElement::new([(0, middle), (9 - gap, middle)], color.stroke_width(2)))?;
+    legend.draw(&PathElement::new([(9 + gap, middle), (18, middle)], color.stroke_width(2)))?;
     legend.draw(&Text::new(line.name.clone(), (24, middle - NAMES as i32 / 2), (FONT, NAMES)))
 }
 
@@ -234,7 +234,7 @@ mod tests {
         let scales = [Scale::Linear, Scale::Logarithmic];
         let axes = Axes { title: "", x: number("x"), y: number("y"), scales };
         let drawn = |points: Vec<PlotPoint>| {
-            let series = Series { name: String::new(), points, dashed: false, colour: 0 };
+            let series = Series { name: String::new(), points, dashed: false, color: 0 };
             lines(&axes, &[series]).unwrap().map(|svg| {
                 let bars = svg.matches("stroke-width=\"5\"").count();
                 (svg.matches("<circle").count(), bars)

@@ -111,7 +111,7 @@ fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
     };
     let name = |engine: &str| if dashed { format!("{engine}, equal") } else { engine.to_owned() };
     let engines = engines(rows).into_iter().enumerate();
-    engines.map(|(colour, e)| Series { name: name(e), points: points(e), dashed, colour }).collect()
+    engines.map(|(color, e)| Series { name: name(e), points: points(e), dashed, color }).collect()
 }
 
 fn means(rows: &[&Row], columns: &[Column]) -> Table {

@@ -142,11 +142,11 @@ fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Op
     let series: Vec<Series> = engines(rows)
         .into_iter()
         .enumerate()
-        .map(|(colour, engine)| Series {
+        .map(|(color, engine)| Series {
             name: engine.to_owned(),
             points: of(engine),
             dashed: !OURS.contains(&engine),
-            colour,
+            color,
         })
         .collect();
     let caption = format!(
@@ -160,7 +160,7 @@ fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Op
 fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     let mut series = vec![];
     for (k, peer) in peers(rows).into_iter().enumerate() {
-        for (colour, moment) in by_setting(rows, "s").into_iter().enumerate() {
+        for (color, moment) in by_setting(rows, "s").into_iter().enumerate() {
             let now: Vec<&Row> = rows.iter().copied().filter(|row| moment.holds(row)).collect();
             let at = |n: usize| {
                 let of = |engine| find(&now, engine, Column::Size(n));
@@ -169,7 +169,7 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
             };
             let name = format!("{}, {peer}", moment.name());
             let points = sizes(&now).into_iter().filter_map(at).collect();
-            series.push(Series { name, points, dashed: k > 0, colour });
+            series.push(Series { name, points, dashed: k > 0, color });
         }
     }
     let title = format!("{ours}: how many times as fast, by carriers and simulated time");

@@ -56,11 +56,11 @@ pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Optio
             .map(|row| PlotPoint::new(row.at.unwrap_or_default(), row.median(), row.quartiles()))
             .collect()
     };
-    let line = |(colour, engine): (usize, &str)| Series {
+    let line = |(color, engine): (usize, &str)| Series {
         name: engine.to_owned(),
         points: of(engine),
         dashed: false,
-        colour,
+        color,
     };
     let series: Vec<Series> = engines(rows).into_iter().enumerate().map(line).collect();
     let caption =

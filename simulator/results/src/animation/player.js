@@ -23,9 +23,9 @@ class Chart {
     this.canvas.onclick = (event) => seek(((event.offsetX - Chart.LEFT) / (this.canvas.clientWidth - Chart.LEFT - 4)) * this.last);
     const names = made("div", parent);
     for (const line of lines) {
-      line.colour = colourOf(line.colour);
+      line.color = colorOf(line.color);
       const name = made("span", names, { className: "name" });
-      made("i", name).style.background = line.colour;
+      made("i", name).style.background = line.color;
       made("span", name, { textContent: line.name });
       name.onclick = () => {
         line.hidden = name.classList.toggle("off");
@@ -48,8 +48,8 @@ class Chart {
       pen.strokeRect(Chart.LEFT, y(most * part), width - Chart.LEFT - 4, 0);
     }
     pen.fillText(`${shown(last)} s`, width - 4, height - 4);
-    for (const { counts, colour } of lines) {
-      Object.assign(pen, { strokeStyle: colour, lineWidth: 1.5 });
+    for (const { counts, color } of lines) {
+      Object.assign(pen, { strokeStyle: color, lineWidth: 1.5 });
       pen.beginPath();
       counts.forEach((count, k) => pen.lineTo(x(times[k]), y(count)));
       pen.stroke();
@@ -85,7 +85,7 @@ class Player {
   legend() {
     this.scene.species.forEach(({ name }, k) => {
       const entry = made("span", element("species"), { className: "name" });
-      made("i", entry).style.background = colourOf(k);
+      made("i", entry).style.background = colorOf(k);
       made("span", entry, { textContent: name });
       entry.onclick = () => {
         entry.classList.toggle("off") ? this.stage.hidden.add(k) : this.stage.hidden.delete(k);

@@ -1,10 +1,10 @@
 "use strict";
 
 const BACKGROUND = [0.07, 0.086, 0.11];
-const COLOURS = ["#4c9be8", "#f2695c", "#5fc56d", "#ffae42", "#b48ae0", "#c58f7d", "#f08cc8", "#35c9d8", "#d3d34a",
+const COLORS = ["#4c9be8", "#f2695c", "#5fc56d", "#ffae42", "#b48ae0", "#c58f7d", "#f08cc8", "#35c9d8", "#d3d34a",
   "#a9b4c0"];
-const colourOf = (k) => COLOURS[k % COLOURS.length];
-const channels = (colour) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16) / 255);
+const colorOf = (k) => COLORS[k % COLORS.length];
+const channels = (color) => [1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16) / 255);
 
 const PARTICLE = [`#version 300 es
 layout(location=0) in vec3 place;
@@ -19,7 +19,7 @@ void main() {
   gl_PointSize = max(least, radius * projection[1][1] * height / max(away, 1e-6));
 }`, `#version 300 es
 precision highp float;
-uniform vec3 colour, background;
+uniform vec3 color, background;
 uniform vec2 haze;
 in float away;
 out vec4 shade;
@@ -30,7 +30,7 @@ void main() {
   vec3 normal = vec3(c.x, -c.y, sqrt(1.0 - square));
   float light = 0.4 + 0.6 * max(dot(normal, normalize(vec3(0.3, 0.6, 0.75))), 0.0);
   float far = clamp((away - haze.x) / (haze.y - haze.x), 0.0, 1.0);
-  shade = vec4(mix(colour * light, background, 0.65 * far), 1.0);
+  shade = vec4(mix(color * light, background, 0.65 * far), 1.0);
 }`];
 
 const SOLID = [`#version 300 es
@@ -46,13 +46,13 @@ void main() {
   toward = -at.xyz;
 }`, `#version 300 es
 precision highp float;
-uniform vec3 colour;
+uniform vec3 color;
 in vec3 outward, toward;
 out vec4 shade;
 void main() {
   float facing = abs(dot(normalize(outward), normalize(toward)));
   float rim = 1.0 - facing;
-  shade = vec4(colour * (0.6 + 0.4 * facing), 0.1 + 0.5 * rim * rim);
+  shade = vec4(color * (0.6 + 0.4 * facing), 0.1 + 0.5 * rim * rim);
 }`];
 
 const LINE = [`#version 300 es
@@ -246,7 +246,7 @@ class Stage {
     this.frame.counts.forEach((count, k) => {
       if (!this.hidden.has(k)) {
         this.use(this.particle, { low: this.frame.low, size: this.frame.size, radius: scene.species[k].radius, height,
-          least: 3 * ratio, colour: channels(colourOf(k)), background: BACKGROUND, haze });
+          least: 3 * ratio, color: channels(colorOf(k)), background: BACKGROUND, haze });
         gl.drawArrays(gl.POINTS, first, count);
       }
       first += count;
@@ -263,7 +263,7 @@ class Stage {
     for (const side of [gl.FRONT, gl.BACK])
       scene.transceivers.forEach(({ role, shape }, k) => {
         gl.cullFace(side);
-        this.use(this.solid, { center: this.centerOf(k), size: shape.size, colour: role === "receiver" ? [0.55, 0.75, 1] : [1, 0.8, 0.45] });
+        this.use(this.solid, { center: this.centerOf(k), size: shape.size, color: role === "receiver" ? [0.55, 0.75, 1] : [1, 0.8, 0.45] });
         gl.bindVertexArray(this.solids[k].array);
         gl.drawArrays(gl.TRIANGLES, 0, this.solids[k].count);
       });

@@ -81,7 +81,7 @@ struct Chart {
 #[derive(Clone, Debug, Serialize)]
 struct Line {
     name: String,
-    colour: usize,
+    color: usize,
     counts: Vec<u64>,
 }
 
@@ -251,10 +251,10 @@ fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
         ("pairs and contacts", received..series.names.len()),
     ];
     let chart = |(title, columns): (&'static str, std::ops::Range<usize>)| {
-        let line = |(colour, column): (usize, usize)| {
+        let line = |(color, column): (usize, usize)| {
             let counts: Vec<u64> = series.column(column).step_by(step).collect();
             let name = series.names[column].clone();
-            counts.iter().any(|&count| count > 0).then_some(Line { name, colour, counts })
+            counts.iter().any(|&count| count > 0).then_some(Line { name, color, counts })
         };
         let lines: Vec<_> =
             columns.filter(|&k| k < series.names.len()).enumerate().filter_map(line).collect();

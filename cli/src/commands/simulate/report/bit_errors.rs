@@ -27,13 +27,13 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
     let same = |a: &BitErrors, b: &BitErrors| {
         (a.transmitter, a.receiver, a.detector) == (b.transmitter, b.receiver, b.detector)
     };
-    for (colour, all) in channels.bit_errors.chunk_by(same).enumerate() {
+    for (color, all) in channels.bit_errors.chunk_by(same).enumerate() {
         let name = all[0].name(model);
         let point = |errors: &BitErrors| {
             rate_point(f64::from(errors.delay) * model.time_step, errors, errors.at(&errors.best()).1)
         };
         let points = all.iter().map(point).collect();
-        by_delay.push(Series { name: name.clone(), points, dashed: false, colour });
+        by_delay.push(Series { name: name.clone(), points, dashed: false, color });
         section.tables.push(table_by_delay(all, &name, model));
         if (all[0].thresholds(), all[0].detector) == (1, Detector::Arrivals) {
             for errors in shown(all) {
@@ -42,9 +42,9 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
                     name += &format!(", {:.4} s later", f64::from(errors.delay) * model.time_step);
                 }
                 let point = |threshold: u64| rate_point(threshold as f64, errors, errors.at(&[threshold]).1);
-                let (points, colour) = (thresholds(errors, POINTS).map(point).collect(), by_threshold.len());
+                let (points, color) = (thresholds(errors, POINTS).map(point).collect(), by_threshold.len());
                 section.tables.push(table_by_threshold(errors, &name));
-                by_threshold.push(Series { name, points, dashed: false, colour });
+                by_threshold.push(Series { name, points, dashed: false, color });
             }
         }
     }

@@ -59,7 +59,7 @@ fn by_symbol(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
                 };
                 let name = format!("{}, symbol {symbol}", link_name(counts.link, model));
                 let points = by_time.iter().map(point).collect();
-                lines.push(Series { name, points, dashed: false, colour: lines.len() });
+                lines.push(Series { name, points, dashed: false, color: lines.len() });
             }
         }
         section.plots.extend(plot((file, "Counts by symbol"), ("time since the symbol, s", axis), &lines)?);
@@ -91,7 +91,7 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
     let (model, mean) = (&done.run.scenario.model, done.mean);
     let mut section = Section { title: "Series".into(), ..Section::default() };
     for ColumnGroup { name, axis, columns } in groups(model) {
-        let line = |(colour, column): (usize, usize)| {
+        let line = |(color, column): (usize, usize)| {
             let rows = (0..mean.steps.len()).step_by(mean.steps.len().div_ceil(POINTS).max(1));
             let point = |row: usize| {
                 let sample = mean.row(row)[column];
@@ -101,7 +101,7 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
                 name: mean.names[column].clone(),
                 points: rows.map(point).collect(),
                 dashed: false,
-                colour,
+                color,
             }
         };
         let happens = |column: &usize| (0..mean.steps.len()).any(|row| mean.row(row)[*column].mean() > 0.0);
@@ -129,7 +129,7 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
     let (mut densities, mut momentary) = (Vec::new(), Vec::new());
     let mut sums = Vec::new();
     let mut rows = Vec::new();
-    for (colour, response) in channels.responses.iter().enumerate() {
+    for (color, response) in channels.responses.iter().enumerate() {
         let stretch = f64::from(response.width) * model.time_step;
         let point = |k: usize, moments: &RunningStats, by: f64, at: f64| {
             mark((k as f64 + at) * stretch, moments.mean() / by, moments.standard_error().map(|e| e / by))
@@ -138,13 +138,13 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
         if model.receivers[response.link.receiver].is_momentary() {
             let points =
                 response.parts.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 0.5)).collect();
-            momentary.push(Series { name, points, dashed: false, colour });
+            momentary.push(Series { name, points, dashed: false, color });
             continue;
         }
         let density = response.parts.iter().enumerate().map(|(k, part)| point(k, part, stretch, 0.5));
-        densities.push(Series { name: name.clone(), points: density.collect(), dashed: false, colour });
+        densities.push(Series { name: name.clone(), points: density.collect(), dashed: false, color });
         let cumulative = response.cumulative.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 1.0));
-        sums.push(Series { name: name.clone(), points: cumulative.collect(), dashed: false, colour });
+        sums.push(Series { name: name.clone(), points: cumulative.collect(), dashed: false, color });
         let seen = response.cumulative.iter().rposition(|part| part.count() > 0);
         if let Some(last) = seen {
             let part = &response.cumulative[last];
@@ -175,12 +175,12 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
             .to_owned(),
     );
     let (mut all, mut rows) = (Vec::new(), Vec::new());
-    for (colour, own) in channels.interference.iter().enumerate() {
+    for (color, own) in channels.interference.iter().enumerate() {
         let point =
             |(slot, part): (usize, &RunningStats)| mark(slot as f64, part.mean(), part.standard_error());
         let name = link_name(own.link, model);
         let points = own.by_lag.iter().enumerate().map(point).collect();
-        all.push(Series { name: name.clone(), points, dashed: false, colour });
+        all.push(Series { name: name.clone(), points, dashed: false, color });
         let mut cells = vec![Cell::plain(name)];
         cells.extend(own.by_lag.iter().map(|part| Cell::plain(written(part.mean(), part.standard_error()))));
         cells.push(Cell::plain(written(own.late.mean(), own.late.standard_error())));

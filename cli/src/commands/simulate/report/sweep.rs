@@ -84,7 +84,7 @@ fn curves(sweep: &SweepRuns, rows: &[SweepRow]) -> Result<Option<Section>, Box<d
                 match lines.iter_mut().find(|line| line.name == name) {
                     Some(line) => line.points.push(point),
                     None => {
-                        lines.push(Series { name, points: vec![point], dashed: false, colour: lines.len() })
+                        lines.push(Series { name, points: vec![point], dashed: false, color: lines.len() })
                     }
                 }
             }
@@ -119,7 +119,7 @@ fn response_section(
                 )
             });
             let name = format!("{}{}", link_name(response.link, model), others(sweep, values, usize::MAX));
-            lines.push(Series { name, points: points.collect(), dashed: false, colour: lines.len() });
+            lines.push(Series { name, points: points.collect(), dashed: false, color: lines.len() });
         }
     }
     if lines.is_empty() || lines.len() > MAX_LINES {
