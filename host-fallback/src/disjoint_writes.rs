@@ -29,7 +29,6 @@ impl<'a, T: Copy> DisjointSlice<'a, T> {
     }
 }
 
-/// Views numbers as atomics.
 pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     let len = numbers.len();
     const { assert!(align_of::<AtomicU32>() == align_of::<u32>()) };
@@ -38,7 +37,7 @@ pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     unsafe { std::slice::from_raw_parts(numbers.as_mut_ptr().cast(), len) }
 }
 
-/// Splits a slice at ascending positions; the last is its length.
+/// The last position is the length.
 pub(crate) fn split_at<T>(
     mut slice: &mut [T],
     ends: impl ExactSizeIterator<Item = usize>,

@@ -18,20 +18,18 @@ const MIN_MAX_THREADS: usize = 16;
 
 /// Below this number of spheres, waking threads takes as long as a light pass.
 pub(crate) const MIN_PARALLEL_SPHERES: usize = 1 << 14;
-/// The shortest work in nanoseconds that is worth waking other threads.
 const MIN_PARALLEL_NS: f32 = 300_000.0;
 
 /// The threads that execute a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Executor {
-    /// The calling thread, which wakes no other thread.
+    /// The calling thread only.
     Caller,
     /// The calling thread's pool, or rayon's global pool.
     Pool,
 }
 
 impl Executor {
-    /// Returns the executor of the current thread. A pool of one thread is not worth the switch.
     pub(crate) fn current() -> Result<Self, Error> {
         if rayon::current_thread_index().is_none() {
             start_global()?;
@@ -39,12 +37,10 @@ impl Executor {
         Ok(if rayon::current_num_threads() == 1 { Self::Caller } else { Self::Pool })
     }
 
-    /// Returns the executor for a pass over `count` spheres or pairs with little work for each.
     pub(crate) fn for_light_work(self, count: usize) -> Self {
         if count < MIN_PARALLEL_SPHERES { Self::Caller } else { self }
     }
 
-    /// Returns `true` if `time` nanoseconds of work are not worth waking other threads.
     pub(crate) fn is_short(time: f32) -> bool {
         time < MIN_PARALLEL_NS
     }
@@ -72,8 +68,8 @@ impl Executor {
         }
     }
 
-    /// Folds consecutive chunks with `step`, starting from the value of `open`, and merges the results in order. At
-    /// most `most` chunks are one task.
+    /// Folds consecutive chunks from `open` with `step`, and merges the results in order. At most `most` chunks are one
+    /// task.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
         (pieces, most): (usize, usize),
@@ -150,12 +146,10 @@ fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -
     }
 }
 
-/// The number of threads of the current or the global pool.
 fn count() -> usize {
     if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
 
-/// Creates a pool of at most `asked` threads.
 fn pool(asked: usize) -> Result<ThreadPool, Error> {
     let cores = cores();
     let threads = useful(asked, cores);
@@ -166,7 +160,6 @@ fn pool(asked: usize) -> Result<ThreadPool, Error> {
     built.map_err(|error| Error::ThreadPool { threads, reason: error.to_string() })
 }
 
-/// Limits `asked` to the useful number of threads.
 fn useful(asked: usize, cores: usize) -> usize {
     asked.min((MAX_THREADS_PER_CORE * cores).max(MIN_MAX_THREADS))
 }
@@ -175,7 +168,7 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts rayon's global pool unless it runs. Rayon itself would panic if the system refuses the threads.
+/// Rayon itself would panic if the system refuses the threads.
 fn start_global() -> Result<(), Error> {
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
     let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {

@@ -8,14 +8,12 @@ use bytemuck::allocation::try_zeroed_vec;
 
 use crate::Error;
 
-/// A growing buffer reserves `1 / GROWTH_DIVISOR` more than requested.
 const GROWTH_DIVISOR: usize = 8;
 
 const MIN_GROWTH: usize = 64;
 /// The length up to which a buffer doubles when it grows value by value.
 const MAX_DOUBLING_LEN: usize = 4096;
 
-/// The most bytes of a buffer that needs `bytes`.
 pub(crate) fn with_growth(bytes: u64) -> u64 {
     bytes + bytes / GROWTH_DIVISOR as u64
 }
@@ -33,8 +31,7 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     let _ = (values, at);
 }
 
-/// Sets the length of a buffer, whose values are then arbitrary. `what` names them in an error. After an error the
-/// buffer is empty.
+/// Sets the length of a buffer; values are then arbitrary. After an error the buffer is empty.
 ///
 /// New memory comes zeroed from the system and is not written here, so that threads share the cost of its page faults.
 pub(crate) fn try_resize<T: Zeroable>(
@@ -52,7 +49,7 @@ pub(crate) fn try_resize<T: Zeroable>(
     Ok(())
 }
 
-/// Reserves memory for `count` more values. After an error the buffer is as before.
+/// After an error the buffer is as before.
 pub(crate) fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), Error> {
     let needed = buffer.len() + count;
     if buffer.capacity() < needed {
@@ -73,7 +70,7 @@ pub(crate) fn try_push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> 
     Ok(())
 }
 
-/// Reserves memory for more values: doubles a short buffer, adds a [`GROWTH_DIVISOR`]th to a long one.
+/// Doubles a short buffer, adds a [`GROWTH_DIVISOR`]th to a long one.
 #[cold]
 fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
     let len = buffer.len();

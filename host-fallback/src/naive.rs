@@ -10,7 +10,7 @@ use crate::memory::{try_push, with_growth};
 /// The columns of two tiles, 40 KiB, stay near the first-level cache.
 const TILE: usize = 1024;
 
-/// Compares every sphere of `columns[a]` with every later one of `columns[b]`; the ranges are equal or disjoint.
+/// Compares every sphere of `columns[a]` with every later one of `columns[b]`.
 struct Tile<'t, S> {
     columns: &'t Columns,
     test: &'t PairTest<'t>,
@@ -31,12 +31,10 @@ impl<S: Sink> SimdTask for Tile<'_, S> {
     }
 }
 
-/// Estimates the nanoseconds of one thread.
 pub(crate) fn time(spheres: usize) -> f32 {
     spheres as f32 * spheres as f32 * COMPARE_NS / 2.0
 }
 
-/// The spheres, group by group, and the tiles to compare.
 #[derive(Debug, Default)]
 pub(crate) struct Naive {
     columns: Columns,
@@ -44,7 +42,7 @@ pub(crate) struct Naive {
     rows: Vec<TileRow>,
 }
 
-/// A tile, and the range of spheres to compare it with. They overlap only if both are of one group.
+/// The ranges overlap only if both are of one group.
 #[derive(Clone, Debug)]
 struct TileRow {
     tile: Range<usize>,
@@ -56,7 +54,7 @@ impl Naive {
         with_growth(spheres * (Columns::BYTES_PER_SPHERE + size_of::<u32>() as u64))
     }
 
-    /// Copies the spheres, group by group, and plans the tiles of every two groups that meet.
+    /// Plans the tiles of every two groups that meet.
     pub(crate) fn build(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
         let grouping = input.grouping(true);
         let ends = sort_by_group(&grouping, input.stats.spheres, &mut self.order)?;

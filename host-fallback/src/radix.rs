@@ -1,8 +1,7 @@
 //! A parallel stable radix sort of (key, sphere) entries, least significant digit first.
 //!
-//! Each chunk counts its digits, one prefix sum over (digit, chunk) gives every chunk its positions, and each chunk
-//! moves its entries. A pass in which all digits agree moves nothing. The result does not depend on the number of
-//! threads.
+//! Each chunk counts its digits, a prefix sum over (digit, chunk) gives every chunk its positions, and each chunk moves
+//! its entries. A pass in which all digits agree moves nothing. The result does not depend on the number of threads.
 
 use bytemuck::Zeroable;
 
@@ -15,14 +14,14 @@ use crate::memory::{try_resize, with_growth};
 const CHUNK_RECORDS: usize = 1 << 14;
 /// One thread sums their counts.
 const MAX_CHUNKS: usize = 64;
-/// Bits per digit: few enough that the cache lines written by a pass stay in the first-level cache.
+/// Cache lines written by a pass stay in the first-level cache.
 const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 
 pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {
-    /// Shifts the bits up by less than the width of the type and appends others.
+    /// `bits` is less than the width of the type.
     fn append(self, low: u32, bits: u32) -> Self;
-    /// Shifts the bits down by less than the width of the type.
+    /// `bits` is less than the width of the type.
     fn without(self, bits: u32) -> Self;
     fn low(self) -> u32;
 }
@@ -61,7 +60,6 @@ pub(crate) struct KeyedSphere<K> {
 pub(crate) struct Radix<K> {
     pub(crate) entries: Vec<KeyedSphere<K>>,
     spare: Vec<KeyedSphere<K>>,
-    /// Indexed by chunk and digit: first the number of entries, then the position of the next one.
     counts: Vec<[usize; DIGITS]>,
 }
 
@@ -73,7 +71,7 @@ impl<K: RadixKey> Radix<K> {
         with_growth(entries * Self::BYTES_PER_ENTRY + chunks * size_of::<[usize; DIGITS]>() as u64)
     }
 
-    /// Sorts the entries by keys below 2^`bits`, stably.
+    /// Stable; keys are below 2^`bits`.
     pub(crate) fn sort(&mut self, bits: u32, executor: Executor) -> Result<(), Error> {
         try_resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;
         for shift in (0..bits).step_by(DIGIT as usize) {

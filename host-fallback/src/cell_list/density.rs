@@ -1,5 +1,3 @@
-//! Density: the mean number of spheres in a cube of a given size around a sphere.
-//!
 //! Estimated from a sample, because bounds tell nothing about clusters. Along the Morton curve the members of every
 //! octree cell are adjacent, so one sort serves all cube sizes.
 
@@ -23,9 +21,8 @@ const MAX_REUSE_SPHERES: usize = 1 << 12;
 const MAX_REUSES: u32 = 15;
 /// The largest shift of the bounds, as a fraction of the extent, with which a sample is reused.
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
-/// Groups of species are kept apart below this fraction of the estimated time.
 const MAX_SEPARATE_COST: f32 = 0.9;
-/// Estimated nanoseconds of an exact test, with random access to its spheres.
+/// Estimated, with random access to the spheres.
 const EXACT_TEST_NS: f32 = 60.0;
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
@@ -45,7 +42,6 @@ impl DensityProfile {
         Ok(Sample::take(input)?.density(None))
     }
 
-    /// Samples spheres anywhere in a periodic space.
     pub(crate) fn of_places(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
         let n = spheres.len();
         let size = sample_size(n);
@@ -57,8 +53,7 @@ impl DensityProfile {
         Ok(Sample::new(bounds, places, n)?.density(None))
     }
 
-    /// Computes the profile from sorted codes with indices of spheres. With a grouping, only spheres of groups that
-    /// pair count.
+    /// Computes the profile from sorted codes. With a grouping, only spheres of groups that pair count.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
     fn from_codes(codes: &[(u64, u32)], n: usize, cell_size: f64, grouping: Option<&Grouping<'_>>) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
@@ -170,7 +165,6 @@ pub(crate) struct DensityCache {
 }
 
 impl DensityCache {
-    /// Returns the `last` sample if it still applies, else a new one.
     pub(crate) fn of(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
         let InputStats { spheres, min, max, .. } = input.stats;
         let version = input.groups.map_or(0, SpeciesGroups::version);
@@ -194,7 +188,6 @@ impl DensityCache {
         if !groups.are_several() {
             return Ok((merged, false));
         }
-        // In merged groups, species that never pair are compared.
         let apart = sample.density(Some(&grouping(true)));
         let cost = |density: &DensityProfile, is_separate| {
             let exact = match grouping(is_separate).is_by_radii() {
@@ -237,7 +230,7 @@ fn sample_size(n: usize) -> usize {
     n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
 }
 
-/// Returns a pseudorandom index in the `k`-th of `size` equal ranges below `n`.
+/// Pseudorandom in the `k`-th of `size` equal ranges below `n`.
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
@@ -256,7 +249,6 @@ fn morton(at: DVec3) -> u64 {
     spread(at.x) | (spread(at.y) << 1) | (spread(at.z) << 2)
 }
 
-/// Returns the sampled spheres that share a cell at `depth` halvings, cell by cell.
 fn cells(codes: &[(u64, u32)], depth: usize) -> impl Iterator<Item = &[(u64, u32)]> {
     let shift = 3 * (DEPTHS - depth);
     codes.chunk_by(move |(a, _), (b, _)| a >> shift == b >> shift)
@@ -266,7 +258,7 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// Returns the pairs that share a cell at `depth` halvings: of groups that meet, and in all.
+/// Returns the pairs in cells of `depth` halvings: of groups that meet, and in all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];

@@ -1,4 +1,4 @@
-//! The cells of one level, in rows that are contiguous in memory.
+//! The cells of one level, in contiguous rows.
 //!
 //! If the bounds hold too many cells, the grid is folded: cells whose coordinates agree modulo the grid's size share a
 //! table entry. Folding adds comparisons, never pairs.
@@ -11,10 +11,10 @@ use crate::math::floor;
 /// Below this many cells from the origin `f64` counts single cells; farther out, different `f32` coordinates are at
 /// least 2²⁵ cells apart, so only equal ones can meet.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
-/// The largest rounding error of a coordinate, relative to the largest coordinate: some ulp of `f64`.
+/// Relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 
-/// An upper bound on the rounding error of a sum of coordinates in `f32`, relative to the largest coordinate.
+/// An upper bound for a sum of `f32` coordinates, relative to the largest.
 const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
 #[derive(Clone, Debug)]
@@ -26,14 +26,13 @@ pub(crate) struct CellGrid {
     pub(crate) folded: bool,
     /// `true` if a row of cells may wrap.
     pub(crate) circular: bool,
-    /// `true` if touching spheres of the level always lie in the same or in adjacent cells.
+    /// `true` if touching spheres of the level are always in the same or adjacent cells.
     pub(crate) adjoining: bool,
     /// The largest effective radius of the level plus its rounding error.
     reach: f64,
     largest: f32,
 }
 
-/// The cells `first..=last`; `last` exceeds the grid's size if the range wraps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellRange {
     pub(crate) first: [u32; 3],
@@ -105,7 +104,7 @@ impl CellGrid {
         self.largest
     }
 
-    /// Estimates the rows of cells that a sphere of this radius searches.
+    /// Estimates the searched rows of cells for this radius.
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
             let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.cell_sizes[axis];
@@ -149,9 +148,8 @@ impl CellGrid {
     }
 
     /// Returns the bounds within which a sphere of `cell`, radius included, touches no sphere of lower and of higher
-    /// cells along each axis; infinite without such cells. Not for folded grids.
-    ///
-    /// Bounds are moved inwards by far more than the `f32` rounding error, subnormal numbers included.
+    /// cells along each axis, moved inwards by far more than the `f32` rounding error; infinite without such cells. Not
+    /// for folded grids.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
@@ -226,7 +224,7 @@ fn modulo(cell: i64, size: u32) -> u32 {
     cell.rem_euclid(i64::from(size)) as u32
 }
 
-/// Returns the size of the grid of at most `most` cells; the longest axes are folded.
+/// Folds the longest axes to at most `most` cells.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);

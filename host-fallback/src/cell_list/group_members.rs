@@ -1,5 +1,3 @@
-//! The spheres of each group: counts by size class, largest radius, bounds.
-
 use glam::Vec3;
 
 use super::levels::LevelPlan;
@@ -20,7 +18,6 @@ pub(super) struct GroupMembers {
     min: Vec3,
     max: Vec3,
     radius: f32,
-    /// The largest skin that is added to an effective radius.
     margin: f32,
 }
 

@@ -1,4 +1,4 @@
-//! The plan of a cell list: the sizes that share a level, and the cell size of each level.
+//! The sizes that share a level, and the cell size of each level.
 //!
 //! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
 //! long runs of spheres too small for their cells; many mean many short runs. The best choice depends on the density,
@@ -16,13 +16,10 @@ use crate::size_class::SIZE_CLASSES;
 const ROW_NS: f32 = 14.0;
 /// Estimated nanoseconds to clear and sum a table entry.
 const CELL_NS: f32 = 0.7;
-/// The most table entries per sphere.
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
 const SIZES_PER_DOUBLING: f32 = 2.0;
-/// The most cell sizes tried per level.
 const MAX_CELL_SIZES: usize = 24;
 
-/// The most groups of size classes planned separately.
 const MAX_CLASS_GROUPS: usize = 20;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +36,6 @@ pub(crate) struct Level {
     pub(crate) cell_size: f64,
 }
 
-/// Consecutive size classes as one level, and the cost of that level.
 #[derive(Clone, Copy)]
 struct LevelOption {
     cost: f32,
@@ -49,7 +45,6 @@ struct LevelOption {
 }
 
 impl LevelPlan {
-    /// Chooses the cheapest levels for `stats` at this density.
     pub(crate) fn plan(stats: &InputStats, density: &DensityProfile) -> Self {
         let classes: Vec<_> = stats.occupied().collect();
         // Neighboring classes are merged if there are very many: planning time grows with the square.
@@ -103,14 +98,14 @@ struct LevelCostModel<'c> {
 }
 
 impl LevelCostModel<'_> {
-    /// Calls `offer` for every level that begins with class `from` and every cell size: the end of its classes, the
-    /// cost of searching it for its own and all smaller spheres, and log₂ of the cell size.
+    /// Calls `offer` for every level that begins with class `from` and every cell size, with the end of its classes,
+    /// the cost of searching it for its own and all smaller spheres, and log₂ of the cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
         let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
         if extent == f32::NEG_INFINITY {
-            // With coincident centers every sphere is compared with all others at any level.
+            // With coincident centers all spheres are compared at any level.
             let part = self.density.mean(extent) / self.total.max(1.0);
             let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
             return ends.for_each(|to| offer(to, members(to) * (ROW_NS + COMPARE_NS * met(to)), 0.0));
@@ -141,9 +136,9 @@ impl LevelCostModel<'_> {
         }
     }
 
-    /// Returns the costs of each class at or after `from` with cells of this size: for the later half of the rows
-    /// around its spheres, and for the comparisons there if the level held all spheres. Members search later spheres
-    /// only; smaller spheres search both halves.
+    /// Returns the costs of each class at or after `from`: for the later half of the rows around its spheres, and for
+    /// the comparisons there if the level held all spheres. Members search later spheres only; smaller spheres search
+    /// both halves.
     fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];

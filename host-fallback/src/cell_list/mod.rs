@@ -1,4 +1,4 @@
-//! Hierarchical cell list: every sphere is in the one cell of its center, at the level of its size.
+//! Hierarchical cell list: every sphere is in the cell of its center, at the level of its size.
 //!
 //! All levels are sorted together, in one numbering of cells, coarse levels first. Each sphere searches the cells
 //! around it: at its own level for later spheres only, at coarser levels for all. So a pair is found once, from its
@@ -34,7 +34,7 @@ pub(crate) use levels::LevelPlan;
 pub(crate) use sort::SortRecord;
 use sort::Sorter;
 
-/// The most table entries per level, so that 32 bits number the entries of all levels.
+/// Keeps entries of all levels within 32 bits.
 const MAX_CELLS: u64 = 1 << 26;
 /// Factors by which cells may exceed the planned size to avoid a folded table, which is slower.
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
@@ -43,19 +43,16 @@ const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 pub(crate) struct CellList {
     levels: Vec<LevelGrid>,
     columns: Columns,
-    /// The start of each cell's spheres, and the end of the last one.
     starts: Vec<u32>,
-    /// The other levels that each level searches.
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
-    /// `true` if compared spheres are a pair exactly if their effective radii touch.
+    /// `true` if compared spheres pair exactly if their effective radii touch.
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<CachedPlan>,
     time: f32,
 }
 
-/// A plan with the inputs that tell if it still applies.
 #[derive(Debug)]
 struct CachedPlan {
     classes: [SizeClass; SIZE_CLASSES],
@@ -64,7 +61,6 @@ struct CachedPlan {
 }
 
 impl CachedPlan {
-    /// Returns the `last` plan if its inputs are unchanged, else a new one.
     fn of(last: Option<Self>, stats: &InputStats, density: &DensityProfile) -> Self {
         match last {
             Some(last) if last.classes == stats.classes && last.density == *density => last,
@@ -86,7 +82,6 @@ struct LevelGrid {
 }
 
 impl LevelGrid {
-    /// Returns the rows of cells that its spheres search on a level, with radii up to `cap`.
     fn effort(&self, other: &Self, cap: f64) -> f64 {
         self.members.len() as f64 * other.grid.rows_around(self.grid.reach().min(cap))
     }
@@ -95,7 +90,7 @@ impl LevelGrid {
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,
-    /// The radius cap of the searching spheres: none pairs with a sphere of the level at a greater distance.
+    /// No searching sphere pairs with a sphere of the level at a greater distance.
     cap: f32,
 }
 
@@ -206,7 +201,7 @@ impl CellList {
         search::search(self, input, output)
     }
 
-    /// Replaces the ids of the spheres by their positions in the list, and fills `order` with the ids.
+    /// Replaces ids by positions in the list, and fills `order` with the ids.
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         self.columns.renumber(order)
     }

@@ -10,7 +10,7 @@ use crate::input::{SearchInput, search_pieces};
 
 /// Some tens of microseconds at moderate density.
 const CHUNK_SPHERES: usize = 1 << 10;
-/// Hits are queued if at least one of this number of runs contains some.
+/// The average number of runs per hit at or below which hits are queued.
 const RUNS_PER_HIT: usize = 2;
 
 pub(super) fn search<'o, O: Output>(
@@ -88,7 +88,6 @@ fn around(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, 
     (around, around.rows[0][2] as usize)
 }
 
-/// Wraps `at`, which is less than `2 * size`, to `0..size`.
 #[inline(always)]
 fn wrap(at: u32, size: u32) -> u32 {
     if at < size { at } else { at - size }
@@ -101,13 +100,11 @@ struct Finder<'p, V, S> {
     sink: &'p mut S,
     runs: RunQueue,
     hits: HitQueue,
-    /// `true` if the last comparisons had many hits.
     is_crowded: bool,
 }
 
 impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
-    /// Searches for the spheres at `members`: spheres of one cell share its neighbor cells. At its own level a sphere
-    /// is compared with later spheres only, so each pair is found once.
+    /// Searches for the spheres at `members`; spheres of one cell share its neighbor cells.
     #[inline(always)]
     fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
@@ -144,8 +141,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the runs of a level that the sphere at `at` may touch, without spheres before index `from`. Its radius is
-    /// capped at `cap`.
+    /// Queues the runs that the sphere at `at` may touch, after index `from`, with its radius capped at `cap`.
     #[inline(always)]
     fn level(&mut self, level: &LevelGrid, (at, cap): (usize, f32), from: usize) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
@@ -167,7 +163,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the rows of a cell range. A range that wraps is no longer than its axis, so no row is queued twice.
+    /// A range that wraps is no longer than its axis, so no row is queued twice.
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, (at, from): (usize, usize)) {
         let (size, first, count) = (level.grid.size, block.first, block.count());

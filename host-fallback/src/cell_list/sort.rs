@@ -16,7 +16,7 @@ use crate::memory::{try_collect, try_resize};
 const CHUNK_SPHERES: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
 /// Enough chunks to balance threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 32;
-/// The target number of spheres per bucket: 48 KiB of records.
+/// 48 KiB of records.
 const BUCKET: usize = 1 << 11;
 /// One cache line per bucket stays in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
@@ -33,7 +33,6 @@ pub(crate) struct SortRecord {
 pub(super) struct Sorter {
     keys: Vec<u32>,
     entries: Vec<SortRecord>,
-    /// Indexed by chunk and bucket: first the number of spheres, then the position of the next one.
     offsets: Vec<u32>,
     ends: Vec<usize>,
 }
@@ -49,11 +48,10 @@ impl Sorter {
         &mut self.entries
     }
 
-    /// The entries of `starts` after the cells.
     pub(super) const PADDING: usize = 3;
 
-    /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the position of the first sphere of cell
-    /// `k` or a later one; the padding of `starts` repeats the end.
+    /// Fills `columns` with the sorted spheres, and `starts[k]` with the position of the first sphere of cell `k` or a
+    /// later one; the padding repeats the end.
     pub(super) fn sort(
         &mut self,
         input: &SearchInput<'_>,

@@ -82,7 +82,6 @@ fn folded_table_matches_naive() {
     assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
 }
 
-/// Tables of all kinds, by every algorithm; groups are kept apart and merged; some cells are crowded.
 #[test]
 fn groups_of_species_match_naive() {
     let kinds = [Interaction::Never, Interaction::Touch, Interaction::Within(0.9), Interaction::Within(4.0)];

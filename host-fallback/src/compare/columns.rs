@@ -2,10 +2,9 @@ use super::pair_test::PairTest;
 use crate::Error;
 use crate::memory::try_resize;
 
-/// The most lanes of any SIMD width, which pad the columns.
 pub(crate) const MAX_LANES: usize = 16;
 
-/// Spheres as columns, padded so that a whole vector can be loaded at any sphere.
+/// Spheres as columns, padded for whole vectors.
 ///
 /// Invariant: if there are spheres, every column has `len + MAX_LANES` values; only [`Columns::resize`] changes
 /// lengths.
@@ -19,7 +18,6 @@ pub(crate) struct Columns {
     len: usize,
 }
 
-/// The columns `x`, `y`, `z`, the effective radius and the index in the input.
 pub(crate) struct ColumnsMut<'c> {
     pub(crate) xyzr: [&'c mut [f32]; 4],
     pub(crate) id: &'c mut [u32],
@@ -32,7 +30,7 @@ impl Columns {
         self.len
     }
 
-    /// Sets the number of spheres to `len`. The caller must write them. After an error the columns are empty.
+    /// Sets the number of spheres, which the caller must write. After an error the columns are empty.
     pub(crate) fn resize(&mut self, len: usize) -> Result<ColumnsMut<'_>, Error> {
         let Self { x, y, z, r, id, .. } = self;
         self.len = 0;
@@ -47,7 +45,7 @@ impl Columns {
         Ok(ColumnsMut { xyzr, id: &mut id[..len] })
     }
 
-    /// Moves the ids to `order` and replaces each by the sphere's position.
+    /// Moves the ids to `order` and replaces them by positions.
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         try_resize(order, self.len, "the order of spheres")?;
         order.copy_from_slice(&self.id[..self.len]);
@@ -79,7 +77,7 @@ impl Columns {
         self.lanes::<1>(at).map(|[value]| *value)
     }
 
-    /// The `N` values of each of `x`, `y`, `z`, `r` that start at `base`, with padding after the last sphere.
+    /// Returns `N` values of `x`, `y`, `z`, `r` from `base`, padding included.
     #[inline(always)]
     pub(crate) fn lanes<const N: usize>(&self, base: usize) -> [&[f32; N]; 4] {
         const { assert!(N <= MAX_LANES) };

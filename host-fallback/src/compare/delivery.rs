@@ -14,7 +14,7 @@ use lazygrid_kernels::Pair;
 use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
 use crate::Error;
 
-/// Runs `search`, whose output a new thread passes to `consume` in chunks from `free_chunks`.
+/// Runs `search`; a new thread passes its output to `consume` in chunks from `free_chunks`.
 pub(crate) fn deliver_unordered(
     consume: PairConsumer<'_>,
     free_chunks: &mut Vec<Vec<Pair>>,
@@ -43,7 +43,6 @@ pub(crate) fn deliver_unordered(
     delivered
 }
 
-/// Ends the consumer's thread, also if the search panics.
 struct EndOnDrop(SyncSender<Vec<Pair>>);
 
 impl Drop for EndOnDrop {

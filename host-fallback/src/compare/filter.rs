@@ -8,7 +8,7 @@ use crate::disjoint_writes::{close_gaps, shared};
 use crate::executor::Executor;
 use crate::memory::try_collect;
 
-/// About 0.2 ms (50 ns per pair of spheres that are far apart in memory).
+/// About 0.2 ms (50 ns per pair of distant spheres).
 const CHUNK_PAIRS: usize = 1 << 12;
 
 /// The exact filter of found pairs. Indices of a second set follow the first.
@@ -21,8 +21,7 @@ pub struct PairFilter<'a> {
 }
 
 impl<'a> PairFilter<'a> {
-    /// Creates the filter of a query; `None` if the search decides. `contact` has the space and the table for spheres
-    /// in a frame. Species ids and exclusions are already checked.
+    /// Creates the filter of a query; `None` if the search decides. Species ids and exclusions are already checked.
     pub(crate) fn new(
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
@@ -115,7 +114,6 @@ impl<'a> PairFilter<'a> {
 mod tests {
     use super::*;
 
-    /// Chunks with rejected pairs at the ends, alone, and throughout.
     #[test]
     fn retained_pairs_keep_their_order_on_any_number_of_threads() {
         let count = 3 * CHUNK_PAIRS as u32 + 5;
@@ -126,7 +124,6 @@ mod tests {
         let query = Query::new(&rows).without(&exclusions);
         let filter = PairFilter::new(query, None).expect("exclusions need a filter");
         for executor in [Executor::Caller, Executor::Pool] {
-            // Descending, so that any other order shows.
             let mut pairs: Vec<_> = (0..count).rev().map(|k| Pair { i: k, j: k + 1 }).collect();
             filter.retain(&mut pairs, executor);
             let expected = (0..count).rev().filter(|&k| !is_listed(k));

@@ -1,5 +1,3 @@
-//! The exact contact test.
-
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Sphere, Spheres};
 
@@ -7,8 +5,8 @@ use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Returns `true` if two centers are at most `cutoff` apart, in `f64`, where differences of `f32` coordinates cannot
-/// overflow, underflow or lose the digits that decide contact.
+/// Tests in `f64`, where differences of `f32` coordinates cannot overflow, underflow or lose the digits that decide
+/// contact.
 ///
 /// With periodic `lengths` it uses minimum images. Wrapped centers are no farther apart along an axis than its length,
 /// and subtracting their distance from the length does not round.
@@ -21,7 +19,6 @@ fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     d.x * d.x + d.y * d.y + d.z * d.z <= cutoff * cutoff
 }
 
-/// The exact pair test, and the radii that a broad phase uses.
 #[derive(Clone, Debug)]
 pub(crate) struct PairTest<'a> {
     spheres: Spheres<'a>,
@@ -42,16 +39,15 @@ pub(crate) struct SphereRadii {
     pub(crate) own: f32,
     /// The radius by the interactions of the species.
     pub(crate) effective: f32,
-    /// The effective radius, plus the skin margin in a search for candidates.
+    /// Plus the skin margin in a search for candidates.
     pub(crate) widened: f32,
 }
 
 /// The margin added to radii in a search for candidates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
-    /// The margin of each [size class](class_of).
     pub(crate) by_class: &'a [f32; SIZE_CLASSES],
-    /// The sphere at each position, if ids of columns are positions in another order.
+    /// If ids of columns are positions in another order.
     pub(crate) order: Option<&'a [u32]>,
 }
 
@@ -63,7 +59,7 @@ struct Species<'a> {
 }
 
 impl<'a> PairTest<'a> {
-    /// Creates the test of spheres in unbounded space, with checked species ids.
+    /// In unbounded space, with checked species ids.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
         let species = interactions.zip(spheres.species()).map(|(table, ids)| {
@@ -83,7 +79,6 @@ impl<'a> PairTest<'a> {
         }
     }
 
-    /// Adds the frame of the search, and the exact filter.
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
         // In orthogonalized coordinates, and between effective radii of species, no contact is certain.
         let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
@@ -91,7 +86,6 @@ impl<'a> PairTest<'a> {
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
     }
 
-    /// Sets the space; the spheres must be wrapped.
     pub(crate) fn in_space(self, space: Space) -> Self {
         let lengths = space.lengths().map(|length| length.unwrap_or(f64::INFINITY));
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
@@ -105,8 +99,7 @@ impl<'a> PairTest<'a> {
         &self.space
     }
 
-    /// Returns the space of the SIMD filter for spheres up to this radius; `None` if it is unbounded and contact needs
-    /// no slack.
+    /// `None` if space is unbounded and contact needs no slack.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::is_orthogonal) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
@@ -159,8 +152,7 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
     }
 
-    /// Declares that contact by effective radii decides, which the caller guarantees, if no filter or frame requires
-    /// more.
+    /// Declares that contact by effective radii decides, if no filter or frame requires more.
     pub(crate) fn decided_by_radii(&mut self) {
         self.is_plain = self.filter.is_none() && self.frame.is_none();
     }

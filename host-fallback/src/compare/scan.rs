@@ -5,7 +5,6 @@ use super::pair_test::PairTest;
 use super::simd::SimdWidth;
 use super::sink::Sink;
 
-/// Estimated nanoseconds per comparison in a long run.
 pub(crate) const COMPARE_NS: f32 = 0.2;
 
 #[derive(Clone, Copy)]
@@ -16,8 +15,7 @@ struct Lanes {
 
 type Among<'c> = (&'c Columns, &'c PairTest<'c>);
 
-/// Compares the sphere at `at` with a run of others, which must not contain it. Returns the number of vectors with
-/// hits.
+/// Compares the sphere at `at` with a run without it. Returns the number of vectors with hits.
 #[inline(always)]
 pub(crate) fn scan<V: SimdWidth, S: Sink>(
     vector: V,
@@ -64,7 +62,7 @@ impl HitQueue {
         Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, hit_vectors: 0 }
     }
 
-    /// Like [`scan`], for spheres with many hits. [`flush`](Self::flush) writes the last pairs.
+    /// For spheres with many hits. [`flush`](Self::flush) writes the last pairs.
     #[inline(always)]
     pub(crate) fn scan<V: SimdWidth, S: Sink>(
         &mut self,
@@ -90,7 +88,7 @@ impl HitQueue {
         }
     }
 
-    /// Writes the queued hits. Returns the number of vectors with hits since the last flush.
+    /// Returns the number of vectors with hits since the last flush.
     #[inline(always)]
     pub(crate) fn flush<V: SimdWidth, S: Sink>(
         &mut self,
@@ -131,7 +129,6 @@ fn take<V: SimdWidth, S: Sink>(
     }
 }
 
-/// Returns the lanes that are pairs with the sphere at `at`, among possible ones.
 #[inline(never)]
 fn decide(test: &PairTest<'_>, columns: &Columns, at: usize, base: usize, lanes: Lanes) -> u32 {
     let mut hits = if test.is_plain() { lanes.certain } else { 0 };

@@ -17,13 +17,13 @@ use crate::memory::{self, try_resize};
 
 /// Pairs per buffer of a thread: 64 KiB, far below a core's cache, large enough to amortize delivery.
 const CHUNK: usize = 8192;
-/// The fewest pairs for which a reused buffer is cleared.
+/// The least cleared size of a reused buffer.
 const MIN_CHUNK: usize = 256;
 
-/// The most partly filled chunks of a list per thread, one at each end of a thread's work.
+/// The most partly filled chunks per thread, at the ends of its work.
 const PARTLY_FILLED: u64 = 8;
 
-/// Returns the most bytes of a list of up to `pairs` pairs while `threads` threads write it.
+/// The most bytes while `threads` threads write a list.
 pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
     let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
@@ -37,21 +37,17 @@ pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
 pub type PairConsumer<'t> = &'t mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send);
 
 pub(crate) trait Sink: Send + Sized {
-    /// Adds the pairs of sphere `id` with the selected `lanes` of `ids`.
     fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
     fn pair(&mut self, pair: Pair);
 
-    /// Adds pairs of positions, as the spheres in `order`.
     #[inline(always)]
     fn places(&mut self, pairs: &[Pair], order: &[u32]) {
         pairs.iter().for_each(|&pair| self.pair(at_places(pair, order)));
     }
 
-    /// Appends the pairs of the sink of the following work.
     fn merge(self, later: Self) -> Result<Self, Error>;
 
-    /// Returns the sink itself, unless memory for some pairs was refused.
     fn checked(self) -> Result<Self, Error> {
         Ok(self)
     }
@@ -106,17 +102,15 @@ impl Sink for Counter {
     }
 }
 
-/// Writes pairs into chunks.
 pub(crate) struct ChunkedOutput<'c> {
     pub(crate) to: ChunkTarget<'c>,
-    /// The range of the smaller index of wanted pairs; `None` for all.
+    /// The range of the smaller index; `None` for all.
     pub(crate) window: Option<Range<u32>>,
-    /// Chunks for reuse, with arbitrary contents.
+    /// With arbitrary contents.
     pub(crate) free_chunks: Mutex<Vec<Vec<Pair>>>,
     pub(crate) stop: AtomicBool,
 }
 
-/// The destination of full chunks.
 pub(crate) enum ChunkTarget<'c> {
     /// In order up to `limit` pairs, then only counted.
     List {
@@ -143,8 +137,7 @@ impl<'c> ChunkedOutput<'c> {
         matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
-    /// Returns the `lanes` of `ids` whose pairs with `id` are inside the window. Pairs outside never fill a chunk, so
-    /// chunks take no more memory than the requested pairs.
+    /// Drops pairs outside the window, so chunks take no more memory than the requested pairs.
     #[inline(always)]
     fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         let Some(Range { start, end }) = self.window else { return lanes };
@@ -156,7 +149,6 @@ impl<'c> ChunkedOutput<'c> {
         lanes & (0..MAX_LANES).fold(0, |mask, k| mask | wanted(k))
     }
 
-    /// Delivers a full chunk; returns it if the list keeps it.
     fn finish_chunk(&self, chunk: Vec<Pair>) -> Result<Option<Vec<Pair>>, Error> {
         match &self.to {
             ChunkTarget::List { limit, kept } => {
@@ -193,7 +185,6 @@ impl<'c> ChunkedOutput<'c> {
         Ok(None)
     }
 
-    /// Passes chunks to `consume` until an empty one arrives.
     pub(super) fn consume(
         &self,
         chunks: &Receiver<Vec<Pair>>,
@@ -208,7 +199,7 @@ impl<'c> ChunkedOutput<'c> {
         Ok(())
     }
 
-    /// Keeps a chunk for reuse at its current length, because growing it would clear the new part.
+    /// At its current length, because growing it would clear the new part.
     fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
             memory::try_push(&mut lock(&self.free_chunks), chunk, "chunks of pairs")?;
@@ -232,17 +223,16 @@ impl<'c> Output for ChunkedOutput<'c> {
 pub(crate) struct Writer<'o, 'c> {
     output: &'o ChunkedOutput<'c>,
     found: u64,
-    /// Empty, or up to [`CHUNK`] pairs (`len` are used) with a capacity of [`CHUNK`].
+    /// Empty, or up to [`CHUNK`] pairs (`len` are used).
     chunk: Vec<Pair>,
     len: usize,
-    /// `true` once the list is too long or memory is refused: further pairs are only counted.
+    /// The list is too long or memory is refused.
     counting: bool,
     chunks: Vec<Vec<Pair>>,
     refused: Option<Error>,
 }
 
 impl Writer<'_, '_> {
-    /// Delivers the last chunk; returns the number of pairs, and the kept ones in order.
     pub(crate) fn finish(mut self) -> Result<(u64, Vec<Vec<Pair>>), Error> {
         self.flush()?;
         match self.refused {
@@ -251,7 +241,7 @@ impl Writer<'_, '_> {
         }
     }
 
-    /// Returns space for the pairs of one comparison; `None` if memory for it is refused.
+    /// `None` if memory is refused.
     #[inline(always)]
     fn room(&mut self) -> Option<&mut [Pair; MAX_LANES]> {
         if self.chunk.len() < self.len + MAX_LANES
@@ -263,7 +253,7 @@ impl Writer<'_, '_> {
         self.chunk[self.len..].first_chunk_mut()
     }
 
-    /// Extends the chunk, or begins another one. Chunks grow as they fill, so that few pairs clear little memory.
+    /// Chunks grow as they fill, so that few pairs clear little memory.
     #[cold]
     #[inline(never)]
     fn renew(&mut self) -> Result<(), Error> {

@@ -1,5 +1,3 @@
-//! The choice of the algorithm from the input's statistics.
-
 use lazygrid_kernels::{Algorithm, Backend};
 
 use crate::{Error, InputStats};
@@ -14,7 +12,7 @@ pub(crate) enum IndexKind {
 }
 
 impl IndexKind {
-    /// Returns the index of an algorithm; for `Auto` the one with the most memory.
+    /// For `Auto` the one with the most memory.
     pub(crate) fn from_algorithm(algorithm: Algorithm) -> Result<Self, Error> {
         match algorithm {
             Algorithm::Naive => Ok(Self::Naive),
@@ -51,7 +49,7 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
 /// Comparisons between two sets that cost as much as sorting and searching for one sphere.
 const COMPARED_PER_SPHERE: u64 = 200;
 
-/// Returns the algorithm and the reason for two sets, the first of `split` spheres.
+/// For two sets, the first of `split` spheres.
 pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return choose(asked, stats);

@@ -271,7 +271,7 @@ pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     })
 }
 
-/// The indices of spheres in a stream: spheres of a second set have their index in that set.
+/// Spheres of a second set have their index in that set.
 #[derive(Debug, Default)]
 struct Numbering {
     split: Option<u32>,
@@ -279,7 +279,6 @@ struct Numbering {
 }
 
 impl Numbering {
-    /// Begins a stream in chunks of at most `chunk` pairs. Returns the pairs per chunk.
     fn begin(&mut self, chunk: usize, split: Option<usize>) -> Result<usize, Error> {
         self.split = split.map(|split| split as u32);
         if split.is_none() {

@@ -119,7 +119,7 @@ impl SearchBackend for HostBackend {
         (&mut self.state.report.pairs, &mut self.state.report.phases)
     }
 
-    /// Prepares, chooses, builds, and calls `work`; for small inputs only long work runs in the detector's pool.
+    /// For small inputs only long work runs in the detector's pool.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, buffers, groups, state } = self;
         let settings = &*settings;
@@ -186,7 +186,6 @@ mod tests {
     use super::*;
     use crate::Order;
 
-    /// Returns `true` if the calling thread alone searches `n` spheres at these distances.
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
         let settings =

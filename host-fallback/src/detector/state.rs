@@ -31,7 +31,7 @@ pub(crate) struct DetectorState {
 }
 
 impl DetectorState {
-    /// Updates the displacements of a candidate list. Returns the reason for a rebuild, or `None` if the list is valid.
+    /// Returns the reason for a rebuild, or `None` if the candidate list is valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -50,7 +50,6 @@ impl DetectorState {
         }
     }
 
-    /// Chooses and builds an index, unless the candidate list is valid.
     pub(crate) fn build(
         &mut self,
         input: &mut SearchInput<'_>,
@@ -89,7 +88,7 @@ impl DetectorState {
         Ok(())
     }
 
-    /// Returns `true` if a search is expected to end before other threads wake.
+    /// Returns `true` if a search probably ends before other threads wake.
     pub(crate) fn is_short(&self, input: &SearchInput<'_>) -> bool {
         match self.report.algorithm {
             _ if self.from_candidates => false,
@@ -142,7 +141,7 @@ impl DetectorState {
         })
     }
 
-    /// Collects at most `limit` pairs, with `i` in `window` if given. Returns their number and the chunks.
+    /// Collects at most `limit` pairs, with `i` in `window` if given.
     fn collect(
         &mut self,
         input: &SearchInput<'_>,

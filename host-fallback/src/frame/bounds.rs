@@ -1,5 +1,3 @@
-//! The bounds of spheres as given.
-
 use lazygrid_kernels::Query;
 
 use crate::executor::Executor;
@@ -61,7 +59,6 @@ impl Bounds {
         0.5 * self.min[axis] + 0.5 * self.max[axis]
     }
 
-    /// Returns the largest distance from `origin` along an axis.
     pub(super) fn reach(&self, axis: usize, origin: f64) -> f64 {
         (self.max[axis] - origin).max(origin - self.min[axis])
     }

@@ -2,13 +2,13 @@ use bytemuck::cast;
 
 use super::{Axes, GROWTH, MAX_RADIUS, SearchFrame};
 
-/// The map to a frame, for all lanes of a row `x, y, z, r`. Its results equal [`SearchFrame::sphere`].
+/// The map to a frame, for all lanes of a row. Its results equal [`SearchFrame::sphere`].
 pub(crate) struct FrameMap<'f> {
     pub(crate) frame: &'f SearchFrame,
     pub(crate) origin: [f64; 4],
     /// Infinite for an unbounded axis and for the radius. NaN in a triclinic space.
     pub(crate) lengths: [f64; 4],
-    /// The radius at which radii are cut; infinite for coordinates.
+    /// The largest radius; infinite for coordinates.
     pub(crate) limit: [f64; 4],
     /// The scale of the frame with the growth of radii, and the summand of the growth. The scale is a power of two, so
     /// the product rounds as if both factors were applied in turn.
@@ -46,7 +46,7 @@ impl<'f> FrameMap<'f> {
         self.lengths == [f64::INFINITY; 4]
     }
 
-    /// Maps a sphere, given with its effective radius. `PERIODIC` may be `false` only if the map [is
+    /// Maps a sphere with its effective radius. `PERIODIC` may be `false` only if the map [is
     /// unbounded](Self::is_unbounded).
     #[inline(always)]
     pub(crate) fn map<const PERIODIC: bool>(&self, row: [f64; 4]) -> [f32; 4] {

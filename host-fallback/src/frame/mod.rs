@@ -33,14 +33,13 @@ use lazygrid_kernels::{Orthogonalization, Space, Sphere, TriclinicCell};
 pub(crate) use bounds::Bounds;
 pub(crate) use map::FrameMap;
 
-/// The relative and the absolute growth of radii.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 const MAX_RADIUS: f64 = 4.0;
 /// The smallest frame as a fraction of the distance between spheres along a periodic axis.
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// The absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
-/// The smallest filled fraction with which a frame is kept, so that radii of moving spheres do not change.
+/// The smallest filled fraction with which a frame is kept, so radii of moving spheres do not change.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
 /// The map from given to searched spheres.
@@ -92,7 +91,6 @@ impl SearchFrame {
         Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes }
     }
 
-    /// Returns `true` for `f32` spheres in a triclinic space, whose frame does not depend on the spheres.
     pub(crate) fn is_narrow(&self) -> bool {
         matches!(self.axes, Axes::Narrow(_))
     }
@@ -119,7 +117,6 @@ impl SearchFrame {
         }
     }
 
-    /// Returns `true` if distances in the frame are scaled distances in space, up to rounding.
     pub(crate) fn is_orthogonal(&self) -> bool {
         matches!(self.axes, Axes::Orthogonal(_))
     }
@@ -129,7 +126,7 @@ impl SearchFrame {
         self.scale
     }
 
-    /// Returns the overlap in an orthogonal frame beyond which spheres up to this radius certainly touch in space.
+    /// The overlap beyond which spheres up to this radius certainly touch in space.
     pub(crate) fn slack(largest: f32) -> f32 {
         let [absolute, relative] = SLACK;
         absolute + relative * largest
@@ -171,7 +168,7 @@ fn searched_radius(radius: f64) -> f32 {
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 
-/// Returns the power of two that scales `size` to between one half and 1.
+/// Scales `size` to between one half and 1.
 fn scale_of(size: f64) -> f64 {
     const FRACTION: u64 = (1 << 52) - 1;
     const EXPONENTS: u64 = 2047;
@@ -184,12 +181,12 @@ fn scale_of(size: f64) -> f64 {
     0.25 * f64::from_bits((EXPONENTS - exponent) << 52)
 }
 
-/// Returns the image of a coordinate within half a length of the origin, without rounding.
+/// Within half a length of the origin, without rounding.
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let half = 0.5 * length;
     if x.abs() <= 1.5 * length {
-        // By Sterbenz's lemma: the operands are within a factor of two.
+        // Exact by Sterbenz's lemma: the operands are within a factor of two.
         let image = x - length.copysign(x);
         return if x.abs() <= half { x } else { image };
     }

@@ -27,9 +27,9 @@ const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
 ];
 /// The columns of a tile stay near the first-level cache.
 const TILE: usize = 1024;
-/// The most spheres that one row of tiles compares with: a unit of work for a thread.
+/// A unit of work for a thread.
 const ROW: usize = 1 << 13;
-/// The fewest comparisons of a cell that are distributed to threads, about 0.1 ms.
+/// About 0.1 ms.
 const SPREAD: usize = 1 << 20;
 
 pub(crate) trait CellMember: Sync {
@@ -52,7 +52,7 @@ impl<K: RadixKey> CellMember for KeyedSphere<K> {
 
 type Starts = [u32; MASKS + 1];
 
-/// Computes the start of each corner mask among members sorted by it; the first is at `from`.
+/// Members are sorted by corner mask; the first is at `from`.
 fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, from: usize) -> Starts {
     let mut starts = [from as u32; MASKS + 1];
     for entry in run {
@@ -82,7 +82,6 @@ pub(crate) struct Batch {
 }
 
 impl Batch {
-    /// Adds the entries of one cell, sorted by corner mask.
     #[inline]
     pub(crate) fn push(&mut self, run: &[impl CellMember], grouping: &Grouping<'_>) -> Result<(), Error> {
         if !owns_pairs(run) {
@@ -112,8 +111,7 @@ impl Batch {
         Ok(())
     }
 
-    /// The most bytes for `entries` entries of one group: ids, columns, and the starts of cells of two, whose capacity
-    /// is doubled.
+    /// Ids, columns, and the starts of cells of two, whose capacity is doubled.
     pub(crate) fn memory_for(entries: u64) -> u64 {
         with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
@@ -143,7 +141,6 @@ struct Cells<'c, S> {
 }
 
 impl<S: Sink> Cells<'_, S> {
-    /// Compares the spheres of a group with the same or another group.
     #[inline(always)]
     fn compare<V: SimdWidth>(
         &mut self,

@@ -12,7 +12,7 @@ use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
 
 const CHUNK_SPHERES: usize = 1 << 14;
-/// The low bits of a key hold the corner mask; the higher bits are the cell.
+/// Low bits of a key for the corner mask.
 pub(crate) const MASK_BITS: u32 = 3;
 
 impl<K: RadixKey> KeyedSphere<K> {
@@ -69,7 +69,7 @@ pub(crate) struct Entries {
     offsets: Vec<usize>,
     /// The entries if keys fit 32 bits: unless space has very many cells.
     narrow: Radix<u32>,
-    /// The entries otherwise; three coordinates of 32 bits always fit.
+    /// Three coordinates of 32 bits always fit.
     wide: Radix<u128>,
 }
 
@@ -139,23 +139,22 @@ impl Entries {
     }
 }
 
-/// Bytes per entry with a narrow key, in both buffers of the sort, for spaces of up to 2²⁹ cells. A wide entry takes
-/// four times as much.
+/// Bytes per entry with a narrow key, in both buffers of the sort, for up to 2²⁹ cells. A wide entry takes four times
+/// as much.
 pub(crate) const ENTRY: u64 = 2 * size_of::<KeyedSphere<u32>>() as u64;
 
 pub(crate) fn memory_of_entries(entries: u64) -> u64 {
     Radix::<u32>::memory_for(entries)
 }
 
-/// The number of entries above which the grid is shifted: 5 % and 64 more than the bound on the mean, so that chance
-/// alone shifts no grid.
+/// Above 5 % and 64 more than the bound on the mean, the grid is shifted; chance alone shifts no grid.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
-/// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice, first to count.
-/// `place` wraps a cell. Returns `false`, without entries, if there are more than `most`.
+/// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice. `place` wraps a
+/// cell. Returns `false`, without entries, if there are more than `most`.
 pub(crate) fn fill<K: RadixKey>(
     (n, executor): (usize, Executor),
     (sphere, place): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
@@ -202,7 +201,6 @@ pub(crate) fn fill<K: RadixKey>(
     Ok(true)
 }
 
-/// Replaces lengths by ends; returns the last end.
 pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     lengths.iter_mut().fold(0, |total, length| {
         *length += total;
@@ -210,7 +208,7 @@ pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     })
 }
 
-/// Returns the end of the cell's entries after `from`, by exponential search, because most runs are short.
+/// Exponential search, because most runs are short.
 #[inline]
 pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();
@@ -223,7 +221,6 @@ pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> u
     last + window.partition_point(|entry| entry.cell() == cell)
 }
 
-/// Returns the entries of the cells that start in chunk `piece` of `size` entries.
 pub(crate) fn cells_of_piece<K: RadixKey>(
     entries: &[KeyedSphere<K>],
     piece: usize,

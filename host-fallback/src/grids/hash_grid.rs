@@ -177,7 +177,7 @@ impl HashGrid {
         Ok(sink)
     }
 
-    /// Gathers a chain by cell, corner mask and sphere, so that the order of insertion does not matter.
+    /// Sorted, so that the order of insertion does not matter.
     fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
@@ -202,7 +202,6 @@ impl HashGrid {
     }
 }
 
-/// Returns the spheres of a chunk that may pair.
 fn spheres<'i>(input: &'i SearchInput<'_>, piece: usize) -> impl Iterator<Item = u32> + 'i {
     let range = piece * CHUNK_SPHERES..input.stats.spheres.min((piece + 1) * CHUNK_SPHERES);
     let grouping = input.grouping(true);
@@ -216,7 +215,7 @@ fn cover<const PERIODIC: bool>(input: &SearchInput<'_>, grid: &UniformGrid, id: 
     grid.cover::<PERIODIC>(center, radius)
 }
 
-/// Returns the right shift of a 64-bit hash that numbers `chains` chains, a power of two and at least 2.
+/// For `chains` chains, a power of two and at least 2.
 fn shift(chains: usize) -> u32 {
     u64::BITS - chains.trailing_zeros()
 }

@@ -25,12 +25,11 @@ use crate::memory::{try_extend, try_reserve};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
 
-/// The columns of their spheres take 40 KiB.
+/// Their spheres' columns take 40 KiB.
 const CHUNK_ENTRIES: usize = 1 << 11;
-/// The target number of spheres per finer cell if their sizes allow smaller cells. Fewer mean more entries, more mean
-/// more comparisons.
+/// Fewer spheres per finer cell mean more entries, more mean more comparisons.
 const PER_CELL: f64 = 16.0;
-/// The most halvings of a cell in one split, so that 32 bits hold a finer cell's key.
+/// So that 32 bits hold a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
 /// The most finer cells from the origin to a coordinate. Boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, then
 /// at most an eighth of a cell. Different coordinates are 2²² such cells apart, so on an axis with this many cells all
@@ -139,30 +138,28 @@ impl CellSplit {
 struct Extent {
     low: DVec3,
     high: DVec3,
-    /// The largest extent of their centers along an axis.
+    /// Of the centers along an axis.
     wide: f64,
     radius: f32,
 }
 
 enum SplitDecision {
-    /// Split the cell into this many parts per axis, a power of two.
+    /// Into this many parts per axis, a power of two.
     Split(f64),
-    /// Compare spheres above this radius with all, then decide again.
+    /// Spheres above this radius with all, then decide again.
     CompareLarge(f64),
-    /// Compare all with each other: no finer grid separates them.
+    /// No finer grid separates them.
     BruteForce,
 }
 
-/// A cell of some level: the map from cells of the top grid to its own size, relative to its corner.
 #[derive(Clone, Copy, Debug)]
 struct NestedCell {
     top: DVec3,
-    /// The number of cells of this size per axis in a top cell, a power of two.
+    /// Cells of this size per axis in a top cell, a power of two.
     fineness: f64,
-    /// `fineness`, or zero on an axis on which all spheres of the top cell have one coordinate, or which is a ring of
-    /// one cell.
+    /// `fineness`, or zero on an axis with one coordinate for all spheres of the top cell, or a ring of one cell.
     scale: DVec3,
-    /// This cell, relative to the top cell's corner.
+    /// Relative to the top cell's corner.
     corner: DVec3,
     /// The most top cells between the origin and a coordinate in this cell, or in a ring.
     away: DVec3,
@@ -185,7 +182,6 @@ impl NestedCell {
         (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
     }
 
-    /// Returns the axes along which the cell can be split, and the possible halvings along all of them.
     fn divisible(&self) -> (BVec3, f64) {
         let halvings = self.halvings();
         let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
@@ -196,14 +192,13 @@ impl NestedCell {
         Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
     }
 
-    /// Returns the box around a sphere of this cell, in cells of the top grid.
     #[inline(always)]
     fn bounds<const PERIODIC: bool>(&self, grid: &UniformGrid, member: &Member) -> (DVec3, DVec3) {
         let bounds = grid.bounds::<PERIODIC>(member.center, member.radius);
         if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
     }
 
-    /// Returns the finer cell, of `parts` per axis, of a coordinate of the top grid, clamped to this cell.
+    /// Clamped to this cell.
     ///
     /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
     /// cell when the cell is split again, because all but the first subtraction are exact inside the cell.

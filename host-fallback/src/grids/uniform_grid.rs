@@ -20,7 +20,6 @@ use crate::executor::Executor;
 use crate::input::InputStats;
 use crate::math::floor;
 
-/// The corner mask of an entry whose cell is the sphere's lowest on every axis.
 pub(crate) const ALL_AXES: u8 = 0b111;
 /// The largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight
 /// cells apart and no sphere is larger than two, so only equal coordinates can touch: the number of such a far cell
@@ -38,13 +37,11 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 /// With at most this many cells, rounding of the ring's length is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
-/// The target number of points per cell if all radii are zero.
 const POINTS_PER_CELL: f64 = 4.0;
-/// The most shifts per axis that are tried.
 const MAX_SHIFTS: usize = 4;
 const CHUNK_SPHERES: usize = 1 << 14;
 
-/// Cells of one size all over space, numbered per axis in ascending order.
+/// Cells of one size, numbered per axis in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UniformGrid {
     cell_size: f64,
@@ -56,7 +53,7 @@ pub(crate) struct UniformGrid {
     periodic: PeriodicAxes,
 }
 
-/// The periodic axes of a grid. Cells of a ring are numbered from 0, at minus half a length.
+/// Cells of a ring are numbered from 0, at minus half a length.
 #[derive(Clone, Debug, Default)]
 struct PeriodicAxes {
     count: UVec3,
@@ -66,7 +63,7 @@ struct PeriodicAxes {
 }
 
 impl PeriodicAxes {
-    /// Creates rings of cells no smaller than `cell_size`, or else than `diameter`, for spheres up to that diameter.
+    /// For spheres up to `diameter`. Cells are no smaller than `cell_size`, or else than `diameter`.
     fn new(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let (per_length, zero) = (DVec3::splat(cell_size.recip()), DVec3::ZERO);
         let mut periodic = Self { count: UVec3::ZERO, per_length, origin: zero, lengths: zero };
@@ -91,7 +88,7 @@ impl PeriodicAxes {
 }
 
 impl UniformGrid {
-    /// Creates cells of `ratio` × the largest diameter, or by density if all radii are zero.
+    /// Cells of `ratio` × the largest diameter, or by density if all radii are zero.
     pub(crate) fn new(stats: &InputStats, ratio: f32, lengths: [Option<f32>; 3]) -> Self {
         let diameter = 2.0 * f64::from(stats.largest_radius());
         let cell_size = match diameter > 0.0 {
@@ -178,7 +175,6 @@ impl UniformGrid {
         self
     }
 
-    /// The size of a cell: the smallest over all axes, except rings of one cell.
     pub(crate) fn cell_size(&self) -> f64 {
         let PeriodicAxes { count, per_length, lengths, .. } = &self.periodic;
         if count.to_array() == [1; 3] {
@@ -248,7 +244,7 @@ impl UniformGrid {
         cell
     }
 
-    /// The lowest and the highest cell of any sphere up to `largest` with its center between these corners.
+    /// For spheres up to `largest` with centers between these corners.
     pub(crate) fn bounds_of(&self, min: Vec3, max: Vec3, largest: f32) -> (UVec3, UVec3) {
         let (mut low, mut high) =
             (self.cover::<false>(min, largest).low, self.cover::<false>(max, largest).high);
@@ -265,12 +261,11 @@ impl UniformGrid {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }
 
-    /// The longest side of a box given in cells, in the unit of length.
     pub(crate) fn widest(&self, sides: DVec3) -> f64 {
         (sides / self.periodic.per_length).max_element()
     }
 
-    /// The bounds of a sphere's image in the cell with this corner, in cells.
+    /// In cells.
     #[inline(always)]
     pub(crate) fn image_at(&self, corner: DVec3, (mut low, mut high): (DVec3, DVec3)) -> (DVec3, DVec3) {
         for axis in 0..3 {
@@ -295,7 +290,7 @@ impl UniformGrid {
         if coordinate > 0.0 { MIDDLE + step } else { MIDDLE - step }
     }
 
-    /// The lower corner of a cell, in cells; `None` on an axis on which it is a far cell or a whole ring.
+    /// In cells; `None` on an axis on which it is a far cell or a whole ring.
     pub(crate) fn corner(&self, cell: UVec3) -> [Option<f64>; 3] {
         [0, 1, 2].map(|axis| match (self.periodic.count[axis], cell[axis]) {
             (0, k) if k.abs_diff(MIDDLE) < MAX_INTEGER_CELL + FAR_GAP => {
@@ -307,7 +302,7 @@ impl UniformGrid {
     }
 }
 
-/// A box of cells, both corners included.
+/// Both corners included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellBox {
     pub(crate) low: UVec3,

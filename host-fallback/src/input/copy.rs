@@ -32,7 +32,6 @@ struct Wrapping<'s> {
     space: &'s Space,
     /// 0 for an unbounded axis.
     lengths: [f64; 4],
-    /// 0 for an unbounded axis.
     per_length: [f64; 4],
 }
 
@@ -90,7 +89,7 @@ impl SimdTask for WrapChunk<'_> {
     }
 }
 
-/// Maps spheres to their frame, and returns the bounds of the given spheres.
+/// Returns the bounds of the given spheres.
 pub(super) fn map_to_frame(
     (given, targets): (GivenSpheres<'_>, &mut [Sphere]),
     (simd, executor): (Simd, Executor),
@@ -146,7 +145,6 @@ impl GivenLoop for FrameChunk<'_> {
 mod tests {
     use super::*;
 
-    /// Coordinates near whole and half numbers of lengths, inside the box and far away.
     #[test]
     fn wrapping_agrees_with_the_space_at_any_distance() {
         let mut state = 5_u64;

@@ -6,20 +6,18 @@ use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
 use crate::memory::prefetch;
 
-/// Half the largest distance of a species with any other, and `true` if it pairs with any by contact.
+/// Half the largest distance with any other species, and `true` if some pairs are decided by contact.
 pub(super) type LargestHalf = (f64, bool);
 
-/// Spheres as given, which a frame maps to searched spheres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GivenSpheres<'a> {
     spheres: Spheres<'a>,
-    /// The species of each sphere, and the distances of each species.
     species: Option<(&'a [u32], &'a [LargestHalf])>,
     frame: &'a SearchFrame,
     space: &'a Space,
 }
 
-/// The numbers of spheres, in one of the layouts for which loops are compiled.
+/// One of the layouts for which loops are compiled.
 pub(crate) trait GivenRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> [f64; 4];
@@ -52,7 +50,6 @@ impl<'a> GivenSpheres<'a> {
         self.frame.is_narrow() || self.frame.fits(bounds, self.space)
     }
 
-    /// Runs a loop that is compiled for the layout of the spheres.
     #[inline(always)]
     pub(crate) fn run<V: SimdWidth, L: GivenLoop>(self, vector: V, task: L) -> L::Result {
         let map = FrameMap::new(self.frame);

@@ -5,14 +5,11 @@ use crate::memory::{try_collect, try_resize};
 /// The groups of spheres that a search keeps apart: the two sets, each divided by species.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grouping<'a> {
-    /// The number of spheres of the first of two sets.
     split: Option<usize>,
-    /// The division of the species, and the species of each sphere.
     species: Option<(&'a SpeciesPartition, &'a [u32])>,
 }
 
 impl<'a> Grouping<'a> {
-    /// Creates the grouping of one set, or of two sets, the first of `split` spheres.
     pub(crate) fn new(split: Option<usize>, species: Option<(&'a SpeciesPartition, &'a [u32])>) -> Self {
         Self { split, species }
     }
@@ -25,12 +22,12 @@ impl<'a> Grouping<'a> {
         self.per_set() * if self.split.is_some() { 2 } else { 1 }
     }
 
-    /// The size of the first of two sets, if the sets are the only groups.
+    /// `None` if there are other groups than the sets.
     pub(crate) fn sets(&self) -> Option<usize> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Returns `true` if spheres of groups that meet are a pair exactly if their effective radii touch.
+    /// Returns `true` if spheres of groups that meet pair exactly if their effective radii touch.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
@@ -52,14 +49,14 @@ impl<'a> Grouping<'a> {
         self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
     }
 
-    /// The groups that meet, two at a time, the smaller number first.
+    /// Two at a time, the smaller number first.
     pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
         let groups = self.count();
         let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
         all.filter(|&(a, b)| self.meeting(a, b).is_some())
     }
 
-    /// The interactions between two groups; `None` if their spheres never pair.
+    /// `None` if their spheres never pair.
     pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
         let per_set = self.per_set();
         if self.split.is_some() && a / per_set == b / per_set {
@@ -71,7 +68,7 @@ impl<'a> Grouping<'a> {
     }
 }
 
-/// Writes the indices of the spheres to `order`, group by group and ascending in each. Returns the end of each group.
+/// Writes sphere indices to `order`, group by group and ascending in each. Returns the end of each group.
 pub(crate) fn sort_by_group(
     grouping: &Grouping<'_>,
     spheres: usize,

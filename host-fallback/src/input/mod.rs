@@ -1,5 +1,3 @@
-//! The input of a search: a query is checked, copied if it cannot be searched in place, and measured.
-
 mod copy;
 mod given;
 mod grouping;

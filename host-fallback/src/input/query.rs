@@ -39,7 +39,6 @@ pub struct PreparedQuery<'a> {
 }
 
 impl PreparedQuery<'_> {
-    /// Returns the contact test of the query.
     pub(crate) fn test<'q>(&'q self, settings: &'q Settings) -> PairTest<'q> {
         let test = match self.frame {
             Some(frame) => PairTest::new(self.spheres, None).in_space(frame.space()),
@@ -84,8 +83,8 @@ impl QueryBuffers {
         Ok(PreparedQuery { spheres, split, frame, given: None, filter })
     }
 
-    /// Prepares the spheres as given, without a copy, for a test of candidates in the last frame. `None` if they need
-    /// no frame, are two sets, or the last frame has another number type.
+    /// Prepares the spheres as given, for a test of candidates in the last frame. `None` if they need no frame, are two
+    /// sets, or the last frame has another number type.
     pub(crate) fn prepare_in_place<'a>(
         &'a self,
         query: &Query<'a>,
@@ -104,7 +103,7 @@ impl QueryBuffers {
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), given, filter }))
     }
 
-    /// Maps the spheres to the last frame, if they fit, or else to a new one.
+    /// To the last frame, if they fit, or else to a new one.
     fn map_to_frame(
         &mut self,
         query: &Query<'_>,
@@ -156,7 +155,6 @@ impl QueryBuffers {
         Ok(())
     }
 
-    /// Writes both sets as they are searched in a frame, and returns the bounds of the given spheres.
     fn fill(
         &mut self,
         query: &Query<'_>,
@@ -207,7 +205,7 @@ fn is_f64(query: &Query<'_>) -> bool {
     query.first().is_f64() || query.second().is_some_and(|set| set.is_f64())
 }
 
-/// Checks a query without the validity of its spheres. Returns `true` if they need a frame, and the exact filter.
+/// Does not check spheres. Returns `true` if they need a frame, and the exact filter.
 fn check_and_filter<'a>(
     query: &Query<'a>,
     settings: &'a Settings,

@@ -6,21 +6,19 @@ use crate::input::InputStats;
 use crate::input::{Grouping, SpeciesGroups};
 use crate::{Error, Settings, Simd};
 
-/// The input of a search: checked spheres, their statistics and the settings.
 pub(crate) struct SearchInput<'a> {
     pub(crate) test: PairTest<'a>,
     pub(crate) stats: InputStats,
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
     pub(crate) executor: Executor,
-    /// The size of the first of two sets, if only pairs across them count.
+    /// Set if only pairs across two sets count.
     pub(crate) split: Option<usize>,
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }
 
 #[cfg(test)]
 impl<'a> SearchInput<'a> {
-    /// Measures the spheres of a test, all of one set.
     pub(crate) fn surveyed(test: PairTest<'a>, settings: &'a Settings) -> Self {
         let stats = InputStats::of(&test, Executor::Pool).expect("all are valid");
         Self {
@@ -36,17 +34,16 @@ impl<'a> SearchInput<'a> {
 }
 
 impl<'a> SearchInput<'a> {
-    /// Runs comparisons in the SIMD code of the settings, between minimum images in a periodic space.
     pub(crate) fn run<T: SimdTask>(&self, task: T) -> T::Result {
         self.simd.run(task, self.test.periodic_box(self.stats.largest_radius()))
     }
 
-    /// Returns `true` if the caller cancelled the search; read before each chunk of work.
+    /// Read before each chunk of work.
     pub(crate) fn is_stopped(&self) -> bool {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
 
-    /// Returns the groups of spheres. Species that pair with different ones are kept apart if `is_separate`.
+    /// Species that pair with different ones are kept apart if `is_separate`.
     pub(crate) fn grouping(&self, is_separate: bool) -> Grouping<'a> {
         let species = self.groups.zip(self.test.spheres().species());
         Grouping::new(self.split, species.map(|(groups, ids)| (groups.partition(is_separate), ids)))
@@ -57,8 +54,8 @@ impl<'a> SearchInput<'a> {
     }
 }
 
-/// Searches chunks of work on the threads and merges their sinks in order. `search` adds the pairs of a chunk to a
-/// sink. Chunks are skipped once the caller wants no more pairs. At most `most` chunks are one task.
+/// Searches chunks of work on the threads and merges their sinks in order, until the caller wants no more pairs. At
+/// most `most` chunks are one task.
 pub(crate) fn search_pieces<'o, O: Output>(
     (output, input): (&'o O, &SearchInput<'_>),
     (pieces, most): (usize, usize),

@@ -1,7 +1,6 @@
-//! Species grouped by their partners, so that a search compares only spheres that may pair.
+//! Species grouped by their partners, so a search compares only spheres that may pair.
 //!
-//! Present species that pair with the same present species share a group. A group without partners costs nothing but
-//! sorting, however dense its spheres are.
+//! Present species with the same present partners share a group. A group without partners costs only sorting.
 
 #![expect(
     clippy::disallowed_methods,
@@ -14,20 +13,20 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 use crate::Error;
 use crate::executor::Executor;
 
-/// The most groups that pair. The species of all further groups share the last one.
+/// All further groups share the last one.
 pub(crate) const MAX_GROUPS: usize = 8;
-/// The most present species that are grouped; grouping takes quadratic time.
+/// Grouping takes quadratic time.
 const MAX_PRESENT: usize = 512;
 const CHUNK_SPHERES: usize = 1 << 14;
 const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
-    /// `true` if some species of one group pairs by touching with some of the other.
+    /// Some species of the groups pair by touching.
     pub(crate) touches: bool,
-    /// The largest distance at which species pair by distance, or 0.
+    /// The largest distance of a pair, or 0.
     pub(crate) distance: f64,
-    /// `true` if spheres of the two groups are a pair exactly if their effective radii touch.
+    /// Spheres of the groups pair exactly if their effective radii touch.
     pub(crate) is_by_radii: bool,
 }
 
@@ -125,7 +124,6 @@ impl SpeciesPartition {
     }
 }
 
-/// The groups of the species of an input, kept until other species are present.
 #[derive(Debug)]
 pub(crate) struct SpeciesGroups {
     present: [u64; WORDS],
@@ -142,7 +140,7 @@ impl Default for SpeciesGroups {
 }
 
 impl SpeciesGroups {
-    /// Groups the species of `ids`, checked against `table`, which must be the same in every call.
+    /// `table` must be the same in every call.
     pub(crate) fn update(
         &mut self,
         ids: &[u32],

@@ -11,7 +11,7 @@ use crate::size_class::{SIZE_CLASSES, class_of};
 
 const CHUNK_SPHERES: usize = 1 << 13;
 const TABLES: usize = 4;
-/// The fewest spheres that are worth counting in several tables, which must be cleared and merged.
+/// Several tables must be cleared and merged.
 const MIN_TABLED_SPHERES: usize = 512;
 
 /// Statistics of the input for planning.
@@ -70,7 +70,7 @@ impl InputStats {
         (first..end).zip(classes.iter().copied()).rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// Returns the statistics with other sizes: `larger` maps each class to its largest radius.
+    /// `larger` maps each class to its largest radius.
     pub(crate) fn with_sizes(&self, larger: impl Fn(usize, f32) -> f32) -> Self {
         let mut stats = Self { spheres: self.spheres, min: self.min, max: self.max, ..Self::empty() };
         for (class, SizeClass { count, largest }) in self.occupied() {
@@ -136,7 +136,7 @@ impl InputStats {
         Ok(stats)
     }
 
-    /// Adds `count` rows `x, y, z, r` with their effective radii. Returns `true` if one may be invalid.
+    /// Returns `true` if a sphere may be invalid.
     fn add(&mut self, count: usize, spheres: impl Iterator<Item = ([f32; 4], f32)>) -> bool {
         match count < MIN_TABLED_SPHERES {
             true => self.add_in::<1>(spheres),
@@ -144,7 +144,6 @@ impl InputStats {
         }
     }
 
-    /// Adds spheres, counting in `N` tables in turn.
     #[inline(always)]
     fn add_in<const N: usize>(&mut self, spheres: impl Iterator<Item = ([f32; 4], f32)>) -> bool {
         let (mut min, mut max) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);

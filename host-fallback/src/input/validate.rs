@@ -1,5 +1,3 @@
-//! Checks of spheres and species ids, whose errors name the first invalid one.
-
 use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Query, Spheres};
 
 use crate::executor::Executor;
@@ -43,7 +41,6 @@ pub(crate) fn check_species(
     }
 }
 
-/// Returns the first of `0..n` that is `bad`, and their number.
 fn find(
     n: usize,
     executor: Executor,

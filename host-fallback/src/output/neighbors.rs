@@ -74,8 +74,8 @@ impl NeighborsBuilder {
         self.rows(pairs, query.first().len(), query.split().is_none())
     }
 
-    /// Builds the lists of the first `rows` spheres from pairs in canonical order; if they are mirrored, the second
-    /// sphere of a pair also lists the first.
+    /// For the first `rows` spheres, by pairs in canonical order; if mirrored, the second sphere of a pair also lists
+    /// the first.
     pub(crate) fn rows(
         &mut self,
         pairs: &[Pair],
@@ -85,10 +85,8 @@ impl NeighborsBuilder {
         if is_mirrored { self.fill(pairs, rows) } else { self.fill_between(pairs, rows) }
     }
 
-    /// Builds the lists of `spheres` spheres from their pairs in canonical order.
-    ///
-    /// The pairs in which a sphere comes second precede those in which it comes first, each kind ascending, so writing
-    /// them in that order leaves every list sorted.
+    /// Pairs in which a sphere is second precede those in which it is first, each kind ascending, so every list is
+    /// sorted.
     fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, next, indices } = self;
         try_resize(offsets, spheres + 1, "neighbor lists")?;
@@ -114,7 +112,6 @@ impl NeighborsBuilder {
         Ok(Neighbors { offsets, indices })
     }
 
-    /// Builds the lists of the first `rows` spheres only.
     fn fill_between(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, indices, .. } = self;
         try_resize(offsets, rows + 1, "neighbor lists")?;

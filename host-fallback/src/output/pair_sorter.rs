@@ -16,21 +16,20 @@ use crate::memory::{try_collect, try_resize};
 const MAX_CHUNKS: usize = 128;
 /// Their write positions stay in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
-/// The target number of pairs per bucket, 64 KiB.
+/// 64 KiB.
 const BUCKET: usize = 1 << 13;
 
-/// The most indices per bucket, whose counters stay in the cache.
+/// Their counters stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
 /// The most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
-/// The fewest pairs of a bucket that are sorted by radix instead of by comparisons.
+/// Fewer pairs are sorted by comparisons.
 const MIN_RADIX_KEYS: usize = 256;
 
 #[derive(Debug, Default)]
 pub(crate) struct PairSorter {
     scratch: Vec<u32>,
     starts: Vec<usize>,
-    /// Indexed by chunk and bucket: first the number of pairs, then the position of the next one.
     offsets: Vec<usize>,
 }
 
@@ -102,8 +101,8 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Threads divide the
-    /// chunks, so a hundred are better than one.
+    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks, so a hundred
+    /// are better than one.
     pub(crate) fn order(
         &mut self,
         executor: Executor,
@@ -144,7 +143,6 @@ impl PairSorter {
         ordered
     }
 
-    /// Moves the pairs to `keys`, bucket by bucket, and stores the start of each bucket.
     fn spread<K: PairKey>(
         &mut self,
         executor: Executor,
@@ -189,7 +187,7 @@ impl PairSorter {
     }
 }
 
-/// Orders one bucket into `target` by a radix sort. Each pass counts the next one's digits.
+/// Each pass counts the next one's digits.
 fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize, layout: BucketLayout) {
     if source.len() < MIN_RADIX_KEYS {
         source.sort_unstable_by_key(|key| key.bits());

@@ -1,4 +1,4 @@
-//! One pass over the spheres of a call: measures their displacements and copies them in the order of the candidates.
+//! Measures the displacements of the spheres of a call and copies them in the order of the candidates.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -13,12 +13,12 @@ use crate::input::{GivenLoop, GivenRows, GivenSpheres};
 use crate::memory::prefetch;
 
 pub(super) const CHUNK_SPHERES: usize = 1 << 13;
-/// The number of spheres that a prefetch is ahead; they lie anywhere in memory.
+/// Spheres lie anywhere in memory.
 const PREFETCH_SPHERES: usize = 128;
 
-/// Copies the spheres of a call to their positions in `rows`. `then` holds the center of each at the build, and as its
-/// radius the inverse square of its displacement limit. Returns the largest used fraction of a limit, or infinity if a
-/// sphere is invalid; and `true` if an effective radius has changed, or the frame no longer fits.
+/// Copies the spheres to their positions in `rows`. `then` holds each center at the build, and as its radius the
+/// inverse square of its displacement limit. Returns the largest used fraction of a limit, or infinity for an invalid
+/// sphere; and `true` if an effective radius has changed, or the frame no longer fits.
 pub(super) fn advance(
     (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
     (then, rows): (&[SortRecord], &mut [Xyzr]),
@@ -85,7 +85,6 @@ impl Advance<'_> {
     }
 }
 
-/// The pass over spheres that it maps to their frame.
 struct AdvanceGiven<'a> {
     then: &'a [SortRecord],
     rows: &'a mut [Xyzr],
@@ -119,12 +118,10 @@ impl GivenLoop for AdvanceGiven<'_> {
 struct Largest {
     /// Infinite for an unbounded axis.
     lengths: [f32; 4],
-    /// The bits of the square of the largest used fraction of a limit. The bits of infinity and NaN are larger than all
-    /// others.
+    /// The bits of the largest used fraction of a limit, squared; infinity and NaN have the largest bits.
     part: u32,
     /// Bits in which the rows differ from the last call.
     differing: [u32; 4],
-    /// `true` if a sphere is invalid.
     is_refused: bool,
     bounds: Bounds,
 }
@@ -137,7 +134,7 @@ impl Largest {
         Self { lengths, part: 0, differing: [0; 4], is_refused: false, bounds: Bounds::EMPTY }
     }
 
-    /// Returns the square of the largest used fraction of a limit, or infinity if a sphere is invalid.
+    /// Squared, or infinity for an invalid sphere.
     fn fraction(&self) -> f32 {
         let part = f32::from_bits(self.part);
         if self.is_refused || !part.is_finite() { f32::INFINITY } else { part }

@@ -18,19 +18,18 @@ use crate::settings::SKIN_RANGE;
 use crate::size_class::{SIZE_CLASSES, class_of};
 use crate::{Error, Simd};
 
-/// The displacement limit of the spheres of each size class.
+/// Indexed by size class.
 pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
 
-/// The number of candidate vectors that a prefetch of their spheres is ahead.
 const PREFETCH_VECTORS: usize = 16;
-/// The usable fraction of a displacement limit. The rest exceeds the rounding error of a displacement in `f32`.
+/// The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
-/// The largest rounding error of a minimum-image distance, as a fraction of the longest axis.
+/// Of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 /// The most candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
 /// 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
 const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
-/// The largest effective radius of a list. Displacement limits vanish next to larger radii.
+/// Displacement limits vanish next to larger radii.
 const MAX_RADIUS: f32 = 1e30;
 /// Displacement limits whose squares `f32` holds.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
@@ -40,7 +39,6 @@ pub(super) fn fixed(distance: f32) -> DisplacementLimits {
     [distance / 2.0; SIZE_CLASSES]
 }
 
-/// A candidate list, and the positions of the spheres when it was built.
 #[derive(Debug, Default)]
 pub(crate) struct CandidateList {
     input_stats: Option<Box<InputStats>>,
@@ -81,8 +79,7 @@ impl CandidateList {
         }
     }
 
-    /// Measures the displacements since `list` was built. Returns the reason for a rebuild, or `None` if the list is
-    /// valid.
+    /// Returns the reason for a rebuild, or `None` if the list is valid.
     ///
     /// An invalid list is dropped here, before the call can fail: no later call may use it.
     pub(crate) fn update_displacements(
@@ -119,8 +116,8 @@ impl CandidateList {
         }
     }
 
-    /// Builds the cell list and the candidate list. Returns `false`, without a candidate list, if candidates exceed
-    /// [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or if memory is refused.
+    /// Returns `false`, without a candidate list, if candidates exceed [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a
+    /// result, or if memory is refused.
     pub(crate) fn find(
         &mut self,
         (list, density_cache): (&mut CellList, &DensityCache),
@@ -228,14 +225,12 @@ impl CandidateList {
     }
 }
 
-/// Returns the most bytes for `spheres` spheres without species and their candidates.
 pub(crate) fn memory_of_candidates(spheres: u64, max_pairs: u64, threads: u64) -> u64 {
     let own = with_growth(spheres.saturating_mul(CandidateList::BYTES_PER_SPHERE));
     own.saturating_add(memory_of_list(CandidateList::limit(spheres, max_pairs), threads))
 }
 
-/// Returns the inverse squares of the limits minus the rounding error of distances; `None` if too little of a limit is
-/// left.
+/// Minus the rounding error of distances; `None` if too little of a limit is left.
 fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<DisplacementLimits> {
     let longest = test.lengths().into_iter().flatten().fold(0.0, f32::max);
     let rounding = longest * BOUNDARY_ROUNDING;
@@ -243,7 +238,6 @@ fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<D
     usable.then(|| limits.map(|limit| (limit - rounding).powi(-2)))
 }
 
-/// Returns the minimum-image distance of two positions along each axis.
 #[inline(always)]
 pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     let mut apart = apart.abs();
@@ -255,7 +249,7 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     apart
 }
 
-/// Tests some candidates. Branches on hits would be mispredicted, so testing appends them without a branch.
+/// Branches on hits would be mispredicted, so hits are appended without a branch.
 struct CandidateTest<'t, S> {
     pairs: &'t [Pair],
     rows: &'t [Xyzr],
@@ -270,10 +264,10 @@ struct HitBuffer {
 }
 
 impl HitBuffer {
-    /// The length at which the buffer is flushed: 4 KiB, a small part of the first-level cache.
+    /// 4 KiB, a small part of the first-level cache.
     const FULL: usize = 512;
 
-    /// Adds the pairs whose bits are set in `lanes`. Returns `true` if the buffer is full.
+    /// Returns `true` if the buffer is full.
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(room) = self.pairs[self.len..].first_chunk_mut() {

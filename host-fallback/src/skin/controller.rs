@@ -17,8 +17,8 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Updates displacements, of `given` spheres if they are not mapped to their frame yet. Returns the reason for a
-    /// rebuild, or `None` if the candidate list is valid.
+    /// Returns the reason for a rebuild, or `None` if the candidate list is valid. `given` spheres are not mapped to
+    /// their frame yet.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -34,7 +34,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it pays, else the cell list only. Returns `true` if a candidate list exists.
+    /// Builds a candidate list if it pays, else only the cell list. Returns `true` for a candidate list.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,
@@ -45,7 +45,6 @@ impl SkinController {
         let density_cache = report.time("plan", || DensityCache::of(last, input))?;
         let density = density_cache.density();
         let limits = match input.settings.skin {
-            // Candidate lists are for one set.
             _ if input.split.is_some() => None,
             Skin::Off => None,
             Skin::Fixed(_) if self.tuner.is_paused() => None,

@@ -1,4 +1,4 @@
-//! Chooses the skin from the statistics of the spheres, their displacements, and the costs.
+//! Chooses the skin from size statistics, displacements and costs.
 //!
 //! With a skin in proportion to the displacements of each size class, all classes exceed their limits at about the same
 //! time.
@@ -9,12 +9,10 @@ use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
 
-/// The skins to try, in units of the largest displacement per call of the sample.
+/// In units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
-/// The largest relative cost, compared with no skin, at which a skin is chosen: the estimate of displacements is
-/// uncertain.
+/// Compared with no skin; the estimate of displacements is uncertain.
 const MAX_RELATIVE_COST: f32 = 0.9;
-/// The most groups of size classes estimated separately.
 const MAX_CLASS_GROUPS: usize = 16;
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
@@ -71,16 +69,14 @@ impl SkinCosts {
     }
 }
 
-/// The dependence of the skin on the size class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SkinScaling {
-    /// Limits in proportion to the largest displacements of each class.
+    /// In proportion to the largest displacements of each class.
     BySize,
     Alike,
 }
 
 impl SkinScaling {
-    /// Returns the displacement limits for a skin in units of the largest displacement.
     pub(super) fn limits(self, steps: &[f32; SIZE_CLASSES], skin: f32) -> DisplacementLimits {
         let farthest = steps.iter().copied().fold(0.0, f32::max);
         let least = if self == Self::Alike { 1.0 } else { MIN_LIMIT_RATIO };
@@ -98,8 +94,8 @@ pub(super) struct SkinChoice {
     pub(super) candidates: f32,
 }
 
-/// Chooses the skin with the least average time of a call; `None` if no skin is better. `excess` multiplies the
-/// estimated number of candidates.
+/// Minimizes the average time of a call; `None` if no skin is better. `excess` multiplies the estimated number of
+/// candidates.
 pub(super) fn choose(
     (stats, density): (&InputStats, &DensityProfile),
     (steps, growth): (&[f32; SIZE_CLASSES], DisplacementGrowth),

@@ -1,4 +1,4 @@
-//! The displacements of a sample of spheres between calls, by size.
+//! Displacements of a sample of spheres between calls, by size class.
 
 use glam::Vec3;
 
@@ -10,14 +10,13 @@ use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 const MAX_SAMPLE: usize = 1 << 10;
-/// The fewest spheres per sampled one, so that the sample costs almost nothing.
+/// The sample costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
-/// The decay per call of the largest displacement of a class.
+/// Per call, of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
-/// The decay per call of the learned growth law.
+/// Per call, of the learned growth law.
 const GROWTH_DECAY: f32 = 0.2;
 
-/// Sampled displacements by size class, and the growth law learned from candidate lists.
 #[derive(Debug)]
 pub(crate) struct DisplacementStats {
     spheres: usize,
@@ -38,12 +37,12 @@ pub(crate) struct DisplacementGrowth {
 impl DisplacementGrowth {
     const ASSUMED: Self = Self { factor: 1.3, exponent: 0.75 };
 
-    /// Returns the calls after which the largest displacement is `distance`, in units of the displacement per call.
+    /// Calls until the largest displacement is `distance`, in units of the displacement per call.
     pub(crate) fn steps(self, distance: f32) -> f32 {
         (distance / self.factor).max(0.0).powf(self.exponent.recip())
     }
 
-    /// Fits the law to the largest displacement `first` after one call and `last` after `steps` calls.
+    /// From the largest displacement `first` after one call and `last` after `steps` calls.
     fn between(first: f32, (steps, last): (u32, f32)) -> Self {
         let exponent = if steps > 1 { (last / first).ln() / (steps as f32).ln() } else { 1.0 };
         Self { factor: first, exponent: if exponent.is_finite() { exponent.clamp(0.3, 1.5) } else { 1.0 } }
@@ -58,7 +57,6 @@ impl Default for DisplacementStats {
 }
 
 impl DisplacementStats {
-    /// Samples the positions of the spheres, which are `given` if they are not mapped to their frame yet.
     pub(crate) fn observe(
         &mut self,
         test: &PairTest<'_>,
@@ -90,8 +88,8 @@ impl DisplacementStats {
         Ok(())
     }
 
-    /// Learns the growth law from the largest displacements `first` after one call, and `last` with its number of
-    /// calls, in units of the largest displacement per call of the sample.
+    /// From the largest displacements `first` after one call, and `last` with its number of calls, in units of the
+    /// largest displacement per call of the sample.
     pub(crate) fn learn(&mut self, first: f32, last: (u32, f32)) {
         if first > 0.0 {
             self.growth = DisplacementGrowth::between(first, last);
@@ -104,8 +102,8 @@ impl DisplacementStats {
         *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
     }
 
-    /// Returns the largest displacement per call of each class and its growth law; `None` before two calls. Classes
-    /// without an observed displacement get the largest one.
+    /// The largest displacement per call of each class (unobserved classes get the largest) and its growth law; `None`
+    /// before two calls.
     pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
         let farthest = self.steps.iter().copied().fold(0.0, f32::max);
         let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });

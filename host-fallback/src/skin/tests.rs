@@ -224,7 +224,6 @@ fn candidates_that_expired_in_a_refused_call_are_given_up() {
     assert_eq!(kept.count(&large), Ok(2700));
 }
 
-/// The radius of a species whose pairs depend on a distance alone is checked in every call.
 #[test]
 fn radii_without_effect_are_checked_while_candidates_serve() {
     let table = Interactions::new(1, Interaction::Within(1.0)).expect("one species");
@@ -264,7 +263,6 @@ fn candidates_too_many_to_keep_cost_no_memory_and_no_error() {
     }
 }
 
-/// Rows of `f64` that are not `f32` numbers.
 fn wide(spheres: &[Sphere]) -> Vec<[f64; 4]> {
     let widened = |sphere: &Sphere| {
         let row: [f32; 4] = bytemuck::cast(*sphere);
@@ -273,7 +271,6 @@ fn wide(spheres: &[Sphere]) -> Vec<[f64; 4]> {
     spheres.iter().map(widened).collect()
 }
 
-/// Rows, and centers with radii, of some spheres many boxes away.
 #[test]
 fn candidates_of_f64_spheres_are_tested_without_a_copy() {
     let lengths = Space::periodic([Some(24.1), None, Some(25.3)]).expect("a box");

@@ -13,9 +13,9 @@ use crate::input::{GivenSpheres, InputStats};
 use crate::report::RebuildReason;
 use crate::size_class::SIZE_CLASSES;
 
-/// The most searches before a new choice, and the searches without a list after an overflow.
+/// Searches before a new choice at most, and searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
-/// Ratios of observed to expected validity and number of candidates with which a choice stands.
+/// Ratios of observed to expected validity and candidates with which a choice stands.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
 /// It never reads a clock, so that runs are reproducible.
@@ -84,7 +84,6 @@ impl SkinTuner {
         self.pause = MAX_WAIT;
     }
 
-    /// Returns `true` if a search runs without a list after an overflow.
     pub(super) fn is_paused(&mut self) -> bool {
         let is_paused = self.pause > 0;
         self.pause = self.pause.saturating_sub(1);
@@ -112,8 +111,7 @@ impl SkinTuner {
         Ok(limits.map(|limits| 2.0 * limits[0]))
     }
 
-    /// Returns the displacement limits of the last choice, or of a new one by `think`, which gets the displacements and
-    /// the excess of candidates.
+    /// Uses the last choice, or a new one by `think`, which gets the displacements and the excess of candidates.
     pub(super) fn limits(
         &mut self,
         scaling: SkinScaling,

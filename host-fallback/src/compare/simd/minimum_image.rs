@@ -4,10 +4,8 @@ use super::super::columns::Columns;
 use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
 
-/// The lengths of a periodic space in the precision of the filter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PeriodicBox {
-    /// Infinite for an unbounded axis.
     pub(super) lengths: [f32; 3],
     /// An upper bound on the error of a computed distance. Coordinates, of at most half a length, are exact; their
     /// difference is rounded to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is more
@@ -26,14 +24,13 @@ impl PeriodicBox {
         space.is_periodic().then_some(periodic)
     }
 
-    /// Creates the box of a frame's space for spheres up to this radius.
     pub(crate) fn of_frame(space: &Space, largest: f32) -> Self {
         let lengths = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
         Self { lengths, slack: SearchFrame::slack(largest) }
     }
 }
 
-/// A SIMD width between minimum images. All code is compiled again for periodic spaces, so unbounded ones pay nothing.
+/// A SIMD width between minimum images. Compiled separately, so unbounded spaces pay nothing.
 #[derive(Clone, Copy)]
 pub(super) struct MinimumImage<V> {
     pub(super) vector: V,
@@ -43,7 +40,7 @@ pub(super) struct MinimumImage<V> {
 impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     const LANES: usize = V::LANES;
     type Query = V::Query;
-    /// Distances with the slack added to the sum of radii, and subtracted.
+    /// With the slack added to the sum of radii, and subtracted.
     type SquaredDistances = [V::SquaredDistances; 2];
 
     #[inline(always)]

@@ -34,7 +34,7 @@ const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow and relative error says nothing.
 const FLOOR: f32 = f32::MIN_POSITIVE;
 
-/// An instruction set by its name in compiler and processor.
+/// Named as in compiler and processor.
 #[cfg(target_arch = "x86_64")]
 struct Feature {
     name: &'static str,
@@ -110,8 +110,7 @@ impl Simd {
         }
     }
 
-    /// Runs `task` with this width, or the portable one if the processor lacks it, between minimum images if `periodic`
-    /// is given.
+    /// Runs `task` with this width, or the portable one if unavailable.
     pub(crate) fn run<T: SimdTask>(self, task: T, periodic: Option<PeriodicBox>) -> T::Result {
         match self.narrower(Self::detect()) {
             // SAFETY: this width is no wider than `detect` returns, for which this processor has all features.
@@ -133,8 +132,6 @@ fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<Period
     }
 }
 
-/// Work that is compiled once per SIMD width.
-///
 /// Only code inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and none passes
 /// a closure to a function that is not.
 pub(crate) trait SimdTask {
@@ -143,30 +140,29 @@ pub(crate) trait SimdTask {
     fn run<V: SimdWidth>(self, vector: V) -> Self::Result;
 }
 
-/// A SIMD width. A value of the type proves that the processor has it.
+/// A value of the type proves that the processor has this SIMD width.
 pub(crate) trait SimdWidth: Copy {
     const LANES: usize;
     type Query: Copy;
     type SquaredDistances: Copy;
 
     fn query(self, sphere: [f32; 4]) -> Self::Query;
-    /// Compares with the spheres at `base..base + LANES`, which may include padding.
+    /// May read padding.
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
-    /// Returns the lanes that may be pairs: all pairs, and the lanes inside the band.
+    /// Returns the pairs, and the lanes inside the band.
     fn possible(self, distances: Self::SquaredDistances) -> u32;
     fn certain(self, distances: Self::SquaredDistances) -> u32;
-    /// Returns bit masks of the `pairs` of positions in `rows` that may touch, and that certainly touch.
+    /// Returns masks of the `pairs` that may touch, and that certainly touch.
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
-    /// Returns the cell of `center + offset`, clamped to the grid. Monotone along each axis, with the same operations
-    /// in the same order for every width.
+    /// Returns the cell of `center + offset`, clamped to the grid: monotone along each axis, by the same operations for
+    /// every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
     fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]);
-    /// Maps a sphere to a frame, as [`FrameMap::map`].
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
-    /// Returns the squared distance of two centers, between minimum images if `PERIODIC`. The last lane has no effect.
+    /// Between minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
-    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell, at most five per sphere. `spheres`
-    /// has their start and number. A run starts after its own sphere.
+    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell, given by start and number, at most
+    /// five per sphere. A run starts after its own sphere.
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -174,23 +170,23 @@ pub(crate) trait SimdWidth: Copy {
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     );
-    /// Writes the pairs of sphere `id` with the selected `lanes` of `ids` to the front of `pairs`; the rest is then
-    /// arbitrary. Returns their number.
+    /// Writes the pairs of `id` with the selected `lanes` of `ids` to the front of `pairs`; the rest is arbitrary.
+    /// Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Writes the selected `lanes` of `pairs` to the front of `kept`; the rest is then arbitrary. Returns their number.
+    /// Writes the selected `lanes` of `pairs` to the front of `kept`; the rest is arbitrary. Returns their number.
     fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
 }
 
 pub(crate) trait PeriodicSimd: SimdWidth {
-    /// Computes [`touching`](SimdWidth::touching) between minimum images.
+    /// [`touching`](SimdWidth::touching) between minimum images.
     fn minimum_image_touching(
         self,
         rows: &[Xyzr],
         pairs: &[Pair; MAX_LANES],
         periodic: &PeriodicBox,
     ) -> [u32; 2];
-    /// Computes [`squared_distances`](SimdWidth::squared_distances) between minimum images, with the slack added to the
-    /// sum of radii, and subtracted down to zero.
+    /// [`squared_distances`](SimdWidth::squared_distances) between minimum images, with the slack added to the sum of
+    /// radii, and subtracted down to zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,
@@ -204,7 +200,6 @@ pub(crate) trait PeriodicSimd: SimdWidth {
 #[derive(Clone, Debug)]
 pub(crate) struct Axes {
     pub(crate) per_length: [f64; 4],
-    /// The cell coordinates of the lowest corner.
     pub(crate) origin: [f64; 4],
     /// The highest cell of each axis, at most `i32::MAX`.
     pub(crate) last: [f64; 4],

@@ -2,23 +2,21 @@ use std::ops::Range;
 
 use super::MAX_LANES;
 
-/// The rows around a cell to compare with: its own, and the four adjacent ones later in the table.
+/// Its own, and the four adjacent ones later in the table.
 const ROWS: usize = 5;
 
-/// The neighbor rows of one cell, in a grid in which spheres touch only spheres of adjacent cells.
+/// The neighbor rows of a cell, in a grid in which touching spheres are in adjacent cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NeighborRows {
-    /// A sphere touches lower cells along an axis only if its center less its radius is below this.
+    /// A sphere touches lower cells only if its center less its radius is below this.
     pub(crate) low: [f32; 3],
-    /// A sphere touches higher cells along an axis only if its center plus its radius is above this.
+    /// A sphere touches higher cells only if its center plus its radius is above this.
     pub(crate) high: [f32; 3],
-    /// For each row the starts of its cells `x - 1`, `x` and `x + 1`, and the end of the last. Rows outside the grid
-    /// are replaced by rows inside, which `low` and `high` exclude.
+    /// The starts of cells `x - 1`, `x` and `x + 1`, and the end. Rows outside the grid are replaced by rows inside,
+    /// which `low` and `high` exclude.
     pub(crate) rows: [[u32; 4]; ROWS],
 }
 
-/// A queue of comparisons: the sphere `at` with the spheres at `start..end`.
-///
 /// Branches on searched and empty rows would be mispredicted, so finding runs appends to the queue without a branch.
 pub(crate) struct RunQueue {
     pub(super) at: [u32; Self::ROOM],
@@ -42,7 +40,6 @@ impl RunQueue {
         self.len >= Self::FULL
     }
 
-    /// Appends a run if it is wanted and not empty. The queue must not be full.
     #[inline(always)]
     pub(crate) fn push(&mut self, at: u32, run: Range<u32>, wanted: bool) {
         let len = self.len % Self::ROOM;

@@ -66,7 +66,6 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
 /// The processor must have FMA.
 #[inline(always)]
 unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
-    // One bounds check for all.
     let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
     assert!((last as usize) < rows.len(), "every place has a row");
     let mut masks = [0; 2];
@@ -105,7 +104,6 @@ unsafe fn minimum_image_touching(
     pairs: &[Pair; MAX_LANES],
     periodic: &PeriodicBox,
 ) -> [u32; 2] {
-    // One bounds check for all.
     let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
     assert!((last as usize) < rows.len(), "every position has a row");
     let mut masks = [0; 2];

@@ -7,7 +7,7 @@ use crate::compare::PairFilter;
 use crate::memory::{try_collect, try_push};
 use crate::output::Neighbors;
 
-/// The fraction of a length below which a difference of coordinates is the minimum image, with a margin for rounding.
+/// Below this fraction of a length, a difference of coordinates is the minimum image, with a margin for rounding.
 const NEAR: f64 = 0.49;
 
 pub(super) struct Fill<'a> {
@@ -36,7 +36,6 @@ struct Entry {
     distance: f64,
 }
 
-/// The output arrays; those of unrequested quantities are empty.
 pub(super) struct Slots<'s> {
     pub pairs: &'s mut [Pair],
     pub shifts: &'s mut [[i32; 3]],
@@ -135,8 +134,7 @@ impl<'s> Piece<'s> {
         }
     }
 
-    /// Writes the entries of a sphere whose minimum images mostly have shift 0: differences of coordinates below `near`
-    /// are the vectors to them.
+    /// For minimum images that mostly have shift 0: differences of coordinates below `near` are the vectors to them.
     fn fill_near(&mut self, fill: &Fill<'_>, i: u32, near: [f64; 3]) {
         let neighbors = fill.candidates.neighbors_of(i as usize);
         let mirrored = match fill.contact.query.second() {
@@ -148,8 +146,7 @@ impl<'s> Piece<'s> {
         self.fill_side::<false>(fill, (i, after), near);
     }
 
-    /// Writes the entries of a sphere with some neighbors. If they are mirrored, it is the second sphere of their
-    /// pairs.
+    /// For few neighbors. If mirrored, `i` is the second sphere of its pairs.
     #[inline(always)]
     fn fill_side<const MIRRORED: bool>(
         &mut self,
@@ -186,8 +183,8 @@ impl<'s> Piece<'s> {
 }
 
 impl Fill<'_> {
-    /// Returns the differences below which a minimum image has shift 0, or `None` if rows need more than minimum images
-    /// of an orthogonal space.
+    /// The differences below which a minimum image has shift 0; `None` if rows need more than minimum images of an
+    /// orthogonal space.
     fn near(&self) -> Option<[f64; 3]> {
         let ContactTest { space, .. } = self.contact;
         let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
@@ -235,7 +232,6 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// Returns the entry of a sphere and an image, found within their largest cutoff.
     #[inline(never)]
     fn image(&self, images: &PeriodicImages, i: u32, image: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
@@ -262,7 +258,7 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// Returns the entry of two spheres that touch; `None` if they are at the cutoff of an open list.
+    /// `None` at the cutoff of an open list.
     #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;

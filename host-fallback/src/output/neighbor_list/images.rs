@@ -25,12 +25,12 @@ pub struct PeriodicImages {
     first: Vec<[f64; 4]>,
     images: Vec<[f64; 4]>,
     of: Vec<u32>,
-    /// The numbers of cell vectors subtracted from each sphere of the first set, and added to each image.
+    /// Cell vectors subtracted from each sphere of the first set, and added to each image.
     folds: Vec<[f64; 3]>,
     shifts: Vec<[f64; 3]>,
     folded: Vec<WrappedPoint>,
     reaches: Vec<f64>,
-    /// Steps to the images of one sphere, and their numbers of cell vectors.
+    /// To the images of one sphere, with their cell vectors.
     steps: Vec<([f64; 3], [f64; 3])>,
 }
 
@@ -50,7 +50,6 @@ impl PeriodicImages {
     pub fn are_needed(contact: &ContactTest<'_>) -> bool {
         let Some(lattice) = Lattice::new(contact.space) else { return false };
         let nearest = lattice.heights().into_iter().take(lattice.rank()).fold(f64::INFINITY, f64::min);
-        // `false` for an infinite cutoff or NaN.
         let is_short = 2.0 * largest_reach(contact) * lattice.unit() < SPARE * nearest;
         !is_short
     }
@@ -86,7 +85,6 @@ impl PeriodicImages {
             ranges(offset + k, self).iter().map(|[from, to]| (to - from + 1.0).max(0.0)).product::<f64>()
         };
         let count: f64 = (0..second.len()).map(counted).sum();
-        // `false` for NaN.
         let is_possible = count + query.first().len() as f64 <= MAX_SPHERES as f64;
         if !is_possible {
             return Err(InputError::Images { images: count, reach: largest }.into());
@@ -104,7 +102,7 @@ impl PeriodicImages {
         Query::new((&self.first, &self.images))
     }
 
-    /// Returns the sphere of an image, and the numbers of cell vectors from sphere `i` to the image.
+    /// Returns an image's sphere, and the cell vectors from `i` to the image.
     pub(super) fn shift(&self, i: u32, image: u32) -> (u32, [f64; 3]) {
         let (fold, shift) = (self.folds[i as usize], self.shifts[image as usize]);
         (self.of[image as usize], [0, 1, 2].map(|edge| shift[edge] + fold[edge]))
@@ -172,7 +170,7 @@ impl PeriodicImages {
     }
 }
 
-/// The extent of the spheres: the largest coordinate, the largest number of folds, and the fractions of the first set.
+/// The largest coordinate, the most folds, and the fractions of the first set.
 #[derive(Debug)]
 struct Spread {
     extent: f64,
@@ -199,7 +197,6 @@ impl Spread {
         }
     }
 
-    /// Returns the largest rounding error of vectors between images within a cutoff.
     fn rounding(&self, lattice: &Lattice, reach: f64) -> f64 {
         let heights = lattice.heights();
         // Two folds, and the steps to the image.
@@ -207,7 +204,7 @@ impl Spread {
         lattice.rounding(2.0 * self.extent + reach, counts)
     }
 
-    /// Returns the first and last step along each basis vector that lead to images within `reach` of the first set.
+    /// The first and last step along each basis vector to images within `reach` of the first set.
     fn steps(&self, lattice: &Lattice, folded: &WrappedPoint, reach: f64) -> [[f64; 2]; 3] {
         let heights = lattice.heights();
         [0, 1, 2].map(|axis| {

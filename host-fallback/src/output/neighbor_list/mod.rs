@@ -166,7 +166,6 @@ impl NeighborListBuilder {
         })
     }
 
-    /// Closes the gaps between chunks and sums the counts of rows.
     fn close(&mut self, filled: &[(usize, usize)]) {
         fn close<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
             if !values.is_empty() {
