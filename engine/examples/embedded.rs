@@ -90,7 +90,6 @@ fn simulator_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn Error>> {
     Ok(pollster::block_on(adapter.request_device(&descriptor))?)
 }
 
-/// Equal spheres at pseudorandom positions that fill 5 % of a cube.
 fn simulator_spheres(device: &wgpu::Device, queue: &wgpu::Queue) -> wgpu::Buffer {
     let edge = (f64::from(SPHERES) * 4.19 * 0.125 / 0.05).cbrt() as f32;
     let spheres: Vec<Sphere> =

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SoftwareAdapter, wgpu};
 
-/// Moves every sphere and keeps it in the unit box.
+/// Keeps spheres in the unit box.
 const MOVE: &str = "
     @group(0) @binding(0) var<storage, read_write> spheres: array<vec4<f32>>;
 
@@ -26,7 +26,6 @@ const MOVE: &str = "
         }
     }";
 
-/// Adds this step's count to the total, and its overflow flag to earlier flags.
 const TALLY: &str = "
     @group(0) @binding(0) var<storage, read> outcome: array<u32>;
     @group(0) @binding(1) var<storage, read_write> total: array<u32, 3>;

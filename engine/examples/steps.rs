@@ -23,7 +23,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The detector is created once, because it reuses its buffers.
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
     for step in 0..steps {
-        // Sorted by `i`, then `j`, with i < j.
         let pairs = detector.pairs(&spheres)?;
         let deepest = pairs.iter().map(|pair| {
             let [a, b] = [pair.i, pair.j].map(|k| spheres[k as usize]);

@@ -1,5 +1,3 @@
-//! The interface between a [`Detector`](crate::Detector) and its backends.
-
 use std::fmt::Debug;
 
 use lazygrid_host::{HostBackend, PairFinder, SearchBackend};

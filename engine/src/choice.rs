@@ -1,4 +1,4 @@
-//! Choice of the backend, as pure functions with a reason. Each backend chooses its algorithm: `gpu::choice` and
+//! Choice of the backend, with a reason. Each backend chooses its algorithm: `gpu::choice` and
 //! `lazygrid_host::algorithm_choice`.
 
 use lazygrid_kernels::Algorithm;
@@ -9,7 +9,6 @@ use crate::gpu::costs::AdapterProfile;
 use crate::gpu::device::AdapterId;
 use crate::{Backend, Error};
 
-/// Returns the requested backend. Naming an adapter implies `Gpu`.
 #[cfg(feature = "gpu")]
 pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
     match (asked, adapter) {
@@ -19,12 +18,8 @@ pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Re
     }
 }
 
-/// Returns the device and the reason, or `None` for the CPU. Calls `open` only if a GPU could run; the argument of
-/// `open` permits a software adapter.
-///
-/// # Errors
-/// [`Error::NotOnBackend`] if the backend lacks the algorithm; [`Error::GpuUnavailable`] if a required GPU cannot be
-/// opened.
+/// Returns the device and the reason, or `None` for the CPU. Calls `open` only if a GPU could run; its argument permits
+/// a software adapter.
 pub(crate) fn backend<D>(
     asked: Backend,
     algorithm: Algorithm,
@@ -57,12 +52,11 @@ pub(crate) fn backend<D>(
     }
 }
 
-/// Returns `true` if each call chooses between the CPU and the device that [`backend`] opened.
+/// Returns `true` if each call chooses between the CPU and the opened device.
 pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
     asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }
 
-/// Returns the backend for spheres in host memory, and the reason.
 #[cfg(feature = "gpu")]
 pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String) {
     let AdapterProfile { device_from, how, .. } = *known;

@@ -19,7 +19,6 @@ pub(crate) struct Geometry {
 }
 
 impl Geometry {
-    /// Finds the pairs of a query with all images within the cutoff.
     pub(crate) fn neighbor_list(
         &mut self,
         engine: &mut BackendFinder,

@@ -37,7 +37,6 @@
 //! A simulation on the GPU passes its own device, encoder and buffers: see [`gpu`] and the examples `embedded` and
 //! `service`.
 
-// Links to the GPU path would be broken without it.
 #![cfg_attr(not(feature = "gpu"), allow(rustdoc::broken_intra_doc_links))]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 

@@ -1,4 +1,4 @@
-//! Choice of the algorithm of a call, and of its candidate list, as pure functions with a reason.
+//! Choice of the algorithm of a call, and of its candidate list, with a reason.
 
 use lazygrid_host::SkinCosts;
 use lazygrid_kernels::Algorithm;
@@ -10,12 +10,12 @@ pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 #[derive(Clone, Copy)]
 pub(crate) struct CallSize {
     pub(crate) spheres: u32,
-    /// The number of spheres in the first of two sets.
+    /// The size of the first of two sets.
     pub(crate) split: Option<u32>,
     pub(crate) classes: usize,
 }
 
-/// Returns the algorithm of a call and the reason, which names the `source` of `crossover`.
+/// The reason names the `source` of `crossover`.
 pub(crate) fn algorithm(
     asked: Algorithm,
     size: CallSize,
@@ -29,7 +29,7 @@ pub(crate) fn algorithm(
     let at = crossover.of(classes);
     if let Some(split) = split {
         let [a, b] = [split, spheres - split].map(u64::from);
-        // At the crossover, the grid costs as much per sphere as comparing the sphere with half of `at` spheres.
+        // At the crossover, the grid costs as much per sphere as testing it against `at / 2` spheres.
         let is_few = 2 * a * b < (a + b) * u64::from(at);
         let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (LARGE_INPUT_ALGORITHM, "many") };
         return (chosen, format!("{chosen}: {a} times {b} comparisons are {few} ({source})"));
@@ -40,7 +40,7 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({source})"))
 }
 
-/// Returns the reason for which a call on a GPU cannot use a candidate list, or `Ok`.
+/// Returns the reason against a candidate list, or `Ok`.
 pub(crate) fn can_use_skin(
     asked: Algorithm,
     chosen: Algorithm,
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn candidates() {
         use Algorithm::{Auto, CellList, LazyGrid, Naive};
-        // A call's fixed cost equals the saving for a thousand spheres.
+        // The fixed cost of a call equals the saving for a thousand spheres.
         let costs = SkinCosts {
             search_ns: 11.0,
             levels_ns: 0.0,

@@ -174,7 +174,6 @@ pub(crate) fn check(settings: &GpuConfig) -> Result<(), Error> {
     check_algorithm(settings.algorithm)
 }
 
-/// Rejects algorithms without kernels.
 pub(crate) fn check_algorithm(algorithm: Algorithm) -> Result<(), Error> {
     match algorithm {
         Algorithm::Auto => Ok(()),

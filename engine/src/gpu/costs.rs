@@ -153,7 +153,6 @@ impl AdapterProfile {
     }
 }
 
-/// Returns the measured or assumed costs of an adapter.
 pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary) -> AdapterProfile {
     let same = |known: &&Calibration| known.is_of(adapter);
     match calibrations.iter().rev().find(same) {

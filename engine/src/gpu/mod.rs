@@ -1,7 +1,7 @@
 //! The GPU engine: wgpu on Vulkan, Metal or DirectX 12, with hardware or in software.
 //!
 //! [`GpuDetector`] records into a caller's encoder, from GPU buffers to GPU buffers, without submit, poll or readback.
-//! [`GpuSession`] transfers spheres and pairs between host and device. [`CallCost`] is the cost of a call in advance.
+//! [`GpuSession`] transfers spheres and pairs between host and device. [`CallCost`] predicts the cost of a call.
 //! [`RadixSort`] and [`PrefixScan`] are building blocks.
 
 mod calibration;

@@ -10,7 +10,7 @@ use crate::gpu::device::GpuDevice;
 use crate::report::Report;
 use crate::{Backend, Error, choice};
 
-/// The CPU and a device. The number of spheres decides which of them runs a call.
+/// The number of spheres decides if the CPU or the device runs a call.
 #[derive(Debug)]
 pub(crate) struct AutoBackend {
     host: HostBackend,

@@ -198,7 +198,7 @@ struct Device {
 }
 
 impl Device {
-    /// Returns the search in frames, which the first call creates.
+    /// Created by the first call that needs it.
     fn framed<'d>(
         framed: &'d mut Option<Box<Self>>,
         unframed: &Self,
@@ -215,14 +215,14 @@ impl Device {
     }
 }
 
-/// Returns the table of the device's search. In a frame spheres have the effective radius of their species; they are
-/// candidates if they touch and their species can pair.
+/// In a frame spheres have the effective radius of their species; they are candidates if they touch and their species
+/// can pair.
 fn searched_table(settings: &Settings, is_framed: bool) -> Result<Option<Interactions>, Error> {
     let Some(table) = &settings.interactions else { return Ok(None) };
     Ok(Some(if is_framed { table.contact_only()? } else { table.clone() }))
 }
 
-/// Returns a space with the periodic axes of every frame.
+/// With the periodic axes of every frame.
 fn searched_space(space: &Space) -> Space {
     let lengths = match space.triclinic_cell() {
         None => space.lengths_f32(),

@@ -1,4 +1,4 @@
-//! The choice of the skin on the GPU, by the CPU path's tuner with the costs of the device.
+//! Choice of the skin on the GPU, by the CPU path's tuner with the costs of the device.
 
 use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinCosts, SkinTuner};
 
@@ -16,7 +16,6 @@ pub(super) struct SkinController {
 }
 
 impl SkinController {
-    /// Returns the skin of the next call.
     pub(super) fn next(
         &mut self,
         request: &SearchRequest<'_>,
@@ -39,7 +38,7 @@ impl SkinController {
         *self = Self::default();
     }
 
-    /// Records a call: its candidate list, if any, and the age and used fraction of the list before.
+    /// With its candidate list, if any, and the age and used fraction of the list before.
     pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, went: (u32, f32)) {
         self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
         match kept {
@@ -66,8 +65,8 @@ mod tests {
     use super::*;
     use crate::gpu::costs::SOFTWARE_SKIN_COSTS;
 
-    /// Simulates calls with a lattice that moves by `step`; returns the numbers of served calls and of rebuilds. `fits`
-    /// is `true` if the list has capacity.
+    /// Moves a lattice by `step` per call; returns the numbers of served calls and of rebuilds. `fits`: the list has
+    /// capacity.
     fn follow(controller: &mut SkinController, calls: u32, step: f32, fits: bool) -> (u32, u32) {
         let n = 8000_usize;
         let costs = SOFTWARE_SKIN_COSTS;

@@ -33,7 +33,7 @@ pub(super) struct SlabSearch {
     pub(super) session: GpuSession,
     slab: Slab,
     pub(super) timings: Vec<PhaseTime>,
-    /// Slabs of the last call; 1 if it was undivided.
+    /// 1 for an undivided call.
     pub(super) slabs: usize,
     found: Vec<Pair>,
 }
@@ -79,10 +79,7 @@ impl SlabSearch {
         Self { session, slab, timings, slabs: 1, found }
     }
 
-    /// Puts the pairs into `list`, unordered.
-    ///
-    /// # Errors
-    /// [`Error::TooManyPairs`] above `limit`, with the exact number.
+    /// Unordered.
     pub(super) fn list(
         &mut self,
         request: &SearchRequest<'_>,
@@ -148,7 +145,6 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Lists pairs in parts of bounded size.
     fn list_in_parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -207,8 +203,8 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// Passes the pairs to `consume` in parts, with `in_order` by ascending smaller index. Such parts have at most that
-    /// many pairs, unless one sphere, or the output of the device, has more.
+    /// With `in_order` by ascending smaller index. Such parts have at most that many pairs, unless one sphere, or the
+    /// output of the device, has more.
     pub(super) fn parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -235,7 +231,7 @@ impl SlabSearch {
         }
     }
 
-    /// Passes on the pairs with a smaller index in `range`, slab by slab.
+    /// For smaller indices in `range`.
     fn slab_by_slab(
         &mut self,
         (request, input, slabs): Cut<'_>,
@@ -264,8 +260,8 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Passes all pairs to `consume` by ascending smaller index. More than `most` pairs are first counted per sphere,
-    /// then searched for one range of indices after another.
+    /// In ascending order of the smaller index. More than `most` pairs are first counted per sphere, then searched for one range of
+    /// indices after another.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,
@@ -347,8 +343,8 @@ impl SlabSearch {
         Ok(ticket)
     }
 
-    /// Gathers and begins a slab for pairs with a smaller index in `range`; `None` if it cannot have any. It keeps no
-    /// candidates, because the session's next call is another slab.
+    /// For smaller indices in `range`; `None` if it cannot have any. Keeps no candidates, because the session's next
+    /// call is another slab.
     fn begin_slab(
         &mut self,
         (slabs, number): (&Slabs, usize),

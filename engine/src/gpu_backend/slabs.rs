@@ -18,10 +18,10 @@ use crate::Error;
 
 const SAMPLE: usize = 1 << 14;
 const EDGES: usize = 1 << 10;
-/// The fraction of the radius, and of a periodic length, that ends are moved outwards: more than the rounding error and
-/// the 4 ulp of a GPU.
+/// Ends are moved outwards by this fraction of the radius, and of a periodic length: above the rounding error and the 4
+/// ulp of a GPU.
 const MARGIN: f64 = 1.0 / (1 << 20) as f64;
-/// An axis is accepted if at most one in 16 spheres is a ghost.
+/// One in 16 spheres may be a ghost.
 const FEW: usize = 16;
 
 #[derive(Debug)]
@@ -35,22 +35,21 @@ pub(crate) struct SlabInput<'a> {
 #[derive(Debug)]
 pub(crate) struct Slabs {
     axis: usize,
-    /// The lower end of each slab, ascending, and the largest number of its spheres.
+    /// Ascending lower ends, and the largest number of spheres.
     slabs: Vec<(f64, usize)>,
 }
 
-/// The spheres of a slab, in reused buffers.
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
     /// Owned spheres of the range, ghosts of the range, other owned spheres, other ghosts.
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     indices: Vec<u32>,
-    /// The indices of groups two to four during gathering.
+    /// Groups two to four, during gathering.
     later: [Vec<u32>; 3],
     /// The ends of the first three groups.
     ends: [u32; 3],
-    /// `true` if the first two groups are the first set.
+    /// If the first two groups are the first set.
     has_two_sets: bool,
 }
 
@@ -65,13 +64,12 @@ impl<'a> SlabInput<'a> {
         Self { split, ..self }
     }
 
-    /// Returns the part of `range` that can contain smaller indices of pairs.
+    /// The part of `range` that can contain smaller indices of pairs.
     fn first_indices(&self, range: &Range<u32>) -> Range<u32> {
         if self.split == 0 { range.clone() } else { range.start..range.end.min(self.split) }
     }
 
-    /// Returns both ends of a sphere. On a periodic axis the lower end is wrapped, the upper one may be outside the
-    /// box.
+    /// On a periodic axis the lower end is wrapped, the upper one may be outside the box.
     fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
         let Sphere { center, radius } = self.spheres.get(k);
         let radius = match self.spheres.species() {
@@ -97,7 +95,7 @@ impl<'a> SlabInput<'a> {
         self.space.lengths()[axis]
     }
 
-    /// Returns cut positions with about equal numbers of spheres between them; the first is before all spheres.
+    /// Between cuts are about equal numbers of spheres; the first is before all.
     fn edges(&self, axis: usize) -> Vec<f64> {
         let step = (self.spheres.len() / SAMPLE).max(1);
         let mut begins: Vec<f64> =
@@ -109,7 +107,7 @@ impl<'a> SlabInput<'a> {
         edges
     }
 
-    /// Returns slabs across `axis` with at most `most` spheres each, and the number of ghosts; `None` if no cut exists.
+    /// With at most `most` spheres each, and the number of ghosts; `None` if no cut exists.
     fn cut(&self, axis: usize, most: usize) -> Option<(Slabs, usize)> {
         let edges = self.edges(axis);
         let period = self.period(axis);
@@ -153,8 +151,7 @@ impl<'a> SlabInput<'a> {
 }
 
 impl Slabs {
-    /// Cuts a call into slabs of at most `most` spheres across the axis with the fewest ghosts; `None` if too many
-    /// spheres overlap.
+    /// At most `most` spheres per slab, across the axis with the fewest ghosts; `None` if too many spheres overlap.
     pub(crate) fn new(input: &SlabInput<'_>, most: usize) -> Option<Self> {
         let mut best: Option<(Self, usize)> = None;
         for axis in 0..3 {
@@ -174,7 +171,7 @@ impl Slabs {
         self.slabs.len()
     }
 
-    /// Gathers the spheres of slab `k`, for pairs with a smaller index in `range`.
+    /// For smaller indices in `range`.
     pub(crate) fn gather(
         &self,
         number: usize,
@@ -234,8 +231,8 @@ impl Slab {
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
     }
 
-    /// The number of spheres in the first of two sets; 0 for one set. For two sets it is 0 only if the
-    /// [window](Self::window) is empty.
+    /// The size of the first of two sets; 0 for one set. For two sets it is 0 only if the [window](Self::window) is
+    /// empty.
     pub(crate) fn split(&self) -> u32 {
         if self.has_two_sets { self.ends[1] } else { 0 }
     }
@@ -246,7 +243,7 @@ impl Slab {
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Restores the indices of the whole call, and drops pairs of two ghosts.
+    /// Restores the indices of the call, and drops pairs of two ghosts.
     pub(crate) fn name(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);
@@ -293,7 +290,7 @@ mod tests {
         input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
     }
 
-    /// Asserts that slabs of `most` spheres find every pair once, as a whole and range by range.
+    /// Slabs of `most` spheres find every pair once, as a whole and range by range.
     fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
         let all = 0..input.spheres.len();
         let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));

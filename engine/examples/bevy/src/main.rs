@@ -24,7 +24,6 @@ fn spawn_camera(mut commands: Commands) {
     commands.spawn((Camera2d, Msaa::Off));
 }
 
-/// Draws particles and their contacts.
 struct Contacts;
 
 impl Plugin for Contacts {
@@ -175,7 +174,6 @@ fn buffer(device: &wgpu::Device, label: &str, size: u64) -> wgpu::Buffer {
     })
 }
 
-/// Returns a particle at a pseudorandom position in the box.
 fn particle(index: u32) -> [f32; WORDS as usize] {
     let unit = |k: u32| {
         let k = (8 * index + k).wrapping_mul(0x9e37_79b9);

@@ -1,5 +1,3 @@
-//! Measures the number of spheres at which a device overtakes the CPU, with upload and readback.
-
 use std::time::{Duration, Instant};
 
 use lazygrid_host::{HostDetector, Settings, Skin};

@@ -18,8 +18,7 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     Ok(start.elapsed())
 }
 
-/// Returns the least times of two algorithms per scene size, until the second is clearly faster or `goes_on` returns
-/// `false`.
+/// Until the second algorithm is clearly faster or `goes_on` returns `false`.
 pub(super) fn race(
     (sizes, classes): (&[u32], usize),
     rounds: usize,
@@ -44,8 +43,8 @@ pub(super) fn race(
     Ok(samples)
 }
 
-/// Returns the number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the
-/// first size if the second always wins, twice the last size (at most `most`) if it never does.
+/// The number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the first size
+/// if the second always wins, twice the last size (at most `most`) if it never does.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     // Between two samples the lead is a power of the number of spheres.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {
@@ -62,12 +61,12 @@ pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
 
-/// Returns evenly spread spheres of radii 1, 1/2, 1/4, … in turn that fill the fraction `density` of a cube.
+/// Evenly spread spheres of radii 1, 1/2, 1/4, … in turn that fill the fraction `density` of a cube.
 pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();
     let edge = (volume / density).cbrt();
-    // Additive recurrence by powers of the root of⁴ = + 1.
+    // Additive recurrence by powers of 1/x for the root of x⁴ = x + 1.
     const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2];
     let place = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * edge);
     (0..spheres as usize).map(|k| Sphere::new(place(k), radius(k))).collect()

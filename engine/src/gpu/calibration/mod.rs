@@ -1,5 +1,5 @@
-//! Calibration of a device: the numbers of spheres at which the grid overtakes all pairs, the radix sort overtakes
-//! counting and the device overtakes the CPU; and the costs of candidate lists.
+//! Measures the numbers of spheres at which the grid overtakes all pairs, the radix sort overtakes counting and the
+//! device overtakes the CPU; and the costs of candidate lists.
 
 mod host;
 mod measure;
@@ -73,8 +73,7 @@ fn session(gpu: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
     GpuSession::new(gpu.clone(), GpuConfig::default().algorithm(algorithm).timestamps(true))
 }
 
-/// Returns the distance tests per second of the naive search, from the difference of the last and the first sample;
-/// `None` if the submission cost hides it.
+/// From the difference of the last and the first sample; `None` if the submission cost hides it.
 fn naive_rate(samples: &[(u32, [Duration; 2])]) -> Option<f64> {
     let (first, last) = (samples.first()?, samples.last()?);
     let tests = |(spheres, _): &(u32, [Duration; 2])| f64::from(*spheres).powi(2) / 2.0;

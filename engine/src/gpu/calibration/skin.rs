@@ -9,7 +9,6 @@ use crate::gpu::config::GpuConfig;
 use crate::gpu::device::GpuDevice;
 use crate::gpu::session::GpuSession;
 
-/// Sizes to try until a search takes clearly longer than its submission.
 const SIZES: [u32; 4] = [1 << 14, 1 << 16, 1 << 18, 1 << 20];
 const FEW: u32 = 256;
 const ROUNDS: usize = 7;
@@ -29,12 +28,12 @@ struct TimedCall {
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     spheres: f64,
-    /// Searches of few spheres, without and with a candidate list.
+    /// Without and with a candidate list.
     few: [TimedCall; 2],
     searched: [TimedCall; 2],
     /// Calls answered from candidates, per skin.
     served: [TimedCall; 2],
-    /// A rebuild with the wider skin.
+    /// With the wider skin.
     found: TimedCall,
 }
 

@@ -1,5 +1,3 @@
-//! Measures the number of spheres at which the radix sort overtakes the counting sort.
-
 use std::time::Duration;
 
 use lazygrid_kernels::{Algorithm, Sphere};

@@ -1,4 +1,4 @@
-/// Indexed by the binary digits of the sphere count. An entry applies to calls of at least as many digits.
+/// Indexed by the binary digits of the sphere count; an entry applies to calls of at least as many digits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EntryCapacity(pub(super) [u32; u32::BITS as usize + 1]);
 

@@ -92,14 +92,13 @@ pub(crate) enum SphereBuffers<'a> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct GpuSpheres<'a> {
-    /// The numbers of the spheres; `STORAGE` usage.
     pub(crate) spheres: SphereBuffers<'a>,
     pub(crate) count: SphereCount<'a>,
-    /// A `u32` species id per sphere, with interactions.
+    /// A `u32` per sphere.
     pub(crate) species: Option<BufferRange<'a>>,
-    /// The window of the smaller index of pairs.
+    /// Range of the smaller index of pairs.
     pub(crate) window: Range<u32>,
-    /// The number of spheres of the first of two sets; 0 for one set.
+    /// The size of the first of two sets; 0 for one set.
     pub(crate) split: u32,
 }
 
@@ -141,10 +140,7 @@ impl<'a> GpuSpheres<'a> {
     /// The window of all pairs.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
-    /// Returns each range with the bytes that the call binds.
-    ///
-    /// # Errors
-    /// [`Error::InvalidSetting`] if rows and columns of configuration and input differ.
+    /// With the bytes that the call binds. Refuses rows if the configuration has columns, and the reverse.
     fn sphere_ranges(
         &self,
         spheres: u32,
@@ -165,8 +161,8 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// Rejects ranges that are too short or cannot be bound, and species without a table, or a table without species.
-    /// Returns the largest number of spheres.
+    /// Rejects ranges that are too short or cannot be bound, and species without a table or the reverse. Returns the
+    /// largest number of spheres.
     pub(crate) fn check(&self, settings: &GpuConfig, device: &wgpu::Device) -> Result<u32, Error> {
         let alignment = device.limits().min_storage_buffer_offset_alignment;
         let spheres = match self.count {

@@ -115,7 +115,7 @@ impl GpuDetector {
         self.settings.chosen(algorithm, spheres)
     }
 
-    /// Changes the space, which must be periodic along the same axes.
+    /// Changes the space, which must keep its periodic axes.
     pub(crate) fn set_space(&mut self, space: Space) {
         debug_assert_eq!(
             self.settings.space.lengths().map(|l| l.is_some()),
@@ -273,7 +273,6 @@ impl GpuDetector {
         }
     }
 
-    /// Binds a call with another algorithm or cell ratio.
     pub(crate) fn bind_as(
         &mut self,
         choice: AlgorithmChoice,

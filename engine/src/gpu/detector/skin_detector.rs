@@ -2,7 +2,7 @@
 //!
 //! A rebuild stores the spheres and searches them with radii larger by half the skin. Each call measures displacements
 //! since the rebuild; the device sets the workgroup counts of the search to their values or to zero. Then the call
-//! tests the candidates at the current positions.
+//! tests the candidates.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -25,7 +25,7 @@ use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, co
 
 /// The usable fraction of half the skin, below 1 by more than the rounding error.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
-/// The factor by which species distances grow besides the skin, as radii do.
+/// Species distances grow by this factor besides the skin, as radii do.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
 /// Candidate capacity per pair of the output.
 const PER_PAIR: u32 = 4;
@@ -97,7 +97,7 @@ impl GpuSkinDetector {
         self.skin
     }
 
-    /// Changes the skin. The next call rebuilds the list in the existing buffers.
+    /// The next call rebuilds the list in the existing buffers.
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
@@ -154,7 +154,7 @@ impl GpuSkinDetector {
         Ok(self.search.memory_for(spheres)? + buffers.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
-    /// Returns the used fraction of the displacement limit, from the bits of a squared displacement.
+    /// From the bits of a squared displacement.
     pub(crate) fn part(&self, moved: u32) -> f32 {
         f32::from_bits(moved).sqrt() / (self.skin / 2.0)
     }
@@ -323,7 +323,7 @@ fn search(
     GpuDetector::with_pipelines(device, pipelines, wide)
 }
 
-/// Returns the table for candidates: distances grow by the skin.
+/// Distances grow by the skin.
 fn widened(table: &Interactions, skin: f32) -> Result<Interactions, Error> {
     let mut wide = Interactions::new(table.species(), Interaction::Never)?;
     for (a, b) in (0..table.species()).flat_map(|a| (a..table.species()).map(move |b| (a, b))) {

@@ -118,7 +118,7 @@ fn a_further_part_is_timed_as_a_search() {
     }
 }
 
-/// Returns the entries of a call: `true` for the first level, and the sphere.
+/// `true` for the first level, and the sphere.
 fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
     let mut detector = detector(gpu, settings);

@@ -8,11 +8,10 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
     Blocking,
-    /// A thread polls the device, because wgpu makes progress only when polled, and wakes the task.
+    /// A thread polls the device, because wgpu progresses only when polled, and wakes the task.
     Async,
 }
 
-/// The result of a `map_async`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mapping(Arc<Mutex<State>>);
 
@@ -23,7 +22,7 @@ struct State {
 }
 
 impl Mapping {
-    /// Requests a mapping of `buffer` after all submitted work.
+    /// After all submitted work.
     pub(crate) fn request(buffer: &wgpu::Buffer) -> Self {
         let mapping = Self::default();
         let answer = mapping.clone();

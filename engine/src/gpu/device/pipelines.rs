@@ -8,7 +8,7 @@ use super::error_scope::with_error_scope;
 use super::subgroup_probe;
 use crate::Error;
 
-/// The compiled kernels of a device, shared by clones.
+/// Shared by clones.
 #[derive(Clone, Debug)]
 pub(crate) struct Pipelines {
     device: wgpu::Device,
@@ -29,7 +29,7 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
-    /// Uses subgroup operations if the device has the feature and its adapter passed the subgroup probe.
+    /// Uses subgroup operations if the device has the feature and its adapter passed the probe.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         Self::with_refusal(device, subgroup_probe::refusal(device))
     }

@@ -20,7 +20,6 @@ const TIMEOUT: Duration = Duration::from_secs(10);
 
 type AdapterKey = (String, String, String, u32, u32, wgpu::Backend);
 
-/// The reason not to use subgroup operations.
 static RESULTS: Mutex<Option<HashMap<AdapterKey, Option<String>>>> = Mutex::new(None);
 
 fn key(device: &wgpu::Device) -> AdapterKey {
@@ -28,7 +27,7 @@ fn key(device: &wgpu::Device) -> AdapterKey {
     (info.name, info.driver, info.driver_info, info.vendor, info.device, info.backend)
 }
 
-/// Returns the reason not to use subgroup operations on this device, which may be the lack of a probe.
+/// The lack of a probe is also a reason.
 pub(super) fn refusal(device: &wgpu::Device) -> Option<String> {
     let results = RESULTS.lock().unwrap_or_else(PoisonError::into_inner);
     match results.as_ref().and_then(|results| results.get(&key(device))) {

@@ -26,7 +26,6 @@ impl Buffers {
         Ok(Self(buffers))
     }
 
-    /// Returns `true` if these suffice for buffers of `sizes`.
     pub(crate) fn have_room_for(&self, sizes: &[(BufferId, u64)]) -> bool {
         sizes.iter().all(|(slot, size)| self.0.get(slot).is_some_and(|buffer| buffer.size() >= *size))
     }
@@ -43,7 +42,7 @@ impl Buffers {
 #[derive(Debug)]
 pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
-    /// The number of dispatches if no continuation exists.
+    /// The number of dispatches without a continuation.
     continuation_start: usize,
     part_starts: Vec<usize>,
     stamps_inside_passes: bool,
@@ -60,12 +59,11 @@ struct BoundDispatch {
 #[derive(Debug)]
 enum WorkgroupCount {
     Fixed([u32; 2]),
-    /// A count in this buffer at this offset.
     Indirect(wgpu::Buffer, u64),
 }
 
 impl Recording {
-    /// Binds the buffers that `resolve` returns for the bindings.
+    /// `resolve` returns the buffers of the bindings.
     pub(crate) fn new<B: Into<BoundBuffer> + PartialEq>(
         device: &wgpu::Device,
         pipelines: &Pipelines,
@@ -138,8 +136,7 @@ impl Recording {
         })
     }
 
-    /// Records all dispatches in one pass with indirect `counts`: [`workgroup_counts`](Self::workgroup_counts) or
-    /// zeros.
+    /// In one pass with indirect `counts`: [`workgroup_counts`](Self::workgroup_counts) or zeros.
     pub(crate) fn encode_indirect(&self, encoder: &mut wgpu::CommandEncoder, counts: &wgpu::Buffer) {
         let descriptor =
             wgpu::ComputePassDescriptor { label: Some("lazygrid indirect"), timestamp_writes: None };
@@ -153,7 +150,7 @@ impl Recording {
         }
     }
 
-    /// Records a further part; its timestamps replace those of the search.
+    /// Its timestamps replace those of the search.
     pub(crate) fn encode_continuation(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -171,8 +168,8 @@ impl Recording {
         1 + self.part_starts.len() as u32
     }
 
-    /// Records one part of the call, with timestamps per phase if it has queries. On a device without timestamps inside
-    /// passes, each phase then has its own pass.
+    /// With queries, records timestamps per phase; on a device without timestamps inside passes, each phase then has
+    /// its own pass.
     pub(crate) fn encode_part(
         &self,
         encoder: &mut wgpu::CommandEncoder,

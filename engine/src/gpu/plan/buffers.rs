@@ -48,7 +48,7 @@ impl BufferId {
         }
     }
 
-    /// The name in plans, such as `sorted_species`, or `keys_0` for the first of two buffers.
+    /// For plans, such as `sorted_species`, or `keys_0` for the first of two buffers.
     pub(crate) fn name(self) -> String {
         let mut name = String::new();
         for letter in format!("{self:?}").replace("(false)", "_0").replace("(true)", "_1").chars() {
@@ -121,7 +121,6 @@ pub(crate) enum Resource {
 
 pub(super) const COLUMN_NAMES: [&str; 4] = ["x", "y", "z", "r"];
 
-/// Returns the column that a binding of this name holds.
 pub(crate) fn column_named(binding: &str) -> Option<usize> {
     COLUMN_NAMES.iter().position(|name| *name == binding)
 }

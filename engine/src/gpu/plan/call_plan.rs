@@ -1,4 +1,4 @@
-//! A call as data that any host can execute: buffers, kernels and dispatches.
+//! A call as data for any host: buffers, kernels and dispatches.
 
 use std::sync::Arc;
 
@@ -160,7 +160,7 @@ pub enum Workgroups {
 }
 
 impl DispatchSequence {
-    /// Resolves the bindings of `dispatches`, and returns the distinct resources in order of first use.
+    /// Also returns the distinct resources in order of first use.
     pub(crate) fn resolved<R: PartialEq>(
         dispatches: impl IntoIterator<Item = Dispatch>,
         variant: Variant,

@@ -23,13 +23,13 @@ const ROUNDED: u64 = 1 << 22;
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 /// Enough for current devices, with little contention at the counters of the statistics kernel.
 const SURVEY_GROUPS: u32 = 1024;
-/// Workgroups of `occupancy_count`, which stride over the spheres.
+/// They stride over the spheres.
 const OCCUPANCY_GROUPS: u32 = 1024;
 const SPHERES_PER_THREAD: u32 = 8;
-/// Below this number of spheres a dispatch costs more than its work. Such calls minimize dispatches: all smaller
-/// spheres leave overfull cells, and overflow workgroups are dispatched for every block.
+/// Smaller calls minimize dispatches, which cost more than their work: all smaller spheres leave overfull cells, and
+/// overflow workgroups are dispatched for every block.
 const FEW: u32 = 1 << 15;
-/// The most spheres that one workgroup reduces and sets up.
+/// One workgroup reduces and sets up to this many.
 const VERY_FEW: u32 = 1 << 11;
 const INDEX_BLOCK: u32 = 2048;
 

@@ -37,7 +37,7 @@ impl GpuPhase {
 pub(crate) struct Dispatch {
     pub(crate) kernel: &'static Kernel,
     pub(crate) groups: u32,
-    /// `true` if the device computes the number in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
+    /// `true` if the number is computed in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
     pub(crate) indirect: bool,
     pub(crate) first_group: u32,
     pub(crate) args_index: u32,

@@ -22,7 +22,6 @@ impl DeviceLimits {
         Self::from(&device.limits())
     }
 
-    /// Returns `true` if radix passes use wide tiles.
     pub(crate) fn wide(&self) -> bool {
         k::Variant::for_device(None, self.workgroup_memory).wide_tiles
     }
@@ -41,12 +40,12 @@ impl From<&wgpu::Limits> for DeviceLimits {
 }
 
 impl DeviceLimits {
-    /// Keys that one workgroup sorts in a radix pass.
+    /// Keys per workgroup of a radix pass.
     pub(crate) fn radix_tile(&self) -> u32 {
         k::Variant { wide_tiles: self.wide(), ..k::Variant::default() }.radix_tile()
     }
 
-    /// The most bytes a buffer may have that is bound as a whole.
+    /// The most bytes of a buffer that is bound as a whole.
     pub(crate) fn bytes(&self) -> u64 {
         self.storage_binding.min(self.buffer)
     }

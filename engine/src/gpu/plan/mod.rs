@@ -45,11 +45,11 @@ pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
 /// Enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
-/// The crowded search distributes this many entries over one dimension, even if all are in one cell.
+/// The crowded search distributes these over one dimension, even if all are in one cell.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
 /// Folding needs three key bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
-/// Counters in either half of the occupancy table that fit the caches of current devices.
+/// Half of the occupancy table; fits the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,11 +63,11 @@ pub(crate) struct Request {
     pub(crate) columns: Option<ColumnLayout>,
     pub(crate) radix_sort_from: u32,
     pub(crate) max_tests: u64,
-    /// Recorded parts of the deferred search, at least 1.
+    /// At least 1.
     pub(crate) deferred_parts: u32,
 }
 
-/// The cells that pass smaller spheres to the next level.
+/// Cells that pass smaller spheres to the next level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub(crate) enum SplitPolicy {
@@ -82,7 +82,7 @@ pub(crate) struct Plan {
     pub(crate) spheres: u32,
     pub(crate) pairs: u32,
     pub(crate) entries: u32,
-    /// Bits of the sorted keys; 0 without a sort.
+    /// 0 without a sort.
     pub(crate) key_bits: u32,
     pub(crate) split_policy: SplitPolicy,
     pub(crate) periodic: bool,
@@ -91,11 +91,11 @@ pub(crate) struct Plan {
     pub(crate) occupancy_slots: u32,
     pub(crate) cells: u32,
     pub(crate) counters: u32,
-    /// Keys that a workgroup sorts per radix pass; 0 for a counting sort.
+    /// Keys per workgroup of a radix pass; 0 for a counting sort.
     pub(crate) tile: u32,
-    /// Candidates of a sphere of a cell list that one invocation tests.
+    /// Candidates of a sphere of a cell list.
     pub(crate) candidates_per_invocation: u32,
-    /// Workgroups for further candidates of each block; 0 if the device computes them.
+    /// For further candidates of each block; 0 if the device computes them.
     pub(crate) overflow_workgroups: u32,
     pub(crate) search_groups: u32,
     pub(crate) budget: WorkBudget,
@@ -104,8 +104,6 @@ pub(crate) struct Plan {
     pub(crate) dispatches: Vec<Dispatch>,
 }
 
-/// # Errors
-/// [`Error::LimitExceeded`] and [`Error::NotOnBackend`].
 pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Error> {
     let algorithm = request.algorithm;
     let split_policy = match algorithm {
@@ -251,7 +249,7 @@ impl Plan {
     }
 }
 
-/// Returns the digits for the lowest `bits` bits, least significant first: the fewest, of about equal width.
+/// Digits of the lowest `bits` bits, least significant first: the fewest, of about equal width.
 pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
     let passes = bits.div_ceil(k::DIGIT_BITS);
     let width = bits.div_ceil(passes.max(1));
@@ -271,8 +269,8 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 4).min(MAX_ENTRIES)
 }
 
-/// Returns the entry capacity: eight per sphere, the most at one level, or as many as the device can bind. Several
-/// levels rarely need more; if they do, the overflow flag is set. Unused capacity costs workgroups without work.
+/// Eight per sphere, the most at one level, or as many as the device can bind. Several levels rarely need more, which
+/// the overflow flag reports. Unused capacity costs workgroups without work.
 fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
@@ -288,7 +286,7 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
     Ok(entries as u32)
 }
 
-/// Returns enough workgroups to keep the device busy with at most [`k::NAIVE_TILES`] tiles each.
+/// Keeps the device busy with at most [`k::NAIVE_TILES`] tiles each.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
@@ -300,13 +298,13 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     Ok(needed as u32)
 }
 
-/// Returns enough key bits for the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
+/// For the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)
 }
 
-/// About half as many counters as spheres, because most share cells.
+/// Half as many as spheres, because most share cells.
 fn occupancy_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }

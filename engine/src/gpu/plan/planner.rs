@@ -1,5 +1,3 @@
-//! Conversion of settings to plans.
-
 use std::ops::Range;
 
 use lazygrid_kernels::kernel::{SUBGROUP_PROBE, Variant};
@@ -167,7 +165,7 @@ impl Plan {
 }
 
 impl GpuConfig {
-    /// Returns the parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
+    /// For any algorithm.
     pub(crate) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
         let call = SearchParams {
             spheres,

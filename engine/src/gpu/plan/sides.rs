@@ -1,10 +1,10 @@
-//! The two sides of the spheres of a cell list on the GPU. Sides without common interactions are never compared.
+//! The two sides of a cell list's spheres on the GPU. Sides without common interactions are never compared.
 
 use lazygrid_host::SpeciesPartition;
 use lazygrid_kernels::layout::SearchParams;
 use lazygrid_kernels::{Interaction, Interactions};
 
-/// The saved fraction of comparisons at or above which sides are kept apart.
+/// Sides are kept apart if they save at least this fraction of comparisons.
 const WORTHWHILE: f64 = 0.25;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,16 +18,16 @@ pub(crate) enum Side {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sides {
     pub(crate) of_species: Vec<Side>,
-    /// The compared sides in a search of one set; see [`SearchParams::side_pairs`].
+    /// For one set; see [`SearchParams::side_pairs`].
     pub(crate) side_pairs: u32,
-    /// The common interaction in a search of one set; see [`SearchParams::interaction`].
+    /// For one set; see [`SearchParams::interaction`].
     pub(crate) interaction: f32,
-    /// The common interaction in a search of two sets, where spheres of one species may meet.
+    /// For two sets, where spheres of one species may meet.
     pub(crate) across_sets: f32,
 }
 
 impl Sides {
-    /// Divides the species such that equal numbers of each have the fewest comparisons.
+    /// Minimizes the comparisons for equal numbers of each species.
     pub(crate) fn of(table: &Interactions) -> Self {
         let groups = SpeciesPartition::of_table(table);
         let species = || 0..table.species();
@@ -84,8 +84,8 @@ fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> 
     }
 }
 
-/// Returns the number of comparisons if the groups in the set `second` are on the second side, and the compared sides.
-/// `weights` are the groups' numbers of spheres.
+/// The comparisons with the groups in the set `second` on the second side, and the compared sides. `weights` are the
+/// groups' numbers of spheres.
 fn comparisons((second, weights): (u32, &[f64]), meets: impl Fn(usize, usize) -> bool) -> (f64, u32) {
     let groups = weights.len();
     let side = |group: usize| (second >> group & 1) as usize;

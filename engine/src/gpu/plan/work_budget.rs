@@ -24,13 +24,13 @@ pub(crate) fn tests_within_limit(tests_per_second: f64) -> u64 {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct WorkBudget {
-    /// The most distance tests of a dispatch, unless a single workgroup has more.
+    /// Unless a single workgroup has more.
     pub(crate) tests: u64,
     pub(crate) row: u32,
 }
 
 impl WorkBudget {
-    /// Returns the most workgroups of a dispatch: `groups` if all fit, else at most one row.
+    /// All `groups`, or at most one row.
     pub(crate) fn groups_per_dispatch(&self, groups: u32, tests_per_group: u64) -> u32 {
         let fitting = self.tests / tests_per_group.max(1);
         match fitting >= groups.into() {
@@ -49,7 +49,7 @@ impl WorkBudget {
         })
     }
 
-    /// Returns the most tiles of 256 × 256 tests of a part of a deferred search.
+    /// Tiles of 256 × 256 tests of a part of a deferred search.
     pub(crate) fn tiles(&self) -> u32 {
         let tile = u64::from(k::WORKGROUP_SIZE).pow(2);
         u32::try_from((self.tests / tile).max(1)).unwrap_or(SearchParams::UNLIMITED)

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::gpu::detector::read_outcome;
 use crate::gpu::device::{GpuDevice, with_error_scope};
 
-/// The offset after the outcome, and at [`TICKS_AT`] the ticks or the state of the candidate list.
+/// After the outcome, and at [`TICKS_AT`] the ticks or the state of the candidate list.
 const PAIRS_AT: u64 = 128;
 const TICKS_AT: u64 = 64;
 

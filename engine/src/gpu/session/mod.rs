@@ -1,5 +1,3 @@
-//! Sessions: from spheres in host memory to pairs in host memory.
-
 mod call_buffers;
 mod retry;
 mod skin;
@@ -42,7 +40,7 @@ pub struct GpuSession {
     slots: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
-    /// The call whose work is in the detector's buffers, and its output.
+    /// The call in the detector's buffers, and its output.
     submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
     tickets: [Weak<()>; MAX_IN_FLIGHT],
@@ -70,10 +68,10 @@ pub struct SubmissionCounts {
 #[derive(Clone, Debug)]
 pub(crate) struct QueuedCall {
     pub(crate) choice: AlgorithmChoice,
-    /// Pairs are asked for whose smaller index is in this window.
+    /// Range of the smaller index of pairs.
     pub(crate) window: Range<u32>,
     pub(crate) split: u32,
-    /// `true` if the candidate list may serve it.
+    /// If the candidate list may serve it.
     pub(crate) keeps: bool,
 }
 
@@ -138,10 +136,7 @@ impl GpuSession {
         Ok(session)
     }
 
-    /// Changes the space of later calls, which must be periodic along the same axes. A new space discards candidates.
-    ///
-    /// # Errors
-    /// See [`set_skin`](Self::set_skin).
+    /// Changes the space, which must keep its periodic axes, and discards candidates.
     pub(crate) fn set_space(&mut self, space: Space) -> Result<(), Error> {
         if self.detector.settings().space != space {
             self.detector.set_space(space);

@@ -15,8 +15,7 @@ use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
     /// Returns settings with fewer entries than the call that `ran`: a coarser grid, and finally a single level at the
-    /// cell ratio `asked`. Only a single level helps coincident spheres, which have eight entries per level at any cell
-    /// size.
+    /// cell ratio `asked`, which alone helps coincident spheres, with eight entries per level at any cell size.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
@@ -28,7 +27,7 @@ impl AlgorithmChoice {
 }
 
 impl GpuSession {
-    /// Waits for a call and appends its pairs, after retries and continuations.
+    /// After retries and continuations.
     pub(super) async fn finish_with_retries(
         &mut self,
         number: u64,
@@ -66,7 +65,7 @@ impl GpuSession {
         self.submitted.as_ref().is_some_and(|(submitted, _)| *submitted == number)
     }
 
-    /// Reads back all pairs of a finished call; returns `false` if its output is overwritten.
+    /// Returns `false` if the output is overwritten.
     pub(super) async fn copy_pairs(&mut self, number: u64, found: u64, wait: Wait) -> Result<bool, Error> {
         let holds_all = |(submitted, output): &(u64, GpuOutput)| {
             *submitted == number && found <= u64::from(output.capacity)
@@ -115,8 +114,7 @@ impl GpuSession {
         self.submit_with_capacity(number, window, before).inspect_err(|_| self.expected = expected)
     }
 
-    /// Repeats a call with more capacity than `before`. If the device cannot allocate it, later calls do not request
-    /// it.
+    /// With more capacity than `before`. If the device cannot allocate it, later calls do not request it.
     fn submit_with_capacity(
         &mut self,
         number: u64,
@@ -127,7 +125,7 @@ impl GpuSession {
             .inspect_err(|_| self.detector.restore_capacities(before))
     }
 
-    /// Repeats a call for successive windows of smaller indices, each within the output's capacity.
+    /// Successive windows of smaller indices, each within the output's capacity.
     pub(super) async fn read_windows(
         &mut self,
         number: u64,

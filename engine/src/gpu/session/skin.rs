@@ -8,9 +8,9 @@ use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
 use crate::gpu::detector::GpuSkinDetector;
 
-/// Calls without a list after a list that did not fit. An attempt costs about as much as one of these calls.
+/// Calls without a list after a list that did not fit; an attempt costs about as much as one of them.
 const PAUSE: u64 = 16;
-/// The most parts of the candidate search in crowded cells. A list of more parts has too many candidates to pay.
+/// A list of more parts of the candidate search in crowded cells has too many candidates to pay.
 const MAX_DEFERRED_PARTS: u32 = 4096;
 
 #[derive(Debug)]
@@ -45,8 +45,8 @@ impl GpuSession {
         }
     }
 
-    /// Returns the age of the list in calls at the start of the last call, and the largest used fraction of the
-    /// displacement limit.
+    /// The age of the list in calls at the start of the last call, and the largest used fraction of the displacement
+    /// limit.
     pub(crate) fn last_rebuild(&self) -> (u32, f32) {
         self.skin.as_ref().map_or((0, 0.0), |skin| skin.last_rebuild)
     }
@@ -58,7 +58,7 @@ impl GpuSession {
             .map_err(|error| self.gpu.reason(error))
     }
 
-    /// Like [`memory_for`](Self::memory_for), for calls that alternate between searches and candidate lists.
+    /// The maximum of calls with and without a candidate list.
     pub(crate) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,
@@ -84,7 +84,7 @@ impl GpuSession {
         self.kept
     }
 
-    /// Records the list's state after a submission. A retried call has rebuilt the list if one of its submissions did.
+    /// A retried call has rebuilt the list if one of its submissions did.
     pub(super) fn note(&mut self, state: &SkinState) {
         let Some(skin) = &mut self.skin else { return };
         let rebuilt = match state.rebuild_reason {
@@ -110,7 +110,7 @@ impl GpuSession {
         self.kept = Some(kept);
     }
 
-    /// Repeats a call whose candidates did not fit: with more capacity, or without a list.
+    /// With more capacity, or without a list.
     pub(super) fn repeat_for_candidates(
         &mut self,
         number: u64,

@@ -20,7 +20,7 @@ pub(super) struct PendingReadback {
     staged: u64,
     capacity: u32,
     timed: &'static [GpuPhase],
-    /// `true` if candidates answered it; their state is then read back in place of times.
+    /// If candidates answered it, whose state is read back in place of times.
     pub(super) is_kept: bool,
 }
 
@@ -39,7 +39,7 @@ impl Drop for PendingReadback {
 }
 
 impl GpuSession {
-    /// Records and submits a call with its readback. If candidates do not fit, the call searches without a list.
+    /// If candidates do not fit, the call searches without a list.
     pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let keeps = self.uses_candidates(number);
         let submitted = match self.try_submit(number, work.clone()) {
