@@ -101,14 +101,13 @@ impl GpuRun {
         Ok(run)
     }
 
-    /// The bandwidth of the fastest copy.
     fn bandwidth(&self) -> Option<f64> {
         let copies = self.primitives.rows.iter().filter(|row| row.what == "copy");
         copies.map(|row| row.bytes_per_second).reduce(f64::max)
     }
 }
 
-/// Seconds of a call by arithmetic: every dispatch waits for the one before, and every byte moves once.
+/// Every dispatch waits for the one before, and every byte moves once.
 fn expected(dispatches: f64, traffic_bytes: f64, bandwidth: f64) -> f64 {
     dispatches * DISPATCH_SECONDS + traffic_bytes / bandwidth
 }

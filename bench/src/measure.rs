@@ -33,17 +33,11 @@ pub enum Found<'a> {
 /// A search for the pairs of moving spheres, with its state between steps.
 pub trait PairFinder {
     /// Receives the spheres of the next call, outside the measured time, for programs that store spheres elsewhere.
-    ///
-    /// # Errors
-    /// The error of the search.
     fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         Ok(())
     }
 
     /// Finds the pairs of these spheres, which have moved a little since the last call.
-    ///
-    /// # Errors
-    /// The error of the search.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
     /// The time of each phase of the last call; empty if unknown.
@@ -160,7 +154,6 @@ struct Stream(Detector);
 
 impl PairFinder for Stream {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        /// 8 MiB.
         const CHUNK: usize = 1 << 20;
         let mut pairs = 0;
         self.0.stream(spheres, CHUNK, |chunk| {
@@ -301,7 +294,7 @@ impl MovingScene {
         }
     }
 
-    /// The frames of the next round, whose last one starts the round after it.
+    /// The last frame starts the round after it.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {
@@ -362,7 +355,6 @@ impl<'a> ContenderRun<'a> {
     }
 
     fn timing(self) -> Timing {
-        // The first round was the warm-up.
         let nanos = self.timing.nanos[1..].to_vec();
         Timing { nanos, note: self.search.note(), ..self.timing }
     }

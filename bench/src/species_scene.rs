@@ -1,5 +1,3 @@
-//! Scenes of species of which most never pair.
-
 use lazygrid::{Interaction, Interactions, Sphere};
 use lazygrid_io::scenes::Scene;
 use rand::SeedableRng;

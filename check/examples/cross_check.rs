@@ -20,7 +20,6 @@ const CHUNK: usize = 1 << 22;
 const SPHERES: usize = 100_000;
 /// The most pairs with which the GPU takes part: without hardware a pair takes a microsecond.
 const MAX_GPU_PAIRS: u64 = 1 << 22;
-/// Factors of the coordinates of [`Scene`]s: the smaller, the more pairs.
 const DENSITIES: [f32; 3] = [1.0, 0.5, 0.2];
 
 fn rounded(spheres: &[Sphere], density: f32) -> Vec<Sphere> {

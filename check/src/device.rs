@@ -1,5 +1,3 @@
-//! Uploads, readbacks and runs of single kernels.
-
 use std::time::Duration;
 
 use bytemuck::Pod;

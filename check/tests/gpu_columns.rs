@@ -10,7 +10,6 @@ use lazygrid::gpu::{
 };
 use lazygrid::{Algorithm, Error, Interaction, Interactions, Pair, Space, Sphere};
 
-/// An array per number, rows of a structure of nine numbers, and one radius for all.
 fn layouts(spheres: &[Sphere]) -> Vec<(ColumnLayout, Vec<Vec<f32>>)> {
     let number = |sphere: &Sphere, column: usize| match column {
         3 => sphere.radius,

@@ -322,7 +322,6 @@ fn default_limits_without_features_are_sufficient() {
     assert!(matches!(error, Error::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
 }
 
-/// With counting sort and radix sort, a periodic box, and species.
 #[test]
 fn caller_can_reuse_the_cell_order() {
     let Some(own) = device() else { return };

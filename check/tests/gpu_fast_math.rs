@@ -19,7 +19,6 @@ fn transformed(text: &str, rewrites: &[Rewrite]) -> String {
     rewritten(&inlined(text), rewrites)
 }
 
-/// Returns the text without the guards in one function of `evaluation_order.wgsl`.
 fn unguarded(text: &str, function: &str) -> String {
     let header = format!("fn {function}(");
     let Some((before, rest)) = text.split_once(&header) else { return text.to_owned() };
@@ -50,7 +49,7 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
-/// Further scenes, of many sizes and near the limits of subnormal numbers.
+/// Many sizes, and sizes near subnormal numbers.
 fn more_scenes() -> Vec<Scene> {
     let sizes = |random: &mut Random| 0.5 * (-(random.unit() * 8.0)).exp2();
     let small = |random: &mut Random| 1e-38 * random.unit();
@@ -127,7 +126,6 @@ fn kernels_without_a_guard_leave_the_contract() {
     }
 }
 
-/// Rebuilds in calls with the same spheres, after the first.
 fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
     let own = own.clone().with_rewritten_kernels(rewrite);
     let settings = GpuConfig::default().algorithm(Algorithm::CellList).subgroups(false);

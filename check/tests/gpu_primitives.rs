@@ -15,7 +15,7 @@ use lazygrid_kernels::layout::SortCounts;
 
 /// Workgroups along one dimension: the digits of a sort pass, which each device supports.
 const ROW: u32 = 256;
-/// More tiles than a row of workgroups, with a partial last row.
+/// A partial last row of tiles.
 const MANY: usize = 1_100_001;
 
 #[test]
@@ -26,7 +26,6 @@ fn dispatch_over_several_dimensions() {
     primitives::sort(&own, MANY).unwrap_or_else(|fault| panic!("sort: {fault}"));
 }
 
-/// Runs one workgroup with these buffers as bindings.
 fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Access, &wgpu::Buffer)]) {
     let accesses = buffers.iter().map(|(access, _)| *access);
     // SAFETY: the text is a kernel's with its threads in another order. `kernels/tests/loops.rs` checks its loops.
@@ -44,8 +43,7 @@ fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Acces
     });
 }
 
-/// The shader, and a version with its threads in reverse order. Between two barriers threads may run in any order, but
-/// software adapters start with the first.
+/// Between two barriers threads may run in any order, but software adapters start with the first.
 fn both_ways(kernel: &Kernel) -> [String; 2] {
     let forwards = kernel.wgsl(Variant::default());
     let backwards = forwards.replace("Thread(local_invocation)", "Thread(255u - local_invocation)");
@@ -53,8 +51,8 @@ fn both_ways(kernel: &Kernel) -> [String; 2] {
     [forwards, backwards]
 }
 
-/// A scan of many tiles takes several rounds. The thread that starts a round must not change values that other threads
-/// still read.
+/// A scan of many tiles takes several rounds; the thread that starts a round must not change values that others still
+/// read.
 #[test]
 fn scan_of_many_tiles_continues_over_rounds() {
     let Some(own) = device() else { return };

@@ -146,7 +146,7 @@ fn soak_of_changing_sizes_and_shapes() {
 
 const LARGEST: usize = 5000;
 const CROWD: usize = 600;
-/// Bytes by which the device memory may vary, because uniform buffers are temporary.
+/// Uniform buffers are temporary.
 const SLACK: u64 = 16 << 10;
 
 fn scene(step: u64) -> Vec<Sphere> {
@@ -160,7 +160,6 @@ fn scene(step: u64) -> Vec<Sphere> {
     }
 }
 
-/// Bytes that the device has allocated, and that the session holds.
 fn held(own: &GpuDevice, session: &GpuSession) -> [u64; 2] {
     let allocated = own.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
     [allocated, session.held_bytes()]

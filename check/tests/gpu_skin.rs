@@ -8,7 +8,6 @@ use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;
 use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
 
-/// The outcome and pairs of a call, and the state of the candidate list.
 fn ask(
     own: &GpuDevice,
     detector: &mut GpuSkinDetector,

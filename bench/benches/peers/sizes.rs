@@ -16,7 +16,6 @@ struct Sample {
     nanos: f64,
     /// Peak bytes per sphere besides spheres and result; NaN if the system does not report it.
     bytes: f64,
-    /// The detector's upper bound for these bytes.
     estimate: f64,
 }
 
@@ -27,7 +26,7 @@ struct Kind {
     output: Output,
 }
 
-/// Runs the child processes with sizes interleaved, and prints a table.
+/// Interleaves the sizes.
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut rows = vec![];
     for &scene in &args.options.scene {
@@ -113,7 +112,6 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     }
 }
 
-/// Prints nanoseconds of the first and following calls, bytes and estimated bytes per sphere.
 pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
     let options = &args.options;
     let (scene, n, algorithm, output) = (options.scene[0], options.n[0], args.algorithm[0], args.output[0]);

@@ -1,10 +1,9 @@
 use std::env;
 
-/// The package name, which `cargo run` also puts into the environment.
 const PACKAGE: &str = env!("CARGO_PKG_NAME");
 
-/// Returns the command that started this process, to be typed again: `cargo run` with this build's profile and
-/// features, or the program as it was called.
+/// Returns a command to type again: `cargo run` with this build's profile and features, or the program as it was
+/// called.
 pub(crate) fn command() -> String {
     let mut words = env::args_os().map(|word| word.to_string_lossy().into_owned());
     let program = words.next().unwrap_or_else(|| PACKAGE.to_owned());

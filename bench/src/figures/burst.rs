@@ -27,14 +27,13 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
     all threads, except N3Sim's sweep, which has one.";
 
-/// √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm in the 2 ns of a step.
+/// √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm in a step of 2 ns.
 const STEPS_PER_SECOND: f64 = 5e8;
 /// Volume fraction of the initial ball: about the freezing density of hard spheres.
 const FILLED: f64 = 0.5;
 /// Time step in seconds in which particles move by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// Relative growth of the radii while overlaps are removed. Without it, overlaps below the last digit of a coordinate
-/// would remain.
+/// Radii grow while overlaps are removed; otherwise overlaps below the last digit of a coordinate would remain.
 const MARGIN: f32 = 1e-3;
 const PUSHES: u32 = 200;
 
@@ -45,7 +44,6 @@ fn moments(times: u32, last: u32) -> Vec<u32> {
     moments
 }
 
-/// Returns the rows of each timed moment, up to `steps` steps.
 pub(super) fn rows(
     point: &DataPoint,
     steps: u32,
@@ -83,7 +81,6 @@ pub(super) fn rows(
     Ok(rows)
 }
 
-/// Creates the initial state: a ball of carriers without overlaps.
 fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     let mut still = Model { time_step: STILL, ..model.clone() };
     still.species.iter_mut().for_each(|species| species.radius *= 1.0 + MARGIN);
@@ -104,7 +101,6 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     Err(format!("carriers still overlap after {PUSHES} initial pushes").into())
 }
 
-/// Returns the scenario with `n` carriers (rounded down to a multiple of ten), in a ball.
 fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     let mut model = Scenario::parse(Path::new(NAME), SCENARIO.to_owned())?.model;
     // Receivers would absorb carriers and change indices.
@@ -178,7 +174,6 @@ mod tests {
         }
     }
 
-    /// Contacts push carriers that start at one point into about the initial ball of `begin`.
     #[test]
     fn burst_from_one_point_spreads_to_the_initial_ball() {
         const STEPS: u32 = 1000;

@@ -13,13 +13,12 @@ use super::verify::Reference;
 use super::{Contender, Figure};
 use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
 
-/// Multiple of its time that an engine may use to reach the minimum number of runs.
+/// An engine may use this multiple of its time to reach the minimum number of runs.
 const MORE: u32 = 3;
 
 /// Warm-up time of an engine if numbers of threads are compared: newly woken threads may share a core for milliseconds.
 const WAKING: Duration = Duration::from_millis(40);
 
-/// The reason why a peer is not available.
 #[derive(Clone, Copy, Debug, Error)]
 #[error("{0}")]
 pub(super) struct Unavailable(&'static str);
@@ -59,7 +58,6 @@ pub(super) struct Comparison<'a> {
     limits: Limits,
     runs: Vec<ContenderRun>,
     frames: usize,
-    /// The start of the first run that counts.
     began: Option<Instant>,
 }
 
@@ -74,7 +72,6 @@ struct ContenderRun {
 }
 
 impl<'a> Comparison<'a> {
-    /// Creates all contenders of the point. `left_out` returns a reason to skip an engine.
     pub(super) fn new(
         point: &'a DataPoint,
         limits: Limits,
@@ -102,7 +99,7 @@ impl<'a> Comparison<'a> {
         self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
     }
 
-    /// Runs each engine that has runs left on these spheres, and checks all answers. Warm-up times are dropped.
+    /// Runs each engine that has runs left, and checks all answers. Warm-up times are dropped.
     pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
         if !warm_up {
             self.began.get_or_insert_with(Instant::now);
@@ -124,7 +121,6 @@ impl<'a> Comparison<'a> {
         Ok(())
     }
 
-    /// Takes the rows so far, with their parameter `at`, and starts new ones.
     pub(super) fn take_rows(&mut self, at: Option<f64>) -> Vec<Row> {
         let point = self.point;
         self.began = None;
@@ -153,7 +149,7 @@ impl ContenderRun {
         self.search.is_none() || runs >= limits.runs || out_of_time
     }
 
-    /// Repeats the search until the engine's threads run on separate cores.
+    /// Until the engine's threads run on separate cores.
     fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
@@ -232,7 +228,6 @@ impl ContenderRun {
     }
 }
 
-/// The median of each phase, in execution order.
 fn medians(runs: &[Vec<PhaseTime>]) -> Vec<(String, f64)> {
     let Some(first) = runs.first() else { return vec![] };
     let times = |name: &str| -> Vec<f64> {
@@ -242,7 +237,7 @@ fn medians(runs: &[Vec<PhaseTime>]) -> Vec<(String, f64)> {
     first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
 }
 
-/// Returns `true` if the engine is not available here, which is not a fault.
+/// `true` if the engine is not available here, which is not a fault.
 fn is_refusal(error: &(dyn Error + 'static)) -> bool {
     use lazygrid::Error as E;
     if error.is::<Unavailable>() {

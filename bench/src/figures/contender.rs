@@ -99,18 +99,16 @@ impl Contender {
         tau.or(ratio).or(threads.map(|threads| threads as f64))
     }
 
-    /// Returns `true` if the time grows about quadratically.
     pub(super) fn is_quadratic(self) -> bool {
         let is_naive = |variant: DetectorVariant| variant.algorithm == Algorithm::Naive;
         matches!(self, Self::SortAndSweep) || matches!(self, Self::Lazygrid(variant) if is_naive(variant))
     }
 
-    /// Returns `true` if pairs within 4 ulp of tangency may fall either way.
+    /// Pairs within 4 ulp of tangency may fall either way.
     pub(super) fn rounds_freely(self) -> bool {
         matches!(self, Self::Lazygrid(variant) if variant.backend() == Backend::Gpu)
     }
 
-    /// The engines of the memory measurements, single-threaded.
     pub(super) fn for_memory() -> Vec<Self> {
         let ours = [Algorithm::CellList, Algorithm::RecursiveGrid, Algorithm::ArrayGrid, Algorithm::HashGrid];
         let peers =

@@ -3,7 +3,6 @@ use std::process::Command;
 use lazygrid::gpu;
 use serde::{Deserialize, Serialize};
 
-/// The build's lock file, with the versions of the compared libraries.
 const LOCK: &str = include_str!("../../../Cargo.lock");
 
 /// The machine and software of a run.

@@ -77,7 +77,6 @@ impl Figure {
         }
     }
 
-    /// The varied parameter besides the number of spheres.
     pub(super) const fn varied(self) -> Option<&'static str> {
         match self {
             Self::StepLength => Some("step in radii"),
@@ -91,7 +90,7 @@ impl Figure {
         }
     }
 
-    /// Returns `true` if all engines use one thread, because trees cannot use more.
+    /// Trees cannot use more than one thread.
     pub(super) const fn is_single_threaded(self) -> bool {
         matches!(self, Self::F4 | Self::StepLength | Self::Transceivers | Self::SizeRatio)
     }

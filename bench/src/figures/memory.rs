@@ -28,7 +28,6 @@ pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sa
     sample(&contender.factory(scene, n, Scene::STEP), scene, n, steps, SEED)
 }
 
-/// Returns a row per engine. `program` is the `lazygrid-bench` command.
 pub(super) fn rows(point: &DataPoint, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = point.scene.spheres(point.n, SEED);
     (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));

@@ -1,5 +1,3 @@
-//! The scenes, numbers of spheres, engines and runs of each figure.
-
 use lazygrid::{Algorithm, Simd, Sphere};
 use lazygrid_check::{DetectorVariant, TargetDevice};
 use serde::{Deserialize, Serialize};
@@ -41,11 +39,8 @@ pub struct Settings {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum SceneUpdate {
-    /// Each run has a new sample of the scene.
     Fresh,
-    /// Like `Fresh`, of a scene of species.
     Species(SpeciesScene),
-    /// Each sphere moves by a fraction of its radius.
     Steps {
         part: f32,
     },
@@ -56,7 +51,6 @@ pub(super) enum SceneUpdate {
     Processes,
 }
 
-/// A number of spheres of a scene in a figure, and its engines.
 #[derive(Clone, Debug)]
 pub(super) struct DataPoint {
     pub(super) figure: Figure,
@@ -111,7 +105,6 @@ impl DataPoint {
         }
     }
 
-    /// The value of the parameter that the figure varies, of the scene or the engine.
     pub(super) fn setting(&self, contender: Contender) -> Option<f64> {
         match (self.figure, self.scene) {
             // The decimal number as written: 0.1, not the nearest `f32`.
@@ -136,7 +129,7 @@ impl DataPoint {
 }
 
 impl Settings {
-    /// All points, small ones first, so that unused time goes to the large ones.
+    /// Small points first, so that unused time goes to the large ones.
     pub(super) fn points(&self) -> Vec<DataPoint> {
         let mut points: Vec<DataPoint> =
             self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
@@ -187,7 +180,6 @@ impl Settings {
         (moves / n.max(1)).clamp(1, 1_000_000) as u32
     }
 
-    /// The default number of runs: the paper's at full scale.
     fn runs_of(&self, figure: Figure) -> usize {
         match (self.scale, figure) {
             (RunScale::Smoke, _) => 2,

@@ -14,12 +14,12 @@ use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
-/// Fraction of a point's time for the runs that count; the rest is for spheres, references and warm-ups.
+/// The fraction of a point's time that counts; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
 /// An engine is left out if one run would take this multiple of its time at the point, and more than [`always`].
 const MAX_TIME_FACTOR: f64 = 4.0;
 
-/// Multiple of the time budget after which remaining points, the largest ones, are left out.
+/// Points beyond this multiple of the time budget, the largest ones, are left out.
 const OVERRUN: f64 = 1.5;
 
 /// The progress of a run.
@@ -37,7 +37,6 @@ pub struct Progress {
 
 #[derive(Serialize, Deserialize)]
 struct CachedPoint {
-    /// The build, the settings and the machine.
     #[serde(rename = "mark")]
     fingerprint: String,
     /// Seconds.
@@ -98,10 +97,8 @@ pub fn run(
     Ok(Results { environment, settings: settings.clone(), seconds, missing, rows })
 }
 
-/// The time budget of the remaining points.
 struct TimeBudget {
     end: Instant,
-    /// No point starts later.
     latest: Instant,
     weight: f64,
 }
@@ -179,7 +176,6 @@ fn rows_of(
     }
 }
 
-/// Runs a comparison on the spheres that `change` makes for each frame; the first frames are warm-ups.
 fn run_comparison(
     mut comparison: Comparison<'_>,
     warm_ups: usize,
@@ -200,12 +196,12 @@ fn always(contender: Contender, scene: Scene) -> f64 {
     if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
-/// Returns `true` for quadratic time: at one point, all spheres touch each other.
+/// At one point, all spheres touch each other.
 fn is_quadratic(contender: Contender, scene: Scene) -> bool {
     contender.is_quadratic() || scene == Scene::Point
 }
 
-/// The predicted seconds of a run, from the largest smaller point of this figure and scene and its slowest moment.
+/// From the largest smaller point of this figure and scene and its slowest moment.
 fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option<f64> {
     let name = contender.to_string();
     let same = earlier.iter().filter(|row| {

@@ -8,8 +8,7 @@ use crate::SpeciesScene;
 use crate::measure::{ContenderFactory, Digest, Found};
 use crate::peers::cell_list;
 
-/// Above this number of spheres without species, the reference is the plain cell list, which is checked against the
-/// naive detector below it.
+/// Larger scenes without species use the plain cell list, which is checked against naive below.
 const NAIVE_REFERENCE: usize = 20_000;
 
 pub(super) struct Reference<'a> {
@@ -19,7 +18,7 @@ pub(super) struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// Finds the pairs by a new search; for a scene of species by its interactions.
+    /// Uses a new search; for species by their interactions.
     pub(super) fn of(spheres: &'a [Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
         let naive =
             Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive).order(Order::Unordered);
@@ -39,7 +38,6 @@ impl<'a> Reference<'a> {
         Ok(Self { spheres, pairs, digest })
     }
 
-    /// Checks the number and checksum of the found pairs.
     pub(super) fn check(&self, found: Digest) -> Result<(), String> {
         let (pairs, expected) = (found.pairs, self.digest.pairs);
         let same = if pairs == expected { " others" } else { "" };
@@ -49,11 +47,8 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Counts the pairs that differ from the reference but are within 4 ulp of tangency, relative to the squared
-    /// cutoff, as GPUs may round (see `docs/contract.md`).
-    ///
-    /// # Errors
-    /// Missing or extra pairs that are not tangent, or repeated pairs.
+    /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, as GPUs may round (see
+    /// `docs/contract.md`). Others, missing, extra or repeated, are an error.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let sorted = |pairs: &[Pair]| {
             let mut pairs = pairs.to_vec();
@@ -80,7 +75,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// The squared distance minus the squared cutoff, in ulp of the squared cutoff.
+    /// Relative to the squared cutoff.
     fn ulps(&self, pair: &Pair) -> f64 {
         let (a, b) = (self.spheres[pair.i as usize], self.spheres[pair.j as usize]);
         let reach = f64::from(a.radius) + f64::from(b.radius);
@@ -93,7 +88,6 @@ impl<'a> Reference<'a> {
 mod tests {
     use super::*;
 
-    /// Unit spheres along a line: two touch, one misses contact by one ulp, and one is far away.
     fn row() -> Vec<Sphere> {
         let beyond = 2.0 * f32::EPSILON;
         [-4.0 - 4.0 * beyond, -2.0 - beyond, 0.0, 2.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0)).to_vec()

@@ -5,9 +5,8 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
-    /// Major and minor version of the device.
     pub(super) vulkan: (u32, u32),
-    /// `true` if the device checks buffer bounds (`robustBufferAccess2`), so the shader need not.
+    /// `robustBufferAccess2`: the shader need not check bounds.
     pub(super) checks_buffers: bool,
 }
 
@@ -17,7 +16,6 @@ pub(super) struct Translated {
     pub(super) workgroup_memory: u32,
 }
 
-/// Translates a shader with the entry point `name`.
 pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Translated, String> {
     let module = naga::front::wgsl::parse_str(wgsl).map_err(|error| error.emit_to_string(wgsl))?;
     let capabilities = Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER;

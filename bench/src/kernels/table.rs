@@ -6,8 +6,7 @@ use crate::measure::markdown;
 type Row<'a> = (&'a Compiled, &'a Program);
 
 impl Display for Kernels {
-    /// Writes a Markdown table with a row per program and a column per statistic. A constant column becomes a line
-    /// above the table.
+    /// A row per program and a column per statistic; constant columns become lines above.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
         let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();
@@ -43,7 +42,6 @@ fn rows(compiled: &Compiled) -> impl Iterator<Item = Row<'_>> {
     compiled.programs.iter().map(move |program| (compiled, program))
 }
 
-/// The columns that are constant over several rows, and the others.
 fn columns<'a>(rows: &[Row<'a>]) -> (Vec<&'a str>, Vec<&'a str>) {
     let mut names = vec!["subgroup", "workgroup bytes"];
     for statistic in rows.iter().flat_map(|(_, program)| &program.statistics) {

@@ -9,7 +9,7 @@ use lazygrid_kernels::kernel::Access;
 use super::spirv::Target;
 use super::{Number, Program, Statistic, Text};
 
-/// A Vulkan device that compiles pipelines and runs nothing.
+/// Compiles pipelines and runs nothing.
 pub(super) struct Compiler {
     device: ash::Device,
     instance: ash::Instance,
@@ -20,7 +20,7 @@ pub(super) struct Compiler {
     _entry: ash::Entry,
 }
 
-/// Optional features beyond Vulkan 1.0 that the device supports.
+/// Beyond Vulkan 1.0.
 struct Offered {
     robustness: bool,
     executables: bool,
@@ -28,7 +28,6 @@ struct Offered {
 }
 
 impl Compiler {
-    /// Opens the device of this name.
     pub(super) fn open(name: &str, uses_subgroups: bool) -> Result<Self, String> {
         // SAFETY: this opens the Vulkan loader, whose initializers are safe to run.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| format!("no Vulkan: {e}"))?;
@@ -70,7 +69,6 @@ impl Compiler {
         Ok((device, Target { vulkan: version, checks_buffers: offered.robustness }, executables, stage))
     }
 
-    /// Creates a pipeline from valid SPIR-V and returns its programs.
     pub(super) fn compile(
         &self,
         name: &str,
@@ -184,7 +182,7 @@ fn offered(
     })
 }
 
-/// Creates a device with the features that wgpu requests and that affect code, and with statistics.
+/// With statistics, and the features that wgpu requests and that affect code.
 fn device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,

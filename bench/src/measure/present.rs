@@ -1,5 +1,3 @@
-//! Results as text: spreads, tables and provenance.
-
 use std::fmt::{self, Write as _};
 use std::process::Command;
 

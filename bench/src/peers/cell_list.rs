@@ -75,7 +75,6 @@ fn with(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
 
 pub(super) struct CellList {
     tuning: Tuning,
-    /// From the largest spheres to the smallest.
     classes: Vec<SizeClassGrid>,
     pairs: Vec<Pair>,
     spheres: usize,
@@ -94,7 +93,7 @@ impl CellList {
         &self.pairs
     }
 
-    /// The indices of the spheres of the last step in cell order, class by class.
+    /// In cell order, class by class.
     pub(super) fn order(&self) -> impl Iterator<Item = u32> {
         self.classes.iter().flat_map(|class| class.order.iter().copied())
     }
@@ -103,7 +102,7 @@ impl CellList {
         Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
     }
 
-    /// Sorts the spheres into classes by size, once: radii do not change between steps.
+    /// Once: radii do not change between steps.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
         self.classes = std::iter::repeat_with(SizeClassGrid::default).take(CLASSES).collect();

@@ -69,7 +69,6 @@ fn with(name: impl Into<String>, skin: f32) -> ContenderFactory {
 
 struct Lammps {
     handle: Handle,
-    /// Holds the functions of the instance.
     library: Library,
     skin: f32,
     atoms: Option<usize>,

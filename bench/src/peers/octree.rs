@@ -19,10 +19,10 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 const SPLIT_ABOVE: usize = 256;
 /// Eight sibling leaves below this total are merged.
 const MERGE_BELOW: usize = 96;
-/// Minimum size of a child over its spheres' mean diameter: in smaller leaves, spheres would be in most children.
+/// Over the mean diameter of its spheres, which would be in most children if smaller.
 const SMALLEST_EDGE: f32 = 2.0;
 const DEEPEST: u32 = 20;
-/// Size of a new root over the extent of the spheres.
+/// Over the extent of the spheres.
 const ROOM: f32 = 1.5;
 
 /// The octree, in the rayon pool of the caller.
@@ -68,7 +68,6 @@ impl Bounds {
 struct Node {
     cell: Bounds,
     depth: u32,
-    /// The index of the first of eight consecutive children.
     children: Option<usize>,
     members: Vec<u32>,
     intervals: Vec<Interval>,
@@ -86,7 +85,7 @@ impl Node {
         members.retain(|&k| boxes[k as usize].overlaps(cell));
     }
 
-    /// Sorts and sweeps along x, and keeps the pairs that this leaf must report.
+    /// Sweeps along x, and keeps the pairs that this leaf must report.
     fn search(&mut self, spheres: &[Sphere], boxes: &[Bounds]) {
         let Self { members, intervals, pairs, cell, .. } = self;
         intervals.clear();
@@ -106,12 +105,12 @@ impl Node {
 
 #[derive(Default)]
 struct Octree {
-    /// The nodes, starting with the root. Children of merged nodes stay in place and are reused.
+    /// Starting with the root. Children of merged nodes stay in place and are reused.
     nodes: Vec<Node>,
     free: Vec<usize>,
     boxes: Vec<Bounds>,
     before: Vec<Bounds>,
-    /// The leaf that encloses a sphere's box; the sphere is then in no other leaf.
+    /// The leaf that encloses a sphere's box, which is in no other leaf.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
@@ -143,7 +142,6 @@ impl PairFinder for Octree {
 }
 
 impl Octree {
-    /// Creates a single leaf around all spheres, with space for them to spread.
     fn rebuild(&mut self) {
         let none = Bounds { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
         let all = self
@@ -191,7 +189,7 @@ impl Octree {
         });
     }
 
-    /// Merges siblings with few spheres, from the leaves up. Returns the number of spheres of `node` if it is a leaf.
+    /// From the leaves up. Returns the number of spheres of a leaf.
     fn merge(&mut self, node: usize) -> Option<usize> {
         let Some(first) = self.nodes[node].children else {
             return Some(self.nodes[node].members.len());
@@ -249,7 +247,6 @@ impl Octree {
         0.5 * (cell.high.x - cell.low.x) > SMALLEST_EDGE * diameter
     }
 
-    /// Creates eight empty leaves for the octants of a node. Returns the index of the first.
     fn eight_leaves(&mut self, node: usize) -> usize {
         let (cell, depth) = (self.nodes[node].cell, self.nodes[node].depth + 1);
         let leaves = (0..8).map(|k| Node::leaf(cell.octant(k), depth));

@@ -12,7 +12,7 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 
 #[derive(Clone, Copy, Debug)]
 enum TreeUpdate {
-    /// Updates all leaves with their exact boxes, then all inner boxes; the topology stays.
+    /// Updates all boxes; the topology stays.
     Refit,
     /// Like `Refit`, but updates a leaf only if its sphere has left its box, which has a margin of this fraction of the
     /// radius.

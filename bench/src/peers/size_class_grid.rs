@@ -3,13 +3,13 @@ use lazygrid::{Pair, Sphere};
 
 use super::touch;
 
-/// Factor of the largest diameter that a class searches, so that rounding never makes touching spheres skip a cell.
+/// Searched multiple of the largest diameter, so that rounding never skips a cell.
 const MARGIN: f32 = 1.01;
-/// Minimum ratio of cell size to the largest diameter.
+/// Over the largest diameter.
 const SMALLEST_EDGE: f32 = 0.25;
 /// Limits empty cells in sparse scenes.
 const CELLS_PER_SPHERE: f32 = 4.0;
-/// The most rows of cells after a sphere's own: with the smallest cells, it searches five cells along each axis.
+/// After a sphere's own: with the smallest cells, it searches five cells along each axis.
 const ROWS: usize = 5 + 5 * 11;
 /// A vector of AVX2.
 const LANES: usize = 8;
@@ -17,17 +17,16 @@ const LANES: usize = 8;
 #[derive(Default)]
 pub(super) struct SizeClassGrid {
     pub(super) order: Vec<u32>,
-    /// Coordinates and radii in cell order, with `LANES` more entries, so that the last run can be read in full
-    /// vectors.
+    /// In cell order, with `LANES` more entries for full vectors.
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
     r: Vec<f32>,
-    /// The start of each cell. Layers of empty cells surround the grid, so that each cell has all its neighbors.
+    /// Layers of empty cells surround the grid, so that each cell has all its neighbors.
     starts: Vec<u32>,
-    /// The largest distance of the cells of two touching spheres, and the number of empty layers.
+    /// The largest distance of cells of touching spheres, and the number of empty layers.
     reach: u32,
-    /// The spheres in the order of the previous step, and their cells.
+    /// In the order of the previous step.
     members: Vec<Sphere>,
     keys: Vec<u32>,
     sorted: Vec<u32>,
@@ -39,8 +38,7 @@ pub(super) struct SizeClassGrid {
 }
 
 impl SizeClassGrid {
-    /// Sorts the class, whose members are `order`, into cells of `edge` times the largest diameter, starting from the
-    /// order of the previous step.
+    /// Into cells of `edge` times the largest diameter, from the order of the previous step.
     #[inline(always)]
     pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
         self.members.clear();
@@ -187,7 +185,6 @@ impl SizeClassGrid {
         self.starts[(row + low) as usize] as usize..self.starts[(row + high) as usize + 1] as usize
     }
 
-    /// Compares a sphere with a run of this class, `LANES` spheres at a time.
     #[inline(always)]
     fn compare(&self, sphere: &Sphere, index: u32, run: std::ops::Range<usize>, pairs: &mut Vec<Pair>) {
         let mut from = run.start;
@@ -208,7 +205,7 @@ impl SizeClassGrid {
         }
     }
 
-    /// A bit mask of the spheres among `LANES` starting at `from` that touch, up to rounding.
+    /// A mask of the spheres from `from` that touch, up to rounding.
     #[inline(always)]
     fn near(&self, sphere: &Sphere, from: usize) -> u32 {
         let lanes = from..from + LANES;

@@ -14,7 +14,7 @@ pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }
 
-/// The interval of a sphere with a copy of it, so that the sweep reads memory in order.
+/// A copy of the sphere lets the sweep read memory in order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval {
     low: f32,
@@ -65,7 +65,7 @@ impl PairFinder for Sweep {
     }
 }
 
-/// Sorts by the lower ends, in linear time if little has changed.
+/// In linear time if little has changed.
 pub(super) fn sort(intervals: &mut [Interval]) {
     // Insertion moves each interval past those that it overtook, or gives up for a sort.
     let patience = 8 * intervals.len();

@@ -45,13 +45,11 @@ struct Verlet {
     skin: f32,
     list: CellList,
     wide: Vec<Sphere>,
-    /// The sphere at each sorted position.
     order: Vec<u32>,
     place_of: Vec<u32>,
-    /// The spheres at each sorted position now, and at the rebuild.
+    /// At each sorted position now, and at the rebuild.
     now: Vec<Sphere>,
     then: Vec<Sphere>,
-    /// Candidate pairs as sorted positions.
     candidates: Vec<Pair>,
     pairs: Vec<Pair>,
 }
@@ -71,7 +69,7 @@ impl Verlet {
         }
     }
 
-    /// Updates the positions. Returns `true` if the candidates are still valid.
+    /// Returns `true` if the candidates are still valid.
     fn advance(&mut self, spheres: &[Sphere]) -> bool {
         if self.order.len() != spheres.len() {
             return false;

@@ -1,5 +1,3 @@
-//! Comparison of each detector variant with the definition of the pairs.
-
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Sphere};
 use lazygrid_io::scenes::Scene;
 
@@ -132,12 +130,12 @@ pub fn verify(
 /// The speed of a detector variant, estimated from its calls so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// The least time per unit of work in seconds.
+    /// Seconds per unit of work, the least.
     rate: Option<f64>,
 }
 
 impl Pace {
-    /// The fewest spheres of a call that counts: smaller calls say little about larger ones.
+    /// Smaller calls say little about larger ones.
     const TELLING: usize = 1000;
 
     /// The predicted seconds of a call with `spheres` spheres; 0 before the first measurement.

@@ -159,7 +159,6 @@ impl DetectorVariant {
         }
     }
 
-    /// The previous scenario, whose candidate list then answers the tested call.
     fn before(&self, scenario: &TestInput) -> TestInput {
         let mut before = scenario.clone();
         walk(&mut before.spheres, 0.1 * self.skin, 1);

@@ -41,8 +41,7 @@ pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     first_calls_miss_no_crowd(own)
 }
 
-/// Crowds of which a call samples one sphere each: a first call looks again, and a later one uses the occupancy of the
-/// call before.
+/// A call samples one sphere of each crowd: a first call looks again, a later one uses the last occupancy.
 fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     const SPHERES: u32 = 20_000;
     let sphere = |k: u32| {

@@ -1,5 +1,3 @@
-//! The number of cells along each axis against integer roots.
-
 use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::GpuDevice;
@@ -12,12 +10,12 @@ use super::division::Division;
 use super::support::{KernelError, same};
 use crate::Effort;
 
-/// Extents of the bounds: a cube, a plane and a line.
+/// A cube, a plane and a line.
 const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0, 0.0]];
 /// The bounds hold far more cells than the table.
 const RADIUS: f32 = 1.0 / 1024.0;
 
-/// The long axes have as many cells as the table holds, around every number at which one more cell fits.
+/// Long axes have as many cells as the table holds, around every number at which one more fits.
 pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), KernelError> {
     let roots: Vec<u32> = match effort {
         Effort::Quick => vec![3, 7, 64],

@@ -1,5 +1,3 @@
-//! Checks of the kernels that most calls share.
-
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid::{Space, Sphere};
@@ -12,7 +10,7 @@ use crate::device::{download, download_one, run, upload, upload_one};
 use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
-/// All accumulated values are cleared, and the given number of spheres is limited to the capacity.
+/// Clears accumulators and limits the number of spheres to the capacity.
 pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
@@ -52,7 +50,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Wrapped coordinates are exact, at any distance from the origin and for any length of the box.
+/// Exact at any distance from the origin and for any length of the box.
 pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
@@ -80,7 +78,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Spheres are read from their columns, and none is written above the given number or the capacity.
+/// None is written above the number or the capacity.
 pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     const ROOM: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];
@@ -123,7 +121,6 @@ pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Coordinates at multiples of half a length, next to these, and anywhere.
 fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     let mut random = Random(seed);
     let words = SceneSeed::drawn(&mut random, 500);
@@ -139,7 +136,7 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     spheres
 }
 
-/// The bounds contain all valid spheres with little margin, and invalid spheres are counted.
+/// Bounds contain all valid spheres with little margin; invalid ones are counted.
 pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
@@ -189,7 +186,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The number of sorted entries is the number of entries, limited to the capacity.
+/// Limited to the capacity.
 pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
@@ -210,8 +207,7 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The dispatch arguments of the search in overfull cells, up to the largest numbers of blocks and tiles of a plan,
-/// suffice if one cell has all entries.
+/// The dispatch arguments suffice if one cell has all entries, up to the largest plan.
 pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::RUN_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
@@ -243,7 +239,7 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-/// The pairs of spheres at one point: with a window, with too small a capacity, with and without subgroup operations.
+/// At one point: with a window, with too small a capacity, with and without subgroup operations.
 pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;
@@ -319,7 +315,7 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
 }
 
-/// The dispatch arguments give each written pair a thread, and an overflow is reported.
+/// Each written pair has a thread, and an overflow is reported.
 pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 40_000_000_u32;
     for (low, high) in [

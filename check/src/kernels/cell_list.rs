@@ -11,7 +11,7 @@ use crate::device::{download, run, upload, upload_one};
 use crate::scenes::hard;
 use crate::{Random, SceneSeed};
 
-/// Any number of workgroups finds the bounds, size classes and number of invalid spheres, and clears the counters.
+/// Any number of workgroups gives the same statistics, and clears the counters.
 pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let divisions = [Division::OneSet, Division::TwoSets, Division::Species { meets_itself: true }];
     for (size, groups, division) in SIZES.into_iter().flat_map(|size| {
@@ -57,7 +57,7 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The single-workgroup kernel configures the same cells as the kernels for many spheres, and clears the statistics.
+/// Chooses the cells of the kernels for many spheres, and clears the statistics.
 pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> {
     let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
     let divided = [Division::TwoSets, Division::Species { meets_itself: false }];
@@ -141,10 +141,10 @@ fn begun(
     })
 }
 
-/// Offset of all radii, which keeps them above the subnormal numbers that devices flush.
+/// Keeps radii above the subnormal numbers that devices flush.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
-/// The expected statistics on a device that flushes subnormal numbers, or does not.
+/// The expected statistics, if subnormal numbers are flushed or not.
 pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> InputStats {
     let mut survey = InputStats::zeroed();
     for (id, sphere) in spheres.iter().enumerate() {
@@ -170,8 +170,7 @@ pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) ->
     survey
 }
 
-/// Each cell starts at the first sphere that is not in an earlier cell, for many cells and for one cell with all
-/// spheres.
+/// For many cells and for one cell with all spheres.
 pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
     let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
     for (spheres, cells) in sizes {
@@ -196,7 +195,6 @@ pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Spheres are scattered to the ranges of their cells.
 pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         let mut random = Random(size as u64);

@@ -15,12 +15,11 @@ use crate::scenes::periodic;
 use crate::{Random, TestInput};
 
 pub(crate) const CELL_CAPACITY: u32 = 4096;
-/// The level of size classes without cells, whose spheres are listed.
+/// For size classes without cells, whose spheres are listed.
 pub(crate) const LISTED: usize = 255;
-/// The largest occupancy of a coarse cell before smaller spheres move to a finer level.
+/// The largest occupancy at which smaller spheres stay in a coarse cell.
 pub(crate) const TAU: u32 = 8;
 
-/// The parameters of a search, and the cell list that the device configured for it.
 #[derive(Clone)]
 pub(crate) struct ConfiguredCellList {
     pub(crate) call: SearchParams,
@@ -37,12 +36,12 @@ pub(crate) struct ConfiguredCellList {
 pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
-    /// `true` if smaller spheres leave overfull cells, as found by the previous call.
+    /// Smaller spheres leave overfull cells, as the previous call has found.
     pub(crate) is_dense: bool,
     pub(crate) division: Division,
 }
 
-/// Few and many spheres, in unbounded and periodic space, with and without overfull cells, on one side and on two.
+/// Few and many spheres, unbounded and periodic, with and without overfull cells, on one side and on two.
 pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
     let species = [false, true].map(|meets_itself| Division::Species { meets_itself });
@@ -55,7 +54,7 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     })
 }
 
-/// Three sizes, a third of the spheres crowded in one place, a few much larger ones, and some invalid ones.
+/// Three sizes, a crowd, a few much larger spheres, and some invalid ones.
 fn scene(count: u32) -> Vec<Sphere> {
     let mut random = Random(u64::from(count));
     let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
@@ -89,7 +88,6 @@ impl CellListCase {
         self.choose_after(own, spheres, tau, before)
     }
 
-    /// Configures the cell list for this τ and this outcome of the previous call.
     pub(crate) fn choose_after(
         self,
         own: &GpuDevice,
@@ -131,7 +129,7 @@ pub(crate) struct Configured {
     survey: InputStats,
 }
 
-/// Configures a cell list for spheres with these statistics and sides, after a call with this outcome.
+/// For these statistics and sides, after a call with this outcome.
 pub(crate) fn configure(
     own: &GpuDevice,
     (call, variant): (SearchParams, Variant),
@@ -165,7 +163,7 @@ pub(crate) fn level_of(list: &CellListLayout, radius: f32) -> usize {
     (list.class_levels[class / 4] >> (class % 4 * 8) & 255) as usize
 }
 
-/// The cell of a point along each axis before wrapping, with the rounding of a fused multiply-add if `fused`.
+/// Before wrapping, with the rounding of a fused multiply-add if `fused`.
 pub(crate) fn numbers(
     list: &CellListLayout,
     space: Space,
@@ -235,7 +233,7 @@ impl ConfiguredCellList {
         density
     }
 
-    /// The cell of a sphere, and the occupancy of the overfull cell that it left, or 0.
+    /// Also the occupancy of the overfull cell that it left, or 0.
     fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
         let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
         let Some(coarsest) = self.coarsest(id, fused) else {
@@ -249,14 +247,14 @@ impl ConfiguredCellList {
         }
     }
 
-    /// The cell of each sphere, and the largest occupancy of a cell that a sphere left.
+    /// Also the largest occupancy of a cell that a sphere left.
     pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
         let homes = (0..self.scenario.spheres.len()).map(|id| self.home(id, density, fused));
         let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
         (cells, crowds.into_iter().max().unwrap_or(0))
     }
 
-    /// Compares a device result with the expected results with and without fused multiply-add.
+    /// With or without fused multiply-add.
     pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(
         case: impl FnOnce() -> String,
         found: &T,

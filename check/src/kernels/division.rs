@@ -73,7 +73,6 @@ impl Division {
         }
     }
 
-    /// The species and interactions by which plain functions find the same pairs.
     pub(crate) fn mixture(self, count: usize) -> Option<SpeciesSetup> {
         let first = if self.meets(0, 0) { Interaction::Touch } else { Interaction::Never };
         let never = Interaction::Never;
@@ -109,7 +108,6 @@ pub(crate) struct Species {
 }
 
 impl Species {
-    /// The buffers by binding name, followed by others.
     pub(crate) fn and<'b>(
         &'b self,
         others: &[(&'static str, &'b wgpu::Buffer)],

@@ -15,7 +15,6 @@ use crate::device::{download, download_one, run, upload, upload_one};
 const HAS_OWN: u32 = 1 << 31;
 const SLOTS: u32 = 4096;
 
-/// The depth, first cell and extra cells of a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cells {
     first: [i32; 3],
@@ -45,7 +44,7 @@ impl Cells {
     }
 }
 
-/// Cells of size 8 at depth 0 with a corner at the origin. Powers of two avoid rounding.
+/// Cells of size 8 at depth 0: powers of two avoid rounding.
 fn grid(spheres: usize, split_policy: u32) -> Grid {
     let mut grid = Grid {
         inverse_edge: Vec3::splat(0.125),
@@ -73,7 +72,7 @@ fn call(split_policy: u32, tau: u32) -> SearchParams {
     }
 }
 
-/// Radii over eight powers of two, at multiples of an eighth; every third sphere is at the same point.
+/// Eight powers of two, at multiples of an eighth; every third sphere is at the same point.
 fn spheres(count: usize) -> Vec<Sphere> {
     let mut random = Random(count as u64);
     let mut place = || (random.word() % 1024) as f32 / 8.0 - 64.0;
@@ -171,7 +170,6 @@ pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The cells of the spheres and the occupancy of the first level.
 pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for split_policy in [0, 1, 2] {
@@ -215,7 +213,6 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The occupancy of deeper levels below overfull cells.
 pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
@@ -288,7 +285,7 @@ pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The entries that `entries_emit` must write, as sorted (key, object).
+/// Sorted (key, object).
 fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec<[u32; 2]> {
     let mut entries = Vec::new();
     for (index, own) in cells.iter().enumerate() {
@@ -328,7 +325,7 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
     entries
 }
 
-/// The entries of spheres on all levels, with and without subgroup operations.
+/// On all levels, with and without subgroup operations.
 pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for (size, (split_policy, tau)) in SIZES.into_iter().flat_map(|size| {

@@ -83,7 +83,6 @@ impl Searched {
         Ok(run(own, &k::CELL_LIST_SEARCH, chosen.variant, groups, &self.bound())?)
     }
 
-    /// Computes the dispatch arguments of the next part of the further candidates and searches it.
     fn next_part(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
         let bound = [("params", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
@@ -93,7 +92,7 @@ impl Searched {
     }
 }
 
-/// Both searches together find each pair once, in one submission or in several.
+/// Both searches find each pair once, in one submission or in several.
 pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let case = CellListCase { spheres: case.spheres.min(1500), ..case };
@@ -127,7 +126,7 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
     Ok(())
 }
 
-/// The candidates of coincident spheres are all later spheres. The first search covers its share, and lists blocks with
+/// The candidates of coincident spheres are all later ones. The first search covers its share and lists blocks with
 /// more.
 pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
@@ -155,7 +154,7 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// A part has as many blocks as its number of tiles allows, and at least one.
+/// A part has the blocks that the number of tiles allows, at least one.
 pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, shares) in

@@ -9,7 +9,7 @@ use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
 
 const PAIR_CAPACITY: u32 = 1 << 21;
-/// The distance along a run up to which the first search compares entries.
+/// The first search compares entries up to this distance.
 const NEAR: u32 = 256;
 
 struct Runs {
@@ -26,7 +26,7 @@ struct Runs {
 }
 
 impl Runs {
-    /// Gives each sphere one entry, in its first cell on all axes.
+    /// One entry per sphere, in its first cell on all axes.
     fn of(own: &GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = SearchParams {
@@ -86,7 +86,7 @@ impl Runs {
     }
 }
 
-/// Active entries meet all entries of their run. All spheres are at one point, so only runs and marks matter.
+/// Active entries meet all entries of their run; all spheres are at one point.
 pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
@@ -109,7 +109,7 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// In runs of any length, the first search finds the pairs of near entries, and the second search the others.
+/// The first search finds near pairs, the second the others, in runs of any length.
 pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in super::support::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {

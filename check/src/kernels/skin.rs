@@ -12,10 +12,9 @@ use crate::scenes::periodic;
 /// A skin of 0.5, whose whole half is the displacement limit.
 const SKIN: SkinParams = SkinParams { half_skin: 0.25, limit_squared: 0.0625, candidate_capacity: 1000 };
 
-/// Unbounded space and a periodic box.
 const SPACES: [[Option<f32>; 3]; 2] = [[None; 3], [Some(16.0), None, Some(8.0)]];
 
-/// Spheres at multiples of an eighth in the box, which avoids rounding; some are invalid.
+/// Multiples of an eighth avoid rounding; some spheres are invalid.
 fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut coordinate = |edge: u32| random.below(8 * edge) as f32 / 8.0 - edge as f32 / 2.0;
@@ -27,7 +26,6 @@ fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
         .collect()
 }
 
-/// The stored reference position and inflated radius.
 fn widened(sphere: &Sphere) -> [f32; 4] {
     let [x, y, z] = sphere.center.to_array();
     match sphere.is_valid() {
@@ -46,7 +44,7 @@ fn call(spheres: usize, space: Space) -> (SearchParams, Variant) {
     (call.in_space(space), Variant { periodic: space.is_periodic(), ..Variant::default() })
 }
 
-/// The largest displacement is found, and a changed sphere is detected.
+/// Finds the largest displacement and changed spheres.
 pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, lengths) in SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths))) {
         let space = periodic::space(lengths);
@@ -101,7 +99,7 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The list is rebuilt if it is incomplete, if spheres changed, or if a displacement exceeds the limit.
+/// Rebuilds if the list is incomplete, spheres changed, or a displacement exceeds the limit.
 pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
     let kept = SkinState {
         is_complete: 1,
@@ -157,7 +155,7 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// A rebuild stores reference positions and inflated radii, which otherwise stay unchanged.
+/// A rebuild stores positions and inflated radii, which otherwise stay.
 pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
         SIZES.into_iter().flat_map(|size| [0, SkinState::DISPLACEMENT].map(|rebuilt| (size, rebuilt)))
@@ -183,7 +181,7 @@ pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The dispatch arguments give each written candidate a thread, and an overflow is reported.
+/// Each written candidate has a thread, and an overflow is reported.
 pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 40_000_000;
     let entries = Outcome::OVERFLOW_ENTRIES;
@@ -236,7 +234,7 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-/// The touching candidates are written, within a window and up to the capacity.
+/// Within a window and up to the capacity.
 pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
     for (lengths, (window, capacity)) in SPACES.into_iter().flat_map(|lengths| {
         [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))
@@ -273,7 +271,6 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
             ("outcome", &outcome),
             ("pairs", &pairs),
         ];
-        // Dispatches more workgroups than needed.
         run_over(own, &k::CANDIDATES_TEST, variant, [groups.div_ceil(2) + 1, 2, 1], &bound)?;
         let found = download::<Outcome>(own, &outcome, 1)?[0].found();
         let case = || format!("{lengths:?}, {window:?}, capacity {capacity}");

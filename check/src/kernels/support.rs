@@ -1,5 +1,3 @@
-//! Variants, sizes and comparisons for the kernel checks.
-
 use std::fmt::Debug;
 
 use lazygrid::Error;
@@ -27,7 +25,7 @@ pub(super) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
 }
 
-/// Maps a float to an unsigned integer with the same order.
+/// Keeps the order.
 pub(super) fn ordered(x: f32) -> u32 {
     if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
 }

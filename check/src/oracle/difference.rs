@@ -102,7 +102,6 @@ mod tests {
         of.iter().map(|&(i, j)| Pair { i, j }).collect()
     }
 
-    /// Compares a result for unit spheres at these positions along a line with the oracle.
     fn verdict(places: &[f32], found: &[(u32, u32)], tolerance: Tolerance) -> Result<(), String> {
         let row: Vec<_> = places.iter().map(|&x| Sphere::new([x, 0.0, 0.0], 1.0)).collect();
         let scenario = TestInput::from(row);

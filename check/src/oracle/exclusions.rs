@@ -1,5 +1,3 @@
-//! Exclusions of scenarios: groups and lists of pairs.
-
 use std::collections::BTreeSet;
 
 use lazygrid::{Error, Exclusions, Spheres};
@@ -42,7 +40,7 @@ impl ExclusionCase {
         self.pairs.contains(&(i.min(j), i.max(j)))
     }
 
-    /// The exclusions among the spheres in `kept`, whose indices must ascend.
+    /// Indices of `kept` ascend.
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let place = |k: u32| kept.binary_search(&(k as usize)).ok().map(|place| place as u32);
         let pairs = self.pairs().filter_map(|(i, j)| place(i).zip(place(j)));

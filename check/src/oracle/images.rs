@@ -3,12 +3,12 @@
 use glam::{DMat3, DVec3};
 use lazygrid::Space;
 
-/// The cell vectors as given, without the library's reduction.
+/// Without the library's reduction.
 pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
-    /// The cell vectors with their original indices, the longest first. The last one needs no loop.
+    /// With their original indices, the longest first. The last one needs no loop.
     edges: Vec<(usize, DVec3)>,
-    /// The rows of the inverse matrix, which give the fractional coordinates of a vector.
+    /// The rows of the inverse matrix give fractional coordinates.
     fractions: Vec<DVec3>,
 }
 
@@ -23,7 +23,7 @@ impl ImageOracle {
         Self { given, edges, fractions }
     }
 
-    /// For each cell vector, the row whose product with a vector is its fractional coordinate.
+    /// Per cell vector: its product with a vector is the fractional coordinate.
     pub(crate) fn fractions(&self) -> &[DVec3] {
         &self.fractions
     }
@@ -53,7 +53,7 @@ impl ImageOracle {
         self.nearest(apart, shift, folded, &turns.collect::<Vec<_>>())
     }
 
-    /// The image of a vector shifted by multiples of the cell vectors, rounded as the contract specifies.
+    /// Rounded as the contract specifies.
     fn image(&self, vector: DVec3, shift: [f64; 3]) -> DVec3 {
         let component = |axis: usize| {
             let terms = [0, 1, 2].map(|k| self.given[k].map_or(0.0, |edge| shift[k] * edge[axis]));
@@ -91,8 +91,7 @@ fn squared(vector: DVec3) -> f64 {
     vector.x * vector.x + vector.y * vector.y + vector.z * vector.z
 }
 
-/// The rows that give the fractional coordinates of a vector: the inverse matrix, or its pseudoinverse within the plane
-/// or line of the cell vectors.
+/// The inverse matrix, or its pseudoinverse within the plane or line of the cell vectors.
 fn fractions(edges: &[DVec3]) -> Vec<DVec3> {
     match *edges {
         [a] => vec![a / a.length_squared()],

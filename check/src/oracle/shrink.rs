@@ -65,7 +65,6 @@ mod tests {
     use crate::{SpeciesSetup, Tolerance, difference};
     use lazygrid::{Interaction, Pair};
 
-    /// Misses the pairs of a sphere with a radius above 0.3 and a smaller one.
     fn broken(scenario: &TestInput) -> Vec<Pair> {
         let mut pairs = scenario.oracle();
         pairs.retain(|pair| {

@@ -1,5 +1,3 @@
-//! Moving spheres, and skins for their candidate lists.
-
 use lazygrid::{Skin, Sphere};
 
 /// A skin of `part` times the first nonzero radius, or times the first nonzero distance of consecutive spheres if all
@@ -15,7 +13,6 @@ pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     }
 }
 
-/// The unit of [`walk`].
 pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
     let radius = spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     if radius > 0.0 { radius.min(1e30) } else { 1.0 }

@@ -45,7 +45,6 @@ pub(crate) fn median(times: &[f64]) -> f64 {
 pub struct GpuTimer {
     own: GpuDevice,
     rounds: usize,
-    /// Two timestamp queries and the buffer that they are resolved to, if the device supports timestamps.
     ticks: Option<(wgpu::QuerySet, wgpu::Buffer)>,
 }
 
@@ -135,7 +134,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
 
-    /// Returns the seconds of each round. `prepare` is recorded before the timed commands.
+    /// `prepare` is recorded before the timed commands.
     fn times(
         &self,
         prepare: impl Fn(&mut wgpu::CommandEncoder),

@@ -96,7 +96,6 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     speed.map_err(SkipReason::Failed)
 }
 
-/// Bytes of available memory (Linux's `MemAvailable`).
 fn free_memory() -> Option<u64> {
     let told = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = told.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;

@@ -1,5 +1,3 @@
-//! A device or a reason to skip, uploads and readbacks.
-
 #![allow(dead_code, unused_imports, reason = "each test binary uses its part")]
 
 #[path = "../../../tests/src/adapter.rs"]

@@ -1,4 +1,4 @@
-//! Scenes in periodic spaces, and all pairs of minimum images in `f64` as their reference.
+//! Scenes in periodic spaces, and all pairs of minimum images in `f64`.
 
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
@@ -32,7 +32,7 @@ impl Scene {
         }
     }
 
-    /// The squared distance by definition, `d − L·round(d/L)`, after exact reduction of coordinates by whole lengths.
+    /// Defined as `d − L·round(d/L)`, after exact reduction by whole lengths.
     fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         let along = |axis: usize| {
@@ -46,7 +46,7 @@ impl Scene {
         (0..3).map(|axis| along(axis).powi(2)).sum()
     }
 
-    /// Checks sorted pairs: each occurs once, and only pairs within five ulp of tangency may be missing or extra.
+    /// Each pair occurs once, and only pairs within five ulp of tangency may be missing or extra.
     pub(crate) fn verify(&self, context: &str, pairs: &[Pair]) -> Result<(), String> {
         let name = &self.name;
         if !pairs.windows(2).all(|two| two[0] < two[1]) {
@@ -90,7 +90,7 @@ pub(crate) fn detect(own: &GpuDevice, scene: &Scene, settings: GpuConfig) -> (Ou
     (*session.outcome(), pairs)
 }
 
-/// All algorithms; LazyGrid also with τ of 0, 1 and 8, for deep refinement.
+/// LazyGrid also with τ of 0, 1 and 8, for deep refinement.
 pub(crate) fn subjects() -> impl Iterator<Item = (Algorithm, u32, GpuConfig)> {
     Algorithm::GPU.iter().flat_map(|&algorithm| {
         let taus: &[u32] = if algorithm == Algorithm::LazyGrid { &[0, 1, 8] } else { &[0] };

@@ -31,8 +31,8 @@ fn squares(a: &Sphere, b: &Sphere, reach: f64) -> (f64, f64) {
     (square(0) + square(1) + square(2), reach * reach)
 }
 
-/// Checks sorted `pairs`: each occurs once, and only pairs within four ulp of tangency may be missing or extra. `reach`
-/// returns the cutoff, or `None` if the spheres never pair.
+/// Each pair occurs once, and only pairs within four ulp of tangency may be missing or extra. `reach` returns the
+/// cutoff, or `None` if the spheres never pair.
 pub(crate) fn verify(
     scene: &str,
     spheres: &[Sphere],

@@ -229,7 +229,7 @@ impl Scope<'_> {
         (is_nested || (self.is_repeatable(left) && self.is_repeatable(right))).then_some((op, left, right))
     }
 
-    /// Returns `true` if a value is computed from arguments, constants and read-only buffers alone.
+    /// Computed from arguments, constants and read-only buffers alone.
     fn is_repeatable(&self, value: Value) -> bool {
         match self.function.expressions[value] {
             Expression::Literal(_) | Expression::Constant(_) | Expression::FunctionArgument(_) => true,
@@ -264,7 +264,6 @@ impl Scope<'_> {
         }
     }
 
-    /// The source range of an operation; `None` for a part of a compound assignment.
     fn operation(&self, value: Value) -> Option<Range<usize>> {
         let range = self.range(value)?;
         let text = &self.text[range.clone()];

@@ -68,7 +68,6 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     }
 }
 
-/// Plots the time of a run, and the time per sphere or pair, which is ideally constant.
 fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box<dyn Error>> {
     let (title, _) = heading(figure);
     let (part, of): (_, fn(&Row) -> f64) = match figure {
@@ -154,7 +153,7 @@ fn phases(rows: &[&Row]) -> Option<Table> {
     })
 }
 
-/// The phases in execution order. GPU phases run while the host waits.
+/// GPU phases run while the host waits.
 fn listed(phases: &[(String, f64)]) -> String {
     let has_waited = phases.iter().any(|(name, _)| name == "wait");
     let on_device = |name: &str| has_waited && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);

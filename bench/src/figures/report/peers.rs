@@ -13,10 +13,10 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Plot, Quantity, Scale, Section, Table};
 
-/// Maps a row to a point of a plot: its position, its value, and the middle half of the runs.
+/// Position, value, and the middle half of the runs.
 type Shown = fn(&Row) -> PlotPoint;
 
-/// Figure 4: trees that are kept between steps and grids that are rebuilt, with small steps on one thread.
+/// Figure 4: kept trees and rebuilt grids, with small steps on one thread.
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let mut section = Section {
         title: "Figure 4: one thread, trees with state between steps".to_owned(),
@@ -65,7 +65,7 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Steps of several lengths on one thread: candidate lists, and searches at each step.
+/// Steps of several lengths on one thread.
 pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let text = "As figure 4, with steps of three lengths, in radii. The Verlet list and LAMMPS keep pairs within a skin that is \
                 chosen for the length of the steps; lazygrid chooses its own. LAMMPS computes with doubles, and forces \
@@ -93,7 +93,7 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Figure 5: tables of times and speed-ups per burst; plots of times in 5a, of speed-ups in 5b.
+/// Figure 5: times and speed-ups per burst; plots of times in 5a, of speed-ups in 5b.
 pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let (title, text) = match figure {
         Figure::F5a => {
@@ -156,7 +156,6 @@ fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Op
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
 
-/// Plots the speed-up of `ours` over each peer by number of carriers, with a line per moment.
 fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     let mut series = vec![];
     for (k, peer) in peers(rows).into_iter().enumerate() {

@@ -9,7 +9,6 @@ use lazygrid_report::{Note, Table};
 
 pub(super) const ON_SOFTWARE: &str = "(software GPU)";
 
-/// The lazygrid engines that are compared with peers.
 pub(super) const OURS: [&str; 7] = [
     "recursive-grid",
     "cell-list",
@@ -23,15 +22,13 @@ pub(super) const OURS: [&str; 7] = [
 /// The inconclusive range of time ratios if single steps differ in both directions.
 pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
-/// The times of a peer divided by the times of a lazygrid engine.
 pub(super) struct Times {
-    /// The ratio of the total times of all steps that both ran, because trees are slow only occasionally.
+    /// Over all common steps, because trees are slow only occasionally.
     pub(super) total: f64,
     pub(super) by_step: Vec<f64>,
 }
 
 impl Times {
-    /// `None` without common steps.
     pub(super) fn of(peer: &Row, ours: &Row) -> Option<Self> {
         let both = || peer.wall.iter().zip(&ours.wall);
         let by_step: Vec<f64> = both().map(|(p, o)| p / o).collect();
@@ -83,7 +80,6 @@ pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -
     table
 }
 
-/// Notes on faster peers, and on engines on a software adapter.
 pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Note> {
     let mut notes = vec![];
     let mut unbeaten = vec![];
@@ -105,7 +101,6 @@ pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Not
     notes.into_iter().map(|text| Note { text, is_error: false }).collect()
 }
 
-/// The columns in which both were measured, with their ratios.
 fn ratios<'a>(
     rows: &'a [&Row],
     columns: &'a [Column],

@@ -1,5 +1,3 @@
-//! The sections of the report, and their common remarks.
-
 use std::error::Error;
 
 use super::super::figure::Figure;
@@ -36,7 +34,6 @@ pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
     Ok(Document { title: "lazygrid: results".to_owned(), sections })
 }
 
-/// Returns the results with labels for engines on a software adapter.
 pub(super) fn labelled(results: &Results) -> Results {
     let mut results = results.clone();
     if results.environment.adapter.as_ref().is_some_and(|adapter| !adapter.is_hardware) {

@@ -1,5 +1,3 @@
-//! Sections on τ, cell ratio, threads and memory.
-
 use std::error::Error;
 
 use super::super::figure::Figure;
@@ -11,7 +9,6 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 
-/// The smallest speed-up that counts as scaling.
 const GAIN: f64 = 1.05;
 
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
@@ -88,7 +85,7 @@ fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
     table
 }
 
-/// A sentence per engine: its speed-up on all threads, and the number of threads at which it stops scaling.
+/// The speed-up on all threads, and the end of scaling, per engine.
 fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     let note = |engine: &str| {
         let times = by_setting(rows, "").into_iter().filter_map(|column| {
@@ -111,7 +108,7 @@ fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     engines(rows).into_iter().filter_map(note).collect()
 }
 
-/// The number of threads at which scaling ends. `times` holds threads and seconds by ascending threads.
+/// `times` holds threads and seconds by ascending threads.
 fn limit(times: &[(f64, f64)]) -> String {
     let best_after = |k: usize| times[k + 1..].iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
     let stop = (0..times.len()).find(|&k| times[k].1 < GAIN * best_after(k)).unwrap_or(0);

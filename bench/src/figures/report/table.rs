@@ -6,7 +6,6 @@ use lazygrid_report::{Cell, Kind, Table};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Column {
     Size(usize),
-    /// A value of the varied parameter, and its unit.
     Setting(f64, &'static str),
 }
 
@@ -98,7 +97,7 @@ pub(super) fn median(times: &[f64]) -> Option<String> {
     }
 }
 
-/// The mean formatted by `written`, the standard deviation in percent, and the number of runs.
+/// With standard deviation in percent, and the number of runs.
 pub(super) fn mean(row: &Row, written: impl Fn(f64) -> String) -> Option<String> {
     let (mean, deviation) = row.mean();
     match row.wall.len() {
@@ -161,7 +160,7 @@ pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Colum
     }
 }
 
-/// The number of pairs per column, as the last line of a table made by [`by_engine`].
+/// The last line of a table made by [`by_engine`].
 pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
     let of = |column: &Column| {
         let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);

@@ -1,4 +1,4 @@
-//! Transceivers among carriers: the recursive grid compared with all others, by number and size of transceivers.
+//! Transceivers among carriers: the recursive grid compared with all others.
 
 use std::error::Error;
 
@@ -13,7 +13,6 @@ use lazygrid_report::plot::Axes;
 use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
 
 const OURS: &str = Algorithm::RecursiveGrid.name();
-/// A grid of the same kind without recursion.
 const WITHOUT: &str = Algorithm::ArrayGrid.name();
 
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
@@ -121,7 +120,7 @@ fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Opt
     })
 }
 
-/// A note on the exponents with and without recursion, compared with the paper's bound.
+/// Compared with the paper's bound.
 fn growth(what: &str, rows: &[&Row]) -> Option<Note> {
     let (ours, without) = (fitted(rows, OURS)?, fitted(rows, WITHOUT)?);
     let verdict = if ours <= 1.0 { "within" } else { "beyond" };

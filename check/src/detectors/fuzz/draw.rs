@@ -40,8 +40,8 @@ impl Round {
     }
 }
 
-/// A triclinic space: a family and the words of the scene, which determine the cell. All spheres of a round are of that
-/// family: others may lie too many boxes away for `f64` to distinguish the images.
+/// The words of the scene determine the cell. All spheres of a round are of one family: others may lie too many boxes
+/// away for `f64` to distinguish the images.
 #[derive(Clone, Copy)]
 struct Triclinic {
     family: PeriodicSceneFamily,
@@ -55,7 +55,7 @@ impl Triclinic {
     }
 }
 
-/// Returns `true` if spheres that [walk] stay within so few boxes that `f64` distinguishes the images.
+/// `f64` must distinguish the images of spheres that [walk].
 fn stays_near(scenario: &TestInput) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
     let mut edges = scenario.space.cell_vectors().into_iter().flatten();

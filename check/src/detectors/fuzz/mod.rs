@@ -20,7 +20,6 @@ pub struct Round {
     variant: DetectorVariant,
     order: Order,
     max_pairs: u64,
-    /// All with one space and interaction table.
     calls: Vec<(Call, TestInput)>,
 }
 
@@ -55,7 +54,7 @@ impl Round {
         })
     }
 
-    /// Like [`check`](Self::check) for any detector: `run` returns a fault.
+    /// `run` returns a fault.
     fn check_with(self, tries: usize, run: impl Fn(&Self) -> Result<(), String>) -> Option<(Self, String)> {
         let mut what = run(&self).err()?;
         let mut round = self;
@@ -148,7 +147,7 @@ impl std::fmt::Display for Round {
     }
 }
 
-/// The smallest and the largest number of pairs within the tolerance.
+/// The smallest and the largest number within the tolerance.
 pub(crate) fn counts(scenario: &TestInput, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];
@@ -198,7 +197,7 @@ fn answer(detector: &mut Detector, call: Call, scenario: &TestInput) -> Result<A
     }
 }
 
-/// The pairs of neighbor lists, each of which must be in the lists of both spheres.
+/// Each pair must be in the lists of both spheres.
 pub(crate) fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec<Pair>, String> {
     let mut pairs = Vec::new();
     for i in 0..spheres {

@@ -15,9 +15,8 @@ pub(super) struct Ask {
     pub(super) output: Output,
     pub(super) split: Option<usize>,
     pub(super) in_columns: bool,
-    /// `true` if the cancel flag is set before the call.
     pub(super) is_stopped: bool,
-    /// `true` if the exclusions are for one set and the query has two sets, or the reverse.
+    /// Exclusions of one set in a query of two, or the reverse.
     pub(super) has_foreign_exclusions: bool,
 }
 
@@ -33,7 +32,7 @@ pub(super) enum Output {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
     All,
-    /// Breaks at this chunk, counted from 1.
+    /// At this chunk, counted from 1.
     Break(usize),
     Panic(usize),
     /// Sets the cancel flag at this chunk and continues.
@@ -50,7 +49,6 @@ pub(super) enum Answer {
     Refused(Error),
 }
 
-/// The payload of consumers' panics.
 struct Thrown;
 
 #[derive(Default)]
@@ -58,7 +56,6 @@ struct Received {
     pairs: Vec<Pair>,
     chunks: usize,
     longest: usize,
-    /// `true` if the consumer has broken off or panicked.
     has_ended: bool,
     /// Chunks received after that.
     late: usize,
@@ -79,8 +76,7 @@ impl Columns {
 }
 
 impl Ask {
-    /// Returns the pairs of `scenario` by `detector`, then clears `stop`. An answer that contradicts itself is an
-    /// error.
+    /// Then clears `stop`. An answer that contradicts itself is an error.
     pub(super) fn answer(
         &self,
         detector: &mut Detector,
@@ -209,7 +205,7 @@ impl Received {
     }
 }
 
-/// Runs `stream` with a consumer that ends as requested, and checks the chunks.
+/// The consumer ends as requested; chunks are checked.
 fn streamed(
     chunk: usize,
     ending: Ending,

@@ -35,7 +35,7 @@ pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
     pairs
 }
 
-/// A filter for spheres that are too far apart along some direction to pair.
+/// Excludes spheres that are too far apart along some direction.
 struct Sieve {
     axes: Vec<Axis>,
 }
@@ -44,7 +44,6 @@ struct Axis {
     places: Vec<f64>,
     /// Infinite if the axis is not periodic.
     period: f64,
-    /// The largest distance of two positions that may be a pair.
     most: f64,
 }
 
@@ -77,8 +76,8 @@ impl Sieve {
 }
 
 impl Axis {
-    /// The axis on which the position of a center is its product with `row`, in periods on periodic axes. `None` if a
-    /// position has too few significant digits.
+    /// A position is a center's product with `row`, in periods on periodic axes. `None` with too few significant
+    /// digits.
     fn new(scenario: &TestInput, row: DVec3, period: f64, farthest: f64) -> Option<Self> {
         let mut places: Vec<f64> =
             scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();
@@ -94,7 +93,6 @@ impl Axis {
     }
 }
 
-/// A distance beyond which no two spheres pair.
 fn farthest(scenario: &TestInput) -> f64 {
     let radius = scenario.spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     let rows = scenario.mixture.iter().flat_map(|mixture| mixture.rows.iter().flatten());

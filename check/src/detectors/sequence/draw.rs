@@ -16,7 +16,7 @@ const OTHER: u64 = 0x5e90_e4ce;
 const TRICLINIC: u32 = 6;
 /// The most spheres in general, and in triclinic cells, where the definition tests many images.
 const MAX_SPHERES: [usize; 2] = [5000, 1300];
-/// Factor by which the number of spheres may grow in the space drawn for it.
+/// The number of spheres may grow by this factor in its space.
 const CROWDING: usize = 4;
 
 pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorVariant) -> Sequence {
@@ -37,7 +37,7 @@ pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorV
     Sequence { seed, settings, steps }
 }
 
-/// Draws a variant, mostly with an algorithm that keeps candidates.
+/// Mostly with an algorithm that keeps candidates.
 pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
     let variant = rounds::variant(random, on_cpu, on_gpu);
     let keeper = [Algorithm::Auto, Algorithm::CellList][random.below(2) as usize];
@@ -53,7 +53,7 @@ pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
     }
 }
 
-/// Draws a skin: in proportion to the radii, chosen by the detector, or none.
+/// In proportion to the radii, chosen by the detector, or none.
 fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     let keeps = matches!(variant.target, TargetDevice::Gpu { .. })
         || matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
@@ -68,7 +68,7 @@ fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     }
 }
 
-/// Draws a number of spheres: mostly few, often near the crossover to a cell list.
+/// Mostly few, often near the crossover to a cell list.
 pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
     let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
     let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
@@ -135,7 +135,6 @@ fn adversarial(random: &mut Random) -> TestInput {
     }
 }
 
-/// Draws a space about as large as the scene, or much smaller on some axes.
 fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     let mut length = |k: usize| {
         let part = [1.0, 1.0, 0.7, 1.5, 0.2][random.below(5) as usize];
@@ -153,7 +152,7 @@ fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     }
 }
 
-/// Draws a table of up to four species, whose first one often ignores radii.
+/// Up to four species; the first often ignores radii.
 fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
     let count = 1 + random.below(4);
     let mut interaction = |may_touch: bool| match random.below(8) {
@@ -187,7 +186,7 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     Step { scenario, changes, ask }
 }
 
-/// Changes the scene before call `k`. Returns the changes, or nothing if the spheres only move a little.
+/// Returns the changes, or nothing if the spheres only move a little.
 fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
     if world.held > 0 {
         world.held -= 1;

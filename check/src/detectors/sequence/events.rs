@@ -1,5 +1,3 @@
-//! Changes of a scene between calls.
-
 use glam::Vec3;
 use lazygrid::{Sphere, Spheres};
 
@@ -10,10 +8,8 @@ use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 const REMEMBERED: usize = 4;
 /// The most spheres at one point, where all pair.
 const MAX_CROWD: usize = 400;
-/// The most spheres whose pairs become exclusions.
 const MAX_LISTED: usize = 600;
 
-/// The scene between two calls, and the scales of its changes.
 pub(super) struct World {
     pub(super) scenario: TestInput,
     pub(super) history: Vec<TestInput>,

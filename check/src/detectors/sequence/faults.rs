@@ -1,6 +1,6 @@
 use crate::{Random, TestInput};
 
-/// Makes a scene with spheres invalid. Returns the name of the fault.
+/// Returns the name of the fault.
 pub(super) fn spoil(random: &mut Random, scenario: &mut TestInput, radius: f32) -> &'static str {
     let n = scenario.spheres.len() as u32;
     if n == 0 {

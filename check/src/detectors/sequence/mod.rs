@@ -47,7 +47,6 @@ struct Settings {
 
 #[derive(Clone, Debug)]
 struct Step {
-    /// May be invalid.
     scenario: TestInput,
     changes: Vec<&'static str>,
     ask: Ask,
@@ -66,7 +65,6 @@ pub struct Tally {
     pub refused: u64,
 }
 
-/// The index of a call, and a description.
 type Wrong = (usize, String);
 
 impl Sequence {
@@ -98,7 +96,7 @@ impl Sequence {
         run.map_err(|what| (at, format!("call {} of {}: {what}", at + 1, self.steps.len())))
     }
 
-    /// Runs all calls and stores the index of the current one in `at`.
+    /// Stores the index of the current call in `at`.
     fn run(&self, gpu: Option<&Gpu>, at: &mut usize, tally: &mut Tally) -> Result<(), String> {
         let stop = Arc::new(AtomicBool::new(false));
         let config = self.settings.config(gpu)?.cancel_flag(stop.clone());

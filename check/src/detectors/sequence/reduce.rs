@@ -1,8 +1,7 @@
 use super::{Sequence, Step, Wrong};
 use crate::TestInput;
 
-/// Removes calls and spheres without which `run` still fails, in at most `tries` runs. Returns the smallest failing
-/// sequence and its failure.
+/// Removes calls and spheres without which `run` still fails, in at most `tries` runs.
 pub(super) fn reduce(
     sequence: Sequence,
     wrong: Wrong,
@@ -35,7 +34,6 @@ struct Best<R> {
 }
 
 impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
-    /// Removes the calls after the wrong one.
     fn cut(&mut self) {
         self.sequence.steps.truncate(self.wrong.0 + 1);
     }
@@ -57,7 +55,7 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
         self.attempt(smaller);
     }
 
-    /// Removes spheres in ever smaller groups, with the same indices in all calls.
+    /// In ever smaller groups, with the same indices in all calls.
     fn drop_spheres(&mut self) {
         let most = |sequence: &Sequence| sequence.steps.iter().map(|step| step.scenario.spheres.len()).max();
         let mut group = most(&self.sequence).unwrap_or(0).div_ceil(2);

@@ -67,7 +67,6 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Checks an error that valid input may cause.
     fn is_refused_rightly(&self, error: &Error, range: [u64; 2]) -> Result<(), String> {
         let max_pairs = self.settings.max_pairs;
         match *error {
@@ -81,7 +80,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Checks an incomplete stream: each pair occurs once, and in canonical order the first pairs are complete.
+    /// Each pair occurs once, and in canonical order the first pairs are complete.
     fn part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
         self.in_order(pairs)?;
         let mut all: Vec<Pair> = match (self.settings.order, pairs.last()) {
@@ -206,7 +205,7 @@ fn counts_across(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 
     [least, most]
 }
 
-/// All errors with which this call may be refused, as text. Empty if the input is valid.
+/// Empty if the input is valid.
 fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     let n = step.scenario.spheres.len();
     let split = step.ask.split.map(|split| split.min(n));
