@@ -76,7 +76,7 @@ impl Naive {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        search_pieces((output, input), (self.rows.len(), 1), |mut sink, k| {
+        search_pieces(output, input, self.rows.len(), 1, |mut sink, k| {
             let TileRow { tile, others } = &self.rows[k];
             for start in others.clone().step_by(TILE) {
                 if input.is_stopped() {

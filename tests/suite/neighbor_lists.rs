@@ -43,7 +43,8 @@ const FAR: i32 = 7;
 /// All entries of a list of `rows` and `others` by the contract's expression. `reach` returns the cutoff of a pair, or
 /// `None` if it never pairs.
 fn oracle(
-    (rows, others): (&[[f64; 4]], &[[f64; 4]]),
+    rows: &[[f64; 4]],
+    others: &[[f64; 4]],
     space: &Space,
     is_open: bool,
     reach: impl Fn(usize, usize) -> Option<f64>,
@@ -131,7 +132,7 @@ fn all_images_within_the_cutoff_are_found() {
             let spheres = scene(11, &space, radius, &mut state);
             let reach = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
             for is_open in [false, true] {
-                let all = oracle((&spheres, &spheres), &space, is_open, reach);
+                let all = oracle(&spheres, &spheres, &space, is_open, reach);
                 let full = ListOptions::full();
                 let [full, half] =
                     [full, ListOptions::half()].map(|options| if is_open { options.open() } else { options });
@@ -162,7 +163,7 @@ fn two_sets_and_their_images() {
     for space in spaces() {
         for radius in RADII {
             let [a, b] = [7, 9].map(|count| scene(count, &space, radius, &mut state));
-            let expected = oracle((&a, &b), &space, false, |i, j| Some(a[i][3] + b[j][3]));
+            let expected = oracle(&a, &b, &space, false, |i, j| Some(a[i][3] + b[j][3]));
             for variant in variants::each_algorithm() {
                 let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
                 for options in [ListOptions::full(), ListOptions::half().with_self()] {
@@ -197,7 +198,7 @@ fn species_groups_and_exclusions_hold_for_all_images() {
             Interaction::Touch => Some(spheres[i][3] + spheres[j][3]),
             _ => None,
         };
-        let all = oracle((&spheres, &spheres), &space, false, reach);
+        let all = oracle(&spheres, &spheres, &space, false, reach);
         let expected: Vec<Entry> = all.into_iter().filter(|entry| !is_itself(entry)).collect();
         let set = Spheres::from(&spheres).with_species(&species).and_then(|set| set.with_groups(&groups));
         let query = Query::new(set.expect("a set")).without(&excluded);
@@ -218,7 +219,7 @@ fn lists_far_from_the_origin() {
             let mut spheres = scene(8, &space, 1.2, &mut state);
             spheres.iter_mut().for_each(|[x, y, z, _]| (*x, *y, *z) = (*x + far, *y - far, *z + 0.5 * far));
             let reach = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
-            let all = oracle((&spheres, &spheres), &space, false, reach);
+            let all = oracle(&spheres, &spheres, &space, false, reach);
             let expected: Vec<Entry> = all.into_iter().filter(|entry| !is_itself(entry)).collect();
             let mut detector = Detector::new(Config::default().space(space)).expect("a detector");
             let found = entries(&mut detector, Query::new(&spheres), ListOptions::full()).expect("a list");

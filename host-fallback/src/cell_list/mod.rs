@@ -140,7 +140,7 @@ impl CellList {
         for k in 0..grouping.count() * plan.levels.len() {
             let (group, of) = (k / plan.levels.len(), k % plan.levels.len());
             let members = if is_divided { self.members.get(group) } else { None };
-            let grid = Self::grid(input, plan, (of, members));
+            let grid = Self::grid(input, plan, of, members);
             let cells = grid.cells() as usize;
             let to =
                 from + members.map_or(plan.levels[of].spheres, |own| own.of_level(plan, of).count) as usize;
@@ -150,7 +150,7 @@ impl CellList {
             (base, from) = (base + cells, to);
         }
         let members = if is_divided { &self.members[..] } else { &[] };
-        link(&mut self.levels, &mut self.targets, (members, &grouping), input)?;
+        link(&mut self.levels, &mut self.targets, members, &grouping, input)?;
         self.touch_decides = grouping.is_by_radii();
         let places = CellLocator { levels: &self.levels, of_class: &plan.of_class, grouping };
         report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
@@ -159,7 +159,8 @@ impl CellList {
     fn grid(
         input: &SearchInput<'_>,
         plan: &LevelPlan,
-        (of, members): (usize, Option<&GroupMembers>),
+        of: usize,
+        members: Option<&GroupMembers>,
     ) -> CellGrid {
         let InputStats { min, max, .. } = input.stats;
         let level = &plan.levels[of];
@@ -225,7 +226,8 @@ impl CellList {
 fn link(
     levels: &mut [LevelGrid],
     targets: &mut Vec<Target>,
-    (members, grouping): (&[GroupMembers], &Grouping<'_>),
+    members: &[GroupMembers],
+    grouping: &Grouping<'_>,
     input: &SearchInput<'_>,
 ) -> Result<(), Error> {
     targets.clear();

@@ -19,7 +19,7 @@ pub(super) fn search<'o, O: Output>(
     output: &'o O,
 ) -> Result<O::Sink<'o>, Error> {
     let n = list.columns.len();
-    search_pieces((output, input), (n.div_ceil(CHUNK_SPHERES), usize::MAX), |mut sink, piece| {
+    search_pieces(output, input, n.div_ceil(CHUNK_SPHERES), usize::MAX, |mut sink, piece| {
         let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
         input.run(Piece { list, test: &input.test, range, sink: &mut sink });
         Ok(sink)
@@ -55,7 +55,7 @@ impl<S: Sink> SimdTask for Piece<'_, S> {
                 (true, true) => finder.cell_by_cell(level, targets, members),
                 (true, false) => {
                     for at in members {
-                        finder.level(level, (at, f32::INFINITY), at + 1);
+                        finder.level(level, at, f32::INFINITY, at + 1);
                         finder.others(targets, at);
                     }
                 }
@@ -115,7 +115,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
             let end = end.min(members.end);
             if level.grid.is_at_boundary(cell) {
                 for at in at..end {
-                    self.level(level, (at, f32::INFINITY), at + 1);
+                    self.level(level, at, f32::INFINITY, at + 1);
                     self.others(targets, at);
                 }
                 at = end;
@@ -137,18 +137,18 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     #[inline(always)]
     fn others(&mut self, targets: &[Target], at: usize) {
         for &Target { level, cap } in targets {
-            self.level(&self.list.levels[level], (at, cap), 0);
+            self.level(&self.list.levels[level], at, cap, 0);
         }
     }
 
     /// Queues the runs that the sphere at `at` may touch, after index `from`, with its radius capped at `cap`.
     #[inline(always)]
-    fn level(&mut self, level: &LevelGrid, (at, cap): (usize, f32), from: usize) {
+    fn level(&mut self, level: &LevelGrid, at: usize, cap: f32, from: usize) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
         let block = level.grid.block(self.vector, [x, y, z, radius.min(cap)]);
         let count = block.count();
         if (level.grid.circular && block.wraps(level.grid.size)) || count[1] > 2 || count[2] > 2 {
-            return self.rows(level, block, (at, from));
+            return self.rows(level, block, at, from);
         }
         self.work_if_full();
         let [size_x, size_y, _] = level.grid.size.map(|k| k as usize);
@@ -165,7 +165,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
 
     /// A range that wraps is no longer than its axis, so no row is queued twice.
     #[inline(always)]
-    fn rows(&mut self, level: &LevelGrid, block: CellRange, (at, from): (usize, usize)) {
+    fn rows(&mut self, level: &LevelGrid, block: CellRange, at: usize, from: usize) {
         let (size, first, count) = (level.grid.size, block.first, block.count());
         let before = count[0].min(size[0] - first[0]);
         for z in 0..count[2] {

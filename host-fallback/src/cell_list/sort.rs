@@ -68,7 +68,7 @@ impl Sorter {
         try_resize(starts, cells + Self::PADDING, "the table of cells")?;
         let ColumnsMut { xyzr, id } = columns.resize(n)?;
 
-        self.spread(input, places, (shift, buckets))?;
+        self.spread(input, places, shift, buckets)?;
         let ends = &self.ends;
         let cut = || ends.iter().copied();
         let [x, y, z, r] = xyzr.map(|column| split_at(column, cut()));
@@ -99,7 +99,8 @@ impl Sorter {
         &mut self,
         input: &SearchInput<'_>,
         places: CellLocator<'_>,
-        (shift, buckets): (u32, usize),
+        shift: u32,
+        buckets: usize,
     ) -> Result<(), Error> {
         let Self { keys, entries, offsets, ends } = self;
         let size = keys.len().div_ceil(MAX_CHUNKS).clamp(*CHUNK_SPHERES.start(), *CHUNK_SPHERES.end());

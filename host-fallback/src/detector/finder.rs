@@ -109,7 +109,7 @@ impl<B: SearchBackend> PairFinder<B> {
             found = source.list(limit, &mut |chunks| {
                 let start = Instant::now();
                 arranged = match order {
-                    Order::Canonical => put_in_order(sorter, (chunks, query.len()), &team, pairs),
+                    Order::Canonical => put_in_order(sorter, chunks, query.len(), &team, pairs),
                     Order::Unordered => join(chunks, &team, pairs),
                 };
                 ordering = Some(start.elapsed());
@@ -209,7 +209,7 @@ impl<B: SearchBackend> PairFinder<B> {
             }
             let mut arranged = Ok(());
             source.ascending(limit, &mut |chunks| {
-                arranged = put_in_order(sorter, (chunks, query.len()), &team, ordered);
+                arranged = put_in_order(sorter, chunks, query.len(), &team, ordered);
                 if arranged.is_ok() { hand_over(ordered) } else { ControlFlow::Break(()) }
             })?;
             arranged
@@ -221,7 +221,8 @@ impl<B: SearchBackend> PairFinder<B> {
 
 fn put_in_order(
     sorter: &mut PairSorter,
-    (chunks, spheres): (&[Vec<Pair>], usize),
+    chunks: &[Vec<Pair>],
+    spheres: usize,
     team: &Team,
     pairs: &mut Vec<Pair>,
 ) -> Result<(), Error> {

@@ -50,8 +50,8 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
 
     fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], _: KeyLayout) -> Self::Result {
         let Self { grid, input, output } = self;
-        let pieces = (entries.len().div_ceil(CHUNK_ENTRIES), usize::MAX);
-        search_pieces((output, input), pieces, |sink, piece| {
+        let pieces = entries.len().div_ceil(CHUNK_ENTRIES);
+        search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
             grid.batches.lend(|batch| {
                 let entries = cells_of_piece(entries, piece, CHUNK_ENTRIES);
                 cells(grid, entries, batch, (input, output, sink))
@@ -76,7 +76,7 @@ fn cells<'o, K: RadixKey, O: Output>(
             batch.push(run, &grouping)?;
         } else {
             batch.search(input, &mut sink)?;
-            sink = grid.overfull.lend(|overfull| overfull.within(input, run, (output, sink)))?;
+            sink = grid.overfull.lend(|overfull| overfull.within(input, run, output, sink))?;
         }
     }
     batch.search(input, &mut sink)?;

@@ -202,7 +202,8 @@ impl OverfullCell {
         &mut self,
         input: &SearchInput<'_>,
         run: &[impl CellMember],
-        (output, sink): (&'o O, O::Sink<'o>),
+        output: &'o O,
+        sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
         if !owns_pairs(run) {
             return Ok(sink);
@@ -297,7 +298,7 @@ impl OverfullCell {
         if comparisons < SPREAD {
             return (0..self.rows.len()).try_fold(sink, compare);
         }
-        sink.merge(search_pieces((output, input), (self.rows.len(), 1), compare)?)
+        sink.merge(search_pieces(output, input, self.rows.len(), 1, compare)?)
     }
 }
 

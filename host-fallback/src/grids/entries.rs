@@ -119,7 +119,7 @@ impl Entries {
                 false => fill((n, executor), (cover, place), *layout, (wide, offsets, most)),
             }
         })? {
-            grid = report.time("map", || grid.shifted::<PERIODIC>(ratio, sphere, (n, executor)));
+            grid = report.time("map", || grid.shifted::<PERIODIC>(ratio, sphere, n, executor));
             most = usize::MAX;
         }
         self.grid = grid;

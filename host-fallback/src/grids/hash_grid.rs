@@ -106,7 +106,7 @@ impl HashGrid {
             grid = if total > most {
                 most = usize::MAX;
                 let sphere = |k: usize| input.test.effective(k as u32);
-                grid.shifted::<PERIODIC>(ratio, sphere, (n, input.executor))
+                grid.shifted::<PERIODIC>(ratio, sphere, n, input.executor)
             } else {
                 grid.coarser(lengths)
             };
@@ -144,8 +144,8 @@ impl HashGrid {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        let pieces = (self.heads.len().div_ceil(CHUNK_CHAINS), usize::MAX);
-        search_pieces((output, input), pieces, |sink, piece| {
+        let pieces = self.heads.len().div_ceil(CHUNK_CHAINS);
+        search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
             let heads = &self.heads[piece * CHUNK_CHAINS..self.heads.len().min((piece + 1) * CHUNK_CHAINS)];
             self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
         })
@@ -164,7 +164,7 @@ impl HashGrid {
             for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
                 if run.len() > BATCH_SPHERES {
                     batch.search(input, &mut sink)?;
-                    sink = overfull.within(input, run, (output, sink))?;
+                    sink = overfull.within(input, run, output, sink)?;
                 } else {
                     batch.push(run, &grouping)?;
                 }

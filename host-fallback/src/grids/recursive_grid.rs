@@ -271,7 +271,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
             0 | 1 if sink.stopped() => Ok(sink),
             // Most split cells hold too little for a task.
             pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece)?.checked(),
-            pieces => sink.merge(search_pieces((self.output, self.input), (pieces, usize::MAX), piece)?),
+            pieces => sink.merge(search_pieces(self.output, self.input, pieces, usize::MAX, piece)?),
         }
     }
 

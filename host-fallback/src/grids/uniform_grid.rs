@@ -132,7 +132,8 @@ impl UniformGrid {
         mut self,
         ratio: f32,
         sphere: impl Fn(usize) -> (Vec3, f32) + Sync + Send,
-        (n, executor): (usize, Executor),
+        n: usize,
+        executor: Executor,
     ) -> Self {
         let places = Self::places(ratio);
         // The shift at which the sphere crosses a cell boundary; `MAX_SHIFTS` without one.

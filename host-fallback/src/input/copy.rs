@@ -14,9 +14,11 @@ const CHUNK_SPHERES: usize = 1 << 14;
 const NEAR: f64 = (1 << 20) as f64;
 
 pub(super) fn copy(
-    (spheres, targets): (Spheres<'_>, &mut [Sphere]),
+    spheres: Spheres<'_>,
+    targets: &mut [Sphere],
     space: Option<&Space>,
-    (simd, executor): (Simd, Executor),
+    simd: Simd,
+    executor: Executor,
 ) {
     let wrapping = space.map(Wrapping::new);
     executor.for_each_chunk(targets, CHUNK_SPHERES, |chunk, targets| {
@@ -91,8 +93,10 @@ impl SimdTask for WrapChunk<'_> {
 
 /// Returns the bounds of the given spheres.
 pub(super) fn map_to_frame(
-    (given, targets): (GivenSpheres<'_>, &mut [Sphere]),
-    (simd, executor): (Simd, Executor),
+    given: GivenSpheres<'_>,
+    targets: &mut [Sphere],
+    simd: Simd,
+    executor: Executor,
 ) -> Result<Bounds, Error> {
     let map = |(chunk, targets): (usize, &mut [Sphere])| {
         simd.run(FrameChunk { given, from: chunk * CHUNK_SPHERES, targets }, None)
@@ -173,7 +177,7 @@ mod tests {
             spheres.push(Sphere::new([f32::NAN, f32::INFINITY, 0.0], f32::INFINITY));
             for simd in [Simd::detect(), Simd::Portable] {
                 let mut found = vec![Sphere::default(); spheres.len()];
-                copy(((&spheres).into(), &mut found), Some(&space), (simd, Executor::Caller));
+                copy((&spheres).into(), &mut found, Some(&space), simd, Executor::Caller);
                 for (given, found) in spheres.iter().zip(&found).take(spheres.len() - 1) {
                     let expected = space.wrap(given.center);
                     for axis in [0, 2] {

@@ -74,10 +74,10 @@ impl QueryBuffers {
         if is_framed {
             self.map_to_frame(query, settings, executor)?;
         } else {
-            self.copy(query, is_wrapped.then_some(space), (settings.simd, executor));
+            self.copy(query, is_wrapped.then_some(space), settings.simd, executor);
         }
         let Self { spheres, species, frame, .. } = self;
-        let spheres = with_species((spheres, species), query)?;
+        let spheres = with_species(spheres, species, query)?;
         PhaseTime::add(phases, "copy", start.elapsed());
         let frame = frame.as_ref().filter(|_| is_framed);
         Ok(PreparedQuery { spheres, split, frame, given: None, filter })
@@ -164,25 +164,26 @@ impl QueryBuffers {
         let Self { spheres, halves, .. } = self;
         let halves = settings.interactions.as_ref().map(|_| &**halves);
         let (first, second) = spheres.split_at_mut(query.first().len());
-        let on = |count: usize| (settings.simd, executor.for_light_work(count));
         let map = |set: Spheres<'_>, targets| {
-            map_to_frame((GivenSpheres::new(set, halves, (frame, &settings.space)), targets), on(set.len()))
+            let given = GivenSpheres::new(set, halves, (frame, &settings.space));
+            map_to_frame(given, targets, settings.simd, executor.for_light_work(set.len()))
         };
         let bounds = map(query.first(), first)?;
         query.second().map_or(Ok(bounds), |set| Ok(bounds.merge(map(set, second)?)))
     }
 
-    fn copy(&mut self, query: &Query<'_>, space: Option<&Space>, on: (Simd, Executor)) {
+    fn copy(&mut self, query: &Query<'_>, space: Option<&Space>, simd: Simd, executor: Executor) {
         let (first, second) = self.spheres.split_at_mut(query.first().len());
-        copy((query.first(), first), space, on);
+        copy(query.first(), first, space, simd, executor);
         if let Some(set) = query.second() {
-            copy((set, second), space, on);
+            copy(set, second, space, simd, executor);
         }
     }
 }
 
 fn with_species<'a>(
-    (spheres, species): (&'a [Sphere], &'a mut Vec<u32>),
+    spheres: &'a [Sphere],
+    species: &'a mut Vec<u32>,
     query: &Query<'a>,
 ) -> Result<Spheres<'a>, Error> {
     let all = Spheres::from(spheres);

@@ -57,8 +57,10 @@ impl<'a> SearchInput<'a> {
 /// Searches chunks of work on the threads and merges their sinks in order, until the caller wants no more pairs. At
 /// most `most` chunks are one task.
 pub(crate) fn search_pieces<'o, O: Output>(
-    (output, input): (&'o O, &SearchInput<'_>),
-    (pieces, most): (usize, usize),
+    output: &'o O,
+    input: &SearchInput<'_>,
+    pieces: usize,
+    most: usize,
     search: impl Fn(O::Sink<'o>, usize) -> Result<O::Sink<'o>, Error> + Send + Sync,
 ) -> Result<O::Sink<'o>, Error> {
     let piece = |sink: O::Sink<'o>, piece| match sink.stopped() {

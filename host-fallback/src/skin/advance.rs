@@ -72,12 +72,12 @@ impl Advance<'_> {
                 for (k, row) in rows.iter_mut().enumerate() {
                     prefetch(spheres, then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
                     let now = bytemuck::cast(spheres[then[k].id as usize]);
-                    largest.add::<V, PERIODIC>(vector, row, (&then[k], now));
+                    largest.add::<V, PERIODIC>(vector, row, &then[k], now);
                 }
             }
             None => {
                 for (row, then) in rows.iter_mut().zip(then) {
-                    largest.add::<V, PERIODIC>(vector, row, (then, test.row(then.id)));
+                    largest.add::<V, PERIODIC>(vector, row, then, test.row(then.id));
                 }
             }
         }
@@ -108,7 +108,7 @@ impl GivenLoop for AdvanceGiven<'_> {
             let numbers = given.get(id);
             vector.add_to_bounds(&mut largest.bounds, numbers);
             let now = vector.map_to_frame::<PERIODIC>(map, given.effective(id, numbers));
-            largest.add::<V, PERIODIC>(vector, row, (&then[k], now));
+            largest.add::<V, PERIODIC>(vector, row, &then[k], now);
         }
         largest.is_refused = !largest.bounds.are_valid();
         largest
@@ -145,7 +145,8 @@ impl Largest {
         &mut self,
         vector: V,
         row: &mut Xyzr,
-        (then, now): (&SortRecord, Xyzr),
+        then: &SortRecord,
+        now: Xyzr,
     ) {
         let part = vector.squared_displacement::<PERIODIC>(now, then.row, &self.lengths) * then.row[3];
         self.part = self.part.max(part.to_bits());

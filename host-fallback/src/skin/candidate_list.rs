@@ -210,7 +210,7 @@ impl CandidateList {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        search_pieces((output, input), (self.chunks.len(), usize::MAX), |mut sink, k| {
+        search_pieces(output, input, self.chunks.len(), usize::MAX, |mut sink, k| {
             let Self { rows, order, .. } = self;
             let sink_of = &mut sink;
             input.run(CandidateTest {

@@ -161,7 +161,8 @@ mod tests {
     /// served, and the last skin.
     fn follow(
         tuner: &mut SkinTuner,
-        (n, calls): (usize, u32),
+        n: usize,
+        calls: u32,
         step: f32,
         costs: &SkinCosts,
     ) -> (u32, Option<f32>) {
@@ -205,7 +206,7 @@ mod tests {
             ("too few for what a call costs", 500, 0.002, by_the_call, 0..=0),
             ("enough of them", 5000, 0.002, by_the_call, 90..=100),
         ] {
-            let (served, _) = follow(&mut SkinTuner::default(), (n, 100), step, &costs);
+            let (served, _) = follow(&mut SkinTuner::default(), n, 100, step, &costs);
             assert!(calls_served.contains(&served), "{what}: {served} of 100");
         }
     }
@@ -213,12 +214,12 @@ mod tests {
     #[test]
     fn changed_displacements_change_the_skin() {
         let mut tuner = SkinTuner::default();
-        let (_, slow) = follow(&mut tuner, (2000, 100), 0.001, &COSTS);
-        let (served, fast) = follow(&mut tuner, (2000, 300), 0.01, &COSTS);
+        let (_, slow) = follow(&mut tuner, 2000, 100, 0.001, &COSTS);
+        let (served, fast) = follow(&mut tuner, 2000, 300, 0.01, &COSTS);
         assert!(fast > slow && served > 150, "{slow:?} {fast:?}, {served} served");
-        let (served, none) = follow(&mut tuner, (2000, 200), 0.6, &COSTS);
+        let (served, none) = follow(&mut tuner, 2000, 200, 0.6, &COSTS);
         assert!(none.is_none() && served < 40, "{none:?}, {served} served");
-        let (served, _) = follow(&mut tuner, (2000, 400), 0.001, &COSTS);
+        let (served, _) = follow(&mut tuner, 2000, 400, 0.001, &COSTS);
         assert!(served > 100, "{served} served after the displacements has come to rest");
     }
 
@@ -243,15 +244,15 @@ mod tests {
     #[test]
     fn unexpectedly_many_candidates_narrow_the_skin() {
         let mut tuner = SkinTuner::default();
-        let (_, skin) = follow(&mut tuner, (3000, 50), 0.01, &COSTS);
+        let (_, skin) = follow(&mut tuner, 3000, 50, 0.01, &COSTS);
         assert!(skin.is_some());
         for _ in 0..3 {
             tuner.record_count(16.0 * tuner.choice.map_or(1.0, |choice| choice.candidates));
         }
-        let (_, narrower) = follow(&mut tuner, (3000, 1), 0.01, &COSTS);
+        let (_, narrower) = follow(&mut tuner, 3000, 1, 0.01, &COSTS);
         assert!(narrower.is_none_or(|narrower| Some(narrower) < skin), "{narrower:?} {skin:?}");
         tuner.record_overflow();
-        let (served, none) = follow(&mut tuner, (3000, MAX_WAIT), 0.01, &COSTS);
+        let (served, none) = follow(&mut tuner, 3000, MAX_WAIT, 0.01, &COSTS);
         assert!(none.is_none() && served == 0, "{none:?}, {served} served");
     }
 }

@@ -67,7 +67,7 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
         if !spheres[start..].iter().fold(true, |valid, sphere| valid & sphere.is_valid()) {
             for (row, sphere) in spheres.iter().enumerate().skip(start) {
                 for (column, &value) in bytemuck::cast_ref::<_, [f32; 4]>(sphere).iter().enumerate() {
-                    check(source, (row as u64, COLUMNS[column]), column == 3, value.into())?;
+                    check(source, row as u64, COLUMNS[column], column == 3, value.into())?;
                 }
             }
         }
@@ -93,7 +93,7 @@ fn decode(
             let written = kind.float(value);
             let (row, column) =
                 if fortran { (next % rows, (next / rows) as usize) } else { (next / 4, (next % 4) as usize) };
-            let value = check(source, (row, COLUMNS[column]), column == 3, written)?;
+            let value = check(source, row, COLUMNS[column], column == 3, written)?;
             if f64::from(value) != written {
                 context.warn_of_rounding(source.at(Position::Row(row)), COLUMNS[column], written);
             }
@@ -112,7 +112,7 @@ fn decode(
 }
 
 /// Checks for a finite 32-bit value, not negative as a radius.
-fn check(source: &Source, (row, column): (u64, &str), is_radius: bool, written: f64) -> Result<f32, Error> {
+fn check(source: &Source, row: u64, column: &str, is_radius: bool, written: f64) -> Result<f32, Error> {
     let value = written as f32;
     let rule = if !value.is_finite() {
         "values must be finite 32-bit floating-point numbers"

@@ -30,10 +30,10 @@ impl Exclusions {
     /// [`InputError::ExcludedIndex`] for the first pair with an index out of range, [`InputError::TooManySpheres`] and
     /// [`Error::OutOfMemory`].
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
-        let mut pairs = checked((spheres, spheres), pairs)?;
+        let mut pairs = checked(spheres, spheres, pairs)?;
         pairs.retain(|(i, j)| i != j);
         pairs.iter_mut().for_each(|(i, j)| (*i, *j) = ((*i).min(*j), (*i).max(*j)));
-        Self::of((spheres, None), pairs)
+        Self::of(spheres, None, pairs)
     }
 
     /// Creates exclusions of one sphere of the first set and one of the second, by index in each set.
@@ -45,7 +45,7 @@ impl Exclusions {
         second: usize,
         pairs: impl IntoIterator<Item = (u32, u32)>,
     ) -> Result<Self, Error> {
-        Self::of((first, Some(second)), checked((first, second), pairs)?)
+        Self::of(first, Some(second), checked(first, second, pairs)?)
     }
 
     /// Creates exclusions from compressed sparse rows: sphere `i` and each of `indices[offsets[i]..offsets[i + 1]]`, in
@@ -73,7 +73,7 @@ impl Exclusions {
         Self::new(offsets.len() - 1, (0..offsets.len() - 1).flat_map(row))
     }
 
-    fn of((first, second): (usize, Option<usize>), mut pairs: Vec<(u32, u32)>) -> Result<Self, Error> {
+    fn of(first: usize, second: Option<usize>, mut pairs: Vec<(u32, u32)>) -> Result<Self, Error> {
         pairs.sort_unstable();
         pairs.dedup();
         let (mut offsets, mut others) = (Vec::new(), Vec::new());
@@ -119,7 +119,8 @@ impl Exclusions {
 }
 
 fn checked(
-    (first, second): (usize, usize),
+    first: usize,
+    second: usize,
     pairs: impl IntoIterator<Item = (u32, u32)>,
 ) -> Result<Vec<(u32, u32)>, Error> {
     if let Some(count) =

@@ -43,7 +43,7 @@ impl SweepRow {
             for group in groups(model) {
                 for column in group.columns {
                     let sample = mean.row(last)[column];
-                    row.add(group.name, mean.names[column].clone(), (sample.mean(), sample.standard_error()));
+                    row.add(group.name, mean.names[column].clone(), sample.mean(), sample.standard_error());
                 }
             }
         }
@@ -51,7 +51,7 @@ impl SweepRow {
         row
     }
 
-    fn add(&mut self, group: &'static str, name: String, (value, error): (f64, Option<f64>)) {
+    fn add(&mut self, group: &'static str, name: String, value: f64, error: Option<f64>) {
         let bounds = error.map(|error| [value - error, value + error]);
         self.results.push(SweepResult { group, name, value, bounds });
     }
@@ -62,19 +62,15 @@ impl SweepRow {
             let bin = f64::from(response.width) * model.time_step;
             let means = || response.parts.iter().enumerate().filter(|(_, part)| part.count() > 0);
             if let Some((k, _)) = means().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean())) {
-                self.add("peak time", format!("{name} peak time"), ((k as f64 + 0.5) * bin, None));
+                self.add("peak time", format!("{name} peak time"), (k as f64 + 0.5) * bin, None);
             }
             if let Some(part) = response.cumulative.iter().rfind(|part| part.count() > 0) {
-                self.add(
-                    "arrived part",
-                    format!("{name} arrived part"),
-                    (part.mean(), part.standard_error()),
-                );
+                self.add("arrived part", format!("{name} arrived part"), part.mean(), part.standard_error());
             }
         }
         for own in channels.interference.iter().filter(|own| own.late.count() > 0) {
             let name = format!("{} late part", link_name(own.link, model));
-            self.add("late part", name, (own.late.mean(), own.late.standard_error()));
+            self.add("late part", name, own.late.mean(), own.late.standard_error());
         }
         for errors in channels.least_errors() {
             let wrong = errors.at(&errors.best()).1;

@@ -84,7 +84,7 @@ impl Checkpoint {
     /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<(), Error> {
         sealed::write(path, Kind::Whole, self)?;
-        forget_parts(path, (self.state.step, self.parts.len() as u32));
+        forget_parts(path, self.state.step, self.parts.len() as u32);
         Ok(())
     }
 
@@ -185,7 +185,7 @@ fn part_of(path: &Path, step: u32, rank: u32) -> PathBuf {
     name.into()
 }
 
-fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
+fn forget_parts(path: &Path, step: u32, parts: u32) {
     let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
     let (Ok(entries), Some(name)) = (std::fs::read_dir(directory), path.file_name()) else { return };
     let prefix = format!("{}.", name.to_string_lossy());

@@ -100,7 +100,7 @@ fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     assert_eq!(fs::read(directory.join(name)).unwrap(), before, "{name}, {damage}: the file was changed");
 }
 
-fn assert_refuses(directory: &Path, ranks: u32, name: &str, (bytes, damage): (&[u8], &str)) {
+fn assert_refuses(directory: &Path, ranks: u32, name: &str, bytes: &[u8], damage: &str) {
     let path = directory.join(name);
     let whole = fs::read(&path).unwrap();
     overwrite(&path, bytes);
@@ -141,7 +141,7 @@ fn flipped_bit_in_any_file_is_refused_by_name() {
                 bytes[at] ^= 1 << (at % 8);
                 let readers = if ranks > 0 && at.is_multiple_of(16) { 3 } else { 0 };
                 let damage = format!("bit {} of byte {at}", at % 8);
-                assert_refuses(directory.path(), readers, name, (&bytes, &damage));
+                assert_refuses(directory.path(), readers, name, &bytes, &damage);
                 flips += 1;
             }
         }
@@ -162,12 +162,13 @@ fn file_of_another_length_is_refused_by_name() {
                     directory.path(),
                     ranks,
                     &name,
-                    (&whole[..length], &format!("the first {length} bytes")),
+                    &whole[..length],
+                    &format!("the first {length} bytes"),
                 );
             }
             if is_checkpoint(&name) {
                 for more in [&b"\0"[..], b"more", &whole] {
-                    assert_refuses(directory.path(), ranks, &name, (&[&whole[..], more].concat(), "longer"));
+                    assert_refuses(directory.path(), ranks, &name, &[&whole[..], more].concat(), "longer");
                 }
             } else {
                 fs::write(directory.path().join(&name), [&whole[..], b"half a li"].concat()).unwrap();
@@ -197,7 +198,7 @@ fn file_of_another_checkpoint_is_refused_by_name() {
     ] {
         let bytes = fs::read(from.join(&name)).unwrap();
         for readers in [0, 3] {
-            assert_refuses(own, readers, &to, (&bytes, &format!("{name} of another checkpoint")));
+            assert_refuses(own, readers, &to, &bytes, &format!("{name} of another checkpoint"));
         }
     }
     let whole = fs::read(own.join("checkpoint")).unwrap();
@@ -223,7 +224,7 @@ fn part_of_another_checkpoint_with_equally_many_particles_is_refused() {
         [(own, parts[0], parts[1]), (own, parts[1], parts[0]), (other, parts[0], parts[0])]
     {
         let bytes = fs::read(from.join(name)).unwrap();
-        assert_refuses(own, 0, to, (&bytes, &format!("{name} of another checkpoint")));
+        assert_refuses(own, 0, to, &bytes, &format!("{name} of another checkpoint"));
     }
     assert_resumes(own);
 }

@@ -13,7 +13,7 @@ use crate::setup::{begin, burst, mean, share_error, species, steps};
 const PACKING: f64 = 0.40;
 const EDGE: u32 = 12;
 
-fn model((contact, packing): (Contact, f64), time_step: f64, kind: Species, edge: u32) -> Model {
+fn model(contact: Contact, packing: f64, time_step: f64, kind: Species, edge: u32) -> Model {
     let n = edge.pow(3);
     let length = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
     Model {
@@ -30,7 +30,7 @@ fn model((contact, packing): (Contact, f64), time_step: f64, kind: Species, edge
 pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
-    let elastic = model((Contact::Elastic, PACKING), 0.02, elastic, EDGE);
+    let elastic = model(Contact::Elastic, PACKING, 0.02, elastic, EDGE);
     let mut simulation = begin(&elastic, 1);
     steps(&mut simulation, 1);
     let before = conserved(&simulation.state().particles);
@@ -47,7 +47,7 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     let drift = (0..3).map(|k| (after.momentum[k] - before.momentum[k]).abs()).fold(0.0, f64::max);
     rows.push(Row::new("relative drift of momentum", 0.0, drift / before.speeds, 1e-5));
 
-    let mut pushed = model((Contact::Separate, PACKING), 0.02, species("A", 0.5, 1.0), EDGE);
+    let mut pushed = model(Contact::Separate, PACKING, 0.02, species("A", 0.5, 1.0), EDGE);
     pushed.transmitters.clear();
     let mut simulation = begin(&pushed, 1);
     simulation.insert(melted).expect("known species");
@@ -76,7 +76,7 @@ pub(crate) fn elastic_pressure() -> Vec<Row> {
     }));
     let row = |&(packing, time_step): &(f64, f64)| {
         let sphere = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
-        let model = model((Contact::Elastic, packing), time_step, sphere, 8);
+        let model = model(Contact::Elastic, packing, time_step, sphere, 8);
         let mut simulation = begin(&model, 3);
         steps(&mut simulation, (8.0 / time_step).ceil() as u32);
         let count = (30.0 / time_step).ceil() as u32;
@@ -124,7 +124,7 @@ pub(crate) fn crowded_diffusion() -> Vec<Row> {
 /// D/D₀ and its standard error, at a step √(2DΔt) in diameters and a volume fraction.
 fn slowed_diffusion((step, packing): (f64, f64)) -> (f64, f64) {
     let time_step = step * step / 2.0;
-    let model = model((Contact::Separate, packing), time_step, species("A", 0.5, 1.0), 8);
+    let model = model(Contact::Separate, packing, time_step, species("A", 0.5, 1.0), 8);
     let mut simulation = begin(&model, 4);
     let [window, windows] = [(1.0 / time_step) as u32, 6];
     steps(&mut simulation, 2 * window);

@@ -10,7 +10,7 @@ fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<
         spheres.iter().map(|s| grid.cover::<PERIODIC>(s.center, s.radius).cells()).sum()
     };
     let sphere = |k: usize| (spheres[k].center, spheres[k].radius);
-    let shifted = grid.clone().shifted::<PERIODIC>(ratio, sphere, (spheres.len(), Executor::Pool));
+    let shifted = grid.clone().shifted::<PERIODIC>(ratio, sphere, spheres.len(), Executor::Pool);
     [count(&grid), count(&shifted)]
 }
 

@@ -142,8 +142,8 @@ impl<'s> Piece<'s> {
             Some(_) => 0,
         };
         let (before, after) = neighbors.split_at(mirrored);
-        self.fill_side::<true>(fill, (i, before), near);
-        self.fill_side::<false>(fill, (i, after), near);
+        self.fill_side::<true>(fill, i, before, near);
+        self.fill_side::<false>(fill, i, after, near);
     }
 
     /// For few neighbors. If mirrored, `i` is the second sphere of its pairs.
@@ -151,7 +151,8 @@ impl<'s> Piece<'s> {
     fn fill_side<const MIRRORED: bool>(
         &mut self,
         fill: &Fill<'_>,
-        (i, neighbors): (u32, &[u32]),
+        i: u32,
+        neighbors: &[u32],
         near: [f64; 3],
     ) {
         let (a, is_open) = (fill.first[i as usize], fill.options.is_open);

@@ -92,7 +92,7 @@ impl PeriodicImages {
         self.reserve(count as usize)?;
         for k in 0..second.len() {
             let ranges = ranges(offset + k, self);
-            self.add(&lattice, (k, offset + k), ranges)?;
+            self.add(&lattice, k, offset + k, ranges)?;
         }
         Ok(())
     }
@@ -138,12 +138,7 @@ impl PeriodicImages {
         Ok(())
     }
 
-    fn add(
-        &mut self,
-        lattice: &Lattice,
-        (k, at): (usize, usize),
-        ranges: [[f64; 2]; 3],
-    ) -> Result<(), Error> {
+    fn add(&mut self, lattice: &Lattice, k: usize, at: usize, ranges: [[f64; 2]; 3]) -> Result<(), Error> {
         const WHAT: &str = "images of spheres";
         let (folded, reach) = (self.folded[at], self.reaches[at]);
         let along = |axis: usize| {

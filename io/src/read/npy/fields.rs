@@ -134,7 +134,7 @@ impl Fields {
             let bytes = &row[*start..start + kind.width];
             let mut float = |is_radius| {
                 let written = kind.float(bytes);
-                let value = check(source, (number, name), is_radius, written)?;
+                let value = check(source, number, name, is_radius, written)?;
                 if f64::from(value) != written {
                     context.warn_of_rounding(source.at(Position::Row(number)), name, written);
                 }
