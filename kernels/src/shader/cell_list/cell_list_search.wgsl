@@ -1,5 +1,4 @@
-// Finds the pairs of each sphere with its first candidates, usually all. Blocks with a sphere with more candidates are
-// deferred to `cell_list_search_overflow`.
+// Tests each sphere's first candidates, usually all. Blocks with more are deferred to `cell_list_search_overflow`.
 #include cell_list_search read_write
 
 var<workgroup> most_candidates: atomic<u32>;

@@ -1,8 +1,7 @@
-// Tests the later chunks of candidates of deferred blocks. A single overfull cell keeps the whole device busy, and no
-// invocation exceeds the loop iterations that devices allow.
+// Tests later chunks of candidates of deferred blocks, so that a single overfull cell keeps the whole device busy, and
+// no invocation exceeds the loop iterations that devices allow.
 #include cell_list_search read
 
-// Blocks in one layer (z) of the dispatch.
 const MAX_GROUPS: u32 = 65535u;
 
 var<workgroup> deferred_range: vec2<u32>;

@@ -1,5 +1,4 @@
-// Dispatches the deferred blocks of the next submission: x counts the chunks of candidates of the sphere with the most,
-// y and z count blocks.
+// Arguments of the next submission: x counts the chunks of candidates of the sphere with the most, y and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;
@@ -7,7 +6,6 @@
 @group(0) @binding(2) var<storage, read_write> dispatch: array<u32>;
 
 const UNLIMITED: u32 = #{UNLIMITED}u;
-// The limit of a dispatch dimension (WebGPU's default).
 const MAX_GROUPS: u32 = 65535u;
 
 @compute @workgroup_size(1)

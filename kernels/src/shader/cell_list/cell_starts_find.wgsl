@@ -1,4 +1,4 @@
-// Finds the first sphere of each cell. Each workgroup processes a block of cells, with any number of spheres.
+// Each workgroup processes a block of cells, with any number of spheres.
 #include layout
 #include cell_list
 #include thread
@@ -10,11 +10,11 @@
 const WORKGROUP_SIZE: u32 = 256u;
 const ITEMS: u32 = 8u;
 const BLOCK: u32 = WORKGROUP_SIZE * ITEMS;
-// Blocks with more spheres are not scanned: a binary search finds the start of each cell.
+// In blocks with more spheres, a binary search finds the start of each cell.
 const MAX_SCANNED: u32 = 32768u;
 
-// The first sphere of each cell of the block, or the end of the block's spheres. One word in 33 is padding, so that
-// threads with eight cells each read different banks.
+// The first sphere of each cell, or the end of the block's spheres. One word in 33 is padding, so that threads with
+// eight cells each read different banks.
 var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
 // The minimum of `firsts` over the cells after those of each thread.
 var<workgroup> later: array<u32, 512>;
@@ -27,7 +27,6 @@ fn slot_of(number: u32) -> u32 {
     return number + number / 32u;
 }
 
-// Returns the first sphere in `low..high` whose cell is `cell` or later.
 fn first_from(cell: u32, low: u32, high: u32) -> u32 {
     var begin = low;
     var end = high;

@@ -1,5 +1,5 @@
-// Finds each sphere's depth and cells, in this kernel alone because rounding may differ between kernels. Records the
-// depths that occur and, if only overfull cells are split, the smaller spheres per cell of the first level.
+// Cells are found in this kernel alone because rounding may differ between kernels. Also records the depths that occur
+// and, if only overfull cells are split, counts the smaller spheres per cell of the first level.
 #include layout
 #include thread
 #include sphere
@@ -23,13 +23,12 @@ const WORKGROUP_SIZE: u32 = 256u;
 var<workgroup> group_depths: atomic<u32>;
 var<workgroup> group_descending: array<atomic<u32>, 32>;
 
-// Returns floor(log2(value)) of a non-negative value.
 fn exponent_of(value: f32) -> i32 {
     return i32(bitcast<u32>(value) >> 23u) - 127;
 }
 
-// Returns the finest depth at which a sphere's box, widening and rounding included, overlaps at most two cells per axis
-// and has coordinates of at most 17 bits.
+// The finest depth at which a sphere's box, widening and rounding included, overlaps at most two cells per axis and has
+// coordinates of at most 17 bits.
 fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     if (grid.split_policy == 0u) {
         return 0u;
@@ -44,7 +43,7 @@ fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     return u32(clamp(finest, 0, 31));
 }
 
-// Returns a position in cells of depth 0. Positions next to the origin become 0, so that no device flushes them.
+// In cells of depth 0. Positions next to the origin become 0, so that no device flushes them.
 fn scaled(position: vec3<f32>) -> vec3<f32> {
     let offset = clamp(position - grid.origin, vec3(-0x1p126), vec3(0x1p126));
     let high = vec3<f32>(grid.high) + vec3(0x1.f8p-1);

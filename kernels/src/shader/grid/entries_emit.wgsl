@@ -1,6 +1,6 @@
-// Writes one (cell, object) entry for every cell that a sphere overlaps, level by level. A split cell passes its
-// smaller spheres to the next level. The object word has a bit per axis for the sphere's first cell. The key marks
-// passive entries: smaller spheres in a split cell, which meet only the spheres that stay there.
+// Level by level; a split cell passes its smaller spheres to the next level. The object word has a bit per axis for the
+// sphere's first cell. The key marks passive entries: smaller spheres in a split cell, which meet only the spheres that
+// stay there.
 #include layout
 #include thread
 
@@ -23,8 +23,7 @@ struct Share {
 
 var<workgroup> share: Share;
 
-// A sphere's cells at one level, one bit each: cells with an entry, cells with a passive entry, and cells that pass the
-// sphere on.
+// One bit per cell: with an entry, with a passive entry, and passing the sphere on.
 struct Visit {
     entries: u32,
     passive: u32,
@@ -37,7 +36,7 @@ fn key_of(depth: u32, cell: vec3<i32>) -> u32 {
     return level.base + (hashed.x | (hashed.y << level.bits.x) | (hashed.z << (level.bits.x + level.bits.y)));
 }
 
-// `alive` has a bit for each of the sphere's cells in `above` that passed it on.
+// `alive`: the sphere's cells in `above` that passed it on.
 fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
     var found = Visit(0u, 0u, 0u);
     for (var number = 0u; number < 8u; number++) {
@@ -94,7 +93,7 @@ fn entries_emit(
             here = cells_at(own, depth);
             found = visit(here, above, alive, depth == own_depth);
         }
-        // One scan for both counts: entries in the lower half, spheres that continue in the upper half.
+        // One scan for both counts: entries in the lower half, continuing spheres in the upper half.
         let before = workgroup_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.passed_down != 0u), thread);
         if (thread.local_index == 0u) {
             let all = workgroup_sum();

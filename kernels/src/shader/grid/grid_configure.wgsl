@@ -11,14 +11,14 @@
 #include key_hash
 
 const SAMPLES: u32 = 256u;
-// Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths when their boxes
-// are widened.
+// Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths when boxes are
+// widened.
 const SLACK: f32 = 0x1.04p0;
 // Cells on either side of the origin; coordinates beyond share the outermost cell. Within them, a box is widened by at
-// most an eighth of a cell, so that no sphere overlaps more than two cells per axis.
+// most an eighth of a cell, so no sphere overlaps more than two cells per axis.
 const HALF_GRID: f32 = 0x1p17;
-// The range of the number of cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below
-// a fraction of a cell. Rings at the lower limit, and axes with a length out of range, always have one cell.
+// Cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below a fraction of a cell. Rings
+// at the lower limit, and axes with a length out of range, have one cell.
 const MAX_RING_CELLS: f32 = 0x1p15;
 const MIN_RING_CELLS: f32 = 0x1p-40;
 const MIN_LENGTH: f32 = 0x1p-80;
@@ -34,7 +34,7 @@ fn is_open(period: f32) -> bool {
     return bitcast<u32>(period) == 0u;
 }
 
-// Returns a position in cells from the origin. The limits keep every intermediate value finite.
+// The limits keep every intermediate value finite.
 fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: vec3<f32>) -> vec3<i32> {
     let offset = clamp(position - origin, vec3(-0x1p126), vec3(0x1p126));
     return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_GRID), vec3(HALF_GRID - 1.0))));
@@ -45,8 +45,7 @@ fn periods() -> vec3<f32> {
     return vec3(params.period_x, params.period_y, params.period_z);
 }
 
-// Returns the image of a sample nearest to the first sphere, so that a cluster across the periodic boundary stays one
-// cluster.
+// The image nearest to the first sphere, so that a cluster across the periodic boundary stays one cluster.
 fn from_first(sample: vec3<f32>) -> vec3<f32> {
     let lengths = periods();
     let first = spheres[0].xyz;
@@ -56,9 +55,9 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return select(sample, d + shift, used);
 }
 
-// Returns the cells around an axis, each at least `edge` wide; 0 for an unbounded axis. The number is a multiple of
-// four, so that neither the key hash nor the periodic boundary merges neighbors, or else a power of two small enough
-// that the axis has one cell until a depth at which four fit.
+// Cells around an axis, each at least `edge` wide; 0 for an unbounded axis. A multiple of four, so that neither the key
+// hash nor the periodic boundary merges neighbors, or else a power of two small enough that the axis has one cell until
+// a depth at which four fit.
 fn ring_cells_of(length: f32, edge: f32) -> f32 {
     if (is_open(length)) {
         return 0.0;

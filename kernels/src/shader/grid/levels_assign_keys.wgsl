@@ -1,5 +1,4 @@
-// Divides the keys among the levels, in proportion to the spheres that may have entries there; no level has more keys
-// than cells.
+// In proportion to the spheres that may have entries; no level has more keys than cells.
 #include layout
 #include thread
 
@@ -10,7 +9,6 @@
 
 const MIN_BITS: u32 = 3u * MIN_AXIS_BITS;
 
-// Spheres that may have entries, and keys, per depth.
 var<workgroup> weights: array<u32, 32>;
 var<workgroup> sizes: array<u32, 32>;
 

@@ -1,5 +1,4 @@
-// Counts the smaller spheres in each cell of the deeper levels inside overfull cells of the first level, and the
-// spheres that continue there.
+// Inside overfull cells of the first level. Also counts the spheres that continue there.
 #include layout
 #include thread
 

@@ -1,6 +1,6 @@
-// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256
-// entries with some of the tiles after it, so that a single overfull cell keeps the whole device busy, and no
-// invocation exceeds the loop iterations that devices allow.
+// Pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256 entries with
+// some of the tiles after it, so that a single overfull cell keeps the whole device busy, and no invocation exceeds the
+// loop iterations that devices allow.
 #include runs_search read
 #include reserve_by_subgroup
 #include entry
@@ -9,9 +9,7 @@
 
 const WORKGROUP_SIZE: u32 = 256u;
 
-// Bitwise or of the tile's object words.
 var<workgroup> tile_firsts: atomic<u32>;
-// The deferred blocks of this submission, and the most tiles of any of them.
 struct DeferredRange {
     begin: u32,
     end: u32,
@@ -20,7 +18,7 @@ struct DeferredRange {
 
 var<workgroup> group_range: DeferredRange;
 
-// Returns the bits of `hits` whose pairs this cell owns and the call asks for.
+// The hits whose pairs this cell owns and the call asks for.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
     var owned = 0u;
     for (var k = 0u; k < 32u; k++) {

@@ -1,5 +1,4 @@
-// Dispatches the deferred blocks of the next submission: x counts the workgroups of the block with the most tiles, y
-// and z count blocks.
+// Arguments of the next submission: x counts the workgroups of the block with the most tiles, y and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

@@ -1,12 +1,11 @@
-// Tests a block of 256 sorted spheres, one per thread, with one chunk of each sphere's candidates.
+// Tests a block of 256 sorted spheres, one per thread, with a chunk of each sphere's candidates.
 
 const WORKGROUP_SIZE: u32 = 256u;
-// The most rows of cells that a sphere searches per round.
+// Rows of cells per sphere and round.
 const ROWS: u32 = 256u;
-// Hits that the workgroup collects before it writes them.
+// Hits collected before they are written.
 const HITS: u32 = 1024u;
 
-// One of the sorted spheres.
 struct QuerySphere {
     sphere: vec4<f32>,
     position: u32,
@@ -25,7 +24,7 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], sorted_species[position]);
 }
 
-// At least the effective radius: the largest radius of its level.
+// The largest radius of its level.
 fn radius_of(query: QuerySphere) -> f32 {
     return cell_list.level[level_of_cell(query.cell)].max_radius;
 }
@@ -34,8 +33,8 @@ fn is_ordinary() -> bool {
     return cell_list.ordinary != 0u && params.interaction != BY_SPECIES;
 }
 
-// Returns the cutoff of the test without guards: the first component, plus the second times the other radius. A branch
-// per candidate instead slowed a burst on llvmpipe by a third.
+// The cutoff of the test without guards: the first component, plus the second times the other radius. A branch per
+// candidate slowed a burst on llvmpipe by a third.
 fn ordinary_reach(query: QuerySphere) -> vec2<f32> {
     return select(vec2(params.interaction, 0.0), vec2(query.sphere.w, 1.0), params.interaction == TOUCH);
 }
@@ -44,8 +43,7 @@ fn is_candidate_pair(query: QuerySphere, other: u32) -> bool {
     return is_pair(query.sphere, sorted[other], query.species, sorted_species[other]);
 }
 
-// Returns `true` if hits may be of sides that are not compared: listed spheres are candidates of both sides, and the
-// test without guards ignores species.
+// Listed spheres are candidates of both sides, and the test without guards ignores species.
 fn mixes_sides() -> bool {
     return params.side_pairs > 1u && is_ordinary() && starts[cell_list.cells] != starts[cell_list.cells + 1u];
 }
@@ -83,7 +81,7 @@ fn species_pair(query: QuerySphere, other: u32) -> bool {
 }
 #endif
 
-// Returns a bit per candidate in `begin..end`, at most 32, that pairs with the query. One of the two loops is empty.
+// A bit per candidate in `begin..end`, at most 32. One of the two loops is empty.
 fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
@@ -102,7 +100,7 @@ fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: 
     return bits;
 }
 
-// Returns the hits in the window, across the sets, and of compared sides.
+// Hits in the window, across the sets, and of compared sides.
 fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32) -> u32 {
     var bits = found;
     let all = asks_for_all(cell_list.spheres) && !mixes_sides();
@@ -115,7 +113,7 @@ fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32
     return bits;
 }
 
-// Tests the candidates `begin..end`. Returns the first one not tested because the list of hits was full.
+// Returns the first candidate not tested because the list of hits was full.
 fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var reached = end;
     let batches = (end - begin + 31u) / 32u;
@@ -142,8 +140,8 @@ fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, en
     return reached;
 }
 
-// Tests candidates until they or the chunk end, or the list of hits is full. The first chunk continues to the last
-// cell, to count the remaining candidates.
+// Until the candidates or the chunk end, or the list of hits is full. The first chunk continues to the last cell, to
+// count the remaining candidates.
 fn gather_hits(neighbors: ptr<function, NeighborCells>, query: QuerySphere, chunk: u32) {
     let chunk_begin = chunk * params.candidates_per_invocation;
     let chunk_end = chunk_begin + params.candidates_per_invocation;
@@ -182,8 +180,8 @@ fn index_in_pair(position: u32) -> u32 {
     return index;
 }
 
-// Finds the pairs of the block at `block`; all threads of a workgroup call it. For the first chunk, returns the number
-// of candidates of this thread's sphere that are left to later chunks.
+// Called by a whole workgroup. For the first chunk, returns the number of candidates of this thread's sphere that are
+// left to later chunks.
 fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     var query: QuerySphere;
     var neighbors: NeighborCells;

@@ -1,7 +1,7 @@
-// The cell of a sphere: at level 0 if its cell there has few spheres, else at the level of its size class.
+// At level 0 if the sphere's cell there has few spheres, else at the level of its size class.
 struct CellAssignment {
     cell: u32,
-    // The occupancy of the cell of level 0 that the sphere leaves, or 0.
+    // Occupancy of the cell of level 0 that the sphere leaves, or 0.
     occupancy: u32,
     can_descend: bool,
 }
@@ -39,7 +39,7 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
 
 var<workgroup> group_occupancy: atomic<u32>;
 
-// Records the largest occupancy that spheres left, for the next call; all threads of a workgroup call it.
+// Called by a whole workgroup, for the next call.
 fn record_occupancy(occupancy: u32, local_index: u32) {
     if (local_index == 0u) {
         atomicStore(&group_occupancy, 0u);

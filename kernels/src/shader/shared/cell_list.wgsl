@@ -1,13 +1,13 @@
-// The cell list: each sphere is in the one cell of its center, at the level of its size class. Cells of level k are
-// 2^-k of the size of level 0. On each axis they form a ring, so spheres that cannot be distinguished share a cell,
-// which costs tests but no pair.
+// Each sphere is in the one cell of its center, at the level of its size class. Cells of level k are 2^-k of the size
+// of level 0. On each axis they form a ring, so spheres that cannot be distinguished share a cell, which costs tests
+// but no pair.
 
 const LEVELS: u32 = 16u;
-// Levels of the first side, then of the second.
+// The first side, then the second.
 const SIDED_LEVELS: u32 = 32u;
-// Size classes: the exponent of the effective radius.
+// Exponents of the effective radius.
 const CLASSES: u32 = 256u;
-// The level of size classes with so few spheres that these are listed instead of put into cells.
+// For size classes with so few spheres that these are listed instead of put into cells.
 const LISTED: u32 = 255u;
 
 // See layout.rs. All zeros mean no sphere: lower bounds are stored as complements.
@@ -32,8 +32,8 @@ struct CellListLevel {
     far: u32,
     // At most half a cell.
     max_radius: f32,
-    // The levels in which spheres of this one search all cells that their boxes overlap, one bit each: coarser ones of
-    // the compared sides, and the same level of the other side if that has more spheres.
+    // Levels in which spheres search all cells that their boxes overlap, one bit each: coarser ones of the compared
+    // sides, and the same level of the other side if that has more spheres.
     searched_levels: u32,
     searches_itself: u32,
 }
@@ -41,7 +41,7 @@ struct CellListLevel {
 struct CellListLayout {
     spheres: u32,
     cells: u32,
-    // Fixed-point units per cell, at every level: 64 to 127.
+    // At every level: 64 to 127.
     units_per_cell: u32,
     levels: u32,
     // 1 if smaller spheres leave the cells of level 0 with more than `tau` spheres.

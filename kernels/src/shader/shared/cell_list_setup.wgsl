@@ -1,11 +1,10 @@
-// Chooses the sizes that share a level, the cell size, and the number of cells around each axis. Clears the statistics
-// and counters.
+// Also clears the statistics and counters.
 
 #include outcome_begin
 
 const SAMPLES: u32 = 256u;
 const MAX_SAMPLES: u32 = 1024u;
-// The most large spheres that are compared with all others instead of having cells.
+// Large spheres compared with all others instead of having cells.
 const MAX_LISTED: u32 = 8u;
 // Cell size over diameter: above the rounding of the distance test.
 const SLACK: f32 = 0x1.04p0;
@@ -13,7 +12,7 @@ const SLACK: f32 = 0x1.04p0;
 const MIN_CELL_SIZE: f32 = 0x1p-90;
 // At or above this cell size, all spheres share one cell, so that nothing overflows.
 const MAX_CELL_SIZE: f32 = 0x1p120;
-// The most cells around a periodic axis: rounding at the boundary stays below SLACK.
+// Rounding at the boundary stays below SLACK.
 const MAX_RING_CELLS: f32 = 32768.0;
 // A box may begin this many cells below the lowest center.
 const MARGIN: u32 = 8u;
@@ -58,7 +57,7 @@ fn cube_root(value: f32) -> f32 {
     return pow(max(value, 0x1p-120), 1.0 / 3.0);
 }
 
-// Returns the finest level whose cells hold a sphere of this radius.
+// With cells that hold a sphere of this radius.
 fn finest_level(radius: f32) -> u32 {
     if (is_single != 0u) {
         return 0u;
@@ -67,8 +66,8 @@ fn finest_level(radius: f32) -> u32 {
     return u32(clamp(exponent_of(level_radius) - exponent_of(radius) - mantissa, 0, i32(LEVELS) - 1));
 }
 
-// Chooses the cell size of level 0: the largest diameter of spheres with cells, or up to `cell_ratio` times as much if
-// the table could not hold the cells.
+// The largest diameter of spheres with cells, or up to `cell_ratio` times as much if the table could not hold the
+// cells.
 fn choose_cell_size() {
     let lengths = periods();
     let diameter = 2.0 * (bitcast<f32>(largest[atomicLoad(&base_class)]) * SLACK);
@@ -90,19 +89,18 @@ fn choose_cell_size() {
     level_radius = (f32(units) * 0.5 / SLACK) * power_of_two(unit_exponent);
 }
 
-// Returns the number of cells between the bounds along an axis.
 fn open_extent(axis: u32, level: u32) -> u32 {
     return open_number(from_sortable(high[axis]), level) - open_number(from_sortable(low[axis]), level) + 1u;
 }
 
-// Returns `true` if the product of `cells` is at most `room`. Divisions cannot overflow, and their rounding does not
-// matter: an integer is at most a quotient exactly if it is at most the quotient rounded down.
+// If the product of `cells` is at most `room`. Divisions cannot overflow, and their rounding does not matter: an
+// integer is at most a quotient exactly if it is at most the quotient rounded down.
 fn fit(cells: vec3<u32>, room: u32) -> bool {
     return room / cells.x / cells.y >= cells.z;
 }
 
-// Returns the cells along each axis if at most `room` cells fit: as many as the bounds or the period hold, except on
-// the longest axes. Integers only: a root that is rounded up would leave an axis one cell.
+// For at most `room` cells: as many as the bounds or the period hold, except on the longest axes. Integers only: a root
+// that is rounded up would leave an axis one cell.
 fn cells_around(level: u32, room: u32) -> vec3<u32> {
     let lengths = periods();
     let cell_size = f32(units) * power_of_two(unit_exponent - i32(level % LEVELS));
@@ -117,7 +115,6 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
             wanted[axis] = select(max(extent, 3u), 1u, extent == 1u);
         }
     }
-    // The largest number of cells along an axis with which all fit, bit by bit.
     var limit = 0u;
     for (var bit = 0u; bit < 32u; bit++) {
         let more = limit | (0x80000000u >> bit);
@@ -161,8 +158,8 @@ fn spheres_at(level: u32) -> u32 {
     return select(0u, atomicLoad(&on_side[level / LEVELS]), level % LEVELS == 0u);
 }
 
-// Sets the levels that spheres of one level search. Of two spheres, the one at the finer level finds the other; at one
-// level of different sides, a sphere of the side with fewer spheres there.
+// The sphere at the finer level finds the other; at one level of different sides, a sphere of the side
+// with fewer spheres there.
 fn set_searched_levels(level: u32, used: u32) {
     let side = level / LEVELS;
     let own = 1u << (level % LEVELS);
@@ -199,12 +196,12 @@ fn set_call(count: u32) {
 // Fewer pairs of samples in one cell may be chance.
 const MIN_SIGNIFICANT_PAIRS: f32 = 4.0;
 
-// Returns `true` if this number of samples may miss cells of more than τ spheres.
+// If samples may miss cells of more than τ spheres.
 fn may_miss(count: u32, samples: u32) -> bool {
     return count > samples && MIN_SIGNIFICANT_PAIRS * f32(count) > f32(params.tau) * f32(samples) * f32(samples);
 }
 
-// Returns `true` if no call has left an outcome: each sets this word to 1.
+// Each call sets this word to 1.
 fn is_first() -> bool {
     return atomicLoad(&outcome.dispatch_z) == 0u;
 }
@@ -222,15 +219,14 @@ fn sample_cell(number: u32, count: u32) -> u32 {
     return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS);
 }
 
-// Decides if smaller spheres leave overfull cells of level 0: finer levels must exist, and samples or the last call
-// must have found such cells. If both may miss some, the call looks for them.
+// Smaller spheres leave overfull cells of level 0 if finer levels exist, and samples or the last call found such cells.
+// If both may miss some, the call looks for them.
 fn decide_descent(count: u32) {
     var finer = false;
     for (var level = 1u; level < SIDED_LEVELS; level++) {
         finer = finer || (level != LEVELS && atomicLoad(&populations[level]) != 0u);
     }
-    // The ordered pairs of samples in one cell, as a fraction of all, times the spheres: the mean occupancy that a
-    // sphere sees.
+    // The mean occupancy that a sphere sees: the fraction of ordered pairs of samples in one cell, times the spheres.
     let pairs = f32(atomicLoad(&sampled_pairs));
     let share = f32(count) / f32(min(count, samples) * min(count, samples) + 1u);
     let is_seen = pairs >= MIN_SIGNIFICANT_PAIRS && pairs * share > f32(params.tau);
@@ -240,7 +236,7 @@ fn decide_descent(count: u32) {
     atomicStore(&outcome.max_occupancy, 0u);
 }
 
-// All threads of the only workgroup call it.
+// Called by the only workgroup.
 fn configure(local_index: u32) {
     let count = min(count_source[0], params.spheres);
     let own = vec2(atomicLoad(&stats.members[local_index]), atomicLoad(&stats.members[CLASSES + local_index]));
@@ -346,8 +342,8 @@ fn configure(local_index: u32) {
     if (local_index == 0u) {
         decide_descent(count);
     }
-    // If smaller spheres leave the first level, its cells are chosen again: half of the cells are shared equally by all
-    // levels, half by number of spheres.
+    // If smaller spheres leave the first level, half of the cells are shared equally by all levels, half by number of
+    // spheres.
     if (workgroupUniformLoad(&has_overfull_cells) && local_index < SIDED_LEVELS) {
         let population = atomicLoad(&populations[local_index]);
         var levels = select(1.0, 2.0, has_two_sides());

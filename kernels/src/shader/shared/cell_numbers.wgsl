@@ -1,13 +1,12 @@
-// The cell of a coordinate. Nothing is rounded on an unbounded axis: a coordinate times a power of two gives whole
-// fixed-point units, which are divided as integers. Every kernel thus computes the same cell, and two spheres that
-// touch lie in neighboring cells.
+// Nothing is rounded on an unbounded axis: a coordinate times a power of two gives whole fixed-point units, which are
+// divided as integers. Every kernel thus computes the same cell, and spheres that touch lie in neighboring cells.
 
 // The cell of coordinate 0, before `low` is subtracted.
 const MIDDLE: u32 = 0x40000000u;
 const MAX_FAR_CELLS: u32 = 0x1fffffffu;
 
-// Returns the whole cells in `units` fixed-point units, at most 2^30, rounded down, modulo 2^32. A float estimate,
-// corrected by integers, is faster than an integer division.
+// Whole cells in `units` fixed-point units, at most 2^30, modulo 2^32. A float estimate, corrected by integers, is
+// faster than an integer division.
 fn quotient(units: f32) -> u32 {
     let inverse = 1.0 / f32(cell_list.units_per_cell);
     let near = floor(units * inverse);
@@ -18,8 +17,7 @@ fn quotient(units: f32) -> u32 {
     return bitcast<u32>(i32(near) + i32(nearer) + step);
 }
 
-// Returns the cell along an unbounded axis. At or above `far`, neighboring floats are at least a cell apart, so each
-// has its own cell.
+// At or above `far`, neighboring floats are at least a cell apart, so each has its own cell.
 fn open_number(x: f32, level: u32) -> u32 {
     let far = cell_list.level[level].far;
     let size = bitcast<u32>(abs(x));
@@ -31,8 +29,7 @@ fn open_number(x: f32, level: u32) -> u32 {
 }
 
 #ifdef PERIODIC
-// Returns the cell along a periodic axis plus the number of cells, for coordinates up to half a period past the
-// boundary.
+// Plus the number of cells, for coordinates up to half a period past the boundary.
 fn ring_number(x: f32, cells: u32, around: f32) -> u32 {
     return u32(i32(floor(x * around + 0.5 * f32(cells))) + i32(cells));
 }

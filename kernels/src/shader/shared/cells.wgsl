@@ -1,11 +1,11 @@
-// The cells that a sphere overlaps at a depth: the first, and on each axis 1 if there is a second.
+// A sphere's first cell at a depth, and on each axis 1 if there is a second.
 struct Cells {
     first: vec3<i32>,
     more: vec3<i32>,
     depth: u32,
 }
 
-// Marks quarantined spheres, which have no cells.
+// Quarantined spheres have no cells.
 const NO_CELLS: vec2<u32> = vec2(0xffffffffu);
 
 fn cells_packed(cells: Cells) -> vec2<u32> {
@@ -28,7 +28,7 @@ fn cells_unpacked(words: vec2<u32>) -> Cells {
     );
 }
 
-// Returns the sphere's cells at a coarser depth. Grids nest, so it overlaps at most two per axis there too.
+// Grids nest, so a sphere also overlaps at most two cells per axis of a coarser depth.
 fn cells_at(cells: Cells, depth: u32) -> Cells {
     let shift = vec3(cells.depth - depth);
     let first = cells.first >> shift;
@@ -40,8 +40,7 @@ fn cells_around(depth: u32) -> vec3<i32> {
     return vec3<i32>(min(grid.ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
 }
 
-// Returns the axes with a single cell at this depth. In a smaller ring, spheres would share cells in which neither
-// begins.
+// Axes with a single cell at this depth. In a smaller ring, spheres would share cells in which neither begins.
 fn one_cell(depth: u32) -> vec3<bool> {
     return (grid.ring_cells != vec3(0.0)) & (cells_around(depth) < vec3(4));
 }
@@ -51,7 +50,7 @@ fn gathered(cells: Cells) -> Cells {
     return Cells(select(cells.first, vec3(0), one), select(cells.more, vec3(0), one), cells.depth);
 }
 
-// Wraps a cell around each axis. A sphere's cells are consecutive before, also across the periodic boundary.
+// A sphere's cells are consecutive before, also across the periodic boundary.
 fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
     let around = cells_around(depth);
     return cell + select(vec3(0), around, cell < vec3(0)) - select(vec3(0), around, cell >= around);
@@ -66,7 +65,7 @@ fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
 }
 #endif
 
-// Returns the offset of cell `number` among a sphere's up to eight cells, one bit per axis.
+// The offset of cell `number` among up to eight cells, one bit per axis.
 fn step_of(number: u32) -> vec3<i32> {
     return (vec3(i32(number)) >> vec3(0u, 1u, 2u)) & vec3(1);
 }
@@ -79,7 +78,7 @@ fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
     return all(step <= cells.more);
 }
 
-// Returns the number of the cell that contains `cell`, among the sphere's cells at a coarser depth.
+// Among the sphere's cells at a coarser depth.
 fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
     return number_of(clamp((cell >> vec3(depth - parents.depth)) - parents.first, vec3(0), parents.more));
 }

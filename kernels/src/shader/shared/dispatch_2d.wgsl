@@ -1,4 +1,3 @@
-// The limit of a dispatch dimension (WebGPU's default).
 const MAX_GROUPS: u32 = 65535u;
 
 fn workgroups_2d(groups: u32) -> vec2<u32> {

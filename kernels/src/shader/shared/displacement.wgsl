@@ -1,8 +1,8 @@
 #include evaluation_order
 
 #ifdef PERIODIC
-// Returns the difference of two coordinates along an axis with this period, 0 for an unbounded axis. Both lie within
-// half a period of 0. Across the boundary the result is a distance, without a sign.
+// For an axis with this period, 0 for an unbounded axis; both coordinates lie within half a period of 0. Across the
+// boundary the result is a distance, without a sign.
 fn axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     let half = 0.5 * period;
     let is_across = half > 0.0 && abs(a - b) > half;

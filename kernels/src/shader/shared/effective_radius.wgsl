@@ -9,7 +9,7 @@ const TOUCHES: u32 = 1u;
 const SECOND_SIDE: u32 = 2u;
 const IDLE: u32 = 4u;
 
-// Returns half of the largest distance at which the sphere pairs, or its radius if contact counts.
+// Half of the largest distance at which the sphere pairs, or its radius if contact counts.
 fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
     let own = species_params[species[index]];
     let half = bitcast<f32>(own.y);

@@ -1,13 +1,13 @@
-// In a run, each thread tests partners up to this many positions away; tiles hold the partners after them. NEAR is a
-// block's length, so at most one run of a block has partners after them.
+// Each thread tests partners in its run up to this many positions away; tiles hold later ones. NEAR is a block's
+// length, so at most one run of a block has later partners.
 const NEAR: u32 = #{NEAR}u;
 
 fn index_of(object: u32) -> u32 {
     return object & 0x1fffffffu;
 }
 
-// Returns `true` if the cell of two entries reports their pair: on each axis it is the larger of their first cells.
-// Both overlap the cell, so on each axis one of them begins there.
+// If the cell of two entries reports their pair: on each axis it is the larger of their first cells. Both overlap the
+// cell, so on each axis one of them begins there.
 fn is_owned(object: u32, other: u32) -> bool {
     return ((object | other) >> 29u) == 7u;
 }
@@ -20,7 +20,7 @@ fn run_of(key: u32) -> u32 {
     return key >> grid.passive;
 }
 
-// Passive entries are the last of their run. Pairs among them are found at a deeper level.
+// Passive entries are the last of their run; pairs among them are found at a deeper level.
 fn is_passive(key: u32) -> bool {
     return (key & grid.passive) != 0u;
 }

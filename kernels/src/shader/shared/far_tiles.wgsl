@@ -1,9 +1,8 @@
-// The limit of a dispatch dimension (WebGPU's default).
 const MAX_GROUPS: u32 = 65535u;
 
-// Returns the tiles per workgroup of `runs_search_far`, for `blocks` blocks of up to `tiles` tiles: few, so that the
-// whole device has work; enough that the workgroups of a block fit one dimension; and at most the loop iterations of an
-// invocation, for which the plan limits the number of entries.
+// Tiles per workgroup of `runs_search_far`, for `blocks` blocks of up to `tiles` tiles: few, so that the whole device
+// has work; enough that a block's workgroups fit one dimension; and at most the loop iterations of an invocation, for
+// which the plan limits the number of entries.
 fn tiles_per_workgroup(blocks: u32, tiles: u32) -> u32 {
     let fewest = max((tiles + MAX_GROUPS - 1u) / MAX_GROUPS, 2u);
     return clamp(min(blocks, MAX_GROUPS) * min(tiles, MAX_GROUPS) / 16384u, fewest, #{RUN_TILES}u);

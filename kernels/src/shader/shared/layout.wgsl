@@ -1,4 +1,3 @@
-// layout.rs describes the members.
 struct SearchParams {
     spheres: u32,
     pair_capacity: u32,
@@ -35,7 +34,7 @@ const NEVER: f32 = -1.0;
 const TOUCH: f32 = -2.0;
 const BY_SPECIES: f32 = -3.0;
 
-// The bounds of all valid spheres, with widened radii; see layout.rs.
+// Bounds of all valid spheres, with widened radii.
 struct Bounds {
     low_x: atomic<u32>,
     low_y: atomic<u32>,
@@ -64,19 +63,19 @@ struct Grid {
     inverse_edge: vec3<f32>,
     ordinary: u32,
     low: vec3<i32>,
-    // The policy of the parameters; 0 if all spheres have depth 0, or no cell is overfull.
+    // 0 if all spheres have depth 0, or no cell is overfull.
     split_policy: u32,
     high: vec3<i32>,
     level_mask: u32,
-    // Cells of depth 0 around a periodic axis: a multiple of 4, or a power of two below it; 0 for an unbounded axis.
+    // At depth 0: a multiple of 4, or a power of two below it; 0 for an unbounded axis.
     ring_cells: vec3<f32>,
     depth_mask: u32,
-    // The key bit of passive entries: 1, or 0 with a single level.
+    // 1, or 0 with a single level.
     passive: u32,
     levels: array<LevelKeys, 32>,
 }
 
-// `dispatch_workgroups_indirect` reads the dispatch arguments from here.
+// Dispatch arguments are read from here.
 struct Outcome {
     found_lo: atomic<u32>,
     found_hi: atomic<u32>,

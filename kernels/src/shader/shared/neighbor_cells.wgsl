@@ -1,5 +1,5 @@
-// Iterates over the candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is
-// met from exactly one of its spheres. A sphere is compared with
+// The candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is met from
+// exactly one of its spheres. A sphere is compared with
 // - the later spheres of its own cell, and of one half of the adjacent cells, if its level searches itself;
 // - at each of the searched levels, the spheres of all cells that its box overlaps when widened by that level's radius;
 // - the listed spheres, which have a cell of their own without adjacent cells.
@@ -14,11 +14,10 @@ struct NeighborCells {
     first: vec3<u32>,
     cells_per_row: u32,
     rows_per_plane: u32,
-    // The next row and the end of all rows, counted plane by plane.
+    // Rows are counted plane by plane.
     row: u32,
     end: u32,
     past_boundary: bool,
-    // The levels to search, one bit each.
     levels: u32,
     // Tested candidates of the current rows, and candidates of all rows before.
     tested: u32,
@@ -34,15 +33,15 @@ struct CellRow {
     in_plane: u32,
 }
 
-// The candidates of up to five rows of cells, and after the last row the listed spheres. The candidates of each range
-// have consecutive numbers below `until`; a number plus `shift` is a position in cell order.
+// Up to five rows of cells, and after the last row the listed spheres. The candidates of each range have consecutive
+// numbers below `until`; a number plus `shift` is a position in cell order.
 struct CandidateRanges {
     until: vec4<u32>,
     shift: vec4<u32>,
     last_until: u32,
     last_shifts: vec2<u32>,
     total: u32,
-    // `true` if the rows continue past the periodic boundary.
+    // The rows continue past the periodic boundary.
     wraps: bool,
 }
 
@@ -119,7 +118,7 @@ fn row_after(neighbors: NeighborCells, row: CellRow) -> CellRow {
     );
 }
 
-// Returns the sorted spheres in a row of cells, for the sphere at `position` in the cell `own`.
+// For the sphere at `position` in the cell `own`.
 fn range_of(neighbors: NeighborCells, row: CellRow, position: u32, own: u32) -> vec2<u32> {
     let cell = neighbors.base + (row.z * neighbors.around.y + row.y) * neighbors.around.x;
     // In the sphere's own row, the cells before its own are skipped.
@@ -133,7 +132,6 @@ fn range_of(neighbors: NeighborCells, row: CellRow, position: u32, own: u32) -> 
     return select(vec2(0u), vec2(begin, last), row.number < neighbors.end);
 }
 
-// Returns the candidates of the next rows of cells and, after the last row, the listed spheres.
 fn next_ranges(neighbors: NeighborCells, position: u32, own: u32) -> CandidateRanges {
     let row_a = next_row(neighbors);
     let row_b = row_after(neighbors, row_a);
@@ -158,7 +156,7 @@ fn next_ranges(neighbors: NeighborCells, position: u32, own: u32) -> CandidateRa
     return CandidateRanges(until, shift, last, vec2(e.x - until.w, begin - last), last + listed, wraps);
 }
 
-// Advances past some rows, or to their part past the periodic boundary.
+// Or to their part past the periodic boundary.
 fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).skipped += ranges.total;
     (*neighbors).tested = 0u;
@@ -176,8 +174,7 @@ fn next_level(neighbors: ptr<function, NeighborCells>, sphere: vec4<f32>, radius
     }
 }
 
-// Enters the box of a sphere at a level whose cells are at least as large as in its own level. `radius` is at least the
-// effective radius.
+// The cells are at least as large as in the sphere's own level; `radius` is at least the effective radius.
 fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, radius: f32) {
     let around = cell_list.level[level].cells;
     let reach = radius + cell_list.level[level].max_radius;

@@ -1,6 +1,6 @@
 #include occupancy
 
-// Records that a sphere of the cell's own depth (`is_own`), or a smaller one, overlaps the cell.
+// `is_own`: the sphere is of the cell's own depth.
 fn occupancy_add(depth: u32, cell: vec3<i32>, is_own: bool) {
     let slot = occupancy_slot(depth, cell);
     if (!is_own) {

@@ -1,14 +1,13 @@
 #include pairs
 
 #ifdef SUBGROUPS
-// Returns `true` if any thread of the subgroup wants to write. Keeps the subgroup together in
-// `pairs_reserve_by_subgroup`.
+// Keeps the subgroup together in `pairs_reserve_by_subgroup`.
 fn any_in_subgroup(wanted: bool) -> bool {
     return subgroupAny(wanted);
 }
 
-// Reserves output positions for this thread's `count` pairs, with one atomic per subgroup and no workgroup barrier.
-// Callers branch on `any_in_subgroup`, which is uniform in the subgroup; no compiler can see that.
+// One atomic per subgroup and no workgroup barrier. Callers branch on `any_in_subgroup`, which is uniform in the
+// subgroup; no compiler can see that.
 #standard @diagnostic(off, subgroup_uniformity)
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(count);

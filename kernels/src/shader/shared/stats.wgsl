@@ -1,5 +1,4 @@
-// Bounds of the valid spheres, counts per size class, and the number of invalid spheres. Clears the counters of the
-// call.
+// Bounds of the valid spheres, counts per size class and of invalid spheres. Clears the counters of the call.
 
 var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
@@ -8,7 +7,7 @@ var<workgroup> group_quarantined: atomic<u32>;
 var<workgroup> group_members: array<atomic<u32>, 512>;
 var<workgroup> group_largest: array<atomic<u32>, 256>;
 
-// Consecutive spheres of one size class and side, as one thread meets them.
+// Consecutive spheres of one size class and side in a thread.
 struct Streak {
     // CLASSES is added on the second side.
     size_class: u32,
@@ -23,7 +22,7 @@ fn end_streak(streak: Streak) {
     }
 }
 
-// All threads of a workgroup call it; each strides over the spheres from `first`.
+// Called by a whole workgroup; each thread strides over the spheres from `first`.
 fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     let local_index = thread.local_index;
     atomicStore(&group_members[local_index], 0u);

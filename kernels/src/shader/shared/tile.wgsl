@@ -1,4 +1,3 @@
-// A tile of spheres in workgroup memory, compared with one sphere per thread.
 var<workgroup> tile: array<vec4<f32>, 256>;
 var<workgroup> tile_objects: array<u32, 256>;
 #ifdef SPECIES
@@ -11,7 +10,7 @@ struct QuerySphere {
     species: u32,
 }
 
-// Returns a bit for each of the 32 spheres at or above `first` that pairs with the query.
+// A bit for each of the 32 spheres at or above `first` that pairs with the query.
 fn tile_hits(query: QuerySphere, first: u32) -> u32 {
     var hits = 0u;
 #ifdef SPECIES
@@ -33,7 +32,7 @@ fn tile_hits(query: QuerySphere, first: u32) -> u32 {
     return hits;
 }
 
-// Returns the bits of the spheres `begin..finish` of the tile, among the 32 at or above `first`.
+// The spheres `begin..finish` of the tile, among the 32 at or above `first`.
 fn tile_window(first: u32, begin: u32, finish: u32) -> u32 {
     let low = clamp(begin, first, first + 32u) - first;
     let high = clamp(finish, first, first + 32u) - first;

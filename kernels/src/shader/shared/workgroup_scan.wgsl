@@ -10,8 +10,7 @@ fn workgroup_sum() -> u32 {
 #ifdef SUBGROUPS
 var<workgroup> group_sums: array<u32, #{MAX_SUBGROUPS}>;
 
-// Returns the exclusive prefix sum of `value` over the workgroup; `workgroup_sum` is the total until the next scan. All
-// threads call it.
+// Exclusive prefix sum over the workgroup; `workgroup_sum` is the total until the next scan. Called by all threads.
 fn workgroup_scan(value: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(value);
     let sum = subgroupAdd(value);

@@ -1,4 +1,4 @@
-// The exact minimum image of a coordinate, by long division of bits: integers are never rounded, flushed or infinite.
+// The exact minimum image by long division of bits: integers are never rounded, flushed or infinite.
 const SIGN: u32 = 0x80000000u;
 
 // A non-negative float: digits * 2^(exponent - 150).
@@ -21,7 +21,7 @@ fn bits_of(number: Number) -> u32 {
     return (number.digits << shift) + ((number.exponent - shift - 1u) << 23u);
 }
 
-// Returns the remainder of least magnitude, as bits. Ties get the sign opposite to the coordinate's.
+// The remainder of least magnitude, as bits. Ties get the sign opposite to the coordinate's.
 fn wrap(coordinate: u32, period: u32) -> u32 {
     let sign = coordinate & SIGN;
     let x = number_of(coordinate & ~SIGN);

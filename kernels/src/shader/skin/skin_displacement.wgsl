@@ -1,4 +1,3 @@
-// Finds the largest displacement since the list was built, and exchanged spheres.
 #include layout
 #include thread
 #include sphere

@@ -1,4 +1,3 @@
-// First stage of a radix pass: counts each digit in each tile.
 #include layout
 #include thread
 

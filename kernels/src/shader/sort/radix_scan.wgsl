@@ -1,5 +1,5 @@
-// Second stage of a radix pass: for each digit, one workgroup turns its counts in all tiles into exclusive prefix sums
-// and stores the total. With few tiles, the first workgroup processes all digits, one per thread, without a barrier.
+// For each digit, one workgroup turns its counts in all tiles into exclusive prefix sums and stores the total. With few
+// tiles, the first workgroup processes all digits, one per thread, without a barrier.
 #include layout
 #include thread
 

@@ -1,6 +1,6 @@
-// Last stage of a radix pass: moves each key and its payload to its sorted position, stably. A tile is sorted in
-// workgroup memory first, so that writes are coalesced. Per-key values stay in registers: loops over them are unrolled
-// in the text, because not every compiler unrolls them.
+// Moves each key and its payload to its sorted position, stably. A tile is sorted in workgroup memory first, so that
+// writes are coalesced. Per-key values stay in registers: loops over them are unrolled in the text, because not every
+// compiler unrolls them.
 #include layout
 #include thread
 
@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read> sort_counts: SortCounts;
 @group(0) @binding(2) var<storage, read> keys: array<u32>;
 @group(0) @binding(3) var<storage, read> payload: array<u32>;
-// The number of keys with each digit in the tiles before, and in all tiles.
+// Per digit, the keys in the tiles before, and in all tiles.
 @group(0) @binding(4) var<storage, read> counts: array<u32>;
 @group(0) @binding(5) var<storage, read> totals: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sorted_keys: array<u32>;
@@ -22,7 +22,7 @@ const NO_DIGIT: u32 = 256u;
 
 // The ranking tables, later the sorted tile.
 var<workgroup> scratch: array<atomic<u32>, #{RADIX_SCRATCH}>;
-// The tile's number of keys with each digit; later the offset from a position in the tile to the result.
+// The tile's keys per digit; later the offset from a position in the tile to the result.
 var<workgroup> digits: array<u32, 256>;
 
 #ifdef SUBGROUP_RANKING
@@ -33,7 +33,7 @@ fn item_index(thread: Thread, item: u32) -> u32 {
     return thread.subgroup * thread.subgroup_size * ITEMS + item * thread.subgroup_size + thread.lane;
 }
 
-// Returns the lanes of the subgroup with the same digit.
+// Lanes with the same digit.
 fn same_digit(digit: u32) -> vec4<u32> {
     var same = subgroupBallot(digit != NO_DIGIT);
 #repeat BIT 8
@@ -49,7 +49,7 @@ fn lanes_below(lane: u32) -> vec4<u32> {
     return select(partial, vec4(0xffffffffu), at >= vec4(32));
 }
 
-// Returns the lowest lane of a non-empty mask, of at most 128 lanes.
+// The mask is not empty and has at most 128 lanes.
 fn lowest_lane(mask: vec4<u32>) -> u32 {
     let low = select(32u + firstTrailingBit(mask.y), firstTrailingBit(mask.x), mask.x != 0u);
     let high = select(96u + firstTrailingBit(mask.w), 64u + firstTrailingBit(mask.z), mask.z != 0u);
@@ -72,8 +72,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the number of earlier keys with this digit in this subgroup's part, and the digit in the upper half. All
-// threads call it.
+// The number of earlier keys with this digit in this subgroup's part, and the digit in the upper half. Called by all
+// threads.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = select(NO_DIGIT, digit_of(key), used);
     let same = same_digit(digit);
@@ -88,8 +88,8 @@ fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     return rank + subgroupShuffle(before, select(0u, lowest_lane(same), used)) + (digit << 16u);
 }
 
-// Replaces each subgroup's counts by the positions in the tile at which its keys of each digit begin. Sums both halves
-// of a word at once, because neither reaches 2^16. A barrier must precede it.
+// Replaces counts by the positions in the tile at which a subgroup's keys of each digit begin. Sums both halves of a
+// word at once, because neither reaches 2^16. A barrier must precede it.
 fn merge_tables(thread: Thread) {
     if (thread.local_index < 128u) {
         var total = 0u;
@@ -132,8 +132,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the number of earlier keys of the tile with this digit, and the digit in the upper half. All threads with one
-// digit set their bits in that digit's 256-bit mask; the bits below a thread's own bit are its rank.
+// The number of earlier keys of the tile with this digit, and the digit in the upper half. All threads with one digit
+// set their bits in that digit's 256-bit mask; the bits below a thread's own bit are its rank.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = digit_of(key);
     let own_word = thread.local_index / 32u;

@@ -1,4 +1,3 @@
-// First stage of the exclusive prefix scan: the 64-bit sum of each tile.
 #include layout
 #include thread
 

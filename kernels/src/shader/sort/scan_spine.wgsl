@@ -1,5 +1,4 @@
-// Second stage of the scan: one workgroup turns the sums of all tiles into their exclusive prefix sums and stores the
-// total.
+// One workgroup turns the sums of all tiles into their exclusive prefix sums and stores the total.
 #include layout
 #include thread
 

@@ -1,4 +1,4 @@
-// Third stage of the scan: replaces every value by the sum of those before it, modulo 2^32.
+// Sums are modulo 2^32.
 #include layout
 #include thread
 
