@@ -1,16 +1,16 @@
 //! Compares searches for pairs: one set of spheres for all, answers checked before times are reported, rounds
 //! interleaved, and ratios within rounds.
 
+mod finders;
 pub mod memory;
 mod options;
 mod present;
 
 use std::error::Error;
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Backend, Config, Detector, Pair, PhaseTime, Sphere, Spheres, gpu};
+use lazygrid::{Config, Detector, Pair, PhaseTime, Sphere};
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -18,6 +18,7 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::SpeciesScene;
 use lazygrid_io::scenes::Scene;
 
+use finders::{Count, List, Stream};
 pub use options::Options;
 pub use present::{Spread, markdown, provenance};
 
@@ -97,74 +98,6 @@ impl ContenderFactory {
     /// A lazygrid detector that streams pairs in chunks, which are dropped.
     pub fn stream(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Stream(Detector::new(config.clone())?)))
-    }
-}
-
-struct List {
-    detector: Detector,
-    species: Option<(SpeciesScene, Vec<u32>)>,
-}
-
-impl PairFinder for List {
-    fn prepare(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
-        if let Some((scene, species)) = &mut self.species {
-            *species = scene.species(spheres.len());
-        }
-        Ok(())
-    }
-
-    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        let all = Spheres::from(spheres);
-        let all = match &self.species {
-            None => all,
-            Some((_, species)) => all.with_species(species)?,
-        };
-        Ok(Found::Pairs(self.detector.pairs(all)?))
-    }
-
-    fn phases(&self) -> Vec<PhaseTime> {
-        self.detector.report().phases
-    }
-
-    fn gpu_time(&self) -> Option<Duration> {
-        let report = self.detector.report();
-        let on_device = |phase: &&PhaseTime| gpu::GpuPhase::ALL.iter().any(|p| p.name() == phase.name);
-        let times: Vec<Duration> = report.phases.iter().filter(on_device).map(|p| p.time).collect();
-        (report.backend == Backend::Gpu && !times.is_empty()).then(|| times.iter().sum())
-    }
-
-    fn note(&self) -> String {
-        self.detector.report().algorithm.to_string()
-    }
-}
-
-struct Count(Detector);
-
-impl PairFinder for Count {
-    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        Ok(Found::Count(self.0.count(spheres)?))
-    }
-
-    fn note(&self) -> String {
-        self.0.report().algorithm.to_string()
-    }
-}
-
-struct Stream(Detector);
-
-impl PairFinder for Stream {
-    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        const CHUNK: usize = 1 << 20;
-        let mut pairs = 0;
-        self.0.stream(spheres, CHUNK, |chunk| {
-            pairs += black_box(chunk).len() as u64;
-            ControlFlow::Continue(())
-        })?;
-        Ok(Found::Count(pairs))
-    }
-
-    fn note(&self) -> String {
-        self.0.report().algorithm.to_string()
     }
 }
 

@@ -1,3 +1,5 @@
+//! Uploads, readbacks and runs of single kernels.
+
 use std::time::Duration;
 
 use bytemuck::Pod;

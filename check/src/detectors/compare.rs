@@ -1,3 +1,5 @@
+//! Comparison of each detector variant with the definition of the pairs.
+
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Sphere};
 use lazygrid_io::scenes::Scene;
 

@@ -1,3 +1,5 @@
+//! Moving spheres, and skins for their candidate lists.
+
 use lazygrid::{Skin, Sphere};
 
 /// A skin of `part` times the first nonzero radius, or times the first nonzero distance of consecutive spheres if all

@@ -1,6 +1,8 @@
 //! `lazygrid simulate`.
 
 mod arrivals;
+#[cfg(unix)]
+mod interruptions;
 mod replicas;
 mod report;
 mod sweep;
@@ -329,92 +331,4 @@ fn a_full_disk_shows_before_the_run() {
     ];
     let run = lazygrid(args).fails();
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
-}
-
-#[cfg(unix)]
-struct Endless(Option<std::process::Child>);
-
-#[cfg(unix)]
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-impl Endless {
-    /// Signals it and waits.
-    fn end(mut self, signal: &str) -> std::process::Output {
-        let child = self.0.take().unwrap();
-        let id = child.id().to_string();
-        assert!(std::process::Command::new("kill").args([signal, &id]).status().unwrap().success());
-        child.wait_with_output().unwrap()
-    }
-}
-
-#[cfg(unix)]
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-impl Drop for Endless {
-    fn drop(&mut self) {
-        if let Some(child) = &mut self.0 {
-            child.kill().unwrap();
-        }
-    }
-}
-
-#[cfg(unix)]
-fn endless(scenario: &str, out: &str) -> Endless {
-    let rare = ["--steps", "100000000", "--series-every", "1000000", "--frames-every", "100000000"];
-    begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))
-}
-
-#[cfg(unix)]
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-fn begun(args: &[&str], file: &str) -> Endless {
-    use std::process::{Command, Stdio};
-
-    let started = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
-        .args(args)
-        .env("RUST_LOG", "error")
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn();
-    let child = started.unwrap();
-    while !std::path::Path::new(file).exists() {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    Endless(Some(child))
-}
-
-#[test]
-#[cfg(unix)]
-fn an_interrupted_run_goes_on() {
-    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
-        let scratch = Scratch::new();
-        let scenario = scratch.write("s.toml", SCENARIO);
-        let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
-        let ended = endless(&scenario, &out).end(signal);
-        let message = String::from_utf8(ended.stderr).unwrap();
-        assert_eq!(ended.status.code(), Some(code), "{signal}: {message}");
-        let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
-        assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
-        let steps = (steps + 5).to_string();
-        for (out, resume) in [(&out, Some("--resume")), (&whole, None)] {
-            let args =
-                ["simulate", &scenario, "--output", out, "--steps", &steps, "--series-every", "1000000"];
-            lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
-        }
-        assert_eq!(files(&out), files(&whole), "{signal}");
-    }
-}
-
-#[test]
-#[cfg(unix)]
-fn two_runs_do_not_write_to_one_directory() {
-    let scratch = Scratch::new();
-    let scenario = scratch.write("s.toml", SCENARIO);
-    let out = scratch.path("out");
-    let running = endless(&scenario, &out);
-    for more in [&["--overwrite"][..], &["--resume"], &[]] {
-        let run = lazygrid(["simulate", &scenario, "--output", &out].iter().chain(more)).fails();
-        assert!(run.err.contains("another run is writing to it"), "{more:?}: {}", run.err);
-    }
-    // The system's lock ends with the process.
-    running.end("-KILL");
-    lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5", "--overwrite"]).succeeds();
 }

@@ -129,7 +129,8 @@ fn interrupted_replicas_leave_the_finished_ones() {
     let scenario = scratch.write("s.toml", SCENARIO);
     let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
     let args = |out| ["simulate", &scenario, "--output", out, "--replicas", "80"];
-    let ended = super::begun(&args(&out), &(out.clone() + "/replica-0004/checkpoint")).end("-INT");
+    let ended =
+        super::interruptions::begun(&args(&out), &(out.clone() + "/replica-0004/checkpoint")).end("-INT");
     let message = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(130), "{message}");
     assert!(

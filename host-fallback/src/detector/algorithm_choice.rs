@@ -1,3 +1,5 @@
+//! The choice of the algorithm: a pure function of the input's statistics.
+
 use lazygrid_kernels::{Algorithm, Backend};
 
 use crate::{Error, InputStats};

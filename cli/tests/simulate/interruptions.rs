@@ -1,0 +1,90 @@
+//! Runs that signals and other runs interrupt.
+
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread;
+use std::time::Duration;
+
+use lazygrid_tests::command::Scratch;
+
+use super::{SCENARIO, files, lazygrid};
+
+/// A run without an end; killed when dropped.
+pub(crate) struct Endless(Option<Child>);
+
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+impl Endless {
+    /// Signals it and waits.
+    pub(crate) fn end(mut self, signal: &str) -> Output {
+        let child = self.0.take().unwrap();
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
+        child.wait_with_output().unwrap()
+    }
+}
+
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+impl Drop for Endless {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            child.kill().unwrap();
+        }
+    }
+}
+
+fn endless(scenario: &str, out: &str) -> Endless {
+    let rare = ["--steps", "100000000", "--series-every", "1000000", "--frames-every", "100000000"];
+    begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))
+}
+
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+pub(crate) fn begun(args: &[&str], file: &str) -> Endless {
+    let started = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
+        .args(args)
+        .env("RUST_LOG", "error")
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let child = started.unwrap();
+    while !Path::new(file).exists() {
+        thread::sleep(Duration::from_millis(10));
+    }
+    Endless(Some(child))
+}
+
+#[test]
+fn an_interrupted_run_goes_on() {
+    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+        let scratch = Scratch::new();
+        let scenario = scratch.write("s.toml", SCENARIO);
+        let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+        let ended = endless(&scenario, &out).end(signal);
+        let message = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(code), "{signal}: {message}");
+        let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
+        assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
+        let steps = (steps + 5).to_string();
+        for (out, resume) in [(&out, Some("--resume")), (&whole, None)] {
+            let args =
+                ["simulate", &scenario, "--output", out, "--steps", &steps, "--series-every", "1000000"];
+            lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
+        }
+        assert_eq!(files(&out), files(&whole), "{signal}");
+    }
+}
+
+#[test]
+fn two_runs_do_not_write_to_one_directory() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let out = scratch.path("out");
+    let running = endless(&scenario, &out);
+    for more in [&["--overwrite"][..], &["--resume"], &[]] {
+        let run = lazygrid(["simulate", &scenario, "--output", &out].iter().chain(more)).fails();
+        assert!(run.err.contains("another run is writing to it"), "{more:?}: {}", run.err);
+    }
+    // The system's lock ends with the process.
+    running.end("-KILL");
+    lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5", "--overwrite"]).succeeds();
+}
