@@ -18,12 +18,12 @@ impl Crossover {
         Self { naive_below, per_class }
     }
 
-    /// The assumption for an unmeasured GPU: 10⁴, as on the paper's card (section 4).
+    /// Assumed for an unmeasured GPU: 10⁴, as on the paper's card (section 4).
     pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
-    /// The assumption for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
+    /// Assumed for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
     pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
 
-    /// The assumption for an unmeasured adapter.
+    /// Assumed for an unmeasured adapter.
     pub const fn assumed(is_hardware: bool) -> Self {
         if is_hardware { Self::HARDWARE } else { Self::SOFTWARE }
     }
@@ -40,7 +40,8 @@ impl Crossover {
 }
 
 /// The measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores
-/// them and passes them to [`Config::calibration`](crate::Config::calibration).
+/// them and passes them to [`Config::calibration`](crate::Config::calibration). No GPU has confirmed the assumed values
+/// for GPUs.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
@@ -64,25 +65,24 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The assumption for a discrete GPU: the memory-bound rate of candidate tests. No GPU has confirmed it.
+    /// Assumed for a discrete GPU: the memory-bound rate of candidate tests.
     pub const TESTS_PER_SECOND: f64 = 2.5e10;
-    /// The assumption for an integrated GPU. No GPU has confirmed it.
+    /// Assumed for an integrated GPU.
     pub const INTEGRATED_TESTS_PER_SECOND: f64 = 2.5e9;
-    /// The assumption for a software adapter.
+    /// Assumed for a software adapter.
     pub const SOFTWARE_TESTS_PER_SECOND: f64 = 5e8;
 
-    /// The assumption for a discrete GPU: a round trip takes about 0.15 ms, in which a CPU thread finds the pairs of
-    /// some 4000 spheres. No GPU has confirmed it.
+    /// Assumed for a discrete GPU: a round trip takes about 0.15 ms, in which a CPU thread finds the pairs of some 4000
+    /// spheres.
     pub const DEVICE_FROM: u32 = 4096;
-    /// The assumption for an integrated GPU, which has a tenth of the arithmetic. No GPU has confirmed it.
+    /// Assumed for an integrated GPU, which has a tenth of the arithmetic.
     pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
 
-    /// The assumption for a GPU: more counters do not fit the caches of large GPUs. With CUDA on an H200 both sorts are
-    /// equal at a million spheres, and counting is 2.6 times as fast at a hundred thousand; not measured through this
-    /// library.
+    /// Assumed for a GPU: more counters do not fit the caches of large GPUs. With CUDA on an H200 both sorts are equal
+    /// at a million spheres, and counting is 2.6 times as fast at a hundred thousand.
     pub const RADIX_SORT_FROM: u32 = 1 << 19;
-    /// The assumption for a software adapter: on llvmpipe with two cores counting is faster at a million spheres
-    /// (`cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
+    /// Assumed for a software adapter: on llvmpipe with two cores counting is faster at a million spheres (`cargo bench
+    /// -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
     pub const SOFTWARE_RADIX_SORT_FROM: u32 = 1 << 20;
 
     /// Creates the calibration of an adapter. `driver` includes the driver's version; `version` is the library's.
@@ -170,8 +170,8 @@ pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary)
     }
 }
 
-/// The assumption for a GPU at 10¹² bytes/s: a search moves 210 bytes per sphere by its plan, and 100 more per pair. A
-/// call has six more dispatches of 2 µs, and fourteen indirect ones of 3 µs more. No GPU has confirmed it.
+/// Assumed for a GPU at 10¹² bytes/s: a search moves 210 bytes per sphere by its plan, and 100 more per pair. A call
+/// has six more dispatches of 2 µs, and fourteen indirect ones of 3 µs more. No GPU has confirmed it.
 pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     search_ns: 0.21,
     levels_ns: 0.0,
@@ -182,7 +182,7 @@ pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     call_ns: 54_000.0,
 };
 
-/// The assumption for a software adapter: `lazygrid calibrate` for llvmpipe on two cores, rounded.
+/// Assumed for a software adapter: `lazygrid calibrate` for llvmpipe on two cores, rounded.
 pub(crate) const SOFTWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     search_ns: 900.0,
     levels_ns: 0.0,
