@@ -180,8 +180,7 @@ pub struct Outcome {
     pub found_lo: u32,
     /// High word of the number of pairs.
     pub found_hi: u32,
-    /// The bits [`Self::OVERFLOW_PAIRS`], [`Self::OVERFLOW_ENTRIES`], [`Self::OVERFLOW_SPHERES`] and
-    /// [`Self::OVERFLOW_CANDIDATES`].
+    /// The bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_WORK`].
     pub overflow: u32,
     /// The number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
     pub quarantined: u32,
