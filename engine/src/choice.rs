@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn an_algorithm_of_one_backend_is_found_there_or_refused() {
+    fn algorithm_of_one_backend_runs_there_or_is_refused() {
         for algorithm in Algorithm::ALL.iter().copied().filter(|a| *a != Algorithm::Auto) {
             let (on_cpu, on_gpu) = (Algorithm::CPU.contains(&algorithm), Algorithm::GPU.contains(&algorithm));
             assert_eq!(backend(Backend::Cpu, algorithm, open("gpu")).is_ok(), on_cpu, "{algorithm}");

@@ -39,7 +39,7 @@ fn metadata_matches_every_shader() {
 }
 
 #[test]
-fn constants_are_those_of_the_layout() {
+fn shader_constants_match_the_layout() {
     let whole = |value: u32| Literal::U32(value);
     let expected = [
         ("NEVER", Literal::F32(SearchParams::NEVER)),

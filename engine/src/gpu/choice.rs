@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn two_sets_are_compared_all_with_all_if_that_costs_less() {
+    fn cheap_pairs_of_two_sets_are_compared_all_with_all() {
         let crossover = Crossover { naive_below: 10_000, per_class: 0 };
         for (first, second, expected) in [
             (1, 10_000_000, Algorithm::Naive),

@@ -82,7 +82,7 @@ mod tests {
     use crate::gpu::device::SoftwareAdapter;
 
     #[test]
-    fn calls_run_where_they_are_answered_earlier() {
+    fn calls_run_on_the_faster_backend() {
         let Ok(gpu) = GpuDevice::shared(SoftwareAdapter::Allow) else { return };
         let names = [&gpu.adapter.name, &gpu.adapter.driver, env!("CARGO_PKG_VERSION")].map(str::to_owned);
         let known = Calibration::new(names, Crossover::SOFTWARE, 1 << 19, SOFTWARE_SKIN_COSTS, 100);

@@ -109,7 +109,7 @@ fn a_report_says_why_one_level_had_to_do() {
 }
 
 #[test]
-fn a_skin_of_its_own_choice_never_shows() {
+fn automatic_skin_never_changes_a_result() {
     let Some(gpu) = device_or_skip() else { return };
     let mut word = 11_u32;
     let mut unit = || {

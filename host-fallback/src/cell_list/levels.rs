@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_share_a_level_where_few_are_met_and_not_where_many_are() {
+    fn size_classes_share_a_level_only_at_low_density() {
         let sparse = plan(50_000, 4.0, &[1.0, 0.5, 0.25]);
         assert_eq!(sparse.levels.len(), 1, "{:?}", sparse.levels);
         let mut radii = [0.01; 100];

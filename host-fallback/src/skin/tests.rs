@@ -163,7 +163,7 @@ fn without_a_list_every_call_searches() {
 
 /// Couples with different gaps that approach each other: the skin must expire in time.
 #[test]
-fn spheres_that_meet_head_on_are_found_as_they_touch() {
+fn head_on_spheres_are_found_when_they_touch() {
     for skin in [Skin::Fixed(0.5), Skin::Auto] {
         let place = |k: usize, by: f32| {
             let gap = 1.5 * k as f32 / 1000.0;
@@ -209,7 +209,7 @@ fn radii_that_change_while_candidates_are_kept_lose_no_pair() {
 }
 
 #[test]
-fn candidates_that_expired_in_a_refused_call_are_given_up() {
+fn refused_call_discards_expired_candidates() {
     let mut kept =
         HostDetector::new(Settings { skin: Skin::Fixed(0.5), ..Settings::default() }).expect("good settings");
     let at = |k: usize| [k % 10, k / 10 % 10, k / 100].map(|c| c as f32);
@@ -253,7 +253,7 @@ fn radii_without_effect_are_checked_while_candidates_serve() {
 }
 
 #[test]
-fn candidates_too_many_to_keep_cost_no_memory_and_no_error() {
+fn too_many_candidates_cost_no_memory_and_no_error() {
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 5000];
     let settings = Settings { skin: Skin::Fixed(0.003), threads: Some(1), ..Settings::default() };
     let mut kept = HostDetector::new(settings).expect("good settings");

@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn scenes_fill_space_as_they_say() {
+    fn scene_fills_the_given_fraction_of_space() {
         for classes in [1, 5] {
             let spheres = scene(10_000, classes, DENSITY);
             let edge = spheres.iter().map(|s| s.center.x).fold(0.0, f32::max);

@@ -134,7 +134,7 @@ mod tests {
     use crate::gpu::device::device_or_skip;
 
     #[test]
-    fn costs_are_those_that_calls_were_made_of() {
+    fn known_costs_are_recovered_from_their_calls() {
         let known = SkinCosts {
             search_ns: 10.0,
             levels_ns: 0.0,

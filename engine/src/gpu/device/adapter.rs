@@ -165,7 +165,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn adapters_go_by_index_or_by_a_name_that_only_one_has() {
+    fn adapter_is_found_by_index_or_unique_name() {
         let found = ["Card H1", "Card H1 Large", "Small Card", "llvmpipe (LLVM 15)", "llvmpipe"].map(card);
         for (asked, expected) in [
             ("0", Ok(0)),

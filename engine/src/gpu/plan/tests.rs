@@ -98,13 +98,13 @@ fn every_binding_has_a_resource_and_sort_passes_alternate() {
 }
 
 #[test]
-fn the_largest_raster_ratio_of_entries_is_refused_without_room_for_one_each() {
+fn grid_without_room_for_an_entry_per_sphere_is_refused() {
     let small = DeviceLimits { storage_binding: 1 << 20, ..LAVAPIPE };
     assert!(matches!(plan(&request(1 << 20, 1), &small), Err(Error::LimitExceeded { .. })));
 }
 
 #[test]
-fn no_invocation_takes_more_turns_than_its_share() {
+fn no_invocation_exceeds_the_loop_iterations() {
     let sizes = (0..=24).flat_map(|k| [(1 << k) - 1, 1 << k, (1 << k) + 1, 3 << k >> 1]);
     for spheres in sizes.filter(|&n: &u32| n <= 1 << 24) {
         for limits in [LAVAPIPE, H200] {
@@ -209,7 +209,7 @@ fn a_cell_list_moves_few_bytes() {
 }
 
 #[test]
-fn a_cell_list_is_sorted_by_counting_up_to_where_it_is_told() {
+fn cell_list_is_sorted_by_counting_below_the_setting() {
     let kernels =
         |plan: &Plan| plan.dispatches.iter().map(|dispatch| dispatch.kernel.name).collect::<Vec<_>>();
     let (counted, sorted) = (kernels(&list((1 << 19) - 1, false)), kernels(&list(1 << 19, false)));
@@ -260,7 +260,7 @@ impl Plan {
 
 /// Floats round at and above 2²⁴: for 83 333 332 spheres, 500 cells per axis are two more than requested.
 #[test]
-fn a_cell_list_has_counters_for_all_cells_that_the_device_may_take() {
+fn cell_list_has_counters_for_all_cells_of_the_device() {
     let limits = DeviceLimits { storage_binding: u32::MAX.into(), buffer: u32::MAX.into(), ..LAVAPIPE };
     let mut rounded = 0;
     for around in 200..=700_u32 {

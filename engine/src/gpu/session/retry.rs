@@ -186,7 +186,7 @@ mod tests {
     use crate::gpu::device::device_or_skip;
 
     #[test]
-    fn times_are_those_of_all_submissions_of_a_call() {
+    fn times_of_all_submissions_are_summed() {
         const BEFORE: Duration = Duration::from_secs(1 << 30);
         let Some(gpu) = device_or_skip() else { return };
         let settings =

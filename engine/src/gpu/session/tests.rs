@@ -152,7 +152,7 @@ fn candidate_search_of_the_caller_reports_unfinished_work() {
 }
 
 #[test]
-fn first_answer_above_the_staged_pairs_is_copied_not_searched_again() {
+fn result_above_the_staged_pairs_is_copied_without_a_search() {
     let Some(gpu) = device_or_skip() else { return };
     // 6105 pairs, more than `FIRST_PAIRS`.
     let spheres = vec![Sphere::new([1.0; 3], 0.5); 111];
