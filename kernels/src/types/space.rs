@@ -167,9 +167,11 @@ fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     Some(lengths)
 }
 
-/// Returns the remainder of `x` of least magnitude. # Correctness Nothing is rounded. A remainder is a multiple of the
-/// last place of `length`, or half of that if `x` is less than `length`, and it is at most half of `length`, so 24 bits
-/// hold it. The integer part and its product with `length` fit the 53 bits of `f64`.
+/// Returns the remainder of `x` of least magnitude.
+/// # Correctness
+/// Nothing is rounded. A remainder is a multiple of the last place of `length`, or half of that if `x` is less than
+/// `length`, and it is at most half of `length`, so 24 bits hold it. The integer part and its product with `length` fit
+/// the 53 bits of `f64`.
 #[inline(always)]
 fn wrap(x: f32, length: f32) -> f32 {
     /// Below this number of lengths, the integer part gives the exact remainder, except next to a tie.

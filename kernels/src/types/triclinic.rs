@@ -127,8 +127,8 @@ impl TriclinicCell {
         self.rank
     }
 
-    /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image. #
-    /// Correctness
+    /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image.
+    /// # Correctness
     /// 1. A vector with at most half of each basis vector is at most `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for
     ///    the minimum image. `rₖ` is the part of the `k`-th basis vector that is orthogonal to its predecessors.
     /// 2. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`.
