@@ -45,10 +45,9 @@ fn remove_temporaries(directory: &Path) {
         let is_temporary = random.is_some_and(|random| {
             random.len() == RANDOM && random.bytes().all(|b| b.is_ascii_alphanumeric())
         });
-        if is_temporary && entry.file_type().is_ok_and(|kind| kind.is_file()) {
-            if std::fs::remove_file(entry.path()).is_ok() {
-                log::info!("{}: removed; a run that was killed had left it", entry.path().display());
-            }
+        let is_draft = is_temporary && entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_draft && std::fs::remove_file(entry.path()).is_ok() {
+            log::info!("{}: removed; a run that was killed had left it", entry.path().display());
         }
     }
 }
