@@ -27,7 +27,7 @@ const FIRST_PAIRS: u64 = 1 << 12;
 /// Uploads spheres, detects, reads back, and retries if a capacity was too small.
 ///
 /// Two calls may be in flight: [`begin`](Self::begin) one during the other, so that upload, detection and readback
-/// overlap. Invalid spheres never pair; the session does not report them.
+/// overlap. The input is not checked: invalid spheres never pair.
 #[derive(Debug)]
 pub struct GpuSession {
     gpu: GpuDevice,
