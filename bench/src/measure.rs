@@ -184,9 +184,6 @@ fn scramble(i: u32, j: u32) -> u64 {
 /// Runs all contenders through one motion, round by round, and returns their times in the given order. Answers are
 /// compared, by number and checksum, with the first contender that lists pairs. Neither the comparison nor the motion
 /// is timed. No contender skips a step, because a kept search would see larger displacements.
-///
-/// # Errors
-/// If a search fails or two answers differ.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);

@@ -59,9 +59,6 @@ impl SpeciesScene {
     }
 
     /// The interactions.
-    ///
-    /// # Errors
-    /// [`lazygrid::Error::OutOfMemory`].
     pub fn table(self) -> Result<Interactions, lazygrid::Error> {
         let (count, pairs): (_, &[(u32, u32)]) = match self {
             Self::RarePartner | Self::Enzymes | Self::Target => (2, &[(0, 1)]),

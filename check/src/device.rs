@@ -14,9 +14,6 @@ use wgpu::BufferUsages;
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Creates a storage and uniform buffer with copies in both directions.
-///
-/// # Errors
-/// If the device refuses an operation.
 pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -31,9 +28,6 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
 }
 
 /// Creates a [`storage_buffer`] with this content.
-///
-/// # Errors
-/// If the device refuses an operation.
 pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let buffer = storage_buffer(own, bytes.len() as u64)?;
@@ -42,9 +36,6 @@ pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error
 }
 
 /// Reads a buffer back after all submitted work.
-///
-/// # Errors
-/// If the device fails or exceeds [`TIMEOUT`].
 pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
     if count == 0 {
         return Ok(Vec::new());
@@ -63,9 +54,6 @@ pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
 }
 
 /// Uploads one structure in the shader's memory layout.
-///
-/// # Errors
-/// If the device refuses an operation.
 pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Result<wgpu::Buffer, Error> {
     let mut bytes = StorageBuffer::new(Vec::<u8>::new());
     bytes.write(data).expect("a vector grows");
@@ -73,18 +61,12 @@ pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Resul
 }
 
 /// Reads back one structure from the shader's memory layout.
-///
-/// # Errors
-/// If the device fails or exceeds [`TIMEOUT`].
 pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
     let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
     Ok(StorageBuffer::new(bytes).create().expect("all of it"))
 }
 
 /// Waits for all submitted work.
-///
-/// # Errors
-/// If the work exceeds [`TIMEOUT`].
 pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(until).map(drop).map_err(|error| match error {
@@ -94,9 +76,6 @@ pub fn wait(own: &GpuDevice) -> Result<(), Error> {
 }
 
 /// Records and submits commands.
-///
-/// # Errors
-/// If the device refuses an operation or `record` fails.
 pub fn submit<R>(
     own: &GpuDevice,
     record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
@@ -111,9 +90,6 @@ pub fn submit<R>(
 
 /// Runs one kernel in `groups` workgroups, on buffers by binding name.
 ///
-/// # Errors
-/// If the device refuses an operation.
-///
 /// # Panics
 /// If a binding has no buffer.
 pub fn run(
@@ -127,9 +103,6 @@ pub fn run(
 }
 
 /// Runs one kernel over a number of workgroups per dimension.
-///
-/// # Errors
-/// If the device refuses an operation.
 ///
 /// # Panics
 /// If a binding has no buffer.

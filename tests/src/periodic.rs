@@ -79,9 +79,6 @@ pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
 
 /// Checks all variants: CPU variants in both orders, GPU variants in canonical order only, because the host sorts their
 /// pairs.
-///
-/// # Errors
-/// The first wrong result and its variant.
 pub fn verify_all(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
     variants::in_turn(scenario).into_iter().try_for_each(|variant| match variant.tolerance() {
         Tolerance::Exact => variant.verify(scenario, expected, settings),

@@ -88,22 +88,13 @@ pub trait SuiteVariant: Copy {
     }
 
     /// Finds the pairs with a new detector of these settings.
-    ///
-    /// # Errors
-    /// The library's error.
     fn find(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String>;
 
     /// The reference for this variant's other results: the `expected` pairs if it is exact, otherwise its own list,
     /// compared with them, because tangent pairs may fall either way.
-    ///
-    /// # Errors
-    /// The first difference of its list, or its error.
     fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String>;
 
     /// Checks this variant in both orders; GPU variants in one, because only the host sorts pairs.
-    ///
-    /// # Errors
-    /// The first difference, or the error.
     fn verify(self, scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String>;
 }
 

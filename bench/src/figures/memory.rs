@@ -16,9 +16,6 @@ use lazygrid_io::scenes::Scene;
 const SEED: u64 = 1;
 
 /// Measures the memory of an engine in this process, which must have done nothing else.
-///
-/// # Errors
-/// Fails if the engine is unknown or fails.
 pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
     let known = Contender::for_memory();
     let contender = known.iter().find(|e| e.to_string() == contender).ok_or_else(|| {

@@ -20,9 +20,6 @@ use super::row::Results;
 
 /// Writes all files into `folder`. Engines on a software adapter are labeled, except in `results.json`, which names the
 /// adapter.
-///
-/// # Errors
-/// Fails if a file cannot be written.
 pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
     let labelled = sections::labelled(results);
     let document = sections::document(&labelled)?;

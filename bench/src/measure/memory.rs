@@ -24,9 +24,6 @@ pub struct Sample {
 }
 
 /// Runs a search over `steps` steps and measures the peak memory of this process.
-///
-/// # Errors
-/// The error of the search.
 pub fn sample(
     contender: &ContenderFactory,
     scene: Scene,

@@ -89,9 +89,6 @@ pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInp
 }
 
 /// The expected pairs, in canonical order.
-///
-/// # Errors
-/// If the reference detector for large scenes fails.
 pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     if scenario.spheres.len() <= ALL_PAIRS {
         return Ok(scenario.oracle());

@@ -127,9 +127,6 @@ impl DetectorVariant {
     }
 
     /// Finds the pairs of a scenario, in any order.
-    ///
-    /// # Errors
-    /// The library's error or panic message.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -225,9 +222,6 @@ impl fmt::Display for DetectorVariant {
 }
 
 /// Runs `work` and turns a panic into an error.
-///
-/// # Errors
-/// The error of `work`, or its panic message.
 pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let said = payload.downcast_ref::<String>().map(String::as_str);

@@ -22,9 +22,6 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
 }
 
 /// Checks the scan of `size` values of several kinds, with and without subgroup operations.
-///
-/// # Errors
-/// If a result is wrong or the device fails.
 pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let scan = PrefixScan::new(&own.device, subgroups);
@@ -93,9 +90,6 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
 
 /// Checks the sort of `size` keys, with and without subgroup operations: random keys by several numbers of bits, other
 /// kinds by 13 and 32 bits; at or above 100,000 keys only random ones, by 24 and 32 bits.
-///
-/// # Errors
-/// If a result is wrong or the device fails.
 pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);

@@ -17,9 +17,6 @@ pub struct ExclusionCase {
 
 impl ExclusionCase {
     /// Excludes `pairs` of `spheres` spheres, in either order and possibly repeated.
-    ///
-    /// # Errors
-    /// See [`Exclusions::new`].
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let pairs: Vec<(u32, u32)> = pairs.into_iter().collect();
         let list = Exclusions::new(spheres, pairs.iter().copied())?;

@@ -43,9 +43,6 @@ impl SpeciesSetup {
     }
 
     /// Converts the table to the library's type.
-    ///
-    /// # Errors
-    /// If a distance is invalid.
     pub fn interactions(&self) -> Result<Interactions, InputError> {
         let mut table = Interactions::new(self.rows.len() as u32, Interaction::Never)?;
         for (a, row) in self.rows.iter().enumerate() {
@@ -83,17 +80,11 @@ impl TestInput {
     }
 
     /// The interaction table, with species.
-    ///
-    /// # Errors
-    /// See [`SpeciesSetup::interactions`].
     pub fn interactions(&self) -> Result<Option<Interactions>, InputError> {
         self.mixture.as_ref().map(SpeciesSetup::interactions).transpose()
     }
 
     /// Adds this scenario's space and interactions to `config`.
-    ///
-    /// # Errors
-    /// See [`SpeciesSetup::interactions`].
     pub fn config(&self, config: Config) -> Result<Config, InputError> {
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         Ok(match self.interactions()? {

@@ -50,9 +50,6 @@ pub struct GpuTimer {
 
 impl GpuTimer {
     /// Creates a timer of `rounds` rounds, after one to warm up.
-    ///
-    /// # Errors
-    /// If the device refuses a small buffer.
     pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
         let ticks = own.adapter.has_timestamps.then(|| {
             let descriptor =
@@ -76,9 +73,6 @@ impl GpuTimer {
     }
 
     /// Times a copy of the `n` keys and payloads that one pass of a sort reads and writes.
-    ///
-    /// # Errors
-    /// If the device fails.
     pub fn copy(&self, n: u32) -> Result<Measured, KernelError> {
         let size = u64::from(n.max(2)) * 8;
         let (from, to) = (storage_buffer(&self.own, size)?, storage_buffer(&self.own, size)?);
@@ -87,9 +81,6 @@ impl GpuTimer {
     }
 
     /// Times a prefix scan, which reads each value twice and writes it once.
-    ///
-    /// # Errors
-    /// If the device fails or the sums are wrong.
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
         let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
@@ -108,9 +99,6 @@ impl GpuTimer {
     }
 
     /// Times a radix sort. Each pass counts the keys, scans the counters, and moves keys and payload.
-    ///
-    /// # Errors
-    /// If the device fails or the order is wrong.
     pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];

@@ -47,9 +47,6 @@ pub enum SkipReason {
 }
 
 /// Times repeated counts on the GPU.
-///
-/// # Errors
-/// If the spheres do not fit on the device, or it fails.
 pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
     let mut said = |error: Error| {
@@ -75,9 +72,6 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
 }
 
 /// Times repeated counts on the CPU.
-///
-/// # Errors
-/// If free memory is too small, or a call fails.
 pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     // Spheres at rest would never rebuild a candidate list.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
