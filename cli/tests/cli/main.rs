@@ -295,7 +295,7 @@ fn a_radius_by_type_wins_over_the_column() {
 }
 
 #[test]
-fn a_periodic_box_has_pairs_across_its_seams() {
+fn periodic_box_has_pairs_across_its_boundary() {
     let scratch = Scratch::new();
     let file = scratch.write("periodic.csv", "x,y,z,r\n0.2,5,0,0.5\n9.6,5,0,0.5\n-9.8,15,5,0.5\n");
     let pairs = |lengths: &str| {

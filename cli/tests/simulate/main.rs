@@ -206,7 +206,7 @@ fn mistakes_are_named_by_line_and_key() {
 }
 
 #[test]
-fn a_run_is_replaced_only_when_that_is_asked_for() {
+fn run_is_replaced_only_on_request() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
     let simulate = |more: &[&str]| {

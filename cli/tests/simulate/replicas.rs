@@ -31,7 +31,7 @@ fn replicas_are_runs_by_themselves_and_threads_change_no_byte() {
 }
 
 #[test]
-fn the_mean_is_that_of_the_replicas() {
+fn mean_matches_the_replicas() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
     let run = lazygrid(["simulate", &scenario, "--output", &out, "--replicas", "4"]).succeeds();

@@ -49,7 +49,7 @@ mod tests {
     use lazygrid_sim::{Receiver, ReceiverKind, Species};
 
     #[test]
-    fn counts_are_grouped_by_what_they_are() {
+    fn counts_are_grouped_by_kind() {
         let receiver = |name: &str, kind, sees: [bool; 2]| Receiver {
             name: name.into(),
             kind,

@@ -176,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn means_and_errors_are_those_of_the_formulas() {
+    fn means_and_errors_match_the_formulas() {
         // 1 to n: mean (n + 1)/2, s² = n(n + 1)/12.
         for n in [2_u64, 10, 1000] {
             let sample: IntegerStats = (1..=n).collect();

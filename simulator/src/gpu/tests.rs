@@ -72,7 +72,7 @@ const SCATTERED: &str =
     let key = vec2((k * 0xc2b2ae35u) ^ (k << 7u), ~k);";
 
 #[test]
-fn random_words_are_those_of_the_cpu() {
+fn random_words_match_the_cpu() {
     let Some(own) = device() else { return };
     let found =
         evaluate(&own, "#include philox", &format!("{SCATTERED} out[k] = philox(counter, key);"), 20_000);
@@ -200,7 +200,7 @@ fn matched(
 }
 
 #[test]
-fn matching_equals_the_sequential_greedy_one() {
+fn matching_equals_sequential_greedy_matching() {
     let Some(own) = device() else { return };
     for (particles, count) in [(2, 1), (41, 300), (5_000, 300), (3_000, 9_000)] {
         for [rounds, max_iterations] in [[0, 60_000], [1, 60_000], [4, 60_000]] {

@@ -166,7 +166,7 @@ mod tests {
 
     /// Paths from height a end at ±b with the density of diffusion.
     #[test]
-    fn adsorbed_fractions_are_those_of_collins_and_kimball() {
+    fn adsorbed_fractions_match_collins_and_kimball() {
         for step in steps() {
             let spread = |x: f64| {
                 let scaled = x / (2.0 * step.length);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn adsorption_in_long_steps_is_that_of_collins_and_kimball() {
+    fn adsorption_in_long_steps_matches_collins_and_kimball() {
         for (diffusion, radius, kappa) in
             [(0.04, 1.0, 3.0), (1.0, 1.0, 0.5), (9.0, 1.0, 5.0), (40.0, 0.5, 1.0)]
         {
@@ -252,7 +252,7 @@ mod tests {
 
     /// Andrews' rule adsorbs a particle that ends beyond a plane with probability κ'√(2π) + O(κ'²), κ' = κΔt/√(2DΔt).
     #[test]
-    fn weak_adsorption_is_that_of_andrews() {
+    fn weak_adsorption_matches_andrews() {
         let (diffusion, time_step, kappa) = (0.5, 1.0, 1e-4);
         let step = Step::new(diffusion, time_step, (1e9, kappa));
         let beyond = (diffusion / PI).sqrt();

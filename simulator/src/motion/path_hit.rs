@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn hitting_times_are_those_of_a_bridge() {
+    fn hitting_times_match_a_brownian_bridge() {
         for (heights, seed) in [([1.0_f64, 1.0], 1), ([0.2, 1.5], 2), ([1.5, -0.2], 3), ([0.7, 0.0], 4)] {
             let n = 20_000;
             let hit = Hit { begin: 0.0, part: 1.0, heights: heights.map(|h| h as f32) };

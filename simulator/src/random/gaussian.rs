@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_those_of_a_normal_number() {
+    fn moments_match_the_normal_distribution() {
         let n = 200_000_u32;
         let mut sums = [0.0_f64; 4];
         let mut mixed = 0.0;

@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reactant_that_comes_out_again_stays() {
+    fn unconsumed_reactant_is_unchanged() {
         let outcomes = only(&Reactions::new(&model([None, Some(1)])), &two());
         assert_eq!(outcomes[0].map(|o| (o.at, o.product)), Some((1, None)));
         assert_eq!(outcomes[1], None);
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_takes_one_of_the_channels_in_whose_radius_it_is() {
+    fn pair_takes_one_channel_within_its_radius() {
         let mut model = model([Some(2), None]);
         let channel = |binding_radius, p| Reaction {
             binding_radius,

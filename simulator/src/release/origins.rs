@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_id_says_where_it_is_from() {
+    fn id_determines_its_origin() {
         let from = |transmitter, step| Some(Origin { transmitter, step });
         let mut origins = Origins::default();
         assert_eq!(origins.of(0), None);

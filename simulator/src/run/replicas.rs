@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_replica_has_a_seed_of_its_own() {
+    fn replicas_have_distinct_seeds() {
         let seeds = [0, 1, 2].into_iter().flat_map(|seed| (0..1000).map(move |k| seed_of(seed, k)));
         let mut seeds: Vec<u64> = seeds.chain([0, 1, 2]).collect();
         seeds.sort_unstable();

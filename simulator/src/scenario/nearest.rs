@@ -24,7 +24,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn distances_are_the_known_ones() {
+    fn edit_distances_match_known_values() {
         let known = [
             ("kitten", "sitting", 3),
             ("", "abc", 3),

@@ -132,7 +132,7 @@ fn overlaps_are_separated_as_on_the_cpu() {
 }
 
 #[test]
-fn pressure_and_diffusion_are_those_of_hard_spheres() {
+fn pressure_and_diffusion_match_hard_spheres() {
     let Some(own) = device() else { return };
     let mut model = crowd(Contact::Elastic, 0.3, 0.25, 8);
     model.transmitters[0].release = vec![(0, 512)];

@@ -100,7 +100,7 @@ fn vessels_carry_as_on_the_cpu() {
 }
 
 #[test]
-fn chains_of_decays_equal_those_of_the_cpu() {
+fn decay_chains_match_the_cpu() {
     let mut model = brownian(true);
     model.species.push(species("C", 0.5, [0.0; 3]));
     model.species[2].radius = 0.25;
@@ -119,7 +119,7 @@ fn chains_of_decays_equal_those_of_the_cpu() {
 }
 
 #[test]
-fn several_reactions_of_the_same_reactants_equal_those_of_the_cpu() {
+fn reaction_channels_match_the_cpu() {
     let mut model = brownian(true);
     model.species.push(species("C", 0.5, [0.0; 3]));
     model.reactions = vec![
@@ -183,7 +183,7 @@ fn in_portions(
 }
 
 #[test]
-fn dissociations_and_arrivals_equal_those_of_the_cpu() {
+fn dissociations_and_arrivals_match_the_cpu() {
     let Some(own) = device() else { return };
     let model = dissociating();
     let mut here = cpu(&model, 28);
@@ -263,7 +263,7 @@ fn halts_do_not_depend_on_the_order_of_threads() {
 }
 
 #[test]
-fn arrivals_of_exact_runs_are_those_of_the_cpu() {
+fn arrivals_of_exact_runs_match_the_cpu() {
     let Some(own) = device() else { return };
     let model = Model { logs_arrivals: true, ..dyadic() };
     let mut here = cpu(&model, 28);

@@ -22,7 +22,7 @@ fn device() -> Option<GpuDevice> {
 }
 
 #[test]
-fn dyadic_runs_are_those_of_the_cpu() {
+fn dyadic_runs_match_the_cpu() {
     let Some(own) = device() else { return };
     for seed in [1, 2] {
         let mut model = dyadic();
@@ -102,7 +102,7 @@ fn either_side_goes_on_where_the_other_stopped() {
 }
 
 #[test]
-fn moves_are_those_of_the_cpu_but_for_rounding() {
+fn moves_match_the_cpu_up_to_rounding() {
     let Some(own) = device() else { return };
     let model = brownian(false);
     let (mut there, mut here) = (gpu(&own, &model, 6, GpuOptions::default()), cpu(&model, 6));

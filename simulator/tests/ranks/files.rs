@@ -130,7 +130,7 @@ fn names(directory: &Path) -> Vec<String> {
 }
 
 #[test]
-fn files_are_those_of_one_process() {
+fn files_equal_one_process() {
     let alone = tempfile::tempdir().unwrap();
     go(&run(alone.path(), 40, false), 0);
     let expected = files(alone.path());

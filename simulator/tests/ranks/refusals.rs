@@ -29,7 +29,7 @@ fn models_that_need_an_order_across_ranks_are_refused_by_name() {
 }
 
 #[test]
-fn a_failure_of_one_rank_is_that_of_all() {
+fn failure_of_one_rank_is_returned_on_all() {
     let mut model =
         Model { flow: Some(Flow::Plug([1e38, 0.0, 0.0])), time_step: 1e3, ..model(&everything()) };
     model.boundary.axes = [lazygrid_sim::Axis::Open; 3];

@@ -68,7 +68,7 @@ fn compare(model: &Model, seed: u64, steps: u32, numbers: &[u32]) {
 }
 
 #[test]
-fn everything_at_once_is_as_in_one_process() {
+fn combined_model_equals_one_process() {
     let model = model(&everything());
     let expected = alone(&model, 3, 40);
     let totals = &expected.last().unwrap().state.totals;
@@ -91,7 +91,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn every_model_is_as_in_one_process(parts in parts(), seed in 0..1000_u64, ranks in 1..6_u32) {
+    fn every_model_equals_one_process(parts in parts(), seed in 0..1000_u64, ranks in 1..6_u32) {
         compare(&model(&parts), seed, 12, &[ranks]);
     }
 }

@@ -140,7 +140,7 @@ impl Device {
 const PASSES: u32 = 1 << 31;
 
 #[test]
-fn neighbors_are_those_of_the_cpu() {
+fn neighbors_match_the_cpu() {
     let Some(own) = device() else { return };
     for contact in [Contact::Separate, Contact::Elastic] {
         let model = crowd(contact, Axis::Periodic { low: 0.0, high: 5.5 });
@@ -170,7 +170,7 @@ fn neighbors_are_those_of_the_cpu() {
 }
 
 #[test]
-fn rounds_are_those_of_the_cpu() {
+fn collision_rounds_match_the_cpu() {
     let Some(own) = device() else { return };
     let axes = [Axis::Open, Axis::Reflecting { low: 0.0, high: 5.5 }, Axis::Periodic { low: 0.0, high: 5.5 }];
     for (case, axis) in axes.into_iter().enumerate() {
@@ -240,7 +240,7 @@ fn rounds_are_those_of_the_cpu() {
 }
 
 #[test]
-fn separation_is_that_of_the_cpu() {
+fn separation_matches_the_cpu() {
     let Some(own) = device() else { return };
     let model = crowd(Contact::Separate, Axis::Reflecting { low: 0.0, high: 5.5 });
     let uploaded = movers(&model, 3);

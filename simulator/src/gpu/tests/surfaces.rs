@@ -17,7 +17,7 @@ use crate::motion::wall::reflected;
 use crate::random::philox::{Draws, open_unit};
 
 #[test]
-fn adsorption_and_unbinding_equal_those_of_the_cpu() {
+fn adsorption_and_unbinding_match_the_cpu() {
     let Some(own) = device() else { return };
     let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include unit_32\n#include first_passage\n#include adsorption";
     let body = "let length = ldexp(1.0, i32((k / 24u) % 8u) - 6);
@@ -282,7 +282,7 @@ fn lowest_ranks_bind_to_free_receptors() {
 }
 
 #[test]
-fn hits_and_their_times_equal_those_of_the_cpu() {
+fn hits_and_hit_times_match_the_cpu() {
     let Some(own) = device() else { return };
     let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include first_passage\n#include wall";
     let body = "let words = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));

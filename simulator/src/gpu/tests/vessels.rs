@@ -5,7 +5,7 @@ use crate::Vessel;
 use crate::random::philox::open_unit;
 
 #[test]
-fn paths_in_vessels_are_those_of_the_cpu() {
+fn vessel_paths_match_the_cpu() {
     let Some(own) = device() else { return };
     let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include boundary";
     for along in 0..3 {
