@@ -240,7 +240,6 @@ fn a_browser_shows_the_particles_and_time() {
     let shot = |hash: &str, more: &[&str]| screenshot(browser, &scratch, &page, hash, more);
     let [first, last] = ["frame=0", "frame=40"].map(|hash| shot(hash, &[]));
     let counts = [&first, &last].map(|pixels| [ACID, BASE].map(|color| hued(pixels, color)));
-    // First both are in a ball; in the end acid is everywhere, and base is gone.
     let [[acid, base], [acid_later, base_later]] = counts;
     assert!(acid > 500 && base > 2000, "{counts:?}");
     assert!(acid_later > 3 * acid && base_later < base / 5, "{counts:?}");

@@ -42,10 +42,10 @@ impl StepBounds {
 #[derive(Debug)]
 pub(crate) struct ReceiverSearch {
     detector: Detector,
-    /// Indexed by particle: center, and radius plus `travelled` at the search. In µm.
+    /// Indexed by particle: center, and radius plus `traveled` at the search. In µm.
     pub(crate) clear_spheres: Vec<[f32; 4]>,
     /// Largest displacement of any receiver since no clear sphere was known, in µm.
-    pub(crate) travelled: f32,
+    pub(crate) traveled: f32,
     steps: u32,
     /// Radius of a search, in bounds of a step. Results do not depend on it.
     factor: f32,
@@ -87,7 +87,7 @@ impl ReceiverSearch {
         Ok(Some(Self {
             detector: finder(boundary)?,
             clear_spheres: Vec::new(),
-            travelled: 0.0,
+            traveled: 0.0,
             steps: 0,
             factor: FACTORS[0],
             queries: Vec::new(),
@@ -100,7 +100,7 @@ impl ReceiverSearch {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
                 self.clear_spheres.clear();
-                self.travelled = 0.0;
+                self.traveled = 0.0;
             }
             self.steps += 1;
         }
@@ -116,7 +116,7 @@ impl ReceiverSearch {
     }
 
     pub(crate) fn end(&mut self, bodies: &ActiveReceivers) {
-        self.travelled += bodies.max_displacement;
+        self.traveled += bodies.max_displacement;
     }
 
     #[inline(always)]
@@ -124,7 +124,7 @@ impl ReceiverSearch {
         let [x, y, z, radius] = self.clear_spheres[place];
         let d = [reach.middle[0] - x, reach.middle[1] - y, reach.middle[2] - z];
         let distance = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-        distance + reach.half + reach.more <= radius - self.travelled
+        distance + reach.half + reach.more <= radius - self.traveled
     }
 
     /// Finds the receivers near particles, given as beginnings and search radii. Returns them by particle, in the
@@ -134,11 +134,11 @@ impl ReceiverSearch {
         particles: impl Iterator<Item = ([f32; 3], f32)>,
         bodies: &ActiveReceivers,
     ) -> Result<Found<'a>, lazygrid::Error> {
-        let Self { detector, travelled, factor, queries, receivers, clear_spheres, worth, .. } = self;
+        let Self { detector, traveled, factor, queries, receivers, clear_spheres, worth, .. } = self;
         queries.clear();
         queries.extend(particles.map(|(before, reach)| {
             let radius = *factor * reach + 1e-3 * bodies.largest;
-            Sphere::new(before, radius + slack(before, radius, bodies, *travelled))
+            Sphere::new(before, radius + slack(before, radius, bodies, *traveled))
         }));
         let near = detector.neighbors((&*queries, &*receivers))?;
         let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
@@ -150,7 +150,7 @@ impl ReceiverSearch {
         } else if found < FOUND[0] * queries.len() {
             *factor = (*factor * 1.5).min(most);
         }
-        Ok(Found { near, queries, travelled: *travelled })
+        Ok(Found { near, queries, traveled: *traveled })
     }
 }
 
@@ -176,14 +176,14 @@ impl SearchCost {
 }
 
 /// Bounds the rounding of distances and of receiver displacements.
-fn slack(before: [f32; 3], radius: f32, bodies: &ActiveReceivers, travelled: f32) -> f32 {
-    rounding(before, radius + bodies.largest + travelled)
+fn slack(before: [f32; 3], radius: f32, bodies: &ActiveReceivers, traveled: f32) -> f32 {
+    rounding(before, radius + bodies.largest + traveled)
 }
 
 pub(crate) struct Found<'a> {
     near: Neighbors<'a>,
     queries: &'a [Sphere],
-    travelled: f32,
+    traveled: f32,
 }
 
 impl Found<'_> {
@@ -196,7 +196,7 @@ impl Found<'_> {
     ) -> (Vec<u32>, [f32; 4]) {
         let Sphere { center, radius } = self.queries[k];
         let before = center.to_array();
-        let slack = slack(before, radius, bodies, self.travelled);
+        let slack = slack(before, radius, bodies, self.traveled);
         let mut clear = radius - slack;
         let mut candidates = Vec::new();
         for &other in self.near.neighbors_of(k) {
@@ -210,7 +210,7 @@ impl Found<'_> {
             }
         }
         let [x, y, z] = before;
-        (candidates, [x, y, z, clear + self.travelled])
+        (candidates, [x, y, z, clear + self.traveled])
     }
 }
 
