@@ -144,7 +144,7 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// By entry of the burst: one list of arrivals, or a list per row of the series.
+    /// Counts by entry of the burst: one list of arrivals, or a list per row of the series.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
         if self.detector == Detector::Arrivals {
@@ -213,7 +213,7 @@ impl BitErrors {
         let mut seen: Vec<SymbolObservation> = self.slots.iter().flatten().copied().collect();
         seen.sort_unstable_by_key(|slot| slot.seen);
         let numbers: Vec<&[SymbolObservation]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
-        // By rank of the threshold and level: the fewest errors of all higher levels.
+        // Indexed by rank of the threshold and level: the fewest errors of all higher levels.
         let mut fewest = vec![vec![0_u64; symbols.len()]; numbers.len() + 1];
         let errors = |slots: &[SymbolObservation], level: usize| -> u64 {
             slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()
