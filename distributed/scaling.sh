@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Times steps on 1, 2, 4 … ranks, and prints a line of JSON for each: first with as many spheres per rank (weak scaling),
-# then with as many in all (strong scaling). Needs what distributed/test.sh needs.
+# then with as many in all (strong scaling). Has the requirements of distributed/test.sh.
 #
 #     distributed/scaling.sh 8                          up to 8 ranks here
 #     LAUNCH='srun -n' distributed/scaling.sh 512       in an allocation of a cluster

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs the tests of several ranks, in about two minutes on two cores. Needs an MPI, a C compiler and libclang (Debian:
-# libopenmpi-dev openmpi-bin libclang-dev); without them it says so and skips everything, or with LAZYGRID_REQUIRE_MPI=1
-# fails. What needs no MPI is tested with the workspace: `cargo test -p lazygrid-ranks`.
+# libopenmpi-dev openmpi-bin libclang-dev); without them it reports a skip, or fails with
+# LAZYGRID_REQUIRE_MPI=1. `cargo test -p lazygrid-ranks` needs no MPI.
 #
 #     distributed/test.sh              all tests on 1, 2, 3, 5 and 8 ranks, then the command
 #     distributed/test.sh 3 answers    the cases whose names contain `answers`, on 3 ranks
@@ -13,7 +13,7 @@ say() { echo "distributed/test.sh: $*" >&2; }
 missing=()
 command -v mpirun >/dev/null || missing+=(openmpi-bin)
 command -v mpicc >/dev/null || missing+=(libopenmpi-dev)
-# Its headers, besides the library: without them the bindings cannot be made.
+# The bindings need its headers, too.
 compgen -G '/usr/lib/llvm-*/lib/clang/*/include/stddef.h' >/dev/null || [ -n "${LIBCLANG_PATH:-}" ] \
     || missing+=(libclang-dev)
 if [ ${#missing[@]} -gt 0 ]; then
@@ -22,15 +22,15 @@ if [ ${#missing[@]} -gt 0 ]; then
     exit
 fi
 
-# Containers are often entered as root, and have fewer cores than the tests have ranks. Ranks that wait give way.
+# Containers often have a root user, and fewer cores than ranks: waiting ranks yield.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_mpi_yield_when_idle=1
 export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_btl_vader_single_copy_mechanism=none
 
-# What the workspace of the other crates has built is not built again.
+# Reuses the builds of the other workspace.
 export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../../target}
 
-# What is tested here is the way between ranks. wgpu would take longer to compile than all of it.
+# Without wgpu, which would take longer to compile than everything else.
 features=(--no-default-features --features command)
 host=$(rustc -vV | sed -n 's/^host: //p')
 runner=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$host")_RUNNER
@@ -52,7 +52,7 @@ for ranks in 1 2 3 5 8; do
     suite "$ranks"
 done
 
-# A panic on one rank ends the others, which wait for it, with an exit code that is not 0.
+# A panic on one rank ends the waiting others, with an exit code that is not 0.
 code=0
 LAZYGRID_TEST_MPI_PANIC=1 timeout 30 env "$runner=mpirun --oversubscribe -n 3" cargo test --quiet "${features[@]}" --test suite \
     >/dev/null 2>&1 || code=$?

@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
-# What a frame of an animation costs the page: the burst scenario with so many particles, a frame after every step, played in
-# a Chromium without a window, which draws with SwiftShader on the processor. Prints medians in milliseconds: the page's own
-# script where a frame is shown first and again, its calls that draw, and the wait until they are drawn.
+# Times the frames of an animation of the burst scenario, one per step, in a headless Chromium with SwiftShader. Prints
+# medians in milliseconds: the page's script when it shows a frame first and again, its drawing calls, and the wait for them.
 # Usage: simulator/compare/animation.sh [PARTICLES [FRAMES]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."

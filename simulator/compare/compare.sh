@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Whole steps of lazygrid, Smoldyn 2.74 and ReaDDy 2.0.14 on one thread of this machine, in turn: move, find, react.
-# Prints milliseconds per step of each, by the clock and of processor time, and how many times as fast lazygrid is.
-# RECEIVERS in the environment is a number of absorbing receivers; ReaDDy has none.
-# Needs Python 3.11 with venv; installs the two from PyPI into target/compare.
+# Times whole steps (move, find, react) of lazygrid, Smoldyn 2.74 and ReaDDy 2.0.14 on one thread, in turn.
+# Prints milliseconds per step, by the clock and of processor time, and how many times as fast lazygrid is.
+# RECEIVERS in the environment is the number of absorbing receivers; ReaDDy has none.
+# Needs Python 3.11 with venv; installs both from PyPI into target/compare.
 # Usage: simulator/compare/compare.sh [MOLECULES [ROUNDS [STEPS]]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -54,7 +54,7 @@ for k in range(receivers):
     print(f'[[receiver]]\nname = "r{k}"\ncenter = {center}\nradius = 0.5\nkind = "absorbing"')
 PYTHON
 
-# Seconds of a run of this many steps, by the clock and of processor time.
+# Seconds of a run, by the clock and of processor time.
 run() {
     local TIMEFORMAT='%3R %3U %3S'
     { time "$lazygrid" simulate "$scratch/scenario.toml" --output "$scratch/run" --overwrite --threads 1 --steps "$1" \
@@ -80,7 +80,7 @@ done | awk '
             if (all[j] < all[i]) { t = all[i]; all[i] = all[j]; all[j] = t }
         return (all[int((count + 1) / 2)] + all[int((count + 2) / 2)]) / 2
     }
-    # How many times as long as lazygrid, round by round.
+    # Time over that of lazygrid, round by round.
     function ratio(of, name,    k) {
         for (k = 1; k <= n[name]; k++) times[name, k] = of[name, k] / of["lazygrid", k]
         return median(times, name)

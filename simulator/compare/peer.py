@@ -1,4 +1,4 @@
-"""One run of another simulator; prints the seconds from the first step to the last, by the clock and of processor time.
+"""Run another simulator; print the seconds from the first step to the last, by the clock and of processor time.
 
 Usage: peer.py smoldyn|readdy MOLECULES WARM STEPS RECEIVERS
 
@@ -87,7 +87,7 @@ def run_readdy():
         system = readdy.ReactionDiffusionSystem([edge] * 3, temperature=None, unit_system=None)
         for name in "ABC":
             system.add_species(name, 1.0)
-        # There is no reaction to nothing: the product goes in the next step. Both happen for certain.
+        # No reaction has no product: the product decays in the next step. Both are certain.
         system.reactions.add("r1: A +(1) B -> C", rate=1e9)
         system.reactions.add("r2: C ->", rate=1e9)
         simulation = system.simulation(kernel="SingleCPU")
@@ -99,7 +99,7 @@ def run_readdy():
         simulation.run(count, time_step, show_summary=False)
         return since(start)
 
-    # A run cannot be continued, so the first steps are timed by themselves and taken off.
+    # A run cannot continue, so the time of its first steps is subtracted.
     return [longer - shorter for longer, shorter in zip(elapsed(warm + steps), elapsed(warm))]
 
 

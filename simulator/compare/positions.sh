@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# What rounding of positions to single precision adds to diffusion: the same particles with the same random numbers at
-# several distances from the origin, and how far each has gone from its place in the run at the origin.
-# Lengths are in steps, √(2·D·Δt) along each axis. Usage: simulator/compare/positions.sh [PARTICLES [STEPS]]
+# Measures how rounding of positions adds to diffusion: the same particles and random numbers at several distances from the
+# origin, compared with the run at the origin. Lengths are in steps, √(2·D·Δt) along each axis.
+# Usage: simulator/compare/positions.sh [PARTICLES [STEPS]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -28,7 +28,7 @@ frames = ["xyz"]
 frames-every = $steps
 TOML
     "$lazygrid" simulate "$scratch/run.toml" --output "$scratch/run" --overwrite --threads 1 >/dev/null 2>"$scratch/said"
-    # The last frame: id, species, x, y, z and radius of each particle, in the order of ids.
+    # The last frame, by id: id, species, x, y, z, radius.
     tail -n "$particles" "$scratch/run/frames.xyz" >"$scratch/$distance.xyz"
     paste "$scratch/0.xyz" "$scratch/$distance.xyz" | awk -v d="$distance" -v steps="$steps" '
         { half = NF / 2

@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
-# Whole steps with 1 to 10 000 absorbing receivers in a periodic box, in turn, and beside another build where one is named.
-# RECEIVERS, EDGE (of the box), DIFFUSION and KIND (of receivers) in the environment make it another scene: near receivers a
-# small box and a large diffusion coefficient. BACKEND=gpu measures that one (on a software driver, which is the processor).
-# Prints milliseconds of processor time per step, medians of rounds, and their ratio to those with the first number of receivers.
+# Times whole steps with 1 to 10 000 absorbing receivers in a periodic box, in turn, and of another build if one is named.
+# RECEIVERS, EDGE (of the box), DIFFUSION and KIND (of receivers) in the environment change the scene, and BACKEND=gpu the
+# backend. Prints milliseconds of processor time per step, medians of rounds, and their ratio to the first number of receivers.
 # Usage: simulator/compare/receivers.sh [PARTICLES [ROUNDS [STEPS [OTHER-LAZYGRID]]]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -44,7 +43,7 @@ for k in range(receivers):
 PYTHON
 done
 
-# Seconds of processor time of a run of this many steps, which what else the machine does hardly changes.
+# Seconds of processor time of a run, which other load hardly changes.
 run() {
     local TIMEFORMAT=%3U
     { time "$1" simulate "$scratch/$2.toml" --output "$scratch/run" --overwrite --backend "$backend" --threads 1 --steps "$3" >/dev/null 2>"$scratch/said"; } 2>&1

@@ -5,8 +5,8 @@
     venv/bin/python simulator/compare/species.py [--rounds 5] [--scene NAME...]
 
 All run on one thread, in turn, from the same initial positions. A table has the median processor time of the first steps in
-milliseconds, without setting up, and the time of each peer over that of lazygrid, round by round. It also has the reactions
-of each, which differ by chance. ReaDDy's time has what each of its runs sets up, as a run cannot be continued.
+milliseconds, without setup (except ReaDDy's, whose runs cannot continue), its ratio to lazygrid's, round by round, and the
+numbers of reactions, which differ by chance.
 
 The last scene is `simulator/scenarios/acid-base.toml` with 50 000 molecules per burst. Reactions there have a rate, from
 which each simulator takes its own binding radius; ReaDDy has the radius of lazygrid's, and reacts for certain.
@@ -202,7 +202,7 @@ def of_readdy(scene: Scene) -> Run:
         system = readdy.ReactionDiffusionSystem([2 * scene.half] * 3, temperature=None, unit_system=None)
         for name in [*scene.positions, "gone"]:
             system.add_species(name, scene.diffusion)
-        # There is no reaction to nothing: the product goes in the next step. Both happen for certain.
+        # No reaction has no product: the product decays in the next step. Both are certain.
         for k, (a, b) in enumerate(scene.reactions):
             system.reactions.add(f"r{k}: {a} +({scene.radius}) {b} -> gone", rate=1e12)
         system.reactions.add("end: gone ->", rate=1e12)
@@ -228,7 +228,7 @@ def main() -> None:
     parser.add_argument("--scene", nargs="+", help="parts of the names of scenes")
     parser.add_argument("--without", nargs="+", default=[], choices=list(PEERS))
     options = parser.parse_args()
-    # Steps are as long as users choose them, not as short as the warnings ask for.
+    # Steps are as long as users choose them.
     warnings.simplefilter("ignore", UserWarning)
     names = [name for name in PEERS if name not in options.without]
     print("| scene | " + " | ".join(f"{name}, ms" for name in names) + " | reactions |")
