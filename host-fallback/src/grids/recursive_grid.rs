@@ -138,7 +138,7 @@ impl CellSplit {
 struct Extent {
     low: DVec3,
     high: DVec3,
-    /// Of the centers along an axis.
+    /// The largest extent of the centers along an axis.
     wide: f64,
     radius: f32,
 }
