@@ -19,7 +19,7 @@ use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
 ///
 /// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline per kernel, and
 /// record all dispatches in order in one compute pass. The [`Outcome`] is then in the buffer
-/// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches after
+/// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches from
 /// [`continuation`](DispatchSequence::continuation) again.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
