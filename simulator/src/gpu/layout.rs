@@ -20,6 +20,7 @@ pub(super) struct Params {
     pub(super) logs_arrivals: u32,
     pub(super) time_step: f32,
     pub(super) axes: UVec3,
+    /// 1 plus the axis of a cylinder; 4 for a sphere, 0 without a vessel.
     pub(super) vessel_axis: u32,
     pub(super) low: Vec3,
     pub(super) vessel_radius: f32,

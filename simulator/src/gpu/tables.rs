@@ -189,10 +189,10 @@ impl Carried {
             return path_hit::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
         }
         let along = |k: usize| {
-            let vessel = boundary.vessel.filter(|vessel| vessel.along == k);
+            let vessel = boundary.vessel.filter(|vessel| vessel.along == Some(k));
             self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
         };
-        let across = |k: usize| boundary.vessel.is_some_and(|vessel| vessel.along != k);
+        let across = |k: usize| boundary.vessel.is_some_and(|vessel| vessel.along != Some(k));
         (0..3).filter(|&k| relative[k] != 0.0 || along(k) > 0.0).any(|k| {
             let moved = self.drift[k].abs() + along(k);
             let (center, reach) = (receiver.center[k], receiver.radius + moved);
@@ -291,7 +291,7 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
         ..Params::default()
     };
     if let Some(FlowStep { vessel, fastest }) = FlowStep::new(model) {
-        params.vessel_axis = 1 + vessel.along as u32;
+        params.vessel_axis = 1 + vessel.along.unwrap_or(3) as u32;
         params.vessel_radius = vessel.radius;
         params.vessel_center = vessel.center.into();
         params.peak_flow = fastest as f32;

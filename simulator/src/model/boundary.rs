@@ -160,7 +160,7 @@ impl Boundary {
             _ => None,
         });
         let vessel = || self.vessel.filter(|vessel| vessel.radius <= radius);
-        narrow.or_else(|| Some(("across the cylinder", 2.0 * vessel()?.radius)))
+        narrow.or_else(|| Some(("across the vessel", 2.0 * vessel()?.radius)))
     }
 
     /// Reflects or wraps a position into the box and the vessel.
@@ -222,12 +222,12 @@ mod tests {
         assert_eq!(walls.inset(0.25).confine([0.875, 1.875, -1.0]), [0.625, 1.625, -0.5]);
         assert_eq!(walls.too_narrow(0.999), None);
         assert_eq!(walls.too_narrow(1.0), Some(("along x", 2.0)));
-        let vessel = Vessel { along: 2, center: [0.0; 3], radius: 1.0 };
+        let vessel = Vessel { along: Some(2), center: [0.0; 3], radius: 1.0 };
         let vessel = Boundary { vessel: Some(vessel), ..Boundary::default() };
         assert_eq!(vessel.inset(0.25).confine([0.0, 1.0, 9.0]), [0.0, 0.5, 9.0]);
         assert_eq!(
             (vessel.too_narrow(0.9), vessel.too_narrow(1.0)),
-            (None, Some(("across the cylinder", 2.0)))
+            (None, Some(("across the vessel", 2.0)))
         );
         assert!(!vessel.is_unbounded());
         let periodic = Boundary::periodic([-1.0; 3], [1.0; 3]);

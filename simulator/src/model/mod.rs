@@ -73,7 +73,7 @@ impl Species {
 pub enum Flow {
     /// Uniform velocity, in µm/s.
     Plug([f64; 3]),
-    /// Parabolic profile along a vessel: v(r) = 2v(1 − r²/R²), with the mean v.
+    /// Parabolic profile along a cylinder: v(r) = 2v(1 − r²/R²), with the mean v.
     Poiseuille {
         /// Mean velocity v, in µm/s.
         mean: f64,
@@ -190,7 +190,7 @@ impl Model {
             (Some(Flow::Poiseuille { mean }), Some(vessel)) => {
                 let part = (vessel.distance(point) / f64::from(vessel.radius)).min(1.0);
                 let speed = 2.0 * mean * (1.0 - part * part);
-                std::array::from_fn(|k| if k == vessel.along { speed } else { 0.0 })
+                std::array::from_fn(|k| if Some(k) == vessel.along { speed } else { 0.0 })
             }
             _ => [0.0; 3],
         }

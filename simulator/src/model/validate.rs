@@ -25,7 +25,8 @@ impl Model {
     }
 
     pub(crate) fn groundless_flow(&self) -> Option<String> {
-        let groundless = matches!(self.flow, Some(Flow::Poiseuille { .. })) && self.boundary.vessel.is_none();
+        let cylinder = self.boundary.vessel.and_then(|vessel| vessel.along);
+        let groundless = matches!(self.flow, Some(Flow::Poiseuille { .. })) && cylinder.is_none();
         groundless.then(|| {
             "Poiseuille flow needs a cylinder, and the boundary is not one; make the boundary a cylinder, or the flow a plug"
                 .to_owned()
@@ -34,11 +35,11 @@ impl Model {
 
     fn check_vessel(&self) -> Result<(), Error> {
         let Some(vessel) = &self.boundary.vessel else { return Ok(()) };
-        positive("the radius of the cylinder", vessel.radius.into())?;
-        let across = (1..3).map(|k| self.boundary.axes[(vessel.along + k) % 3]);
-        if vessel.along > 2 || across.into_iter().any(|axis| axis != Axis::Open) {
-            let message =
-                "a cylinder goes along axis 0, 1 or 2 and is the only wall across it; leave other axes open";
+        positive("the radius of the vessel", vessel.radius.into())?;
+        let mut across = (0..3).filter(|&k| Some(k) != vessel.along).map(|k| self.boundary.axes[k]);
+        if vessel.along.is_some_and(|along| along > 2) || across.any(|axis| axis != Axis::Open) {
+            let message = "a cylinder goes along axis 0, 1 or 2, and a cylinder or sphere is the only wall across it; leave \
+                           other axes open";
             return Err(Error::Model(message.to_owned()));
         }
         Ok(())
@@ -112,8 +113,8 @@ impl Model {
         };
         (!is_there).then(|| {
             format!(
-                "{name} is a wall that the boundary does not have; a reflecting box has low-x to high-z, a cylinder has side, and \
-                 low and high along its axis if it has reflecting ends"
+                "{name} is a wall that the boundary does not have; a reflecting box has low-x to high-z, a cylinder or sphere has \
+                 side, and a cylinder low and high along its axis if it has reflecting ends"
             )
         })
     }

@@ -1,12 +1,12 @@
-//! A circular vessel. Its wall reflects paths one by one; such billiards conserve volumes, so a uniform density stays
+//! A round vessel: a cylinder or a sphere. Its wall reflects paths one by one; such billiards conserve volumes, so a uniform density stays
 //! uniform at any step length.
 
-/// A cylinder along an axis, possibly with ends.
+/// A cylinder along an axis, which the boundary of that axis may limit, or a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
-    /// Axis: 0, 1 or 2.
-    pub along: usize,
-    /// Point on the axis, in µm.
+    /// The axis of a cylinder: 0, 1 or 2. `None` is a sphere.
+    pub along: Option<usize>,
+    /// A point on the middle line, or the center of a sphere, in µm.
     pub center: [f32; 3],
     /// Radius, in µm.
     pub radius: f32,
@@ -22,18 +22,31 @@ impl Vessel {
         Self { radius: self.radius - radius, ..self }
     }
 
-    pub(crate) fn across(&self) -> [usize; 2] {
-        [(self.along + 1) % 3, (self.along + 2) % 3]
+    /// Returns a vector without its component along the vessel.
+    #[inline(always)]
+    pub(crate) fn across(&self, mut v: [f64; 3]) -> [f64; 3] {
+        if let Some(along) = self.along {
+            v[along] = 0.0;
+        }
+        v
     }
 
-    pub(crate) fn offset(&self, p: [f64; 3]) -> [f64; 2] {
-        self.across().map(|k| p[k] - f64::from(self.center[k]))
+    /// Returns the vector to a point from the middle line or center, in µm.
+    pub(crate) fn offset(&self, p: [f64; 3]) -> [f64; 3] {
+        self.across(std::array::from_fn(|k| p[k] - f64::from(self.center[k])))
     }
 
-    /// Returns the distance from the axis, in µm.
+    /// Returns the distance of a point from the middle line or center, in µm.
     pub fn distance(&self, p: [f32; 3]) -> f64 {
-        let [y, z] = self.offset(p.map(f64::from));
-        y.hypot(z)
+        self.length(self.offset(p.map(f64::from)))
+    }
+
+    /// Returns the length of a vector across the vessel.
+    pub(crate) fn length(&self, v: [f64; 3]) -> f64 {
+        match self.along {
+            Some(along) => v[(along + 1) % 3].hypot(v[(along + 2) % 3]),
+            None => dot(v, v).sqrt(),
+        }
     }
 
     /// Mirrors a position beyond the wall. One beyond twice the radius goes to the axis.
@@ -47,16 +60,16 @@ impl Vessel {
         p
     }
 
-    fn put(&self, p: &mut [f32; 3], at: [f64; 2]) {
-        for (k, c) in self.across().into_iter().zip(at) {
-            p[k] = (f64::from(self.center[k]) + c) as f32;
-        }
+    fn put(&self, p: &mut [f32; 3], at: [f64; 3]) {
         let mut shrunk = 1.0;
-        while self.distance(*p) > f64::from(self.radius) && shrunk > 0.99 {
-            shrunk -= 1e-7;
-            for (k, c) in self.across().into_iter().zip(at) {
-                p[k] = (f64::from(self.center[k]) + shrunk * c) as f32;
+        loop {
+            for k in (0..3).filter(|&k| Some(k) != self.along) {
+                p[k] = (f64::from(self.center[k]) + shrunk * at[k]) as f32;
             }
+            if self.distance(*p) <= f64::from(self.radius) || shrunk <= 0.99 {
+                return;
+            }
+            shrunk -= 1e-7;
         }
     }
 
@@ -68,37 +81,41 @@ impl Vessel {
         }
         let mut at = self.offset(from.map(f64::from));
         let end = self.offset(to.map(f64::from));
-        let mut way = [end[0] - at[0], end[1] - at[1]];
-        let outside = (at[0].hypot(at[1]) / radius).max(1.0);
+        let mut way: [f64; 3] = std::array::from_fn(|k| end[k] - at[k]);
+        let outside = (self.length(at) / radius).max(1.0);
         at = at.map(|c| c / outside);
         for _ in 0..BOUNCES {
-            let [a, b] = [way[0] * way[0] + way[1] * way[1], at[0] * way[0] + at[1] * way[1]];
-            let c = (at[0] * at[0] + at[1] * at[1] - radius * radius).min(0.0);
+            let [a, b] = [dot(way, way), dot(at, way)];
+            let c = (dot(at, at) - radius * radius).min(0.0);
             let t = (-b + (b * b - a * c).max(0.0).sqrt()) / a;
             if a == 0.0 || t >= 1.0 {
-                at = [at[0] + way[0], at[1] + way[1]];
+                at = std::array::from_fn(|k| at[k] + way[k]);
                 break;
             }
-            at = [at[0] + t * way[0], at[1] + t * way[1]];
+            at = std::array::from_fn(|k| at[k] + t * way[k]);
             let normal = at.map(|c| c / radius);
-            let turned = |v: [f64; 2]| {
-                let out = v[0] * normal[0] + v[1] * normal[1];
-                [v[0] - 2.0 * out * normal[0], v[1] - 2.0 * out * normal[1]]
+            let turned = |v: [f64; 3]| -> [f64; 3] {
+                let out = dot(v, normal);
+                std::array::from_fn(|k| v[k] - 2.0 * out * normal[k])
             };
             way = turned(way.map(|c| (1.0 - t) * c));
-            let v = turned(self.across().map(|k| f64::from(velocity[k])));
-            self.across().into_iter().zip(v).for_each(|(k, v)| velocity[k] = v as f32);
+            *velocity = turned(velocity.map(f64::from)).map(|v| v as f32);
         }
         self.put(&mut to, at);
         to
     }
 }
 
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const VESSEL: Vessel = Vessel { along: 1, center: [1.0, 5.0, -2.0], radius: 2.0 };
+    const VESSEL: Vessel = Vessel { along: Some(1), center: [1.0, 5.0, -2.0], radius: 2.0 };
+    const SPHERE: Vessel = Vessel { along: None, ..VESSEL };
 
     fn close(found: [f32; 3], expected: [f32; 3]) {
         assert!(
@@ -123,18 +140,26 @@ mod tests {
             [1.0, 0.0, -2.0 + half],
         );
         close(velocity, [-6.0, 1.0, 0.0]);
+        let mut velocity = [0.0, 6.0, 1.0];
+        let end =
+            SPHERE.reflect([1.0 - half, 5.0, -2.0], [1.0 - half, 5.0 + 2.0 * half, -2.0], &mut velocity);
+        close(end, [1.0, 5.0 + half, -2.0]);
+        close(velocity, [6.0, 0.0, 1.0]);
     }
 
     #[test]
     fn nothing_stays_outside() {
         assert_eq!(VESSEL.inset(0.5).confine([1.0, 9.0, 0.0]), [1.0, 9.0, -1.0]);
         assert_eq!(VESSEL.confine([1.0, 9.0, 90.0]), [1.0, 9.0, -2.0]);
-        let mut from = [1.0, 0.0, -2.0];
-        for k in 0..100_000_u32 {
-            let [x, _, z] =
-                crate::random::gaussian::normals(crate::random::philox::philox([k, 0, 0, 0], [1, 2]));
-            from = VESSEL.reflect(from, [from[0] + 3.0 * x, 0.0, from[2] + 3.0 * z], &mut [0.0; 3]);
-            assert!(VESSEL.distance(from) <= 2.0, "{k}: {from:?}");
+        assert_eq!(SPHERE.confine([1.0, 8.0, -2.0]), [1.0, 6.0, -2.0]);
+        for vessel in [VESSEL, SPHERE] {
+            let mut from = vessel.center;
+            for k in 0..100_000_u32 {
+                let z = crate::random::gaussian::normals(crate::random::philox::philox([k, 0, 0, 0], [1, 2]));
+                let to = std::array::from_fn(|k| from[k] + 3.0 * z[k]);
+                from = vessel.reflect(from, to, &mut [0.0; 3]);
+                assert!(vessel.distance(from) <= 2.0, "{k}: {from:?}");
+            }
         }
     }
 }

@@ -336,8 +336,9 @@ impl Propagator {
             let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
             // Arrays indexed by variables stay in memory, whose round trip delays all other particles.
             let carry = |from: [f32; 3]| {
-                let along =
-                    |axis| if axis == stream.vessel.along { from[axis] + carried.by } else { from[axis] };
+                let along = |axis| {
+                    if Some(axis) == stream.vessel.along { from[axis] + carried.by } else { from[axis] }
+                };
                 std::array::from_fn(along)
             };
             let (drift, free_end) = (carry(drift), carry(end));

@@ -5,6 +5,7 @@
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::signed_distance;
+use crate::model::vessel::dot;
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ReceiverState;
 
@@ -113,10 +114,6 @@ fn turned(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3
     let relative = std::array::from_fn(|k| velocity[k] - of_surface[k]);
     let out = dot(relative, normal);
     std::array::from_fn(|k| velocity[k] - 2.0 * out * normal[k])
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers

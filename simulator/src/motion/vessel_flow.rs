@@ -32,11 +32,11 @@ impl FlowStep {
         velocity: &mut [f32; 3],
     ) -> AdvectedPath {
         let [before, free_end] = ends;
-        let along = self.vessel.along;
         let mut end = match &domain.vessel {
             Some(vessel) => vessel.reflect(before, free_end, velocity),
             None => free_end,
         };
+        let Some(along) = self.vessel.along else { return AdvectedPath { end, after: end, by: 0.0 } };
         // Right to second order in the time step: the flow does not change the path across.
         let profile = |p| 1.0 - (self.vessel.distance(p) / f64::from(self.vessel.radius)).powi(2);
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;

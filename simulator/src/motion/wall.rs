@@ -14,10 +14,14 @@
 //! *Absorbing walls.* For y = 0, a path between heights `a` and `b` above a plane touched it with the probability
 //! exp(−ab/DΔt), for any step and drift. A cylinder counts as its tangent plane, which is right for steps short
 //! compared with the radius.
+//! the middle line, the tangent plane takes its place, which is right for steps that are short compared with the radius. In a sphere
+//! the distance from the center is a Markov process, and r times its density that of a slit from 0 to R with absorbing ends: the
+//! probability is a sum over images, for a step of any length.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, WallFace};
+use crate::model::vessel::Vessel;
 use crate::motion::path_hit::{DrawContext, Path};
 use crate::random::gaussian::ln;
 use crate::random::philox::{Purpose, open_unit};
@@ -73,16 +77,43 @@ impl AbsorbingWall {
         free_end: [f32; 3],
         who: DrawContext,
     ) -> bool {
-        let [a, b] = [path.before, free_end].map(|point| height(self.face, domain, point));
+        let heights = [path.before, free_end].map(|point| height(self.face, domain, point));
+        let [a, b] = heights;
         if b <= 0.0 || a <= 0.0 {
             return true;
         }
         let exponent = a * b / path.diffusion;
         exponent < NEVER && {
             let [word, ..] = who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver);
-            open_unit(word) < (-exponent).exp()
+            let probability = match domain.vessel {
+                Some(Vessel { along: None, radius, .. }) => hit_from_inside(radius, heights, path.diffusion),
+                _ => (-exponent).exp(),
+            };
+            open_unit(word) < probability
         }
     }
+}
+
+/// The number of images on each side, which suffices up to DΔt = R².
+const IMAGES: i32 = 6;
+
+/// Returns the probability that a path in a sphere reaches its surface between two heights above it, both positive. `diffusion` is
+/// DΔt.
+fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
+    let [radius, diffusion] = [radius, diffusion].map(f64::from);
+    if diffusion >= radius * radius {
+        // The survival is below exp(−π²).
+        return 1.0;
+    }
+    // At the center all terms vanish; the limit is that of small distances.
+    let [from, to] = heights.map(|height| (radius - f64::from(height)).max(1e-4 * radius));
+    let term = |way: f64| libm::exp(((from - to).powi(2) - way * way) / (4.0 * diffusion));
+    let pair = |image: i32| {
+        let shift = 2.0 * f64::from(image) * radius;
+        term(from - to + shift) - term(from + to + shift)
+    };
+    let others: f64 = (1..=IMAGES).map(|image| pair(image) + pair(-image)).sum();
+    (-others / pair(0)) as f32
 }
 
 /// In µm; negative beyond the wall.
@@ -125,6 +156,33 @@ mod tests {
             let error = (part * (1.0 - part) / f64::from(n)).sqrt();
             let found = taken.count() as f64 / f64::from(n);
             assert!((found - part).abs() < 4.0 * error, "{height}: {found} and {part}");
+        }
+    }
+
+    /// From the center of a sphere in one step: the survival is 2·Σ (−1)^(n+1)·exp(−n²π²DΔt/R²).
+    #[test]
+    fn sphere_takes_the_part_of_the_closed_form_from_inside() {
+        let vessel = Some(Vessel { along: None, center: [1.0, 2.0, 3.0], radius: 1.0 });
+        let domain = Boundary { vessel, ..Boundary::default() };
+        let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Side };
+        let n = 40_000_u32;
+        for diffusion in [0.02_f32, 0.1, 0.3] {
+            let who = |id| DrawContext { key: Key::new(8), id, step: 0 };
+            let taken = (0..n).filter(|&id| {
+                let z = normals(Key::new(8).draw(id, 0, 0, Purpose::Move));
+                let before = [1.0, 2.0, 3.0];
+                let end: [f32; 3] = std::array::from_fn(|k| before[k] + (2.0 * diffusion).sqrt() * z[k]);
+                let path = Path { before, end, after: end, drift: [0.0; 3], diffusion };
+                wall.absorbs(&domain, &path, end, who(id))
+            });
+            let mode = |n: i32| {
+                let rate = (f64::from(n) * std::f64::consts::PI).powi(2) * f64::from(diffusion);
+                2.0 * (-rate).exp() * f64::from(1 - 2 * (n % 2))
+            };
+            let part = 1.0 + (1..30).map(mode).sum::<f64>();
+            let error = (part * (1.0 - part) / f64::from(n)).sqrt();
+            let found = taken.count() as f64 / f64::from(n);
+            assert!((found - part).abs() < 4.0 * error, "{diffusion}: {found} and {part}");
         }
     }
 

@@ -56,6 +56,7 @@ pub(super) enum BoundaryKind {
     Reflecting,
     Periodic,
     Cylinder,
+    Sphere,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize)]

@@ -53,7 +53,10 @@ pub(super) fn walls(boundary: &Boundary) -> String {
     match &boundary.vessel {
         None => format!("the walls of the box from {:?} to {:?}", corner(false), corner(true)),
         Some(v) => {
-            let name = ["x", "y", "z"].get(v.along).unwrap_or(&"x");
+            let Some(along) = v.along else {
+                return format!("the sphere of radius {} around {:?}", v.radius, v.center);
+            };
+            let name = ["x", "y", "z"].get(along).unwrap_or(&"x");
             format!(
                 "the cylinder of radius {} along {name} through {:?}, or beyond its ends",
                 v.radius, v.center
@@ -269,9 +272,13 @@ fn volume(boundary: &Boundary) -> Option<f64> {
         Axis::Open => None,
     };
     match &boundary.vessel {
-        Some(vessel) => Some(
-            length(boundary.axes[vessel.along])? * std::f64::consts::PI * f64::from(vessel.radius).powi(2),
-        ),
+        Some(vessel) => {
+            let (pi, radius) = (std::f64::consts::PI, f64::from(vessel.radius));
+            match vessel.along {
+                Some(along) => Some(length(boundary.axes[along])? * pi * radius.powi(2)),
+                None => Some(4.0 / 3.0 * pi * radius.powi(3)),
+            }
+        }
         None => boundary.axes.into_iter().map(length).product(),
     }
 }

@@ -50,14 +50,14 @@ fn distance(a: &Particles, b: &Particles, boundary: &Boundary) -> f32 {
 fn collisions_are_those_of_the_cpu() {
     let Some(own) = device() else { return };
     for contact in [Contact::Separate, Contact::Elastic] {
-        for room in 0..4 {
+        for room in 0..5 {
             let mut model = crowd(contact, 0.25, 0.15, 6);
             let half = 4.0;
             match room {
                 0 => {}
                 1 => model.boundary = Boundary::reflecting([-half; 3], [half; 3]),
-                2 => {
-                    let vessel = Vessel { along: 2, center: [0.0; 3], radius: 6.5 };
+                2 | 3 => {
+                    let vessel = Vessel { along: (room == 2).then_some(2), center: [0.0; 3], radius: 6.5 };
                     model.boundary = Boundary { vessel: Some(vessel), ..Boundary::default() };
                 }
                 _ => model.boundary = Boundary::default(),

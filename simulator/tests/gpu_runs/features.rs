@@ -66,7 +66,7 @@ fn unbound_swimmers_have_the_velocities_of_the_cpu() {
 fn in_vessel(along: usize, ends: Axis) -> Model {
     let mut axes = [Axis::Open; 3];
     axes[along] = ends;
-    let vessel = Vessel { along, center: [0.125, -0.25, 0.5], radius: 1.5 };
+    let vessel = Vessel { along: Some(along), center: [0.125, -0.25, 0.5], radius: 1.5 };
     let mut model = brownian(true);
     model.time_step = 0.02;
     model.boundary = Boundary { axes, vessel: Some(vessel) };
@@ -97,6 +97,19 @@ fn vessels_carry_as_on_the_cpu() {
         swimming.species[0].speed = 20.0;
         compare(&swimming, 25, 8);
     }
+    let mut sphere = in_vessel(0, Axis::Open);
+    sphere.boundary.vessel = sphere.boundary.vessel.map(|vessel| Vessel { along: None, ..vessel });
+    sphere.flow = None;
+    for transmitter in &mut sphere.transmitters {
+        transmitter.shape = Shape::Shell(0.0, 1.25);
+    }
+    let state = compare(&sphere, 24, 8);
+    if device().is_some() {
+        assert!(state.totals.reacted[0] > 0 && state.totals.arrived[0].iter().all(|&n| n > 0));
+    }
+    sphere.receivers.clear();
+    sphere.species[0].speed = 20.0;
+    compare(&sphere, 25, 8);
 }
 
 #[test]

@@ -48,7 +48,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 33] = [
+const ITEMS: [Item; 34] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -82,6 +82,7 @@ const ITEMS: [Item; 33] = [
     ("31-neighbors", receivers::neighbors),
     ("32-drift-at-wall", receivers::drift_at_wall),
     ("33-absorbing-walls", walls::absorbing_walls),
+    ("34-sphere", walls::inside_a_sphere),
 ];
 
 fn main() -> ExitCode {

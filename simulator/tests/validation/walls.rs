@@ -6,7 +6,7 @@ use lazygrid_sim::Model;
 use lazygrid_sim::scenario::Scenario;
 
 use crate::Row;
-use crate::setup::{begin, share_error, steps};
+use crate::setup::{begin, mean, share_error, steps};
 
 const N: u32 = 40_000;
 const D: f64 = 1.0;
@@ -26,6 +26,56 @@ fn taken(model: &Model, count: u32, receiver: usize, seed: u64) -> f64 {
     let mut simulation = begin(model, seed);
     steps(&mut simulation, count);
     simulation.received()[receiver][0] as f64 / f64::from(N)
+}
+
+/// A sphere of radius 1 that absorbs, and one that reflects: the mean cosine decays by the eigenvalue of the first mode without
+/// symmetry, and the density becomes uniform.
+pub(crate) fn inside_a_sphere() -> Vec<Row> {
+    let mut rows = Vec::new();
+    let boundary = "kind = \"sphere\"\nradius = 1";
+    for (seed, time_step, time) in [(1, 1e-3, 0.05_f64), (2, 0.02, 0.1), (3, 0.1, 0.1), (4, 0.1, 0.2)] {
+        let count = (time / time_step).round() as u32;
+        let sphere = model(time_step, boundary, 0.0, "[0, 0, 0]", &["side"]);
+        let mode = |n: i32| {
+            let rate = (f64::from(n) * std::f64::consts::PI).powi(2) * D;
+            2.0 * f64::from(1 - 2 * (n % 2)) * (-rate * time).exp()
+        };
+        let expected = 1.0 + (1..20).map(mode).sum::<f64>();
+        rows.push(Row::new(
+            format!("absorbs until {time} s, steps of {time_step} s"),
+            expected,
+            taken(&sphere, count, 0, seed),
+            4.0 * share_error(expected, N.into()),
+        ));
+    }
+    // From x = 0.5 in small steps. The first mode is j₁(kr)·cos θ, with the zero k = 2.0816 of j₁′.
+    let [k, start]: [f64; 2] = [2.081_576, 0.5];
+    let first = |x: f64| x.sin() / (x * x) - x.cos() / x;
+    let mut simulation = begin(&model(1e-3, boundary, 0.0, "[0.5, 0, 0]", &[]), 5);
+    let mut mean_mode = || {
+        steps(&mut simulation, 100);
+        let particles = &simulation.state().particles;
+        let mode = |at: usize| {
+            let [x, y, z] = particles.position_of(at).map(f64::from);
+            let r = (x * x + y * y + z * z).sqrt();
+            first(k * r) * x / r
+        };
+        let values: Vec<f64> = (0..particles.len()).map(mode).collect();
+        (mean(&values), simulation.time())
+    };
+    for _ in 0..3 {
+        let ((found, error), time) = mean_mode();
+        let expected = first(k * start) * (-k * k * D * time).exp();
+        rows.push(Row::new(format!("reflects, first mode after {time:.1} s"), expected, found, 4.0 * error));
+    }
+    let long = model(0.05, boundary, 0.0, "[0.5, 0, 0]", &[]);
+    let mut simulation = begin(&long, 6);
+    steps(&mut simulation, 100);
+    let particles = &simulation.state().particles;
+    let far = |at: &usize| particles.position_of(*at).iter().map(|x| x * x).sum::<f32>() > 0.81;
+    let found = (0..particles.len()).filter(far).count() as f64 / f64::from(N);
+    rows.push(Row::new("reflects, share beyond 0.9 R", 0.271, found, 4.0 * share_error(0.271, N.into())));
+    rows
 }
 
 pub(crate) fn absorbing_walls() -> Vec<Row> {

@@ -131,6 +131,10 @@ function walls(scene) {
     for (let k = 0; k < 64; k++) lines.push(...point(k), ...point(k + 1));
   };
   const { vessel, walls: room, view } = scene;
+  if (vessel?.along === null) {
+    for (let k = 0; k < 3; k++) ring(k, vessel.center, vessel.radius, vessel.center[k]);
+    return lines;
+  }
   if (vessel) {
     const [low, high] = room[vessel.along] ??
       [view.center[vessel.along] - view.radius, view.center[vessel.along] + view.radius];

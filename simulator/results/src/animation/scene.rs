@@ -30,7 +30,7 @@ struct SpeciesStyle {
 
 #[derive(Clone, Debug, Serialize)]
 struct Tube {
-    along: usize,
+    along: Option<usize>,
     center: [f32; 3],
     radius: f32,
 }
@@ -137,7 +137,7 @@ impl Scene {
                 see(k, ends);
             }
             if let Some(Tube { along, center, radius }) = self.vessel
-                && k != along
+                && Some(k) != along
             {
                 see(k, [center[k] - radius, center[k] + radius]);
             }

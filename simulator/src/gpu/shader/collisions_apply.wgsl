@@ -24,10 +24,7 @@ fn reflect_at_wall(mover: Mover, wall: u32) -> Mover {
     var reflected = mover;
     if (wall == VESSEL_WALL) {
         let out = across_vessel(mover.base + mover.offset);
-        let across = out / max(length(out), 1e-37);
-        var normal = vec3(0.0);
-        normal[first_across()] = across.x;
-        normal[second_across()] = across.y;
+        let normal = out / max(length(out), 1e-37);
         reflected.motion -= 2.0 * dot(mover.motion, normal) * normal;
         reflected.own -= 2.0 * dot(mover.own, normal) * normal;
         return reflected;

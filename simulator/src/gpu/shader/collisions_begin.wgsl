@@ -41,7 +41,7 @@ fn collisions_begin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     var end = free_end_of(before.xyz, velocity, kind, tag.y);
     if (params.vessel_axis != NO_VESSEL) {
         let across = reflect_in_vessel(before.xyz, end, params.vessel_radius - kind.radius, velocity).end;
-        end[along_vessel()] += flow_between(before.xyz, across);
+        end += flow_between(before.xyz, across) * along_vessel();
     }
     // Bound particles have a negative radius and no position.
     let is_free = before.w >= 0.0;

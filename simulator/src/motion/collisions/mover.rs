@@ -2,6 +2,7 @@
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::particles::Particles;
+pub(crate) use crate::model::vessel::dot;
 use crate::motion::path_hit::Path;
 
 #[derive(Clone, Copy, Debug)]
@@ -84,10 +85,6 @@ impl Mover {
         }
         flight.velocity = self.own.map(|v| v as f32);
     }
-}
-
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 pub(crate) fn length(a: [f64; 3]) -> f64 {

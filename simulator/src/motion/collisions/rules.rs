@@ -115,13 +115,13 @@ impl Rules {
             }
             _ => None,
         };
-        let cylinder = domain.vessel.and_then(|vessel| {
-            let [p, w] = [vessel.offset(position), vessel.across().map(|k| motion[k])];
-            let (a, b) = (w[0] * w[0] + w[1] * w[1], p[0] * w[0] + p[1] * w[1]);
-            let c = (p[0] * p[0] + p[1] * p[1] - f64::from(vessel.radius).powi(2)).min(0.0);
+        let round = domain.vessel.and_then(|vessel| {
+            let [p, w] = [vessel.offset(position), vessel.across(motion)];
+            let (a, b) = (dot(w, w), dot(p, w));
+            let c = (dot(p, p) - f64::from(vessel.radius).powi(2)).min(0.0);
             (a > 0.0).then(|| (((b * b - a * c).sqrt() - b) / a, VESSEL_WALL))
         });
-        let (after, wall) = (0..3).filter_map(plane).chain(cylinder).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (after, wall) = (0..3).filter_map(plane).chain(round).min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some(Event { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
     }
 
@@ -142,9 +142,8 @@ impl Rules {
         match (wall, &self.domains[mover.species as usize].vessel) {
             (VESSEL_WALL, Some(vessel)) => {
                 let out = vessel.offset(mover.position);
-                let distance = out[0].hypot(out[1]).max(f64::MIN_POSITIVE);
-                let mut normal = [0.0; 3];
-                vessel.across().into_iter().zip(out).for_each(|(k, c)| normal[k] = c / distance);
+                let distance = vessel.length(out).max(f64::MIN_POSITIVE);
+                let normal = out.map(|c| c / distance);
                 for velocity in [&mut mover.motion, &mut mover.own] {
                     let speed = dot(*velocity, normal);
                     (0..3).for_each(|k| velocity[k] -= 2.0 * speed * normal[k]);

@@ -106,7 +106,7 @@ fn the_loop_takes_over_where_all_are_near() {
 
 #[test]
 fn a_search_finds_the_receivers_of_a_loop() {
-    let vessel = Vessel { along: 0, center: [0.0; 3], radius: 3.0 };
+    let vessel = Vessel { along: Some(0), center: [0.0; 3], radius: 3.0 };
     let tube = Boundary { vessel: Some(vessel), ..Boundary::default() };
     let cases = [
         (Boundary::default(), None, 0.0),

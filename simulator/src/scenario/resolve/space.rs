@@ -11,6 +11,7 @@ pub(super) fn boundary(boundary: Option<&file::Boundary>) -> Result<Boundary, Pr
     let Some(boundary) = boundary else { return Ok(Boundary::default()) };
     match *boundary.kind.get_ref() {
         BoundaryKind::Cylinder => cylinder(boundary),
+        BoundaryKind::Sphere => sphere(boundary),
         kind => walls(boundary, kind),
     }
 }
@@ -26,7 +27,7 @@ fn walls(boundary: &file::Boundary, kind: BoundaryKind) -> Result<Boundary, Prob
     if let Some((key, span)) = others.into_iter().find_map(|(key, span)| Some((key, span?))) {
         return Err(Problem::at(
             span,
-            format!("{key} goes with kind = \"cylinder\"; a box has low and high"),
+            format!("{key} goes with kind = \"cylinder\" or \"sphere\"; a box has low and high"),
         ));
     }
     let (Some(low), Some(high)) = (&boundary.low, &boundary.high) else {
@@ -43,17 +44,40 @@ fn walls(boundary: &file::Boundary, kind: BoundaryKind) -> Result<Boundary, Prob
     })
 }
 
-fn cylinder(boundary: &file::Boundary) -> Result<Boundary, Problem> {
+fn sphere(boundary: &file::Boundary) -> Result<Boundary, Problem> {
+    let others = [
+        ("axis", boundary.axis.as_ref().map(Spanned::span)),
+        ("ends", boundary.ends.as_ref().map(Spanned::span)),
+        ("at-ends", boundary.at_ends.as_ref().map(Spanned::span)),
+    ];
+    if let Some((key, span)) = others.into_iter().find_map(|(key, span)| Some((key, span?))) {
+        return Err(Problem::at(
+            span,
+            format!("{key} goes with a cylinder; a sphere has a radius and a center"),
+        ));
+    }
+    Ok(Boundary { vessel: Some(vessel(boundary, None)?), ..Boundary::default() })
+}
+
+fn vessel(boundary: &file::Boundary, along: Option<usize>) -> Result<Vessel, Problem> {
     let corners = [("low", &boundary.low), ("high", &boundary.high)];
     if let Some((key, corner)) = corners.into_iter().find_map(|(key, corner)| Some((key, corner.as_ref()?))) {
-        let message = format!("{key} goes with a box; a cylinder has a radius, a center, an axis and ends");
+        let message = format!(
+            "{key} goes with a box; a cylinder or sphere has a radius and a center, and a cylinder an axis and ends"
+        );
         return Err(Problem::at(corner.span(), message));
     }
     let Some(radius) = &boundary.radius else {
-        return Err(Problem::at(boundary.kind.span(), "a cylinder needs a radius".to_owned()));
+        let message = "a cylinder or sphere needs a radius".to_owned();
+        return Err(Problem::at(boundary.kind.span(), message));
     };
-    let along = number(boundary.axis.as_ref().map(|axis| *axis.get_ref()).unwrap_or_default());
     let center = boundary.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref()));
+    Ok(Vessel { along, center, radius: radius.get_ref().0 as f32 })
+}
+
+fn cylinder(boundary: &file::Boundary) -> Result<Boundary, Problem> {
+    let along = number(boundary.axis.as_ref().map(|axis| *axis.get_ref()).unwrap_or_default());
+    let vessel = vessel(boundary, Some(along))?;
     let mut axes = [Axis::Open; 3];
     match (&boundary.ends, &boundary.at_ends) {
         (None, None) => {}
@@ -74,7 +98,6 @@ fn cylinder(boundary: &file::Boundary) -> Result<Boundary, Problem> {
             ));
         }
     }
-    let vessel = Vessel { along, center, radius: radius.get_ref().0 as f32 };
     Ok(Boundary { axes, vessel: Some(vessel) })
 }
 
@@ -89,8 +112,8 @@ pub(super) fn number(axis: AxisName) -> usize {
 pub(super) fn flow(flow: Option<&file::Flow>, boundary: &Boundary) -> Result<Option<Flow>, Problem> {
     let Some(flow) = flow else { return Ok(None) };
     let span = flow.profile.span();
-    let along = |speed: f64| match &boundary.vessel {
-        Some(vessel) => Ok(std::array::from_fn(|k| if k == vessel.along { speed } else { 0.0 })),
+    let along = |speed: f64| match boundary.vessel.and_then(|vessel| vessel.along) {
+        Some(along) => Ok(std::array::from_fn(|k| if k == along { speed } else { 0.0 })),
         None => {
             let message = "a speed needs a cylinder, and the boundary is not one; give a velocity".to_owned();
             Err(Problem::at(span.clone(), message))

@@ -95,9 +95,7 @@ fn source(
         Some(spanned) => {
             let shape = shape(*spanned.get_ref());
             let volume = match shape {
-                Shape::Shell(inner, outer) => {
-                    4.0 / 3.0 * std::f64::consts::PI * (f64::from(outer).powi(3) - f64::from(inner).powi(3))
-                }
+                Shape::Shell(inner, outer) => ball(outer) - ball(inner),
                 Shape::Box(edges) => edges.map(f64::from).into_iter().product(),
                 _ => {
                     let message =
@@ -128,11 +126,14 @@ fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)
     };
     let inset = boundary.inset(radius);
     if let Some(vessel) = inset.vessel {
-        let [[low, high], [from, to]] = [side(inset.axes[vessel.along])?, side(boundary.axes[vessel.along])?];
+        let Some(along) = vessel.along else {
+            return Some((vessel.center, Shape::Shell(0.0, vessel.radius), ball(vessel.radius + radius)));
+        };
+        let [[low, high], [from, to]] = [side(inset.axes[along])?, side(boundary.axes[along])?];
         let mut center = vessel.center;
-        center[vessel.along] = 0.5 * (low + high);
+        center[along] = 0.5 * (low + high);
         let volume = disk(vessel.radius + radius) * f64::from(to - from);
-        return Some((center, Shape::Cylinder(vessel.along, vessel.radius, high - low), volume));
+        return Some((center, Shape::Cylinder(along, vessel.radius, high - low), volume));
     }
     let sides = |boundary: &Boundary| {
         let [x, y, z] = boundary.axes.map(side);
@@ -142,6 +143,10 @@ fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)
     let volume = sides(boundary)?.map(|[low, high]| f64::from(high - low)).into_iter().product();
     let edges = inside.map(|[low, high]| high - low);
     Some((inside.map(|[low, high]| 0.5 * (low + high)), Shape::Box(edges), volume))
+}
+
+fn ball(radius: f32) -> f64 {
+    4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3)
 }
 
 fn disk(radius: f32) -> f64 {

@@ -78,7 +78,7 @@ fn a_vessel_has_a_flow() {
                 at-ends = \"periodic\"\n[flow]\nprofile = \"poiseuille\"\nspeed = -4\n\
                 [[source]]\nequation = \"-> A\"\nrate = 2\n";
     let model = network(text).unwrap().model;
-    let vessel = crate::Vessel { along: 2, center: [1.0, 2.0, 0.0], radius: 3.0 };
+    let vessel = crate::Vessel { along: Some(2), center: [1.0, 2.0, 0.0], radius: 3.0 };
     let axes = [crate::Axis::Open, crate::Axis::Open, crate::Axis::Periodic { low: -5.0, high: 5.0 }];
     assert_eq!(model.boundary, Boundary { axes, vessel: Some(vessel) });
     assert_eq!(model.flow, Some(crate::Flow::Poiseuille { mean: -4.0 }));
@@ -189,7 +189,9 @@ fn contradictory_reactions_are_refused() {
             "bits",
             "3 bits are no whole number of symbols of 2",
         ),
-        ("[boundary]\nkind = \"cylinder\"\n".into(), "kind", "a cylinder needs a radius"),
+        ("[boundary]\nkind = \"sphere\"\nradius = 1\naxis = \"x\"\n".into(), "axis", "goes with a cylinder"),
+        ("[boundary]\nkind = \"sphere\"\nradius = 1\nlow = [0, 0, 0]\n".into(), "low", "goes with a box"),
+        ("[boundary]\nkind = \"cylinder\"\n".into(), "kind", "a cylinder or sphere needs a radius"),
         ("[boundary]\nkind = \"periodic\"\nlow = [0, 0, 0]\n".into(), "kind", "needs low and high"),
         ("[boundary]\nkind = \"reflecting\"\nradius = 1\n".into(), "radius", "goes with kind = \"cylinder\""),
         (
@@ -201,7 +203,7 @@ fn contradictory_reactions_are_refused() {
         (
             "[boundary]\nkind = \"cylinder\"\nradius = 0.05\n".into(),
             "radius",
-            "0.1 between walls across the cylinder",
+            "0.1 between walls across the vessel",
         ),
         ("[flow]\nprofile = \"poiseuille\"\nspeed = 1\n".into(), "profile", "a speed needs a cylinder"),
         ("[flow]\nprofile = \"plug\"\n".into(), "profile", "either a velocity, or a speed"),

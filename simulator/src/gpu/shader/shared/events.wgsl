@@ -52,7 +52,7 @@ fn wall_hit(mover: Mover) -> WallHit {
     }
     if (params.vessel_axis != NO_VESSEL) {
         let at = across_vessel(place);
-        let motion = vec2(mover.motion[first_across()], mover.motion[second_across()]);
+        let motion = across(mover.motion);
         let radius = params.vessel_radius - mover.radius;
         let distance = length(at);
         let a = dot(motion, motion);

@@ -12,7 +12,7 @@ struct Params {
     time_step: f32,
     // Per axis: 0 open, 1 reflecting, 2 periodic.
     axes: vec3<u32>,
-    // 1 plus the axis of the vessel; 0 without a vessel.
+    // 1 plus the axis of a cylinder; 4 for a sphere, 0 without a vessel.
     vessel_axis: u32,
     low: vec3<f32>,
     vessel_radius: f32,

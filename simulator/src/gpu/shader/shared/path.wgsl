@@ -16,7 +16,7 @@ fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) ->
     }
     let reflected = reflect_in_vessel(before, end, params.vessel_radius - kind.radius, velocity);
     var carried = reflected.end;
-    carried[along_vessel()] += flow_between(before, reflected.end);
+    carried += flow_between(before, reflected.end) * along_vessel();
     let own = select(reflected.velocity, -reflected.velocity, reversed_axes(carried, kind.radius));
     return Path(before, carried, confined_axes(carried, kind.radius), own);
 }

@@ -1,8 +1,14 @@
-// A circular vessel, as in vessel.rs, in f32.
+// A round vessel, as in vessel.rs, in f32.
 const NO_VESSEL: u32 = 0u;
 
-fn along_vessel() -> u32 {
-    return params.vessel_axis - 1u;
+// Returns the unit vector along a cylinder; zeros for a sphere.
+fn along_vessel() -> vec3<f32> {
+    return select(vec3(0.0), vec3(1.0), vec3(1u, 2u, 3u) == vec3(params.vessel_axis));
+}
+
+// Returns a vector without its component along the vessel.
+fn across(v: vec3<f32>) -> vec3<f32> {
+    return select(v, vec3(0.0), vec3(1u, 2u, 3u) == vec3(params.vessel_axis));
 }
 
 // Most reflections of a step; a particle stops at the last.
@@ -11,26 +17,17 @@ const VESSEL_REFLECTIONS: u32 = 64u;
 const SHRINK: f32 = 2e-7;
 const SHRINK_STEPS: u32 = 15u;
 
-fn first_across() -> u32 {
-    return (along_vessel() + 1u) % 3u;
+// Returns the vector to a point from the axis or center.
+fn across_vessel(p: vec3<f32>) -> vec3<f32> {
+    return across(p - params.vessel_center);
 }
 
-fn second_across() -> u32 {
-    return (along_vessel() + 2u) % 3u;
-}
-
-fn across_vessel(p: vec3<f32>) -> vec2<f32> {
-    let d = p - params.vessel_center;
-    return vec2(d[first_across()], d[second_across()]);
-}
-
-// At most `radius` from the axis.
-fn placed_across(p: vec3<f32>, across: vec2<f32>, radius: f32) -> vec3<f32> {
+// Moves a point to the given offset across the vessel, but no farther from the axis than `radius`.
+fn placed_across(p: vec3<f32>, offset: vec3<f32>, radius: f32) -> vec3<f32> {
     var q = p;
     var shrink = 0.0;
     for (var k = 0u; k < SHRINK_STEPS; k++) {
-        q[first_across()] = params.vessel_center[first_across()] + (1.0 - shrink) * across.x;
-        q[second_across()] = params.vessel_center[second_across()] + (1.0 - shrink) * across.y;
+        q = select(params.vessel_center + (1.0 - shrink) * offset, p, along_vessel() == vec3(1.0));
         if (length(across_vessel(q)) <= radius) {
             break;
         }
@@ -41,12 +38,12 @@ fn placed_across(p: vec3<f32>, across: vec2<f32>, radius: f32) -> vec3<f32> {
 
 // A point far beyond the wall goes to the axis.
 fn confined_in_vessel(p: vec3<f32>, radius: f32) -> vec3<f32> {
-    let across = across_vessel(p);
-    let distance = length(across);
+    let offset = across_vessel(p);
+    let distance = length(offset);
     if (distance <= radius) {
         return p;
     }
-    return placed_across(p, across * (max(2.0 * radius - distance, 0.0) / distance), radius);
+    return placed_across(p, offset * (max(2.0 * radius - distance, 0.0) / distance), radius);
 }
 
 // The end of a path across the vessel, and the velocity after its reflections.
@@ -63,7 +60,7 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
     var at = across_vessel(before);
     var displacement = to - at;
     at /= max(length(at) / radius, 1.0);
-    var across = vec2(velocity[first_across()], velocity[second_across()]);
+    var turned = velocity;
     for (var k = 0u; k < VESSEL_REFLECTIONS; k++) {
         // The later root of |at + t displacement| = radius, without cancellation.
         let distance = length(at);
@@ -87,11 +84,8 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
         let normal = at / radius;
         displacement *= 1.0 - t;
         displacement -= 2.0 * dot(displacement, normal) * normal;
-        across -= 2.0 * dot(across, normal) * normal;
+        turned -= 2.0 * dot(turned, normal) * normal;
     }
-    var turned = velocity;
-    turned[first_across()] = across.x;
-    turned[second_across()] = across.y;
     return VesselPath(placed_across(end, at, radius), turned);
 }
 
