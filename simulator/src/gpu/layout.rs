@@ -19,6 +19,7 @@ pub(super) struct Params {
     pub(super) has_velocity: u32,
     pub(super) logs_arrivals: u32,
     pub(super) time_step: f32,
+    /// The boundary of each axis: 0 open, 1 reflecting, 2 periodic, 3 frozen.
     pub(super) axes: UVec3,
     /// 1 plus the axis of a cylinder; 4 for a sphere, 0 without a vessel.
     pub(super) vessel_axis: u32,

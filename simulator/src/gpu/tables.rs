@@ -197,7 +197,7 @@ impl Carried {
             let moved = self.drift[k].abs() + along(k);
             let (center, reach) = (receiver.center[k], receiver.radius + moved);
             match boundary.axes[k] {
-                Axis::Open => across(k),
+                Axis::Open | Axis::Frozen => across(k),
                 Axis::Reflecting { .. } if moved == 0.0 => false,
                 Axis::Reflecting { .. } if own[k] != 0.0 => true,
                 Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
@@ -301,6 +301,7 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
             Axis::Open => (0, [0.0, 1.0]),
             Axis::Reflecting { low, high } => (1, [low, high]),
             Axis::Periodic { low, high } => (2, [low, high]),
+            Axis::Frozen => (3, [0.0, 1.0]),
         };
         params.axes[k] = kind;
         [params.low[k], params.high[k]] = walls;

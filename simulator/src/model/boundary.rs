@@ -25,6 +25,8 @@ pub enum Axis {
         /// Upper end, outside the box.
         high: f32,
     },
+    /// Absent from a run of fewer dimensions: every coordinate is 0.
+    Frozen,
 }
 
 impl Axis {
@@ -42,6 +44,7 @@ impl Axis {
     pub fn confine(self, x: f32) -> f32 {
         match self {
             Self::Open => x,
+            Self::Frozen => 0.0,
             // Coordinates inside are unchanged, bit for bit.
             Self::Reflecting { low, high } if x >= low && x <= high => x,
             Self::Periodic { low, high } if x >= low && x < high => x,
@@ -126,6 +129,26 @@ impl Boundary {
     /// Returns `true` if space is unbounded.
     pub fn is_unbounded(&self) -> bool {
         self.axes == [Axis::Open; 3] && self.vessel.is_none()
+    }
+
+    /// Returns the number of dimensions.
+    pub fn dimensions(&self) -> usize {
+        self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
+    }
+
+    /// Returns a vector without its components along frozen axes.
+    pub(crate) fn flattened(&self, v: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
+    }
+
+    /// Returns a direction that is uniform in the dimensions of the run, from one that is uniform in three.
+    pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
+        if self.dimensions() == 3 {
+            return direction;
+        }
+        let flat = self.flattened(direction);
+        let length = flat.iter().map(|c| c * c).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+        flat.map(|c| c / length)
     }
 
     /// Returns the space that the detector searches.

@@ -9,11 +9,13 @@ pub mod time;
 pub mod transmitter;
 pub mod vessel;
 
+mod dimensions;
 mod validate;
 
 use crate::model::boundary::Boundary;
 use crate::model::receiver::Receiver;
 use crate::model::transmitter::Transmitter;
+use crate::random::gaussian::{direction, normals};
 
 /// A complete description of a run, except its seed.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -193,6 +195,15 @@ impl Model {
                 std::array::from_fn(|k| if Some(k) == vessel.along { speed } else { 0.0 })
             }
             _ => [0.0; 3],
+        }
+    }
+
+    /// Returns the velocity that a particle begins with.
+    pub(crate) fn own_velocity(&self, species: u32, words: [u32; 4]) -> [f32; 3] {
+        let Species { speed, thermal_speed, .. } = self.species[species as usize];
+        match speed > 0.0 {
+            true => self.boundary.direction_within(direction(words[0], words[1])).map(|c| c * speed as f32),
+            false => self.boundary.flattened(normals(words)).map(|z| z * thermal_speed as f32),
         }
     }
 

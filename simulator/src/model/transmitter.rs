@@ -1,5 +1,6 @@
 //! Sources of particles.
 
+use crate::model::boundary::Boundary;
 use crate::model::message::Message;
 use crate::model::time::step_of;
 use crate::random::gaussian;
@@ -145,14 +146,21 @@ fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
 
 impl Shape {
     /// Returns the offset from the center of particle `place` of a burst, by random words.
-    pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
+    pub(crate) fn offset(self, words: [u32; 4], place: u32, boundary: &Boundary) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],
             Self::Gaussian(width) => gaussian::normals(words).map(|z| z * width),
             Self::Shell(inner, outer) => {
-                let [a, b] = [inner, outer].map(|r| f64::from(r).powi(3));
-                let radius = libm::cbrt(a + (b - a) * f64::from(open_unit(words[0]))) as f32;
-                gaussian::direction(words[1], words[2]).map(|c| c * radius)
+                let dimensions = boundary.dimensions();
+                let [a, b] = [inner, outer].map(|r| f64::from(r).powi(dimensions as i32));
+                let power = a + (b - a) * f64::from(open_unit(words[0]));
+                let radius = match dimensions {
+                    3 => libm::cbrt(power),
+                    2 => power.sqrt(),
+                    _ => power,
+                };
+                let direction = gaussian::direction(words[1], words[2]);
+                boundary.direction_within(direction).map(|c| c * radius as f32)
             }
             Self::Box(edges) => std::array::from_fn(|k| (open_unit(words[k]) - 0.5) * edges[k]),
             Self::Cylinder(along, radius, length) => {
@@ -216,7 +224,8 @@ mod tests {
             let n = 20_000;
             let mut mean = [0.0; 3];
             for id in 0..n {
-                let p = shape.offset(key.draw(id, 0, 0, Purpose::Release), id).map(f64::from);
+                let words = key.draw(id, 0, 0, Purpose::Release);
+                let p = shape.offset(words, id, &Boundary::default()).map(f64::from);
                 (0..3).for_each(|k| mean[k] += p[k] / f64::from(n));
                 let r = p.iter().map(|c| c * c).sum::<f64>().sqrt();
                 match shape {
@@ -233,8 +242,9 @@ mod tests {
     #[test]
     fn a_lattice_fills_its_box() {
         let shape = Shape::Lattice([4.0, 2.0, 2.0], [4, 2, 2]);
-        assert_eq!(shape.offset([0; 4], 0), [-1.5, -0.5, -0.5]);
-        assert_eq!(shape.offset([0; 4], 5), [-0.5, 0.5, -0.5]);
-        assert_eq!(shape.offset([0; 4], 15), [1.5, 0.5, 0.5]);
+        let site = |place| shape.offset([0; 4], place, &Boundary::default());
+        assert_eq!(site(0), [-1.5, -0.5, -0.5]);
+        assert_eq!(site(5), [-0.5, 0.5, -0.5]);
+        assert_eq!(site(15), [1.5, 0.5, 0.5]);
     }
 }

@@ -74,6 +74,9 @@ impl Model {
         if let Some(message) = self.idle_contact().or_else(|| self.groundless_flow()) {
             return Err(Error::Model(message));
         }
+        if let Some(message) = self.beyond_dimensions() {
+            return Err(Error::Model(message));
+        }
         self.check_vessel()?;
         self.reactions.iter().try_for_each(|reaction| self.check_reaction(reaction))?;
         self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;

@@ -116,7 +116,7 @@ impl Contacts {
             })
         } else {
             let [_, _, first, second] = key.draw(particles.id[i], particles.id[j], step, Purpose::Pair);
-            direction(first, second).map(f64::from)
+            self.boundary.direction_within(direction(first, second)).map(f64::from)
         };
         let [da, db] = [i, j].map(|at| self.diffusion[particles.species[at] as usize]);
         let share = if da + db > 0.0 { da / (da + db) } else { 0.5 };

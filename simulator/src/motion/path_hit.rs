@@ -10,6 +10,10 @@
 //! exactly, for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the
 //! density is that of a half line, with an image at −r).
 //!
+//! *In one dimension* a path to the other side has hit the segment, and one that returns to its side did with the probability
+//! exp(−ab/DΔt). *In two* no closed form exists. The terms of both ends beyond this exponential cancel to first order in DΔt/r₀r₁,
+//! which leaves the same expression, for steps that are short compared with the radius.
+//!
 //! *Drift alone.* The path is a line that walls reflect.
 //!
 //! *Both.* A long drift may pass the sphere, where an average over directions fails. The path is then halved as a
@@ -73,12 +77,11 @@ const LAST: u32 = 1 << 12;
 /// Returns the hit of a path on a receiver, if any. `domain` confines the particle's center.
 #[inline]
 pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawContext) -> Option<Hit> {
-    let radius = receiver.receiver.radius;
-    let b = signed_distance(radius, receiver.center_at(1.0), domain, path.after);
     if receiver.receiver.kind == ReceiverKind::Endpoint {
+        let b = signed_distance(receiver.receiver.radius, receiver.center_at(1.0), domain, path.after);
         return (b <= 0.0).then_some(Hit::at(1.0));
     }
-    let a = signed_distance(radius, receiver.center, domain, path.before);
+    let [a, b] = receiver.heights(domain, [path.before, path.after], [0.0, 1.0]);
     let diffusion = path.diffusion + receiver.diffusion;
     let drift: [f32; 3] = std::array::from_fn(|k| path.drift[k] - receiver.drift[k]);
     if diffusion == 0.0 {
@@ -88,7 +91,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         return line_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
     }
     if drift == [0.0; 3] {
-        return who.hits_sphere((receiver.place, 0), radius, [a, b], diffusion);
+        return who.hits_sphere((receiver.place, 0), image_radius(receiver), [a, b], diffusion);
     }
     let segment = PathSegment {
         number: 1,
@@ -99,6 +102,11 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         drift: length(drift),
     };
     BrownianBridge { receiver, domain, who }.hits(segment)
+}
+
+/// Returns the radius for [`hit_probability`], which is infinite without an image.
+fn image_radius(receiver: &ReceiverState) -> f32 {
+    if receiver.dimensions == 3 { receiver.receiver.radius } else { f32::INFINITY }
 }
 
 /// True if such a drift may carry a segment past a sphere.
@@ -212,10 +220,11 @@ impl BrownianBridge<'_> {
         }
         let radius = self.receiver.receiver.radius;
         if number >= LAST || !is_long(drift, spread, radius) {
-            let heights = [(p, begin), (q, begin + part)].map(|(end, time)| self.height(end, time));
+            let ends = [p, q].map(|end| self.domain.confine(end));
+            let heights = self.receiver.heights(self.domain, ends, [begin, begin + part]);
             let hit = self.who.hits_sphere(
                 (self.receiver.place, number - 1),
-                radius,
+                image_radius(self.receiver),
                 heights,
                 0.5 * spread * spread,
             );
@@ -252,7 +261,7 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit>
     let mut cuts = Vec::new();
     for (k, axis) in domain.axes.into_iter().enumerate() {
         let (first, period, way) = match axis {
-            Axis::Open => continue,
+            Axis::Open | Axis::Frozen => continue,
             Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low), way[k]),
             Axis::Periodic { low, high } => {
                 let half = 0.5 * f64::from(high - low);
@@ -303,128 +312,4 @@ fn entry_time(from: [f64; 3], way: [f64; 3], radius: f64) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::receiver::Receiver;
-
-    fn body(kind: ReceiverKind) -> ReceiverState {
-        let receiver =
-            Receiver { center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true], ..Receiver::default() };
-        ReceiverState::new(0, receiver, 1.0)
-    }
-
-    const DRAWS: DrawContext = DrawContext { key: Key::new(1), id: 7, step: 3 };
-
-    fn path(before: [f32; 3], end: [f32; 3], domain: &Boundary, diffusion: f32) -> Path {
-        let drift = std::array::from_fn(|k| if diffusion == 0.0 { end[k] - before[k] } else { 0.0 });
-        Path { before, end, after: domain.confine(end), drift, diffusion }
-    }
-
-    #[test]
-    fn diffusion_follows_the_bridge() {
-        let open = Boundary::default();
-        let step = path([2.5, 0.0, 0.0], [1.0, 1.25, 0.0], &open, 0.25);
-        let n = 20_000;
-        let met = |kind| {
-            (0..n)
-                .filter(|&id| hits(&body(kind), &open, &step, DrawContext { id, ..DRAWS }).is_some())
-                .count()
-        };
-        let p = f64::from(hit_probability(1.0, [0.5, 0.25], 0.25));
-        let error =
-            (met(ReceiverKind::Absorbing) as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
-        assert!(error.abs() < 4.0, "{error} standard errors");
-        assert_eq!(met(ReceiverKind::Endpoint), 0);
-        let at_rest = path([1.0, 1.25, 0.0], [1.0, 1.25, 0.0], &open, 0.0);
-        assert_eq!(hits(&body(ReceiverKind::Absorbing), &open, &at_rest, DRAWS), None);
-        let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
-        assert_eq!(hits(&body(ReceiverKind::Endpoint), &open, &inside, DRAWS), Some(Hit::at(1.0)));
-    }
-
-    #[test]
-    fn neither_receivers_nor_pieces_share_draws() {
-        let one = |place, part, id| {
-            DrawContext { id, ..DRAWS }.hits_sphere((place, part), 1.0, [0.7, 1.0], 1.0).is_some()
-        };
-        let draws = |place, part| (0..256).map(|id| one(place, part, id)).collect::<Vec<bool>>();
-        let places = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];
-        let parts = [0, 1, 2, 255, 256, 2 * LAST - 2];
-        let all: std::collections::BTreeSet<_> =
-            places.iter().flat_map(|&place| parts.map(|part| draws(place, part))).collect();
-        assert_eq!(all.len(), places.len() * parts.len());
-    }
-
-    #[test]
-    fn a_straight_path_is_followed_through_walls_and_images() {
-        let met = |domain: &Boundary, before, end| {
-            hits(&body(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS).is_some()
-        };
-        let open = Boundary::default();
-        assert!(met(&open, [-3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
-        assert!(!met(&open, [-3.0, 1.125, 0.0], [9.0, 1.125, 0.0]));
-        assert!(!met(&open, [-3.0, 0.5, 0.0], [-0.5, 0.5, 0.0]));
-        assert!(!met(&open, [3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
-        let below = |wall| Boundary::reflecting([-8.0, -4.0, -4.0], [8.0, wall, 4.0]);
-        assert!(met(&below(1.1), [6.0, -2.0, 0.0], [-4.0, 4.2, 0.0]));
-        assert!(!met(&below(1.5), [6.0, -2.0, 0.0], [-4.0, 5.0, 0.0]));
-        assert!(met(&below(4.0), [4.0, 0.0, 0.0], [18.0, 0.0, 0.0]));
-        let periodic = Boundary::periodic([-8.0; 3], [8.0; 3]);
-        assert!(!met(&periodic, [4.0, 0.5, 0.0], [14.0, 0.5, 0.0]));
-        assert!(met(&periodic, [4.0, 0.5, 0.0], [20.0, 0.5, 0.0]));
-        assert!(!met(&periodic, [4.0, 1.5, 0.0], [20.0, 1.5, 0.0]));
-    }
-
-    #[test]
-    fn halves_of_a_path_follow_the_drift() {
-        let open = Boundary::default();
-        for (y, expected) in [(0.5, true), (1.2, false)] {
-            let step = Path { diffusion: 1e-6, ..path([-3.0, y, 0.0], [9.0, y, 0.0], &open, 0.0) };
-            let hit = hits(&body(ReceiverKind::Absorbing), &open, &step, DRAWS);
-            assert_eq!(hit.is_some(), expected, "{y}");
-        }
-    }
-
-    #[test]
-    fn hit_probability_of_a_long_step_has_the_image_term() {
-        for (radius, [a, b], diffusion) in [
-            (1.0_f64, [0.5_f64, 0.25_f64], 0.25_f64),
-            (1.0, [2.0, 1.0], 8.0),
-            (0.1, [3.0, 2.0], 50.0),
-            (2.0, [1e-3, 4.0], 1.0),
-        ] {
-            let density = |distance: f64| (-distance * distance / (4.0 * diffusion)).exp();
-            let [from, to] = [radius + a, radius + b];
-            let free = density(from - to) - density(from + to);
-            let expected = 1.0 - (density(a - b) - density(a + b)) / free;
-            let found = hit_probability(radius as f32, [a as f32, b as f32], diffusion as f32);
-            assert!((f64::from(found) - expected).abs() < 1e-5 * expected, "{found} and {expected}");
-        }
-        assert_eq!(hit_probability(0.0, [1.0, 1.0], 1.0), 0.0);
-    }
-
-    #[test]
-    fn hitting_times_match_a_brownian_bridge() {
-        for (heights, seed) in [([1.0_f64, 1.0], 1), ([0.2, 1.5], 2), ([1.5, -0.2], 3), ([0.7, 0.0], 4)] {
-            let n = 20_000;
-            let hit = Hit { begin: 0.0, part: 1.0, heights: heights.map(|h| h as f32) };
-            let who = |id| DrawContext { key: Key::new(seed), id, step: 1 };
-            let times: Vec<f64> = (0..n).map(|id| hit.time(who(id), 2).into()).collect();
-            let [a, b] = heights;
-            let density =
-                |s: f64| s.powf(-1.5) * (1.0 - s).powf(-0.5) * (-0.5 * (a * a / s + b * b / (1.0 - s))).exp();
-            let panels = 20_000;
-            let moment = |power: i32| -> f64 {
-                let one = |k: i32| {
-                    let phi = (f64::from(k) + 0.5) / f64::from(panels) * std::f64::consts::FRAC_PI_2;
-                    let s = phi.sin().powi(2);
-                    density(s) * s.powi(power) * phi.sin() * phi.cos()
-                };
-                (0..panels).map(one).sum()
-            };
-            let [whole, first, second] = [0, 1, 2].map(moment);
-            let mean = times.iter().sum::<f64>() / f64::from(n);
-            let error = ((second / whole - (first / whole).powi(2)) / f64::from(n)).sqrt();
-            assert!((mean - first / whole).abs() < 4.0 * error, "{heights:?}: {mean} and {}", first / whole);
-        }
-    }
-}
+mod tests;

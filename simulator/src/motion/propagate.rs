@@ -13,11 +13,11 @@ use crate::motion::collisions::Flight;
 use crate::motion::path_hit::{BEND, DrawContext, Path};
 use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
+use crate::motion::step_normals::{BLOCK, draw};
 use crate::motion::surface_events::ParticleMove;
 use crate::motion::vessel_flow::FlowStep;
 use crate::motion::wall::{AbsorbingWall, reflected};
 use crate::random::gaussian::direction;
-use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, probability_threshold};
 use crate::reaction::decay::Decays;
 
@@ -41,6 +41,8 @@ pub struct Propagator {
 pub(crate) struct SpeciesStep {
     /// √(2DΔt) in µm.
     pub(crate) length: f32,
+    /// √(2DΔt) along each axis.
+    lengths: [f32; 3],
     /// DΔt in µm².
     pub(crate) diffusion: f32,
     pub(crate) drift: [f32; 3],
@@ -54,7 +56,6 @@ pub(crate) struct SpeciesStep {
 }
 
 const CHUNK: usize = 4096;
-const BLOCK: usize = 64;
 const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
@@ -70,6 +71,7 @@ impl Propagator {
         let step = |(index, species): (usize, &crate::model::Species)| SpeciesStep {
             bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
+            lengths: model.boundary.flattened([(2.0 * species.diffusion * time_step).sqrt() as f32; 3]),
             diffusion: (species.diffusion * time_step) as f32,
             drift: std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32),
             tumbles: probability_threshold(-libm::expm1(-species.tumble_rate * time_step))
@@ -125,7 +127,7 @@ impl Propagator {
         let kind = &self.steps[species as usize];
         let DrawContext { key, id, step } = who;
         if let Some(tumbles) = kind.tumbles {
-            tumble(&mut begun, tumbles, key.draw(id, 0, step, Purpose::Tumble));
+            tumble(&mut begun, tumbles, key.draw(id, 0, step, Purpose::Tumble), &kind.domain);
         }
         let mut velocity = begun;
         let own = self.with_velocity.then_some(&mut velocity);
@@ -327,11 +329,12 @@ impl Propagator {
         mut velocity: Option<&mut [f32; 3]>,
         who: DrawContext,
     ) -> (Path, [f32; 3]) {
-        let SpeciesStep { length, diffusion, mut drift, ref domain, .. } = *kind;
+        let SpeciesStep { length, lengths, diffusion, mut drift, ref domain, .. } = *kind;
         if let Some(own) = &velocity {
             drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
         }
-        let end: [f32; 3] = std::array::from_fn(|axis| before[axis] + (length * normal[axis] + drift[axis]));
+        let end: [f32; 3] =
+            std::array::from_fn(|axis| before[axis] + (lengths[axis] * normal[axis] + drift[axis]));
         if let Some(stream) = &self.stream {
             let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
             // Arrays indexed by variables stay in memory, whose round trip delays all other particles.
@@ -363,9 +366,10 @@ impl Propagator {
     }
 }
 
-fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), [word, first, second, _]: [u32; 4]) {
+fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), words: [u32; 4], domain: &Boundary) {
+    let [word, first, second, _] = words;
     if word <= up_to {
-        *velocity = direction(first, second).map(|c| c * speed);
+        *velocity = domain.direction_within(direction(first, second)).map(|c| c * speed);
     }
 }
 
@@ -377,109 +381,5 @@ struct Chunk<'a> {
     species: &'a [u32],
 }
 
-fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
-    let mut block = [0; BLOCK];
-    block[..ids.len()].copy_from_slice(ids);
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { draw_avx2(key, &block, step, random) };
-    }
-    draw_block(key, &block, step, random);
-}
-
-/// [`draw_block`] in wider vectors; without fused operations the results are equal.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn draw_avx2(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
-    draw_block(key, ids, step, random);
-}
-
-#[inline(always)]
-fn draw_block(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
-    let [a, b, c] = random;
-    for k in 0..BLOCK {
-        [a[k], b[k], c[k]] = normals(key.draw(ids[k], 0, step, Purpose::Move));
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::particles::Particle;
-    use crate::model::{Decay, Species};
-
-    fn species(diffusion: f64) -> Species {
-        Species { name: "A".into(), diffusion, mass: 1.0, drift: [1.0, 0.0, 0.0], ..Species::default() }
-    }
-
-    fn cloud(n: u32) -> Particles {
-        let mut particles = Particles::default();
-        (0..n).for_each(|id| particles.push(Particle { id: id * 7 + 3, ..Particle::default() }, false));
-        particles
-    }
-
-    #[test]
-    fn a_move_depends_on_the_id_and_not_on_the_place() {
-        let model = Model { time_step: 0.1, species: vec![species(2.0)], ..Model::default() };
-        let motion = Propagator::new(&model);
-        let mut all = cloud(10_001);
-        let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
-        let mut shuffled = all.permuted(&order);
-        for step in 0..3 {
-            assert!(motion.advance(&mut all, None, None, (Key::new(1), step)).unwrap().is_empty());
-            motion.advance(&mut shuffled, None, None, (Key::new(1), step)).unwrap();
-        }
-        assert_eq!(all.permuted(&order), shuffled);
-        let [x, ..] = normals(Key::new(1).draw(all.id[5], 0, 2, Purpose::Move));
-        let mut two = cloud(10_001);
-        (0..2).for_each(|step| drop(motion.advance(&mut two, None, None, (Key::new(1), step)).unwrap()));
-        let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
-        assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
-    }
-
-    #[test]
-    fn walls_turn_velocities_round() {
-        let boundary = Boundary {
-            axes: [
-                crate::Axis::Reflecting { low: -1.0, high: 1.0 },
-                crate::Axis::Periodic { low: -1.0, high: 1.0 },
-                crate::Axis::Open,
-            ],
-            vessel: None,
-        };
-        let species = vec![Species { thermal_speed: 1.0, drift: [0.0; 3], ..species(0.0) }];
-        let model = Model { time_step: 1.0, species, boundary, ..Model::default() };
-        let mut particles = Particles::default();
-        for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
-            particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
-        }
-        Propagator::new(&model).advance(&mut particles, None, None, (Key::new(1), 0)).unwrap();
-        assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
-        assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
-        assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
-        assert_eq!(particles.velocity[2], particles.velocity[1]);
-    }
-
-    #[test]
-    fn decays_share_their_probability() {
-        let decay = |rate, product| Decay { products: [product, None], rate, ..Decay::default() };
-        let model = Model {
-            time_step: 0.5,
-            species: vec![species(0.0), species(0.0)],
-            decays: vec![decay(1.0, None), decay(3.0, Some(1))],
-            ..Model::default()
-        };
-        let n = 100_000;
-        let events = Propagator::new(&model).advance(&mut cloud(n), None, None, (Key::new(9), 4)).unwrap();
-        for (which, share) in [(0, 0.25), (1, 0.75)] {
-            let p = (1.0 - (-2.0_f64).exp()) * share;
-            let count = events
-                .iter()
-                .filter(|e| matches!(e, Event::Decayed { decay, .. } if *decay == which))
-                .count();
-            let error = (count as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
-            assert!(error.abs() < 4.0, "{which}: {count}, {error} standard errors");
-        }
-    }
-}
+mod tests;

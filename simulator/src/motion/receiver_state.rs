@@ -2,7 +2,7 @@
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
@@ -24,6 +24,8 @@ pub struct ReceiverState {
     pub diffusion: f32,
     /// Adsorption rule.
     pub sticking: Adsorption,
+    /// Number of dimensions: it is a sphere, a disk or a segment.
+    pub dimensions: usize,
 }
 
 impl ReceiverState {
@@ -39,6 +41,7 @@ impl ReceiverState {
                 ReceiverKind::Partial(sticking) => sticking,
                 _ => Adsorption::Reactivity(0.0),
             },
+            dimensions: 3,
             receiver,
         }
     }
@@ -47,6 +50,29 @@ impl ReceiverState {
     #[inline(always)]
     pub fn center_at(&self, part: f32) -> [f32; 3] {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
+    }
+
+    /// Returns the radius of the sphere whose curvature its surface has: 2D/r of the drift of the distance is D/r on a disk, and 0
+    /// on a segment.
+    pub(crate) fn curved_radius(&self) -> f32 {
+        match self.dimensions {
+            1 => f32::INFINITY,
+            2 => 2.0 * self.receiver.radius,
+            _ => self.receiver.radius,
+        }
+    }
+
+    /// Returns the heights of both ends of a path above the surface, at these fractions of the step; negative inside. A path to the
+    /// other side of a segment ends inside.
+    #[inline(always)]
+    pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
+        let radius = self.receiver.radius;
+        let height = |k: usize| signed_distance(radius, self.center_at(parts[k]), domain, ends[k]);
+        let side = |k: usize| domain.displacement(self.center_at(parts[k]), ends[k])[0];
+        match self.dimensions == 1 && side(0) * side(1) < 0.0 {
+            true => [height(0), -height(1) - 2.0 * radius],
+            false => [height(0), height(1)],
+        }
     }
 
     fn set_free(&mut self, free: u32) {
@@ -74,7 +100,10 @@ impl ActiveReceivers {
     pub(crate) fn new(model: &Model) -> Self {
         let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind.is_active_sphere());
         let all: Vec<ReceiverState> = acts
-            .map(|(at, receiver)| ReceiverState::new(at as u32, receiver.clone(), model.time_step))
+            .map(|(at, receiver)| ReceiverState {
+                dimensions: model.boundary.dimensions(),
+                ..ReceiverState::new(at as u32, receiver.clone(), model.time_step)
+            })
             .collect();
         let changes = |body: &ReceiverState| {
             body.receiver.moves() || matches!(body.receiver.kind, ReceiverKind::Receptors(_))

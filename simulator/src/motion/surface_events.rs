@@ -151,14 +151,12 @@ fn adsorb(
     (domain, path, time_step): (&Boundary, &Path, f32),
     who: DrawContext,
 ) -> Option<Event> {
-    let radius = body.receiver.radius;
-    let [a, b] = [(0.0, path.before), (1.0, path.after)]
-        .map(|(part, point)| signed_distance(radius, body.center_at(part), domain, point));
+    let [a, b] = body.heights(domain, [path.before, path.after], [0.0, 1.0]);
     let probability = match body.sticking {
         Adsorption::PerStep(probability) => probability,
         Adsorption::Reactivity(reactivity) => {
             let diffusion = f64::from(path.diffusion + body.diffusion);
-            let sphere = (f64::from(radius), reactivity);
+            let sphere = (f64::from(body.curved_radius()), reactivity);
             adsorption::Step::new(diffusion, time_step.into(), sphere).sticking([a, b].map(f64::from))
         }
     };

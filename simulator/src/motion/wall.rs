@@ -13,10 +13,8 @@
 //!
 //! *Absorbing walls.* For y = 0, a path between heights `a` and `b` above a plane touched it with the probability
 //! exp(−ab/DΔt), for any step and drift. A cylinder counts as its tangent plane, which is right for steps short
-//! compared with the radius.
-//! the middle line, the tangent plane takes its place, which is right for steps that are short compared with the radius. In a sphere
-//! the distance from the center is a Markov process, and r times its density that of a slit from 0 to R with absorbing ends: the
-//! probability is a sum over images, for a step of any length.
+//! compared with the radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the
+//! probability is a sum over images, for any step.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};

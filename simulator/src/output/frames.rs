@@ -14,7 +14,7 @@ pub(super) const NPY_ROW: u64 = frames::NPY_ROW;
 pub(super) fn xyz(out: &mut impl Write, model: &Model, state: &State) -> io::Result<()> {
     let axes = model.boundary.axes;
     let bounds = axes.map(|axis| match axis {
-        Axis::Open => None,
+        Axis::Open | Axis::Frozen => None,
         Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
     });
     let info = FrameInfo {

@@ -18,6 +18,7 @@ pub struct Dissociation {
     /// Largest word of each decay, by species.
     channels: Vec<Vec<(u32, Channel)>>,
     any: bool,
+    boundary: Boundary,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -87,7 +88,8 @@ impl Dissociation {
                 chances.decays(species).into_iter().filter_map(channel).collect()
             })
             .collect();
-        Self { any: channels.iter().any(|channels: &Vec<_>| !channels.is_empty()), channels }
+        let any = channels.iter().any(|channels: &Vec<_>| !channels.is_empty());
+        Self { any, channels, boundary: model.boundary }
     }
 
     /// Returns `true` if no species dissociates.
@@ -131,9 +133,14 @@ impl Dissociation {
         let &(_, channel) = channels.iter().find(|(up_to, _)| word <= *up_to)?;
         let distance = match channel.unbinding {
             Unbinding::Apart(radius) => radius,
-            Unbinding::Within(radius) => radius * libm::cbrtf(open_unit(far)),
+            Unbinding::Within(radius) => match self.boundary.dimensions() {
+                3 => radius * libm::cbrtf(open_unit(far)),
+                2 => radius * open_unit(far).sqrt(),
+                _ => radius * open_unit(far),
+            },
         };
-        let apart = direction(first, second).map(|c| c * distance);
+        let away = self.boundary.direction_within(direction(first, second));
+        let apart = away.map(|c| c * distance);
         let from = particles.position_of(at);
         let place = |product: Product, along: f32| {
             let to = std::array::from_fn(|k| from[k] + along * apart[k]);

@@ -121,7 +121,8 @@ impl Reactions {
         let apart = match reaction.products {
             [Some(_), Some(_)] if reaction.unbinding_radius > 0.0 => {
                 let [_, _, first, second] = key.draw(candidate.ids[0], candidate.ids[1], step, Purpose::Pair);
-                direction(first, second).map(|c| c * reaction.unbinding_radius)
+                let away = self.boundary.direction_within(direction(first, second));
+                away.map(|c| c * reaction.unbinding_radius)
             }
             _ => [0.0; 3],
         };

@@ -12,11 +12,10 @@ use std::ops::Range;
 use rand_distr::{Distribution, Poisson};
 
 use crate::error::Error;
+use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
 use crate::model::transmitter::{CountDistribution, Schedule, Transmitter};
-use crate::model::{Model, Species};
 use crate::random::gaussian;
-use crate::random::gaussian::direction;
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::reaction::decay::Decays;
 use crate::release::rank_slice::RankSlice;
@@ -32,15 +31,6 @@ pub struct Released {
     pub released: Vec<u64>,
     /// Decays since the release, in the order of the model.
     pub decayed: Vec<u64>,
-}
-
-impl Species {
-    pub(crate) fn own_velocity(&self, words: [u32; 4]) -> [f32; 3] {
-        match self.speed > 0.0 {
-            true => direction(words[0], words[1]).map(|c| c * self.speed as f32),
-            false => gaussian::normals(words).map(|z| z * self.thermal_speed as f32),
-        }
-    }
 }
 
 struct Batch<'a> {
@@ -178,8 +168,8 @@ impl Model {
     ) {
         out.released[batch.species as usize] += 1;
         let kind = &self.species[batch.species as usize];
-        let velocity = kind.own_velocity(key.draw(id, 0, 0, Purpose::Velocity));
-        let offset = batch.from.shape.offset(key.draw(id, 0, 0, Purpose::Release), place);
+        let velocity = self.own_velocity(batch.species, key.draw(id, 0, 0, Purpose::Velocity));
+        let offset = batch.from.shape.offset(key.draw(id, 0, 0, Purpose::Release), place, &self.boundary);
         let from: [f32; 3] = std::array::from_fn(|k| batch.from.center[k] + offset[k]);
         let [word, ..] = key.draw(id, 0, 0, Purpose::PartialStep);
         let age = match batch.ages {

@@ -28,7 +28,7 @@ impl State {
         self.particles.reserve(positions.len() as u64, model.has_velocity())?;
         let domain = model.boundary.inset(kind.radius);
         for (id, &position) in ids.clone().zip(positions) {
-            let velocity = kind.own_velocity(key.draw(id, 0, 0, Purpose::Velocity));
+            let velocity = model.own_velocity(species, key.draw(id, 0, 0, Purpose::Velocity));
             let position = domain.confine(position);
             let particle = Particle { position, velocity, radius: kind.radius, species, id };
             self.particles.push(particle, model.has_velocity());

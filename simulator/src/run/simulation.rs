@@ -228,7 +228,7 @@ impl Simulation {
             let Some(position) = binding::place_of(model, &held, *leaving, center) else { continue };
             let Bound { id, species, receiver, .. } = state.bound.swap_remove(leaving.at());
             let kind = &model.species[species as usize];
-            let velocity = kind.own_velocity(key.draw(id, 2, state.step, Purpose::Velocity));
+            let velocity = model.own_velocity(species, key.draw(id, 2, state.step, Purpose::Velocity));
             let particle = Particle { position, velocity, radius: kind.radius, species, id };
             state.particles.push(particle, with_velocity);
             state.totals.present[species as usize] += 1;
@@ -254,7 +254,9 @@ impl Simulation {
         if old.speed != new.speed {
             let velocity = match old.speed > 0.0 && new.speed > 0.0 {
                 true => particles.get(place).velocity.map(|v| v * (new.speed / old.speed) as f32),
-                false => new.own_velocity(key.draw(particles.id[place], 1, *step, Purpose::Velocity)),
+                false => {
+                    model.own_velocity(species, key.draw(particles.id[place], 1, *step, Purpose::Velocity))
+                }
             };
             (0..3).for_each(|axis| particles.velocity[axis][place] = velocity[axis]);
         }

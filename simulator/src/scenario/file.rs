@@ -8,6 +8,7 @@ pub(super) struct File {
     pub(super) steps: u32,
     #[serde(default)]
     pub(super) seed: u64,
+    pub(super) dimensions: Option<Spanned<Dimensions>>,
     pub(super) contact: Option<Spanned<Contact>>,
     pub(super) boundary: Option<Boundary>,
     pub(super) flow: Option<Flow>,
@@ -312,6 +313,21 @@ number!(Positive, |value| value > 0.0, "a positive number below 3.4e38");
 number!(NotNegative, |value| value >= 0.0, "a number from 0 to 3.4e38");
 number!(Finite, |_| true, "a number between -3.4e38 and 3.4e38");
 number!(Probability, |value| value > 0.0 && value <= 1.0, "a probability above 0 and at most 1");
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "i64")]
+pub(super) struct Dimensions(pub(super) usize);
+
+impl TryFrom<i64> for Dimensions {
+    type Error = String;
+
+    fn try_from(value: i64) -> Result<Self, String> {
+        match value {
+            1..=3 => Ok(Self(value as usize)),
+            _ => Err(format!("{value} dimensions are not 1, 2 or 3")),
+        }
+    }
+}
 
 /// Positive; 1 by default.
 #[derive(Clone, Copy, Debug, Deserialize)]

@@ -41,6 +41,7 @@ pub(super) fn walls(boundary: &Boundary) -> String {
                     low
                 }
             }
+            Axis::Frozen => 0.0,
             Axis::Open => {
                 if upper {
                     f32::INFINITY
@@ -269,7 +270,8 @@ pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
 fn volume(boundary: &Boundary) -> Option<f64> {
     let length = |axis: Axis| match axis {
         Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some(f64::from(high - low)),
-        Axis::Open => None,
+        // The estimate is one of three dimensions.
+        Axis::Open | Axis::Frozen => None,
     };
     match &boundary.vessel {
         Some(vessel) => {

@@ -7,7 +7,7 @@ use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species, Transmit
 
 use super::*;
 
-fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> Model {
+pub(super) fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> Model {
     let n = edge.pow(3);
     let side = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
     let time_step = if contact == Contact::Elastic { length } else { length * length / 2.0 };

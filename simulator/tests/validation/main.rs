@@ -10,6 +10,7 @@ mod burst;
 mod channel;
 mod crowd;
 mod diffusion;
+mod dimensions;
 mod identity;
 mod networks;
 mod reactions;
@@ -48,7 +49,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 34] = [
+const ITEMS: [Item; 35] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -83,6 +84,7 @@ const ITEMS: [Item; 34] = [
     ("32-drift-at-wall", receivers::drift_at_wall),
     ("33-absorbing-walls", walls::absorbing_walls),
     ("34-sphere", walls::inside_a_sphere),
+    ("35-dimensions", dimensions::fewer_dimensions),
 ];
 
 fn main() -> ExitCode {

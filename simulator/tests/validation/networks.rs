@@ -12,10 +12,10 @@ fn parse(text: &str) -> Model {
     Scenario::parse(Path::new("validation.toml"), text.to_owned()).expect("a scenario").model
 }
 
-fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> Model {
+fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> String {
     let species = |name: &str| format!("[[species]]\nname = \"{name}\"\ndiffusion = {diffusion}\n");
     let release = |name: &str| format!("{{ species = \"{name}\", count = {n} }}");
-    parse(&format!(
+    format!(
         "time-step = {time_step}\nsteps = 1\n[boundary]\nkind = \"periodic\"\nlow = [-1, -1, -1]\nhigh = [1, 1, 1]\n\
          {}{}{}{more}\n[[transmitter]]\nname = \"all\"\nshape = {{ kind = \"box\", size = [2, 2, 2] }}\n\
          release = [{}, {}]\n",
@@ -24,7 +24,7 @@ fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> Model {
         species("C"),
         release("A"),
         release("B")
-    ))
+    )
 }
 
 /// Mean bound of n + n, with K = [C]/[A][B] in a volume: m bound weigh (n over m)²·m!·(K/V)^m.
@@ -41,7 +41,8 @@ fn bound(n: u32, constant: f64) -> f64 {
 /// A + B ⇌ C and the law of mass action, for few molecules.
 pub(crate) fn equilibrium() -> Vec<Row> {
     let (n, volume) = (20, 8.0);
-    let row = |what: &str, model: Model, constant: f64, (relax, count): (u32, u32)| {
+    let row = |what: &str, text: String, constant: f64, (relax, count): (u32, u32)| {
+        let model = parse(&text);
         let run = |seed: u64| {
             let mut simulation = begin(&model, seed);
             steps(&mut simulation, 20 * relax);
@@ -67,7 +68,14 @@ pub(crate) fn equilibrium() -> Vec<Row> {
         );
         box_of(n, dt, 50.0, &both)
     };
+    let plane = inside(4e-3, 5.0)
+        .replace("steps = 1", "steps = 1\ndimensions = 2")
+        .replace("-1, -1, -1", "-1, -1, 0")
+        .replace("high = [1, 1, 1]", "high = [1, 1, 0]");
+    // The area is 4.
+    let disk = 190.0 * PI * 0.1_f64.powi(2) * volume / 4.0;
     vec![
+        row("rate inside a disk", plane, disk, (100, 8_000)),
         row("rate inside a ball, long steps", inside(4e-3, 5.0), 190.0 * ball, (100, 8_000)),
         row("rate inside a ball, short steps", inside(4e-4, 5.0), 190.0 * ball, (500, 12_000)),
         row("rate, step σ/2, apart by 0.1", by_rate(5e-6, 0.1), 0.8, (300, 20_000)),
@@ -160,7 +168,7 @@ pub(crate) fn births() -> Vec<Row> {
 pub(crate) fn branching() -> Vec<Row> {
     let more = "[[species]]\nname = \"D\"\n[[reaction]]\nequation = \"A + B -> C\"\nrate = 60\n\
                 [[reaction]]\nequation = \"B + A -> D\"\nrate = 20\n";
-    let model = box_of(2000, 1e-4, 5.0, more);
+    let model = parse(&box_of(2000, 1e-4, 5.0, more));
     let run = |seed| {
         let mut simulation = begin(&model, seed);
         steps(&mut simulation, 200);

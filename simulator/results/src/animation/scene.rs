@@ -95,7 +95,7 @@ const IN_SIGHT: f64 = 0.8;
 impl Scene {
     pub(crate) fn new(model: &Model, title: &str, series: &Series) -> Self {
         let walls = model.boundary.axes.map(|axis| match axis {
-            Axis::Open => None,
+            Axis::Open | Axis::Frozen => None,
             Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
         });
         let vessel = model.boundary.vessel;

@@ -70,10 +70,11 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
     let row = dissociation_rows[found];
     var distance = row.unbinding;
     if (row.is_within != 0u) {
-        distance *= pow(open_unit(words.y), 1.0 / 3.0);
+        let free = select(vec3(1.0), vec3(0.0), params.axes == vec3(FROZEN));
+        distance *= pow(open_unit(words.y), 1.0 / (free.x + free.y + free.z));
     }
     let has_second = row.products.y != NOTHING;
-    let apart = select(0.0, distance, has_second) * direction(words.z, words.w);
+    let apart = select(0.0, distance, has_second) * direction_within(direction(words.z, words.w));
     atomicAdd(&control.tallies[row.tally], 1u);
     claims[at].product = row.products.x;
     claims[at].sphere = vec4(confined(parent.xyz - row.share * apart, row.radii.x), row.radii.x);

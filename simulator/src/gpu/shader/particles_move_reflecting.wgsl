@@ -25,7 +25,10 @@ fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     if (event.kind == RECEPTORS) {
         own *= f32(free_receptors(event.receiver));
     }
-    return unit_32(word) < adsorption_probability(surface_of(own, event.length, event.radius), a, b);
+    // The radius of the sphere with the curvature of a disk or a segment.
+    let flatter = select(2.0 * event.radius, FLAT, params.axes.y == FROZEN);
+    let radius = select(event.radius, flatter, params.axes.z == FROZEN);
+    return unit_32(word) < adsorption_probability(surface_of(own, event.length, radius), a, b);
 }
 
 fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank: u32) {
@@ -110,7 +113,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
             continue;
         }
         if (event.kind > REFLECTING) {
-            let b = signed_distance(event.radius, receiver.center + receiver.displacement, taken.after);
+            let b = heights_of(event, receiver, taken).y;
             let words = philox(vec4(tag.y, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
             if (!adsorbs(event, a, b, words.y)) {
                 continue;

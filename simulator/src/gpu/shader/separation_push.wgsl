@@ -62,7 +62,7 @@ fn separation_push(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     var normal = d / max(distance, 1e-37);
     if (distance == 0.0) {
         let words = philox(vec4(tags[pair.x].y, tags[pair.y].y, control.step, PURPOSE_PAIR), params.key);
-        normal = direction(words.z, words.w);
+        normal = direction_within(direction(words.z, words.w));
     }
     let spread = vec2(species_rows[species[pair.x]].diffusion, species_rows[species[pair.y]].diffusion);
     var share = 0.5;

@@ -147,6 +147,7 @@ impl Collisions {
         let axes = self.rules.boundary.axes;
         let extent = |k: usize| match axes[k] {
             Axis::Reflecting { low, high } | Axis::Periodic { low, high } => f64::from(high - low),
+            Axis::Frozen => 0.0,
             Axis::Open => {
                 let all = movers.iter().map(|m| m.position[k]);
                 let (low, high) = all.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));

@@ -30,9 +30,10 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         });
     }
     let mut warnings = Vec::new();
+    let dimensions = file.dimensions.as_ref().map_or(3, |dimensions| dimensions.get_ref().0);
     let mut model = Model {
         time_step: file.time_step.0,
-        boundary: space::boundary(file.boundary.as_ref())?,
+        boundary: space::boundary(file.boundary.as_ref(), dimensions)?,
         contact: match file.contact.as_ref().map(|contact| *contact.get_ref()) {
             None | Some(file::Contact::Ignore) => Contact::Ignore,
             Some(file::Contact::Count) => Contact::Count,
@@ -54,7 +55,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
     }
     let names = Names(&model.species);
     let (reactions, decays) =
-        reactions::resolve(&file.reactions, &file.decays, &names, model.time_step, &mut warnings)?;
+        reactions::resolve(&file.reactions, &file.decays, &names, &model, &mut warnings)?;
     let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
     receivers.extend(receivers::bodies(&file.transmitters, names.0.len()));
     let spans: Vec<_> = file.transmitters.iter().map(|one| one.name.span()).collect();
@@ -62,6 +63,9 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut warnings)?;
     transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut warnings)?);
     model = Model { reactions, decays, transmitters, receivers, ..model };
+    if let (Some(dimensions), Some(message)) = (&file.dimensions, model.beyond_dimensions()) {
+        return Err(Problem::at(dimensions.span(), message));
+    }
     if let Some(contact) = &file.contact {
         let message = warnings::many_collisions(&model, file.steps);
         warnings.extend(message.map(|message| Problem::at(contact.span(), message)));

@@ -15,12 +15,13 @@ pub(super) fn resolve(
     reactions: &[file::Reaction],
     decays: &[file::Decay],
     names: &Names<'_>,
-    time_step: f64,
+    space: &Model,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Reaction>, Vec<Decay>), Problem> {
     let drafts = reactions.iter().map(|one| Draft::new(one, names)).collect::<Result<_, _>>()?;
     let parsed = decays.iter().map(|one| decay(one, names)).collect::<Result<_, _>>()?;
-    let all = Network { drafts, decays: parsed, time_step };
+    let (time_step, dimensions) = (space.time_step, space.boundary.dimensions());
+    let all = Network { drafts, decays: parsed, time_step, dimensions };
     let resolved = all.drafts.iter().map(|draft| all.reaction(draft)).collect::<Result<Vec<_>, _>>()?;
     warnings
         .extend(all.drafts.iter().zip(&resolved).flat_map(|(draft, reaction)| all.warnings(draft, reaction)));
@@ -45,6 +46,7 @@ struct Network<'a> {
     drafts: Vec<Draft<'a>>,
     decays: Vec<Decay>,
     time_step: f64,
+    dimensions: usize,
 }
 
 struct Draft<'a> {
@@ -150,6 +152,10 @@ impl Network<'_> {
 
     /// Returns the binding radius of a pair's reactions, for the sum of their rates.
     fn radius_for(&self, draft: &Draft<'_>, rate: &Spanned<Positive>) -> Result<f64, Problem> {
+        if self.dimensions < 3 {
+            let message = "a rate in µm³/s is one of three dimensions; give a binding-radius, with a probability or rate-inside";
+            return Err(Problem::at(rate.span(), message.to_owned()));
+        }
         let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
         let (total, dt) = (self.total_rate(draft), self.time_step);
         let undone = self

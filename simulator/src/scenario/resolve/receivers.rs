@@ -35,7 +35,7 @@ pub(super) fn receivers(
         };
         let said = warnings.len();
         for k in 0..count {
-            let offset = shape.offset([0; 4], k);
+            let offset = shape.offset([0; 4], k, &model.boundary);
             let at = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
             check_place(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
             all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });

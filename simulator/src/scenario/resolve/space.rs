@@ -7,16 +7,24 @@ use crate::model::vessel::Vessel;
 use crate::scenario::Problem;
 use crate::scenario::file::{self, AxisName, BoundaryKind, Finite};
 
-pub(super) fn boundary(boundary: Option<&file::Boundary>) -> Result<Boundary, Problem> {
-    let Some(boundary) = boundary else { return Ok(Boundary::default()) };
-    match *boundary.kind.get_ref() {
-        BoundaryKind::Cylinder => cylinder(boundary),
-        BoundaryKind::Sphere => sphere(boundary),
-        kind => walls(boundary, kind),
+/// Returns the boundary of a run with this number of dimensions.
+pub(super) fn boundary(boundary: Option<&file::Boundary>, dimensions: usize) -> Result<Boundary, Problem> {
+    let mut found = match boundary.map(|boundary| (boundary, *boundary.kind.get_ref())) {
+        None => Boundary::default(),
+        Some((boundary, BoundaryKind::Cylinder)) => cylinder(boundary)?,
+        Some((boundary, BoundaryKind::Sphere)) => sphere(boundary)?,
+        Some((boundary, kind)) => walls(boundary, kind, dimensions)?,
+    };
+    let ends = boundary.and_then(|boundary| boundary.ends.as_ref());
+    if let (Some(ends), true) = (ends, dimensions < 3) {
+        let message = format!("a cylinder in {dimensions} dimensions is a disk, without ends; remove them");
+        return Err(Problem::at(ends.span(), message));
     }
+    found.axes[dimensions..].fill(Axis::Frozen);
+    Ok(found)
 }
 
-fn walls(boundary: &file::Boundary, kind: BoundaryKind) -> Result<Boundary, Problem> {
+fn walls(boundary: &file::Boundary, kind: BoundaryKind, dimensions: usize) -> Result<Boundary, Problem> {
     let others = [
         ("axis", boundary.axis.as_ref().map(Spanned::span)),
         ("center", boundary.center.as_ref().map(Spanned::span)),
@@ -34,7 +42,7 @@ fn walls(boundary: &file::Boundary, kind: BoundaryKind) -> Result<Boundary, Prob
         return Err(Problem::at(boundary.kind.span(), "a box needs low and high, its corners".to_owned()));
     };
     let [from, to] = [low, high].map(|corner| place(*corner.get_ref()));
-    if (0..3).any(|k| from[k] >= to[k]) {
+    if (0..dimensions).any(|k| from[k] >= to[k]) {
         let message = format!("{to:?} is not above low = {from:?} along every axis");
         return Err(Problem::at(high.span(), message));
     }

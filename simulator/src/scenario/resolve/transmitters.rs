@@ -79,6 +79,7 @@ fn source(
             format!("'{text}' must have no reactant and one product, as in '-> A'"),
         ));
     };
+    let dimensions = boundary.dimensions();
     let given = source.center.as_ref().map(|center| (place(*center.get_ref()), center.span()));
     let (center, shape, volume) = match &source.shape {
         None => {
@@ -95,8 +96,8 @@ fn source(
         Some(spanned) => {
             let shape = shape(*spanned.get_ref());
             let volume = match shape {
-                Shape::Shell(inner, outer) => ball(outer) - ball(inner),
-                Shape::Box(edges) => edges.map(f64::from).into_iter().product(),
+                Shape::Shell(inner, outer) => ball(dimensions, outer) - ball(dimensions, inner),
+                Shape::Box(edges) => edges[..dimensions].iter().copied().map(f64::from).product(),
                 _ => {
                     let message =
                         "particles appear in a ball or in a box; these shapes have a volume".to_owned();
@@ -122,17 +123,18 @@ fn source(
 fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)> {
     let side = |axis: Axis| match axis {
         Axis::Open => None,
+        Axis::Frozen => Some([0.0; 2]),
         Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
     };
     let inset = boundary.inset(radius);
     if let Some(vessel) = inset.vessel {
         let Some(along) = vessel.along else {
-            return Some((vessel.center, Shape::Shell(0.0, vessel.radius), ball(vessel.radius + radius)));
+            return Some((vessel.center, Shape::Shell(0.0, vessel.radius), ball(3, vessel.radius + radius)));
         };
         let [[low, high], [from, to]] = [side(inset.axes[along])?, side(boundary.axes[along])?];
         let mut center = vessel.center;
         center[along] = 0.5 * (low + high);
-        let volume = disk(vessel.radius + radius) * f64::from(to - from);
+        let volume = ball(2, vessel.radius + radius) * extent([from, to]);
         return Some((center, Shape::Cylinder(along, vessel.radius, high - low), volume));
     }
     let sides = |boundary: &Boundary| {
@@ -140,17 +142,24 @@ fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)
         Some([x?, y?, z?])
     };
     let inside = sides(&inset)?;
-    let volume = sides(boundary)?.map(|[low, high]| f64::from(high - low)).into_iter().product();
+    let volume = sides(boundary)?.map(extent).into_iter().product();
     let edges = inside.map(|[low, high]| high - low);
     Some((inside.map(|[low, high]| 0.5 * (low + high)), Shape::Box(edges), volume))
 }
 
-fn ball(radius: f32) -> f64 {
-    4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3)
+/// Returns the length of an interval; 1 along a frozen axis.
+fn extent([low, high]: [f32; 2]) -> f64 {
+    if low == high { 1.0 } else { f64::from(high - low) }
 }
 
-fn disk(radius: f32) -> f64 {
-    std::f64::consts::PI * f64::from(radius).powi(2)
+/// Returns the volume of a ball, the area of a disk or the length of a segment.
+fn ball(dimensions: usize, radius: f32) -> f64 {
+    let (pi, radius) = (std::f64::consts::PI, f64::from(radius));
+    match dimensions {
+        3 => 4.0 / 3.0 * pi * radius.powi(3),
+        2 => pi * radius.powi(2),
+        _ => 2.0 * radius,
+    }
 }
 
 /// Refuses a sphere outside walls; warns of one outside a periodic box.

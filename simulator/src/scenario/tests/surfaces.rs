@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Adsorption, Receptors};
+use crate::{Adsorption, Axis, Receptors};
 
 fn with(receiver: &str) -> String {
     let begin = GOOD.find("radius = 0.5\nkind").unwrap();
@@ -44,6 +44,39 @@ fn a_lattice_makes_many_and_a_transmitter_is_a_body() {
         text.replace("\"periodic\"", "\"reflecting\"").replace("size = [1, 1, 2]", "size = [1, 1, 9]");
     let error = parse(&outside).expect_err("a place outside").to_string();
     assert!(error.contains("is outside the walls"), "{error}");
+}
+
+#[test]
+fn fewer_dimensions_refuse_what_needs_three() {
+    let plane = GOOD
+        .replace("steps = 10", "steps = 10\ndimensions = 2")
+        .replace("low = [-1, -1, -1]", "low = [-1, -1, 0]")
+        .replace("high = [1, 1, 1.5]", "high = [1, 1, 0]");
+    let model = parse(&plane).unwrap().model;
+    let periodic = Axis::Periodic { low: -1.0, high: 1.0 };
+    assert_eq!(model.boundary.axes, [periodic, periodic, Axis::Frozen]);
+    let mistakes = [
+        (
+            "center = [1, 0, 0]",
+            "center = [0, 0, 0.5]",
+            "dimensions",
+            "place for rx, of which a vector is [0.0, 0.0, 0.5]",
+        ),
+        ("drift = [1, 0, 0]", "drift = [0, 0, 1]", "dimensions", "place for base"),
+        ("dimensions = 2", "dimensions = 4", "dimensions", "4 dimensions are not 1, 2 or 3"),
+        ("binding-radius = 1.5\nprobability = 0.5", "rate = 5", "rate", "is one of three dimensions"),
+        ("kind = \"periodic\"", "kind = \"cylinder\"\nradius = 3\nends = [0, 1]", "ends", "without ends"),
+        ("kind = \"gaussian\", width", "kind = \"cylinder\", radius", "dimensions", "shape like that of tx"),
+    ];
+    for (right, wrong, key, message) in mistakes {
+        let mut text = plane.replace(right, wrong);
+        assert_ne!(text, plane, "{right}");
+        if wrong.contains("ends") {
+            text = text.replace("low = [-1, -1, 0]\nhigh = [1, 1, 0]\n", "");
+        }
+        let error = parse(&text).expect_err(wrong).to_string();
+        assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{wrong}: {error}");
+    }
 }
 
 #[test]

@@ -21,7 +21,7 @@ fn react(candidate: Candidate, rule: ReactionRow) {
         let low = min(candidate.ids.x, candidate.ids.y);
         let high = max(candidate.ids.x, candidate.ids.y);
         let words = philox(vec4(low, high, control.step, PURPOSE_PAIR), params.key);
-        apart = direction(words.z, words.w) * rule.unbinding;
+        apart = direction_within(direction(words.z, words.w)) * rule.unbinding;
     }
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side)) {

@@ -1,6 +1,22 @@
 // Walls, periodic images and vessels, as in boundary.rs and vessel.rs.
 #include vessel
 
+const FROZEN: u32 = 3u;
+
+// Returns a vector without its components along frozen axes.
+fn flattened(v: vec3<f32>) -> vec3<f32> {
+    return select(v, vec3(0.0), params.axes == vec3(FROZEN));
+}
+
+// Returns a direction that is uniform in the dimensions of the run, from one that is uniform in three.
+fn direction_within(direction: vec3<f32>) -> vec3<f32> {
+    if (params.axes.z != FROZEN) {
+        return direction;
+    }
+    let flat = flattened(direction);
+    return flat / max(length(flat), 1e-37);
+}
+
 fn confined_axes(x: vec3<f32>, radius: f32) -> vec3<f32> {
     let inset = select(vec3(0.0), vec3(radius), params.axes == vec3(1u));
     let low = params.low + inset;
@@ -14,7 +30,7 @@ fn confined_axes(x: vec3<f32>, radius: f32) -> vec3<f32> {
     let wrapped = select(low, shifted, (shifted >= low) & (shifted < high));
     let repeated = select(wrapped, x, (x >= low) & (x < high));
     let axes = params.axes;
-    return select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u));
+    return flattened(select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u)));
 }
 
 fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {

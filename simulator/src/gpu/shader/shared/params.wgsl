@@ -10,7 +10,7 @@ struct Params {
     has_velocity: u32,
     logs_arrivals: u32,
     time_step: f32,
-    // Per axis: 0 open, 1 reflecting, 2 periodic.
+    // Per axis: 0 open, 1 reflecting, 2 periodic, 3 frozen.
     axes: vec3<u32>,
     // 1 plus the axis of a cylinder; 4 for a sphere, 0 without a vessel.
     vessel_axis: u32,

@@ -1,7 +1,7 @@
 // The path of a particle in a step, as in propagate.rs.
 
 fn free_end_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
-    let random = normals(philox(vec4(id, 0u, control.step, PURPOSE_MOVE), params.key));
+    let random = flattened(normals(philox(vec4(id, 0u, control.step, PURPOSE_MOVE), params.key)));
     return before + (kind.length * random + (kind.drift + velocity * params.time_step));
 }
 
@@ -28,7 +28,7 @@ fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
     if (kind.tumbles != 0u) {
         let words = philox(vec4(id, 0u, control.step, PURPOSE_TUMBLE), params.key);
         if (words.x <= kind.tumble_threshold) {
-            return kind.speed * direction(words.y, words.z);
+            return kind.speed * direction_within(direction(words.y, words.z));
         }
     }
     return spheres[velocity_at(at)].xyz;

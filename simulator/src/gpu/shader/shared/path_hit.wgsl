@@ -28,12 +28,26 @@ fn entry_time(event: EventRow, receiver: ReceiverRow, path: Path) -> f32 {
     return outside / (approach + sqrt(root));
 }
 
-fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, own_diffusion: f32, id: u32) -> Hit {
-    let b = signed_distance(event.radius, receiver.center + receiver.displacement, path.after);
-    if (event.kind == ENDPOINT) {
-        return hit_at(b <= 0.0, 1.0);
-    }
+// Returns the heights of both ends of a path above the surface; negative inside. In one dimension a path to the other side ends
+// inside.
+fn heights_of(event: EventRow, receiver: ReceiverRow, path: Path) -> vec2<f32> {
+    let last = receiver.center + receiver.displacement;
     let a = signed_distance(event.radius, receiver.center, path.before);
+    let b = signed_distance(event.radius, last, path.after);
+    let sides = minimum_image(path.before - receiver.center).x * minimum_image(path.after - last).x;
+    return vec2(a, select(b, -b - 2.0 * event.radius, params.axes.y == FROZEN && sides < 0.0));
+}
+
+// A radius without curvature or image.
+const FLAT: f32 = 1e12;
+
+fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, own_diffusion: f32, id: u32) -> Hit {
+    if (event.kind == ENDPOINT) {
+        return hit_at(signed_distance(event.radius, receiver.center + receiver.displacement, path.after) <= 0.0, 1.0);
+    }
+    let heights = heights_of(event, receiver, path);
+    let a = heights.x;
+    let b = heights.y;
     let diffusion = own_diffusion + event.diffusion;
     if (diffusion == 0.0) {
         if (a < 0.0) {
@@ -44,7 +58,8 @@ fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, own_diffusion: f32
     }
     var is_hit = b <= 0.0 || a < 0.0;
     if (!is_hit) {
-        let probability = hit_probability(event.radius, a, b, diffusion);
+        let radius = select(event.radius, FLAT, params.axes.z == FROZEN);
+        let probability = hit_probability(radius, a, b, diffusion);
         is_hit = probability > 0.0
             && open_unit(philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key).x) < probability;
     }

@@ -7,9 +7,9 @@ const VELOCITY_OF_UNBOUND: u32 = 2u;
 fn drawn_velocity(speed: f32, thermal_speed: f32, id: u32, draw: u32) -> vec3<f32> {
     let words = philox(vec4(id, draw, control.step, PURPOSE_VELOCITY), params.key);
     if (speed > 0.0) {
-        return speed * direction(words.x, words.y);
+        return speed * direction_within(direction(words.x, words.y));
     }
-    return thermal_speed * normals(words);
+    return thermal_speed * flattened(normals(words));
 }
 
 // Returns the velocity after a change of species; swimmers keep their direction.

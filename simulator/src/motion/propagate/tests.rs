@@ -1,0 +1,76 @@
+use super::*;
+use crate::model::particles::Particle;
+use crate::model::{Decay, Species};
+use crate::random::gaussian::normals;
+
+fn species(diffusion: f64) -> Species {
+    Species { name: "A".into(), diffusion, mass: 1.0, drift: [1.0, 0.0, 0.0], ..Species::default() }
+}
+
+fn cloud(n: u32) -> Particles {
+    let mut particles = Particles::default();
+    (0..n).for_each(|id| particles.push(Particle { id: id * 7 + 3, ..Particle::default() }, false));
+    particles
+}
+
+#[test]
+fn a_move_depends_on_the_id_and_not_on_the_place() {
+    let model = Model { time_step: 0.1, species: vec![species(2.0)], ..Model::default() };
+    let motion = Propagator::new(&model);
+    let mut all = cloud(10_001);
+    let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
+    let mut shuffled = all.permuted(&order);
+    for step in 0..3 {
+        assert!(motion.advance(&mut all, None, None, (Key::new(1), step)).unwrap().is_empty());
+        motion.advance(&mut shuffled, None, None, (Key::new(1), step)).unwrap();
+    }
+    assert_eq!(all.permuted(&order), shuffled);
+    let [x, ..] = normals(Key::new(1).draw(all.id[5], 0, 2, Purpose::Move));
+    let mut two = cloud(10_001);
+    (0..2).for_each(|step| drop(motion.advance(&mut two, None, None, (Key::new(1), step)).unwrap()));
+    let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
+    assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
+}
+
+#[test]
+fn walls_turn_velocities_round() {
+    let boundary = Boundary {
+        axes: [
+            crate::Axis::Reflecting { low: -1.0, high: 1.0 },
+            crate::Axis::Periodic { low: -1.0, high: 1.0 },
+            crate::Axis::Open,
+        ],
+        vessel: None,
+    };
+    let species = vec![Species { thermal_speed: 1.0, drift: [0.0; 3], ..species(0.0) }];
+    let model = Model { time_step: 1.0, species, boundary, ..Model::default() };
+    let mut particles = Particles::default();
+    for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
+        particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
+    }
+    Propagator::new(&model).advance(&mut particles, None, None, (Key::new(1), 0)).unwrap();
+    assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
+    assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
+    assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
+    assert_eq!(particles.velocity[2], particles.velocity[1]);
+}
+
+#[test]
+fn decays_share_their_probability() {
+    let decay = |rate, product| Decay { products: [product, None], rate, ..Decay::default() };
+    let model = Model {
+        time_step: 0.5,
+        species: vec![species(0.0), species(0.0)],
+        decays: vec![decay(1.0, None), decay(3.0, Some(1))],
+        ..Model::default()
+    };
+    let n = 100_000;
+    let events = Propagator::new(&model).advance(&mut cloud(n), None, None, (Key::new(9), 4)).unwrap();
+    for (which, share) in [(0, 0.25), (1, 0.75)] {
+        let p = (1.0 - (-2.0_f64).exp()) * share;
+        let count =
+            events.iter().filter(|e| matches!(e, Event::Decayed { decay, .. } if *decay == which)).count();
+        let error = (count as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
+        assert!(error.abs() < 4.0, "{which}: {count}, {error} standard errors");
+    }
+}

@@ -1,0 +1,34 @@
+//! Normal numbers of the motion of particles, a block at a time, which the compiler vectorizes.
+
+use crate::random::gaussian::normals;
+use crate::random::philox::{Key, Purpose};
+
+/// Particles in a block.
+pub(crate) const BLOCK: usize = 64;
+
+/// Writes the normal numbers of the motion of up to [`BLOCK`] particles in a step, by axis.
+pub(crate) fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    let mut block = [0; BLOCK];
+    block[..ids.len()].copy_from_slice(ids);
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { draw_avx2(key, &block, step, random) };
+    }
+    draw_block(key, &block, step, random);
+}
+
+/// The operations of [`draw_block`] in wider vectors. None is fused, so the results are equal.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn draw_avx2(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    draw_block(key, ids, step, random);
+}
+
+#[inline(always)]
+fn draw_block(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    let [a, b, c] = random;
+    for k in 0..BLOCK {
+        [a[k], b[k], c[k]] = normals(key.draw(ids[k], 0, step, Purpose::Move));
+    }
+}
