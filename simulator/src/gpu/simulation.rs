@@ -3,9 +3,8 @@
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
 use super::detectors::Detectors;
-use super::device::{filled, read, refused, with_error_scope};
-use super::dispatches::{Groups, RunBuffers, Stage, StepDispatches};
-use super::kernel as k;
+use super::device::{read, refused, with_error_scope};
+use super::dispatches::{RunBuffers, StepDispatches};
 use super::layout::{ControlHeader, ReceiverCellsHeader};
 use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
 use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
@@ -23,8 +22,9 @@ use crate::{Error, State, Totals};
 mod events;
 mod overflow;
 mod receivers;
+mod releases;
+mod tallies;
 mod transfer;
-use transfer::{columns, velocities};
 
 /// A run on a GPU.
 ///
@@ -248,19 +248,6 @@ impl GpuSimulation {
         if self.steps.sizes.near > 0 { most.min(MAX_STEPS_WITH_COLLISIONS) } else { most }
     }
 
-    fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
-        let mut next_id = self.next_id;
-        let mut bursts = Vec::new();
-        for step in self.step + 1..=self.step + steps {
-            let released = self.model.release(&self.decays, self.key, step, next_id)?;
-            if released.next_id > next_id {
-                next_id = released.next_id;
-                bursts.push(Burst { step, released });
-            }
-        }
-        Ok(bursts)
-    }
-
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<ControlHeader, Error> {
         self.prepare_receivers(steps)?;
         // A halted step does not consume them; its repetition does.
@@ -321,25 +308,6 @@ impl GpuSimulation {
         Ok(())
     }
 
-    fn append(&mut self, particles: &Particles) -> Result<Stage, Error> {
-        let (mut spheres, tags) = columns(particles);
-        let count = spheres.len() as u32;
-        if self.model.has_velocity() {
-            spheres.extend(velocities(particles));
-        }
-        let burst = filled(&self.buffers.own, "burst", &[count, 0, 0, 0])?;
-        let spheres = filled(&self.buffers.own, "burst_spheres", &spheres)?;
-        let tags = filled(&self.buffers.own, "burst_tags", &tags)?;
-        let (steps, control) = (&self.steps, self.buffers.buffer("control").clone());
-        self.buffers.stage(&k::BURST_APPEND, Groups::Items(count), |name| match name {
-            "burst" => burst.clone(),
-            "burst_spheres" => spheres.clone(),
-            "burst_tags" => tags.clone(),
-            "control" => control.clone(),
-            other => steps.buffer(other).clone(),
-        })
-    }
-
     fn readback(
         &mut self,
         mut encoder: wgpu::CommandEncoder,
@@ -390,43 +358,5 @@ impl GpuSimulation {
             queue.write_buffer(control, (head_bytes + 4 * tallies) as u64, bytemuck::cast_slice(&zeros));
         })?;
         Ok(head)
-    }
-
-    fn add_tallies(&mut self, counts: &[u32]) {
-        let Self { model, tallies, totals, .. } = self;
-        let count = |at: usize| u64::from(counts[at]);
-        // A species may appear and disappear between readbacks; only the final count is never negative.
-        let present = &mut totals.present;
-        let mut turn = |from: Option<u32>, to: Option<u32>, count: u64| {
-            if let Some(from) = from {
-                present[from as usize] = present[from as usize].wrapping_sub(count);
-            }
-            if let Some(to) = to {
-                present[to as usize] = present[to as usize].wrapping_add(count);
-            }
-        };
-        for (k, decay) in model.decays.iter().enumerate() {
-            let count = count(tallies.decay(k));
-            totals.decayed[k] += count;
-            turn(Some(decay.reactant), decay.products[0], count);
-            turn(None, decay.products[1], count);
-        }
-        for (k, reaction) in model.reactions.iter().enumerate() {
-            let count = count(tallies.reaction(k));
-            totals.reacted[k] += count;
-            for (from, to) in reaction.reactants.into_iter().zip(reaction.products) {
-                turn(Some(from), to, count);
-            }
-        }
-        for receiver in 0..tallies.receivers {
-            let holds = matches!(model.receivers[receiver].kind, ReceiverKind::Receptors(_));
-            for species in 0..tallies.species {
-                let word = counts[tallies.arrival(receiver, species)];
-                let count = if holds { i64::from(word as i32) as u64 } else { word.into() };
-                let arrived = &mut totals.arrived[receiver][species];
-                *arrived = arrived.wrapping_add(count);
-                turn(Some(species as u32), None, count);
-            }
-        }
     }
 }

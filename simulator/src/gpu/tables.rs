@@ -227,7 +227,7 @@ impl Tables {
             event_rows,
             occupancy_rows: occupancy_rows(model, &tallies),
             receptors: receptors(model),
-            reflects: model.receivers.iter().any(|receiver| receiver.kind.reflects()),
+            reflects: model.receivers.iter().any(Receiver::reflects_some),
             receiver_rows: max_rows(model),
             reaction_rows: reaction_rows(model),
             dissociation_rows: dissociation_rows(model, &tallies),

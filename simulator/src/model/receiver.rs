@@ -103,6 +103,11 @@ impl Receiver {
         matches!(self.kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
     }
 
+    /// Returns `true` if it reflects particles of some species.
+    pub(crate) fn reflects_some(&self) -> bool {
+        self.kind.reflects() && self.sees.contains(&true)
+    }
+
     /// Returns `true` if the receiver moves.
     pub fn moves(&self) -> bool {
         self.velocity != [0.0; 3] || self.diffusion > 0.0

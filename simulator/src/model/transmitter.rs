@@ -13,6 +13,8 @@ pub struct Transmitter {
     pub name: String,
     /// Center, in µm.
     pub center: [f32; 3],
+    /// The index of the receiver with which it moves, at whose center it is.
+    pub carrier: Option<u32>,
     /// Distribution around the center.
     pub shape: Shape,
     /// Release times.
@@ -88,6 +90,11 @@ impl Transmitter {
             }
             Schedule::Steady { .. } => Vec::new(),
         }
+    }
+
+    /// Returns its center, given those of all receivers.
+    pub(crate) fn center_among(&self, centers: &[[f32; 3]]) -> [f32; 3] {
+        self.carrier.and_then(|carrier| centers.get(carrier as usize)).copied().unwrap_or(self.center)
     }
 
     pub(crate) fn species(&self) -> impl Iterator<Item = u32> {

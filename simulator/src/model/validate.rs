@@ -151,7 +151,7 @@ impl Model {
             }
             _ => {}
         }
-        if receiver.kind.reflects() {
+        if receiver.reflects_some() {
             positive(&of("the radius"), receiver.radius.into())?;
         }
         self.resting_before(receiver).map_or(Ok(()), |message| Err(Error::Model(message)))
@@ -206,6 +206,11 @@ impl Model {
         let name = &transmitter.name;
         let refused = |message: String| Err(Error::Model(message));
         self.check_species(name, transmitter.release.iter().map(|&(species, _)| species))?;
+        if let Some(carrier) = transmitter.carrier.filter(|&carrier| carrier as usize >= self.receivers.len())
+        {
+            let count = self.receivers.len();
+            return refused(format!("{name} moves with receiver {carrier} but there are {count}"));
+        }
         if matches!(transmitter.shape, Shape::Lattice(_, places) if places.contains(&0)) {
             return refused(format!("the lattice of {name} has no places along an axis"));
         }

@@ -98,7 +98,8 @@ pub(crate) struct ActiveReceivers {
 
 impl ActiveReceivers {
     pub(crate) fn new(model: &Model) -> Self {
-        let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind.is_active_sphere());
+        let sees = |r: &Receiver| r.sees.contains(&true);
+        let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind.is_active_sphere() && sees(r));
         let all: Vec<ReceiverState> = acts
             .map(|(at, receiver)| ReceiverState {
                 dimensions: model.boundary.dimensions(),

@@ -35,6 +35,7 @@ pub struct Released {
 
 struct Batch<'a> {
     from: &'a Transmitter,
+    center: [f32; 3],
     species: u32,
     count: u32,
     ages: Ages,
@@ -49,12 +50,20 @@ enum Ages {
 }
 
 impl Model {
-    /// Returns the releases at the beginning of a step, with ids from `next_id`.
+    /// Returns the releases at the beginning of a step, with ids from `next_id`. `centers` are those of receivers at that
+    /// time.
     ///
     /// # Errors
     /// [`Error::OutOfIds`].
-    pub fn release(&self, decays: &Decays, key: Key, step: u32, next_id: u32) -> Result<Released, Error> {
-        self.release_slice((decays, key), step, next_id, RankSlice::WHOLE)
+    pub fn release(
+        &self,
+        decays: &Decays,
+        key: Key,
+        step: u32,
+        next_id: u32,
+        centers: &[[f32; 3]],
+    ) -> Result<Released, Error> {
+        self.release_slice((decays, key), step, next_id, centers, RankSlice::WHOLE)
     }
 
     /// Returns one rank's share of a [release](Self::release). `next_id` is that of all ranks.
@@ -63,9 +72,11 @@ impl Model {
         (decays, key): (&Decays, Key),
         step: u32,
         next_id: u32,
+        centers: &[[f32; 3]],
         slice: RankSlice,
     ) -> Result<Released, Error> {
-        let batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
+        let mut batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
+        batches.iter_mut().for_each(|batch| batch.center = batch.from.center_among(centers));
         let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
         if released > lazygrid::MAX_SPHERES {
             return Err(Error::OutOfIds { released });
@@ -93,14 +104,21 @@ impl Model {
         Ok(out)
     }
 
-    pub(crate) fn burst(&self, from: &Transmitter, species: u32, ids: Range<u32>, key: Key) -> Released {
+    pub(crate) fn burst(
+        &self,
+        from: &Transmitter,
+        center: [f32; 3],
+        species: u32,
+        ids: Range<u32>,
+        key: Key,
+    ) -> Released {
         let mut out = Released {
             particles: Particles::default(),
             next_id: ids.end,
             released: vec![0; self.species.len()],
             decayed: vec![0; self.decays.len()],
         };
-        let batch = Batch { from, species, count: ids.end - ids.start, ages: Ages::None };
+        let batch = Batch { from, center, species, count: ids.end - ids.start, ages: Ages::None };
         let decays = Decays::new(self);
         for (nth, id) in (0..).zip(ids) {
             self.add(&batch, (id, nth, nth), (&decays, key), &mut out);
@@ -135,7 +153,7 @@ impl Model {
                 } else {
                     count
                 };
-                Batch { from, species, count, ages: Ages::None }
+                Batch { from, center: from.center, species, count, ages: Ages::None }
             };
             return counts.map(batch).collect();
         };
@@ -147,13 +165,14 @@ impl Model {
         let batch = |&(species, rate): &(u32, f64)| match from.numbers {
             CountDistribution::Poisson => {
                 let count = poisson(rate * (last - first));
-                Batch { from, species, count, ages: Ages::Between(now - last, now - first) }
+                let ages = Ages::Between(now - last, now - first);
+                Batch { from, center: from.center, species, count, ages }
             }
             CountDistribution::Fixed => {
                 let [before, after] = [first, last].map(|time| (rate * (time - begin) + 1e-9).floor());
                 let oldest = now - begin - (before + 1.0) / rate;
                 let ages = Ages::Spaced(oldest, 1.0 / rate);
-                Batch { from, species, count: (after - before) as u32, ages }
+                Batch { from, center: from.center, species, count: (after - before) as u32, ages }
             }
         };
         rates.iter().map(batch).collect()
@@ -170,7 +189,7 @@ impl Model {
         let kind = &self.species[batch.species as usize];
         let velocity = self.own_velocity(batch.species, key.draw(id, 0, 0, Purpose::Velocity));
         let offset = batch.from.shape.offset(key.draw(id, 0, 0, Purpose::Release), place, &self.boundary);
-        let from: [f32; 3] = std::array::from_fn(|k| batch.from.center[k] + offset[k]);
+        let mut from: [f32; 3] = std::array::from_fn(|k| batch.center[k] + offset[k]);
         let [word, ..] = key.draw(id, 0, 0, Purpose::PartialStep);
         let age = match batch.ages {
             Ages::None => 0.0,
@@ -180,6 +199,11 @@ impl Model {
         let mut species = Some(batch.species);
         let mut position = from;
         if age > 0.0 {
+            if let Some(carrier) = batch.from.carrier {
+                // It was elsewhere at the time of release.
+                let velocity = self.receivers[carrier as usize].velocity;
+                from = std::array::from_fn(|k| from[k] - (velocity[k] * age) as f32);
+            }
             let z = gaussian::normals(key.draw(id, 1, 0, Purpose::PartialStep));
             let length = (2.0 * kind.diffusion * age).sqrt() as f32;
             let flow = self.flow_at(from);

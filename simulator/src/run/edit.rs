@@ -78,7 +78,7 @@ impl State {
         known(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
-        let released = model.burst(from, species, ids.clone(), key);
+        let released = model.burst(from, from.center_among(&self.centers), species, ids.clone(), key);
         self.next_id = ids.end;
         self.totals.enter(&released);
         self.particles.append(released.particles);

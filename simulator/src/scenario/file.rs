@@ -144,6 +144,10 @@ pub(super) struct Transmitter {
     pub(super) name: Spanned<Name>,
     pub(super) center: Option<Spanned<[Finite; 3]>>,
     pub(super) body_radius: Option<Positive>,
+    #[serde(default)]
+    pub(super) velocity: [Finite; 3],
+    #[serde(default)]
+    pub(super) diffusion: NotNegative,
     pub(super) times: Option<Spanned<Vec<NotNegative>>>,
     #[serde(default)]
     pub(super) shape: Shape,

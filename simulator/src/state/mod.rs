@@ -115,7 +115,7 @@ impl State {
         key: Key,
         slice: RankSlice,
     ) -> Result<(), Error> {
-        let released = model.release_slice((decays, key), self.step, self.next_id, slice)?;
+        let released = model.release_slice((decays, key), self.step, self.next_id, &self.centers, slice)?;
         if model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in model.releases(self.step, key) {

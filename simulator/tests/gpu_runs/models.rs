@@ -33,8 +33,8 @@ pub(crate) fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32
         center,
         shape: Shape::Lattice([8.0; 3], [places; 3]),
         schedule: Schedule::Times(times.to_vec()),
-        numbers: Default::default(),
         release: vec![(species, places.pow(3))],
+        ..Transmitter::default()
     }
 }
 

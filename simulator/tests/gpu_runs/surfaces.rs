@@ -3,8 +3,8 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Adsorption, Axis, Boundary, Error, Model, Receiver, ReceiverKind, Receptors, Shape, Simulation, State,
-    Transmitter,
+    Adsorption, Axis, Boundary, Error, Model, Receiver, ReceiverKind, Receptors, Schedule, Shape, Simulation,
+    State, Transmitter,
 };
 
 use super::device;
@@ -95,6 +95,28 @@ fn surfaces_act_as_on_the_cpu() {
             assert!((2..=4).contains(&state.totals.arrived[3].iter().sum::<u64>()));
         }
     }
+}
+
+/// Bursts and steady release, in a batch of steps, of transmitters that go with receivers.
+#[test]
+fn transmitters_go_where_they_go_on_the_cpu() {
+    let Some(own) = device() else { return };
+    let mut model = bodies();
+    model.transmitters[0].schedule = Schedule::Times((0..8).map(|k| 0.005 * f64::from(k)).collect());
+    model.transmitters[0].release[0].1 = 100;
+    model.transmitters[0].carrier = Some(7);
+    let steady = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(1, 20_000.0)] };
+    model.transmitters.push(Transmitter {
+        name: "steady".into(),
+        schedule: steady,
+        carrier: Some(6),
+        ..Transmitter::default()
+    });
+    let (mut there, mut here) = (gpu(&own, &model, 14, GpuOptions::default()), cpu(&model, 14));
+    there.run(8).expect("steps");
+    (0..8).for_each(|_| here.step().expect("a step"));
+    assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+    assert!(here.state().totals.released[1] > 1500);
 }
 
 #[test]

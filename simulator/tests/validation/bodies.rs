@@ -1,3 +1,6 @@
+use std::path::Path;
+
+use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{
     Adsorption, Boundary, Flow, Model, Particle, Particles, Receiver, ReceiverKind, Receptors, Shape,
     Simulation, Transmitter,
@@ -233,4 +236,41 @@ fn diffusing() -> Row {
     let (measured, error) = mean(&shares);
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * (D + OWN) * time).sqrt());
     Row::new("by many that diffuse", expected, measured, 4.0 * error)
+}
+
+/// Particles at rest stay where a moving transmitter released them: on its line, and at the distances that it diffused.
+pub(crate) fn transmitters() -> Vec<Row> {
+    let model = |motion: &str, release: &str| {
+        let text = format!(
+            "time-step = 0.25\nsteps = 1\n[[species]]\nname = \"A\"\n[[transmitter]]\nname = \"tx\"\ncenter = [1, 2, 3]\n\
+             {motion}\n{release}\n"
+        );
+        Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+    };
+    let places = |model: &Model, seed: u64, count: u32| {
+        let mut simulation = begin(model, seed);
+        steps(&mut simulation, count);
+        let particles = &simulation.state().particles;
+        (0..particles.len()).map(|at| particles.position_of(at).map(f64::from)).collect::<Vec<_>>()
+    };
+    // Evenly spaced in time, hence uniform from 0 to 8 µm along the way, in steps of 1 µm.
+    let steady = "release = [{ species = \"A\", rate = 1000 }]";
+    let line: Vec<f64> =
+        places(&model("velocity = [0, 4, 0]", steady), 1, 8).iter().map(|place| place[1] - 2.0).collect();
+    let n = line.len() as f64;
+    let moment = |power: i32| line.iter().map(|y| y.powi(power)).sum::<f64>() / n;
+    let mut rows = vec![
+        Row::new("steady release on a way, mean", 4.0, moment(1), 0.01),
+        Row::new("steady release on a way, mean square", 64.0 / 3.0, moment(2), 0.1),
+    ];
+    // One particle after 4 s of diffusion with D = 2: 6Dt.
+    let late = "times = [4]\nrelease = [{ species = \"A\", count = 1 }]";
+    let wandering = model("diffusion = 2", late);
+    let square = |seed| {
+        let [x, y, z] = places(&wandering, seed, 20)[0];
+        (x - 1.0).powi(2) + (y - 2.0).powi(2) + (z - 3.0).powi(2)
+    };
+    let (found, error) = mean(&(0..2000).map(square).collect::<Vec<_>>());
+    rows.push(Row::new("square distance of a diffusing transmitter", 48.0, found, 4.0 * error));
+    rows
 }

@@ -49,7 +49,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 35] = [
+const ITEMS: [Item; 36] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -85,6 +85,7 @@ const ITEMS: [Item; 35] = [
     ("33-absorbing-walls", walls::absorbing_walls),
     ("34-sphere", walls::inside_a_sphere),
     ("35-dimensions", dimensions::fewer_dimensions),
+    ("36-moving-transmitters", bodies::transmitters),
 ];
 
 fn main() -> ExitCode {

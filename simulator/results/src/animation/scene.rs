@@ -99,10 +99,14 @@ impl Scene {
             Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
         });
         let vessel = model.boundary.vessel;
-        let sources = model.transmitters.iter().map(transmitter);
         let mut receivers: Vec<_> = model.receivers.iter().map(receiver).collect();
         moving_receivers(model).enumerate().for_each(|(nth, k)| receivers[k].moves = Some(nth));
-        let transceivers: Vec<_> = sources.chain(receivers).collect();
+        let moves = |from: &Transmitter| receivers[from.carrier? as usize].moves;
+        let sources =
+            model.transmitters.iter().map(|from| Transceiver { moves: moves(from), ..transmitter(from) });
+        let mut transceivers: Vec<_> = sources.collect();
+        // Neither walls nor the points at which transmitters move are spheres.
+        transceivers.extend(receivers.into_iter().filter(|receiver| receiver.shape.size[0] > 0.0));
         let step = series.steps.len().div_ceil(ROWS).max(1);
         let kind = |species: &Species| SpeciesStyle { name: species.name.clone(), radius: species.radius };
         let mut scene = Self {

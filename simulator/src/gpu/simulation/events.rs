@@ -71,7 +71,8 @@ impl GpuSimulation {
         let Some(burst) = burst else { return Ok(()) };
         let mut released = burst.released.clone();
         if self.dissociates {
-            released = self.model.release(&self.decays, self.key, step, self.next_id)?;
+            let centers = self.trajectory.centers_at(step);
+            released = self.model.release(&self.decays, self.key, step, self.next_id, centers)?;
         }
         self.next_id = released.next_id;
         self.totals.enter(&released);

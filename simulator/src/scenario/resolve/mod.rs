@@ -57,10 +57,17 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
     let (reactions, decays) =
         reactions::resolve(&file.reactions, &file.decays, &names, &model, &mut warnings)?;
     let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
-    receivers.extend(receivers::bodies(&file.transmitters, names.0.len()));
+    let mut carriers = Vec::new();
+    for transmitter in &file.transmitters {
+        let body = receivers::body(transmitter, names.0.len());
+        let moves = body.as_ref().is_some_and(crate::Receiver::moves);
+        carriers.push(moves.then_some(receivers.len() as u32));
+        receivers.extend(body);
+    }
     let spans: Vec<_> = file.transmitters.iter().map(|one| one.name.span()).collect();
     let mut transmitters =
         transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut warnings)?;
+    transmitters.iter_mut().zip(carriers).for_each(|(transmitter, carrier)| transmitter.carrier = carrier);
     transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut warnings)?);
     model = Model { reactions, decays, transmitters, receivers, ..model };
     if let (Some(dimensions), Some(message)) = (&file.dimensions, model.beyond_dimensions()) {

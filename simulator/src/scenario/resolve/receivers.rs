@@ -45,18 +45,18 @@ pub(super) fn receivers(
     Ok(all)
 }
 
-pub(super) fn bodies(many: &[file::Transmitter], species: usize) -> Vec<Receiver> {
-    let body = |transmitter: &file::Transmitter| {
-        Some(Receiver {
-            name: transmitter.name.get_ref().0.clone(),
-            center: transmitter.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref())),
-            radius: transmitter.body_radius?.0 as f32,
-            kind: ReceiverKind::Reflecting,
-            sees: vec![true; species],
-            ..Receiver::default()
-        })
+/// Returns the body of a transmitter that reflects or moves. One that only moves is a point that particles pass.
+pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Receiver> {
+    let body = Receiver {
+        name: transmitter.name.get_ref().0.clone(),
+        center: transmitter.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref())),
+        radius: transmitter.body_radius.map_or(0.0, |radius| radius.0 as f32),
+        kind: ReceiverKind::Reflecting,
+        sees: vec![transmitter.body_radius.is_some(); species],
+        velocity: transmitter.velocity.map(|Finite(v)| v),
+        diffusion: transmitter.diffusion.0,
     };
-    many.iter().filter_map(body).collect()
+    (body.radius > 0.0 || body.moves()).then_some(body)
 }
 
 fn receiver(

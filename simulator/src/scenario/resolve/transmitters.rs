@@ -30,6 +30,7 @@ fn transmitter(
     Ok(Transmitter {
         name: transmitter.name.into_inner().0,
         center,
+        carrier: None,
         shape: shape(transmitter.shape),
         schedule,
         release,
@@ -113,6 +114,7 @@ fn source(
     Ok(Transmitter {
         name: text.trim().to_owned(),
         center,
+        carrier: None,
         shape,
         schedule: Schedule::Steady { from: 0.0, until: f64::INFINITY, rates },
         release: Vec::new(),

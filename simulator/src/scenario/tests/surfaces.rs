@@ -40,6 +40,11 @@ fn a_lattice_makes_many_and_a_transmitter_is_a_body() {
     let body = &receivers[8];
     assert_eq!((body.name.as_str(), body.kind, body.radius), ("tx", ReceiverKind::Reflecting, 0.25));
     assert_eq!((body.center, &body.sees), ([0.0, 0.5, 0.0], &vec![true; 2]));
+    let moving = text.replace("body-radius = 0.25", "velocity = [1, 0, 0]\ndiffusion = 2");
+    let model = parse(&moving).unwrap().model;
+    let body = &model.receivers[8];
+    assert_eq!((model.transmitters[0].carrier, body.radius, &body.sees), (Some(8), 0.0, &vec![false; 2]));
+    assert_eq!((body.velocity, body.diffusion), ([1.0, 0.0, 0.0], 2.0));
     let outside =
         text.replace("\"periodic\"", "\"reflecting\"").replace("size = [1, 1, 2]", "size = [1, 1, 9]");
     let error = parse(&outside).expect_err("a place outside").to_string();

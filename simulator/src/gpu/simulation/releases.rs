@@ -1,0 +1,50 @@
+//! Releases of the next steps, which the host computes and uploads.
+
+use super::transfer::{columns, velocities};
+use super::{Burst, GpuSimulation};
+use crate::Error;
+use crate::gpu::device::filled;
+use crate::gpu::dispatches::{Groups, Stage};
+use crate::gpu::kernel as k;
+use crate::model::particles::Particles;
+use crate::motion::receiver_state::move_receivers;
+
+impl GpuSimulation {
+    pub(super) fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
+        let mut next_id = self.next_id;
+        let mut bursts = Vec::new();
+        let carries = self.model.transmitters.iter().any(|transmitter| transmitter.carrier.is_some());
+        let mut centers = self.centers.clone();
+        for step in self.step + 1..=self.step + steps {
+            if carries {
+                let places = move_receivers(&self.model, &centers, self.key, step - 1);
+                centers = places.iter().map(|place| place.center).collect();
+            }
+            let released = self.model.release(&self.decays, self.key, step, next_id, &centers)?;
+            if released.next_id > next_id {
+                next_id = released.next_id;
+                bursts.push(Burst { step, released });
+            }
+        }
+        Ok(bursts)
+    }
+
+    pub(super) fn append(&mut self, particles: &Particles) -> Result<Stage, Error> {
+        let (mut spheres, tags) = columns(particles);
+        let count = spheres.len() as u32;
+        if self.model.has_velocity() {
+            spheres.extend(velocities(particles));
+        }
+        let burst = filled(&self.buffers.own, "burst", &[count, 0, 0, 0])?;
+        let spheres = filled(&self.buffers.own, "burst_spheres", &spheres)?;
+        let tags = filled(&self.buffers.own, "burst_tags", &tags)?;
+        let (steps, control) = (&self.steps, self.buffers.buffer("control").clone());
+        self.buffers.stage(&k::BURST_APPEND, Groups::Items(count), |name| match name {
+            "burst" => burst.clone(),
+            "burst_spheres" => spheres.clone(),
+            "burst_tags" => tags.clone(),
+            "control" => control.clone(),
+            other => steps.buffer(other).clone(),
+        })
+    }
+}
