@@ -93,6 +93,9 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     {
         return rejected(format!("the absorbing wall {}", wall.name));
     }
+    if model.flow_pulse.is_some() {
+        return rejected("a flow that begins or ends during the run".to_owned());
+    }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
     let carriers: Vec<Carried> =

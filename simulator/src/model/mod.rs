@@ -36,6 +36,8 @@ pub struct Model {
     pub boundary: Boundary,
     /// Flow that carries all particles.
     pub flow: Option<Flow>,
+    /// Begin and end of the flow, in s; `None` is always.
+    pub flow_pulse: Option<[f64; 2]>,
     /// Treatment of overlapping particles that do not react.
     pub contact: Contact,
     /// Records each arrival, with the transmitter that released the particle, if `true`.
@@ -183,6 +185,12 @@ impl Model {
     /// Returns √(2DΔt), the standard deviation of a step along each axis, in µm.
     pub fn step_length(&self, species: u32) -> f64 {
         (2.0 * self.species[species as usize].diffusion * self.time_step).sqrt()
+    }
+
+    /// Returns the fraction of an interval, in s, during which the flow is on.
+    pub(crate) fn flow_part(&self, [begin, end]: [f64; 2]) -> f64 {
+        let Some([from, until]) = self.flow_pulse else { return 1.0 };
+        ((end.min(until) - begin.max(from)) / (end - begin)).clamp(0.0, 1.0)
     }
 
     /// Returns the flow velocity at a point, in µm/s.

@@ -77,6 +77,11 @@ impl Model {
         if let Some(message) = self.beyond_dimensions() {
             return Err(Error::Model(message));
         }
+        if let Some([from, until]) = self.flow_pulse.filter(|[from, until]| !(*from >= 0.0 && from < until)) {
+            return Err(Error::Model(format!(
+                "the flow is on from {from} s until {until} s; make the end the later one"
+            )));
+        }
         self.check_vessel()?;
         self.reactions.iter().try_for_each(|reaction| self.check_reaction(reaction))?;
         self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::particles::Particles;
-use crate::model::{Flow, Model};
+use crate::model::{Flow, Model, Species};
 use crate::motion::collisions::Flight;
 use crate::motion::path_hit::{BEND, DrawContext, Path};
 use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
@@ -62,18 +62,15 @@ impl Propagator {
     /// Creates the constants of a checked model.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
-        let plug = match model.flow {
-            Some(Flow::Plug(velocity)) => velocity,
-            _ => [0.0; 3],
-        };
+        let plug = plug(model);
         let bodies = ActiveReceivers::new(model);
         let walls = AbsorbingWall::all(model);
-        let step = |(index, species): (usize, &crate::model::Species)| SpeciesStep {
+        let step = |(index, species): (usize, &Species)| SpeciesStep {
             bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             lengths: model.boundary.flattened([(2.0 * species.diffusion * time_step).sqrt() as f32; 3]),
             diffusion: (species.diffusion * time_step) as f32,
-            drift: std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32),
+            drift: drift(species, plug, time_step),
             tumbles: probability_threshold(-libm::expm1(-species.tumble_rate * time_step))
                 .filter(|_| species.speed > 0.0)
                 .map(|up_to| (up_to, species.speed as f32)),
@@ -98,6 +95,21 @@ impl Propagator {
             bodies,
             walls,
             decays: Decays::new(model),
+        }
+    }
+
+    /// Sets the flow of a step, if it is a pulse.
+    pub(crate) fn set_flow(&mut self, model: &Model, step: u32) {
+        if model.flow_pulse.is_none() {
+            return;
+        }
+        let part = model.flow_part([0.0, 1.0].map(|later| (f64::from(step) + later) * model.time_step));
+        let plug = plug(model).map(|v| part * v);
+        for (step, species) in self.steps.iter_mut().zip(&model.species) {
+            step.drift = drift(species, plug, model.time_step);
+        }
+        if let Some(stream) = &mut self.stream {
+            stream.set(model, part);
         }
     }
 
@@ -364,6 +376,18 @@ impl Propagator {
         }
         (Path { before, end, after: domain.confine(end), drift, diffusion }, free_end)
     }
+}
+
+fn plug(model: &Model) -> [f64; 3] {
+    match model.flow {
+        Some(Flow::Plug(velocity)) => velocity,
+        _ => [0.0; 3],
+    }
+}
+
+/// Returns the displacement of a species by drift and flow in a step, in µm.
+fn drift(species: &Species, plug: [f64; 3], time_step: f64) -> [f32; 3] {
+    std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32)
 }
 
 fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), words: [u32; 4], domain: &Boundary) {

@@ -17,11 +17,18 @@ pub(crate) struct AdvectedPath {
 
 impl FlowStep {
     pub(crate) fn new(model: &Model) -> Option<Self> {
+        let mut step = Self { vessel: model.boundary.vessel?, fastest: 0.0 };
+        step.set(model, 1.0);
+        Some(step)
+    }
+
+    /// Sets the fraction of the step during which the flow is on.
+    pub(crate) fn set(&mut self, model: &Model, part: f64) {
         let mean = match model.flow {
             Some(Flow::Poiseuille { mean }) => mean,
             _ => 0.0,
         };
-        Some(Self { vessel: model.boundary.vessel?, fastest: 2.0 * mean * model.time_step })
+        self.fastest = 2.0 * (part * mean) * model.time_step;
     }
 
     /// Returns a step between `ends`, the second without wall and flow. Walls reverse the velocity.

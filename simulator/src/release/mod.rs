@@ -36,6 +36,8 @@ pub struct Released {
 struct Batch<'a> {
     from: &'a Transmitter,
     center: [f32; 3],
+    /// The time of the release or later, in s.
+    now: f64,
     species: u32,
     count: u32,
     ages: Ages,
@@ -118,7 +120,7 @@ impl Model {
             released: vec![0; self.species.len()],
             decayed: vec![0; self.decays.len()],
         };
-        let batch = Batch { from, center, species, count: ids.end - ids.start, ages: Ages::None };
+        let batch = Batch { from, center, now: 0.0, species, count: ids.end - ids.start, ages: Ages::None };
         let decays = Decays::new(self);
         for (nth, id) in (0..).zip(ids) {
             self.add(&batch, (id, nth, nth), (&decays, key), &mut out);
@@ -153,7 +155,7 @@ impl Model {
                 } else {
                     count
                 };
-                Batch { from, center: from.center, species, count, ages: Ages::None }
+                Batch { from, center: from.center, now: 0.0, species, count, ages: Ages::None }
             };
             return counts.map(batch).collect();
         };
@@ -166,13 +168,13 @@ impl Model {
             CountDistribution::Poisson => {
                 let count = poisson(rate * (last - first));
                 let ages = Ages::Between(now - last, now - first);
-                Batch { from, center: from.center, species, count, ages }
+                Batch { from, center: from.center, now, species, count, ages }
             }
             CountDistribution::Fixed => {
                 let [before, after] = [first, last].map(|time| (rate * (time - begin) + 1e-9).floor());
                 let oldest = now - begin - (before + 1.0) / rate;
                 let ages = Ages::Spaced(oldest, 1.0 / rate);
-                Batch { from, center: from.center, species, count: (after - before) as u32, ages }
+                Batch { from, center: from.center, now, species, count: (after - before) as u32, ages }
             }
         };
         rates.iter().map(batch).collect()
@@ -206,7 +208,8 @@ impl Model {
             }
             let z = gaussian::normals(key.draw(id, 1, 0, Purpose::PartialStep));
             let length = (2.0 * kind.diffusion * age).sqrt() as f32;
-            let flow = self.flow_at(from);
+            let part = self.flow_part([batch.now - age, batch.now]);
+            let flow = self.flow_at(from).map(|v| part * v);
             let drift = |k: usize| ((kind.drift[k] + flow[k] + f64::from(velocity[k])) * age) as f32;
             position = std::array::from_fn(|k| from[k] + (length * z[k] + drift(k)));
             let words = |generation| key.draw(id, 1 + generation, 0, Purpose::PartialStep);

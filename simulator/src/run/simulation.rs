@@ -167,6 +167,7 @@ impl Simulation {
         let leaving = binding::leaving(model, &state.bound, free, now);
         let places = receiver_state::move_receivers(model, &state.centers, *key, state.step);
         motion.bodies.set(&state.centers, &places, free);
+        motion.set_flow(model, state.step);
         let mut flights = None;
         if let Some(collisions) = collisions {
             let flights = flights.insert(motion.flights(&state.particles, now));

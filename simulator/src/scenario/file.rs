@@ -82,6 +82,8 @@ pub(super) struct Flow {
     pub(super) profile: Spanned<Profile>,
     pub(super) velocity: Option<Spanned<[Finite; 3]>>,
     pub(super) speed: Option<Spanned<Finite>>,
+    pub(super) from: Option<Spanned<NotNegative>>,
+    pub(super) until: Option<Spanned<NotNegative>>,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]

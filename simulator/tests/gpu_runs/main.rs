@@ -268,6 +268,8 @@ fn models_without_kernels_are_refused_by_name() {
     }
     let chain = refused(|m| m.decays = vec![decay(0, [Some(1), None]), decay(1, [None, None])]);
     assert!(chain.contains("32.0 expected decays per step; set time-step to 5.00e-4 or less"), "{chain}");
+    let pulse = refused(|m| m.flow_pulse = Some([0.0, 1.0]));
+    assert!(pulse.contains("a flow that begins or ends"), "{pulse}");
     fn receiver(kind: ReceiverKind) -> Receiver {
         Receiver { name: "rx".into(), radius: 0.25, kind, sees: vec![true; 2], ..Receiver::default() }
     }

@@ -36,6 +36,16 @@ fn taylor(time: f64) -> f64 {
     2.0 * D * time + 2.0 * SPEED * SPEED * ZEROS.into_iter().map(term).sum::<f64>()
 }
 
+/// The mean displacement by a flow that is on for 0.123 s, between the ends of steps.
+fn pulse(profile: &str) -> Row {
+    let mut model = model(profile);
+    model.flow_pulse = Some([0.0642, 0.1872]);
+    let mut simulation = begin(&model, 4);
+    steps(&mut simulation, 30);
+    let [[mean, error], _] = along(&simulation.state().particles);
+    Row::new(format!("{profile}, mean after a pulse"), 0.123 * SPEED, mean, 4.0 * error)
+}
+
 fn along(particles: &Particles) -> [[f64; 2]; 2] {
     let n = particles.len() as f64;
     let y = || particles.position[1].iter().map(|&y| f64::from(y));
@@ -59,6 +69,7 @@ pub(crate) fn flow_profiles() -> Vec<Row> {
             let what = format!("{profile}, variance after {time} s");
             rows.push(Row::new(what, variance(time), spread, 4.0 * of_spread));
         }
+        rows.push(pulse(profile));
         let particles = &simulation.state().particles;
         let inside = |at: &usize| {
             let [x, _, z] = particles.position_of(*at).map(f64::from);

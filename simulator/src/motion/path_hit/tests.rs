@@ -60,7 +60,6 @@ fn a_straight_path_is_followed_through_walls_and_images() {
     assert!(met(&below(1.1), [6.0, -2.0, 0.0], [-4.0, 4.2, 0.0]));
     assert!(!met(&below(1.5), [6.0, -2.0, 0.0], [-4.0, 5.0, 0.0]));
     assert!(met(&below(4.0), [4.0, 0.0, 0.0], [18.0, 0.0, 0.0]));
-    // Once round the box.
     let periodic = Boundary::periodic([-8.0; 3], [8.0; 3]);
     assert!(!met(&periodic, [4.0, 0.5, 0.0], [14.0, 0.5, 0.0]));
     assert!(met(&periodic, [4.0, 0.5, 0.0], [20.0, 0.5, 0.0]));
@@ -95,9 +94,8 @@ fn hit_probability_of_a_long_step_has_the_image_term() {
     assert_eq!(hit_probability(0.0, [1.0, 1.0], 1.0), 0.0);
 }
 
-/// Hitting times have the inverse Gaussian density of a Brownian bridge, ∝ s^(−3/2)·(1 − s)^(−1/2)·exp(…).
 #[test]
-fn hitting_times_are_those_of_a_bridge() {
+fn hitting_times_match_a_brownian_bridge() {
     for (heights, seed) in [([1.0_f64, 1.0], 1), ([0.2, 1.5], 2), ([1.5, -0.2], 3), ([0.7, 0.0], 4)] {
         let n = 20_000;
         let hit = Hit { begin: 0.0, part: 1.0, heights: heights.map(|h| h as f32) };

@@ -44,6 +44,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         ..Model::default()
     };
     model.flow = space::flow(file.flow.as_ref(), &model.boundary)?;
+    model.flow_pulse = file.flow.as_ref().map(space::flow_pulse).transpose()?.flatten();
     for one in &file.species {
         let species = species(one, &model)?;
         model.species.push(species);

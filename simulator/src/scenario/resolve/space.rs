@@ -148,3 +148,16 @@ pub(super) fn flow(flow: Option<&file::Flow>, boundary: &Boundary) -> Result<Opt
         }
     }))
 }
+
+/// Returns the begin and the end of a flow, if it has any.
+pub(super) fn flow_pulse(flow: &file::Flow) -> Result<Option<[f64; 2]>, Problem> {
+    let Some(given) = flow.until.as_ref().or(flow.from.as_ref()) else { return Ok(None) };
+    let time = |key: &Option<Spanned<file::NotNegative>>| key.as_ref().map(|time| time.get_ref().0);
+    let [from, until] = [time(&flow.from).unwrap_or(0.0), time(&flow.until).unwrap_or(f64::INFINITY)];
+    if from >= until {
+        let message =
+            format!("the flow ends at {until} s and begins at {from} s; make the end the later one");
+        return Err(Problem::at(given.span(), message));
+    }
+    Ok(Some([from, until]))
+}

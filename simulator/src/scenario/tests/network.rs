@@ -90,7 +90,9 @@ fn a_vessel_has_a_flow() {
     let Schedule::Steady { rates, .. } = &model.transmitters[0].schedule else { panic!() };
     assert!((rates[0].1 / (2.0 * 9.0 * 10.0 * std::f64::consts::PI) - 1.0).abs() < 1e-6);
     let plug = network("[flow]\nprofile = \"plug\"\nvelocity = [1, 2, 3]\n").unwrap().model;
-    assert_eq!(plug.flow, Some(crate::Flow::Plug([1.0, 2.0, 3.0])));
+    assert_eq!((plug.flow, plug.flow_pulse), (Some(crate::Flow::Plug([1.0, 2.0, 3.0])), None));
+    let pulse = network("[flow]\nprofile = \"plug\"\nvelocity = [1, 2, 3]\nfrom = 0.5\n").unwrap().model;
+    assert_eq!(pulse.flow_pulse, Some([0.5, f64::INFINITY]));
 }
 
 fn transmitter(more: &str) -> String {
@@ -206,6 +208,11 @@ fn contradictory_reactions_are_refused() {
             "0.1 between walls across the vessel",
         ),
         ("[flow]\nprofile = \"poiseuille\"\nspeed = 1\n".into(), "profile", "a speed needs a cylinder"),
+        (
+            "[flow]\nprofile = \"plug\"\nvelocity = [1, 2, 3]\nfrom = 2\nuntil = 1\n".into(),
+            "until",
+            "make the end the later one",
+        ),
         ("[flow]\nprofile = \"plug\"\n".into(), "profile", "either a velocity, or a speed"),
         (
             "[boundary]\nkind = \"cylinder\"\nradius = 1\n".to_owned()
