@@ -116,14 +116,13 @@ impl Settings {
         }
     }
 
-    /// Returns `true` if every call searches in a frame: in a triclinic space, or if a length or a distance is not an
-    /// `f32` number.
+    /// Returns `true` if every call searches in a frame: in a triclinic space, or if `f32` does not hold a length
+    /// exactly or a distance to half an ulp.
     pub fn is_framed(&self) -> bool {
         self.space.triclinic_cell().is_some() || !self.is_narrow()
     }
 
-    /// Returns `true` if all lengths and distances are `f32` numbers, so that the frame of `f32` spheres needs no
-    /// bounds.
+    /// Returns `true` if `f32` holds all lengths and distances, so that the frame of `f32` spheres needs no bounds.
     pub(crate) fn is_narrow(&self) -> bool {
         self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
     }

@@ -34,6 +34,8 @@ pub(crate) struct DensityProfile {
     log_mean: Vec<f32>,
     /// The decrease of log₂ of the mean per halving below these depths.
     slope: f32,
+    /// The searches in cells, as a fraction of those if all spheres were one group.
+    pub(crate) searches: f32,
 }
 
 impl DensityProfile {
@@ -82,7 +84,7 @@ impl DensityProfile {
             _ => 3.0,
         };
         let top = if cell_size > 0.0 { cell_size.log2() as f32 } else { f32::NEG_INFINITY };
-        Self { top, log_mean, slope: falls.clamp(0.0, 3.0) }
+        Self { top, log_mean, slope: falls.clamp(0.0, 3.0), searches: 1.0 }
     }
 
     pub(crate) fn log_extent(&self) -> f32 {
@@ -137,18 +139,19 @@ impl Sample {
     }
 
     fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
-        DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping)
+        let density = DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping);
+        DensityProfile { searches: grouping.map_or(1.0, |grouping| self.searches(grouping)), ..density }
     }
 
-    /// Returns the ratio of cell searches with separate groups to searches with merged groups.
-    fn looks(&self, grouping: &Grouping<'_>) -> f32 {
+    /// Returns the number of cell searches, as a fraction of those if all spheres were one group.
+    fn searches(&self, grouping: &Grouping<'_>) -> f32 {
         let mut members = [0.0_f32; MAX_SEPARATE];
         for (_, index) in &self.codes {
             members[grouping.of(*index as usize)] += 1.0;
         }
-        let looks =
+        let searches =
             |(a, b): (usize, usize)| if a == b { members[a] / 2.0 } else { members[a].min(members[b]) };
-        let apart: f32 = grouping.meetings().map(looks).sum();
+        let apart: f32 = grouping.meetings().map(searches).sum();
         2.0 * apart / self.codes.len().max(1) as f32
     }
 }
@@ -194,13 +197,9 @@ impl DensityCache {
                 true => 0.0,
                 false => EXACT_TEST_NS * density.contacts(&input.stats),
             };
-            (LevelPlan::plan(&input.stats, density).cost, exact)
+            LevelPlan::plan(&input.stats, density).cost + exact
         };
-        let looks = [false, true].map(|is_separate| sample.looks(&grouping(is_separate)));
-        let (search, exact) = cost(&apart, true);
-        let time = search * (looks[1] / looks[0].max(0.5)).max(1.0) + exact;
-        let (search, exact) = cost(&merged, false);
-        let is_separate = time < MAX_SEPARATE_COST * (search + exact);
+        let is_separate = cost(&apart, true) < MAX_SEPARATE_COST * cost(&merged, false);
         Ok((if is_separate { apart } else { merged }, is_separate))
     }
 

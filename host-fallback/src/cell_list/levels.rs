@@ -104,11 +104,12 @@ impl LevelCostModel<'_> {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
         let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
+        let row_ns = ROW_NS * self.density.searches;
         if extent == f32::NEG_INFINITY {
             // With coincident centers all spheres are compared at any level.
             let part = self.density.mean(extent) / self.total.max(1.0);
             let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
-            return ends.for_each(|to| offer(to, members(to) * (ROW_NS + COMPARE_NS * met(to)), 0.0));
+            return ends.for_each(|to| offer(to, members(to) * (row_ns + COMPARE_NS * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
         // From cells of the largest table's full size to one cell for all, without sizes far below the largest radius.
@@ -118,7 +119,7 @@ impl LevelCostModel<'_> {
         for log_size in cell_sizes.take_while(|&log_size| log_size <= extent + 1.0) {
             let cells = (3.0 * (extent - log_size).max(0.0)).exp2();
             let halves = self.halves(from, log_size);
-            let own: f32 = self.counts[from..].iter().map(|count| count * ROW_NS).sum();
+            let own: f32 = self.counts[from..].iter().map(|count| count * row_ns).sum();
             let [rows, met] =
                 halves.iter().fold([own, 0.0], |[rows, met], half| [rows + half[0], met + half[1]]);
             let mut rest = [0.0, 0.0];
@@ -142,12 +143,13 @@ impl LevelCostModel<'_> {
     fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
+        let row_ns = ROW_NS * self.density.searches;
         let classes = self.radii.iter().zip(&self.counts).skip(from);
         for (half, (radius, count)) in halves.iter_mut().zip(classes) {
             let reach = 2.0 * (radius + self.radii[from]) / cell_size;
             let rows = (1.0 + reach) * (1.0 + reach);
             let met = self.density.mean(log_size + (1.0 + reach).log2());
-            *half = [count * ROW_NS * (rows - 1.0) / 2.0, count * COMPARE_NS * met / 2.0];
+            *half = [count * row_ns * (rows - 1.0) / 2.0, count * COMPARE_NS * met / 2.0];
         }
         halves
     }

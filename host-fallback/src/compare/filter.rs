@@ -38,9 +38,14 @@ impl<'a> PairFilter<'a> {
         self.contact.is_some()
     }
 
-    pub(crate) fn is_contact_of_radii(&self) -> bool {
-        let is_by_radii = matches!(self.contact, Some((_, None)));
-        is_by_radii && !self.has_groups && self.query.exclusions().is_none()
+    /// Returns `true` if it decides only contact.
+    pub(crate) fn is_contact(&self) -> bool {
+        !self.has_groups && self.query.exclusions().is_none()
+    }
+
+    /// Returns `true` if it has no table.
+    pub(crate) fn is_by_radii(&self) -> bool {
+        matches!(self.contact, Some((_, None)))
     }
 
     /// Returns `true` if two spheres found by the broad phase are a pair.

@@ -82,7 +82,7 @@ impl<'a> PairTest<'a> {
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
         // In orthogonalized coordinates, and between effective radii of species, no contact is certain.
         let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
-            && filter.is_none_or(PairFilter::is_contact_of_radii);
+            && filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
     }
 
@@ -126,6 +126,13 @@ impl<'a> PairTest<'a> {
         if are_effective { self.spheres.as_rows() } else { None }
     }
 
+    /// The spheres as rows, their species, and the radii of these, if radii have no margin.
+    #[inline(always)]
+    pub(crate) fn rows_by_species(&self) -> Option<(&'a [Sphere], &'a [u32], &[EffectiveRadius])> {
+        let species = self.species.as_ref().filter(|_| self.margin.is_none())?;
+        Some((self.spheres.as_rows()?, species.ids, &species.reach))
+    }
+
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
         self.is_plain
@@ -152,9 +159,10 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
     }
 
-    /// Declares that contact by effective radii decides, if no filter or frame requires more.
+    /// Declares that contact by effective radii decides up to rounding, if no filter or frame requires more.
     pub(crate) fn decided_by_radii(&mut self) {
-        self.is_plain = self.filter.is_none() && self.frame.is_none();
+        self.is_plain = self.frame.is_none_or(SearchFrame::is_orthogonal)
+            && self.filter.is_none_or(PairFilter::is_contact);
     }
 
     pub(crate) fn is_framed(&self) -> bool {

@@ -1,4 +1,4 @@
-//! Search frames: `f32` coordinates for `f64` spheres, and for boxes and distances that are not `f32` numbers. A search
+//! Search frames: `f32` coordinates for `f64` spheres, and for lengths and distances that `f32` does not hold. A search
 //! in a frame finds candidates; [`Space::touch`] decides on the given numbers.
 //!
 //! # Correctness
@@ -21,7 +21,7 @@
 //! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The error of the search's
 //!    filter, whose slack in a periodic space is 2⁻²² of the longest axis, is less than that.
 //! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the cutoff `ρ`, where the second term is the roundings
-//!    upward, and 1.01·2⁻²².
+//!    upward, and 1.01·2⁻²². Effective radii that decide may exceed their distance by 2⁻²³ of it.
 //! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the
 //!    largest cutoff, of which the decision's own rounding is less than 2⁻⁴⁹.
 
@@ -132,6 +132,8 @@ impl SearchFrame {
         absolute + relative * largest
     }
 
+    /// Maps a sphere. Cold, so that loops over vectors keep their registers around the call.
+    #[cold]
     #[inline(never)]
     pub(crate) fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
         let [x0, y0, z0] = self.origin;

@@ -18,6 +18,9 @@ pub(crate) const MAX_GROUPS: usize = 8;
 /// Grouping takes quadratic time.
 const MAX_PRESENT: usize = 512;
 const CHUNK_SPHERES: usize = 1 << 14;
+/// The largest sum of two effective radii, as a multiple of the distance that they stand for: rounding up adds one ulp,
+/// or 4 of the 16 half ulps of the filter's band in the square.
+const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
 const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +29,7 @@ pub(crate) struct Meeting {
     pub(crate) touches: bool,
     /// The largest distance of a pair, or 0.
     pub(crate) distance: f64,
-    /// Spheres of the groups pair exactly if their effective radii touch.
+    /// Spheres of the groups pair exactly if their effective radii touch, up to rounding.
     pub(crate) is_by_radii: bool,
 }
 
@@ -42,7 +45,9 @@ impl Meeting {
                 match interaction {
                     Interaction::Never => false,
                     Interaction::Touch => half == 0.0,
-                    Interaction::Within(distance) => !touches && 2.0 * f64::from(half) == distance,
+                    Interaction::Within(distance) => {
+                        !touches && (distance..=ROUNDED_UP * distance).contains(&(2.0 * f64::from(half)))
+                    }
                 }
             });
             meeting.is_by_radii &= is_by_radii;
@@ -288,7 +293,13 @@ mod tests {
         };
         assert!(decides(&[0, 1], &touch));
         let half_is_no_f32 = f64::from(0.3_f32) != 0.3;
-        assert!(half_is_no_f32 && !decides(&[0, 1], &within));
+        assert!(half_is_no_f32 && decides(&[0, 1], &within));
+        within.set(0, 1, Interaction::Within(0.3 * (1.0 - 1e-7))).expect("species of the table");
+        assert!(!decides(&[0, 1], &within), "more than rounding");
+        for beyond_f32 in [1e-45, 1e-300, 1e300] {
+            within.set(2, 2, Interaction::Within(beyond_f32)).expect("species of the table");
+            assert!(!decides(&[2], &within), "{beyond_f32}");
+        }
         within.set(0, 0, Interaction::Within(0.5)).expect("species of the table");
         within.set(1, 1, Interaction::Within(0.25)).expect("species of the table");
         within.set(1, 2, Interaction::Within(0.75)).expect("species of the table");

@@ -2,7 +2,7 @@
 
 use bytemuck::cast;
 use glam::Vec3;
-use lazygrid_kernels::{InputError, Interactions, Spheres};
+use lazygrid_kernels::{InputError, Interactions, Sphere, Spheres};
 
 use super::validate::check;
 use crate::compare::PairTest;
@@ -99,15 +99,17 @@ impl InputStats {
         let n = spheres.len();
         let chunk = |stats: &mut Self, chunk: usize| {
             let range = chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES);
-            match test.plain_rows() {
-                Some(rows) => {
-                    let rows = &rows[range];
-                    stats.add(rows.len(), rows.iter().map(|sphere| (cast(*sphere), sphere.radius)))
-                }
-                None => {
-                    stats.add(range.len(), range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1)))
-                }
+            if let Some(rows) = test.plain_rows() {
+                let rows = &rows[range];
+                return stats.add(rows.len(), rows.iter().map(|sphere| (cast(*sphere), sphere.radius)));
             }
+            if let Some((rows, ids, radii)) = test.rows_by_species() {
+                let spheres = rows[range.clone()].iter().zip(&ids[range.clone()]);
+                let effective = |id: u32, radius| radii[id as usize].for_radius(radius);
+                let row = |(sphere, id): (&Sphere, &u32)| (cast(*sphere), effective(*id, sphere.radius));
+                return stats.add(range.len(), spheres.map(row));
+            }
+            stats.add(range.len(), range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1)))
         };
         let chunks = n.div_ceil(CHUNK_SPHERES);
         let mut stats = Self::empty();
@@ -196,8 +198,6 @@ impl InputStats {
 
 #[cfg(test)]
 mod tests {
-    use lazygrid_kernels::Sphere;
-
     use super::*;
 
     #[test]

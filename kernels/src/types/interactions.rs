@@ -104,6 +104,7 @@ impl Interactions {
     ///
     /// # Errors
     /// [`InputError::TableMemory`].
+    #[doc(hidden)]
     pub fn contact_only(&self) -> Result<Self, InputError> {
         let contact = |interaction: &Interaction| match interaction {
             Interaction::Never => Interaction::Never,
@@ -114,7 +115,7 @@ impl Interactions {
         Ok(Self { species: self.species, table: Arc::new(table), is_narrow: true })
     }
 
-    /// Returns `true` if all distances are `f32` numbers, as a device compares them.
+    /// Returns `true` if `f32` holds all distances to half an ulp, so that `f32` spheres can be searched as given.
     #[inline]
     pub fn is_narrow(&self) -> bool {
         self.is_narrow
@@ -127,6 +128,7 @@ impl Interactions {
 
     /// Returns half the largest distance of this species with any other, or 0, and `true` if it has pairs decided by
     /// contact.
+    #[doc(hidden)]
     pub fn largest_half(&self, species: u32) -> (f64, bool) {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
         row.iter().fold((0.0, false), |(half, touches), with| match *with {
@@ -198,7 +200,10 @@ fn half_up(distance: f64) -> f32 {
 
 fn is_narrow(interaction: Interaction) -> bool {
     match interaction {
-        Interaction::Within(distance) => f64::from(distance as f32) == distance,
+        Interaction::Within(distance) => {
+            let rounded = distance as f32;
+            rounded.is_normal() || f64::from(rounded) == distance
+        }
         Interaction::Never | Interaction::Touch => true,
     }
 }
