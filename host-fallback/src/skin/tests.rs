@@ -334,15 +334,19 @@ fn bad_f64_spheres_are_refused_while_candidates_serve() {
 fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
     let settings = Settings { skin: Skin::Fixed(1.0), ..Settings::default() };
     let mut kept = HostDetector::new(settings).expect("good settings");
-    let mut rows = wide(&gas(3000, 2, 20.0));
-    kept.count(&rows).expect("valid");
-    rows[5][0] += 0.2;
-    let near = kept.count(&rows).expect("valid");
-    assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, None);
-    rows[5] = [1e6, 0.0, 0.0, rows[5][3]];
-    let far = kept.count(&rows).expect("valid");
     let mut off =
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
-    assert_eq!(off.count(&rows), Ok(far));
-    assert!(far <= near);
+    let mut rows = wide(&gas(3000, 2, 20.0));
+    rows[0] = [-15.8, 0.0, 0.0, 1.0];
+    // The frame ends at 16, which is less than a displacement limit away.
+    for (x, rebuilt) in [
+        (15.8, Some(RebuildReason::NoList)),
+        (15.95, None),
+        (16.1, Some(RebuildReason::InputChanged)),
+        (16.15, None),
+    ] {
+        rows[1] = [x, 0.0, 0.0, 1.0];
+        assert_eq!(kept.count(&rows), off.count(&rows));
+        assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, rebuilt, "at {x}");
+    }
 }

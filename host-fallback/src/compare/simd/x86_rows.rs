@@ -37,13 +37,13 @@ pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row:
         if PERIODIC {
             let (sign, length) = (_mm256_set1_pd(-0.0), _mm256_loadu_pd(map.lengths.as_ptr()));
             let away = _mm256_andnot_pd(sign, at);
-            let image = _mm256_sub_pd(at, _mm256_or_pd(length, _mm256_and_pd(sign, at)));
-            let is_near = _mm256_cmp_pd::<_CMP_LE_OQ>(away, _mm256_mul_pd(_mm256_set1_pd(1.5), length));
-            if _mm256_movemask_pd(is_near) != 0b1111 {
+            let is_far = _mm256_cmp_pd::<_CMP_NLE_UQ>(away, _mm256_mul_pd(_mm256_set1_pd(1.5), length));
+            if _mm256_testz_pd(is_far, is_far) == 0 {
                 return cast(map.frame.sphere(row));
             }
-            let is_inside = _mm256_cmp_pd::<_CMP_LE_OQ>(away, _mm256_mul_pd(_mm256_set1_pd(0.5), length));
-            at = _mm256_blendv_pd(image, at, is_inside);
+            let is_outside = _mm256_cmp_pd::<_CMP_GT_OQ>(away, _mm256_mul_pd(_mm256_set1_pd(0.5), length));
+            let shift = _mm256_or_pd(length, _mm256_and_pd(sign, at));
+            at = _mm256_sub_pd(at, _mm256_and_pd(is_outside, shift));
         }
         let at = _mm256_min_pd(at, _mm256_loadu_pd(map.limit.as_ptr()));
         let at = _mm256_mul_pd(at, _mm256_loadu_pd(factor.as_ptr()));
