@@ -1,7 +1,7 @@
 //! The paper's ArrayGrid: an array of (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
 use super::cell::{Batch, OverfullCell};
-use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entries, most_entries, run_end};
+use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entries, most_entries, runs};
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::Output;
@@ -67,11 +67,7 @@ fn cells<'o, K: RadixKey, O: Output>(
     (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
 ) -> Result<O::Sink<'o>, Error> {
     let grouping = input.grouping(true);
-    let mut from = 0;
-    while from < entries.len() {
-        let to = run_end(entries, from);
-        let run = &entries[from..to];
-        from = to;
+    for run in runs(entries) {
         if run.len() <= CROWDED {
             batch.push(run, &grouping)?;
         } else {

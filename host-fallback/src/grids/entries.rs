@@ -208,9 +208,19 @@ pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     })
 }
 
-/// Exponential search, because most runs are short.
+/// The entries of each cell, one cell after the other.
 #[inline]
-pub(crate) fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
+pub(crate) fn runs<K: RadixKey>(mut rest: &[KeyedSphere<K>]) -> impl Iterator<Item = &[KeyedSphere<K>]> {
+    std::iter::from_fn(move || {
+        let (run, others) = (!rest.is_empty()).then(|| rest.split_at(run_end(rest, 0)))?;
+        rest = others;
+        Some(run)
+    })
+}
+
+/// The end of the cell's entries from `from`, by exponential search, because most runs are short.
+#[inline]
+fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();
     let (mut last, mut step) = (from, 1);
     while last + step < entries.len() && entries[last + step].cell() == cell {

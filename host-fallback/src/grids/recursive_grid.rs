@@ -14,7 +14,7 @@ use glam::{BVec3, DVec3, UVec3, Vec3};
 
 use super::cell::{Batch, CellMember, OverfullCell, owns_pairs};
 use super::entries::{
-    ENTRY, Entries, KeyLayout, Visit, cells_of_piece, fill, memory_of_entries, most_entries, run_end,
+    ENTRY, Entries, KeyLayout, Visit, cells_of_piece, fill, memory_of_entries, most_entries, runs,
 };
 use super::uniform_grid::{CellBox, UniformGrid};
 use super::workspace::Workspaces;
@@ -282,11 +282,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         (workspace, mut sink): (&mut Workspace, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
         let grouping = self.input.grouping(true);
-        let mut from = 0;
-        while from < entries.len() {
-            let to = run_end(entries, from);
-            let run = &entries[from..to];
-            from = to;
+        for run in runs(entries) {
             if run.len() <= self.tau().min(CHUNK_ENTRIES) {
                 workspace.batch.push(run, &grouping)?;
             } else if owns_pairs(run) {
