@@ -59,9 +59,11 @@ pub use lazygrid_host::{
 };
 pub use lazygrid_kernels::{
     Algorithm, Backend, EffectiveRadius, Error, Exclusions, ImageVector, InputError, Interaction,
-    Interactions, MAX_SPHERES, Orthogonalization, Pair, Query, Radii, Real, Space, Sphere, Spheres, Strided,
-    TriclinicCell, UnknownName,
+    Interactions, MAX_SPHERES, Pair, Query, Radii, Real, Space, Sphere, Spheres, Strided, UnknownName,
 };
+/// The map of triclinic cells for runs on several ranks; no part of the stable interface.
+#[doc(hidden)]
+pub use lazygrid_kernels::{Orthogonalization, TriclinicCell};
 pub use report::Report;
 
 /// The examples of README.md and docs/rust.md, as tests.

@@ -1,4 +1,4 @@
-use lazygrid::{Config, Detector, Interaction, Interactions};
+use lazygrid::{Config, Detector, Interaction, Interactions, Sphere, Spheres};
 use lazygrid_tests::{SpeciesSetup, SuiteVariant, TestInput, difference, hard, variants};
 
 use crate::properties::{check, one_of_each, settings};
@@ -83,6 +83,25 @@ fn effective_radii_cover_all_distances() {
             let [a, b, c] =
                 [0, 1, 2].map(|species| f64::from(table.effective_radius(species).for_radius(0.25)));
             assert!(a + b >= f64::from(near) && a + c >= f64::from(far) && b >= 0.25, "{near:e}, {far:e}");
+        }
+    }
+}
+
+/// Between subnormal numbers, and above half of the largest number: rounded to `f32`, these distances decide otherwise.
+#[test]
+fn distances_beyond_f32_are_not_rounded() {
+    let (unit, far) = (f32::from_bits(1), 3e38);
+    let [near, apart] = [[[0.0; 3], [unit, unit, 0.0]], [[-far, -far, 0.0], [far, far, 0.0]]];
+    for (centers, distance, pairs) in
+        [(near, 2e-45, 1), (near, 1.9e-45, 0), (apart, 1e39, 1), (apart, 8e38, 0)]
+    {
+        let spheres = centers.map(|center| Sphere::new(center, 0.0));
+        let spheres = Spheres::from(&spheres).with_species(&[0, 0]).expect("one each");
+        let table = Interactions::new(1, Interaction::Within(distance)).expect("a distance");
+        for variant in variants::each_algorithm() {
+            let config = variant.settings().interactions(table.clone());
+            let mut detector = Detector::new(config).expect("a detector");
+            assert_eq!(variant.run(|| detector.count(spheres)), Ok(pairs), "{variant}, {distance:e}");
         }
     }
 }

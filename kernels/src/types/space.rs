@@ -104,6 +104,7 @@ impl Space {
     }
 
     /// Returns the triclinic cell, unless all cell vectors lie along the axes.
+    #[doc(hidden)]
     pub fn triclinic_cell(&self) -> Option<&TriclinicCell> {
         self.triclinic.as_ref()
     }

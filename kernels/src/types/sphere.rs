@@ -194,6 +194,7 @@ impl<'a> Spheres<'a> {
 
     /// Returns rows as one slice.
     #[inline]
+    #[doc(hidden)]
     pub fn as_rows(&self) -> Option<&'a [Sphere]> {
         match self.layout {
             Layout::Rows(rows) => Some(rows),
@@ -203,6 +204,7 @@ impl<'a> Spheres<'a> {
 
     /// Returns rows of `f64` as one slice.
     #[inline]
+    #[doc(hidden)]
     pub fn as_rows_f64(&self) -> Option<&'a [[f64; 4]]> {
         match self.layout {
             Layout::RowsF64(rows) => Some(rows),
@@ -223,6 +225,7 @@ impl<'a> Spheres<'a> {
     }
 
     /// Returns the spheres without groups.
+    #[doc(hidden)]
     pub fn without_groups(self) -> Self {
         Self { groups: None, ..self }
     }

@@ -383,7 +383,7 @@ impl GpuSession {
     }
 
     /// Exchanges the pairs of the last call for a list whose memory is reused.
-    pub fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
+    pub(crate) fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
         std::mem::swap(&mut self.pairs, pairs);
     }
 }
