@@ -76,6 +76,9 @@ if have pkg-config pkg-config; then
     passes "C, neighbor lists" build_and_run lists c99 capi/tests/lists.c
     passes "C, doubles and layouts" build_and_run doubles c99 capi/tests/doubles.c
     passes "C, boxes that lean and what is left out" build_and_run exclusions c99 capi/tests/exclusions.c
+    if [ "$(uname)" = Linux ]; then
+        passes "C, under limits of memory" build_and_run memory c99 capi/tests/memory.c
+    fi
     passes "C++17" build_and_run wrapper c++17 capi/tests/wrapper.cpp
     passes "C++20, with std::span" build_and_run wrapper-20 c++20 capi/tests/wrapper.cpp
     if [ ${#features[@]} = 0 ]; then

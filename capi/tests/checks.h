@@ -21,20 +21,20 @@ static int passed, failed;
     } while (0)
 
 /* Returns 1 if a message contains a text; otherwise shows the message. */
-static int says(const char *message, const char *text) {
+static inline int says(const char *message, const char *text) {
     int found = strstr(message, text) != NULL;
     if (!found) fprintf(stderr, "the message is: %s\n", message);
     return found;
 }
 
-static lazygrid_settings on_cpu(void) {
+static inline lazygrid_settings on_cpu(void) {
     lazygrid_settings settings;
     CHECK(lazygrid_settings_init(&settings, sizeof settings) == LAZYGRID_OK);
     settings.backend = LAZYGRID_BACKEND_CPU;
     return settings;
 }
 
-static lazygrid_detector *detector_of(const lazygrid_settings *settings) {
+static inline lazygrid_detector *detector_of(const lazygrid_settings *settings) {
     lazygrid_detector *detector = NULL;
     if (lazygrid_create(settings, &detector) != LAZYGRID_OK) {
         fprintf(stderr, "no detector: %s\n", lazygrid_last_error(NULL));

@@ -96,16 +96,29 @@ fn run_that_cannot_fit_is_refused_before_it_begins() {
 }
 
 #[test]
-fn many_species_without_reactions_need_no_table_of_pairs() {
+fn many_species_are_read_in_linear_time_or_refused() {
     use std::fmt::Write as _;
     let scratch = Scratch::new();
     let mut text = "steps = 1\ntime-step = 1e-3\ncontact = \"ignore\"\n".to_owned();
-    for k in 0..20_000 {
+    for k in 0..100_000 {
         write!(text, "[[species]]\nname = \"S{k}\"\ndiffusion = 1.0\n").unwrap();
     }
     text += "[[transmitter]]\nname = \"tx\"\ncenter = [0.0, 0.0, 0.0]\nrelease = [{ species = \"S0\", count = 10 }]\n";
     let scenario = scratch.write("species.toml", &text);
     let run = scratch.path("run");
-    let (code, said) = limited(1024, &["simulate", &scenario, "--threads", "2", "--output", &run]);
+    let simulate = ["simulate", &scenario, "--threads", "2", "--output", &run];
+    let (code, said) = limited(195, &simulate);
+    assert!(code == 1 && said.contains("bytes of scenario need"), "{code}: {said}");
+    let (code, said) = limited(2048, &simulate);
     assert_eq!(code, 0, "{said}");
+}
+
+#[test]
+fn more_receivers_than_fit_are_refused() {
+    let scratch = Scratch::new();
+    let lattice = "[[receiver]]\nname = \"rx\"\nkind = \"transparent\"\ncenter = [0.0, 0.0, 0.0]\nradius = 0.1\n\
+                   lattice = { size = [1.0, 1.0, 1.0], places = [1000, 1000, 1000] }\n";
+    let scenario = scratch.write("lattice.toml", &(BURST.replace("COUNT", "10") + lattice));
+    let (code, said) = limited(1024, &["simulate", &scenario, "--output", &scratch.path("run")]);
+    assert!(code == 1 && said.contains("1000000000 receivers need"), "{code}: {said}");
 }

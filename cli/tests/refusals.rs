@@ -68,6 +68,17 @@ fn run_leaves_files_of_others_alone() {
     assert_eq!(fs::read_to_string(&series).unwrap(), "the work of years\n");
     LAZYGRID.run(["simulate", &file, "--output", &run, "--overwrite"]).succeeds();
     assert!(fs::read_to_string(&series).unwrap().starts_with("step,"));
+    for name in ["series.csv", "checkpoint", ".lock"] {
+        let pipe = scratch.path(&format!("run/{name}"));
+        fs::remove_file(&pipe).unwrap();
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        for how in ["--overwrite", "--resume"] {
+            let said = LAZYGRID.run(["simulate", &file, "--output", &run, how]).fails().err;
+            assert!(said.contains(name) && said.contains("neither a file nor a folder"), "{said}");
+        }
+        fs::remove_file(&pipe).unwrap();
+        LAZYGRID.run(["simulate", &file, "--output", &run, "--overwrite"]).succeeds();
+    }
 }
 
 #[test]

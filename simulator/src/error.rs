@@ -50,20 +50,21 @@ pub enum Error {
         /// Size.
         bytes: u64,
     },
-    /// The particles of a step exceed the available memory.
+    /// The particles of a step, or a scenario, exceed the available memory.
     #[error(
-        "{particles} particles need {needed} bytes of memory or more, and {available} bytes are available ({limit}); release \
-         fewer particles, run fewer replicas at once (--threads), or raise the limit"
+        "{what} need {needed} bytes of memory or more, and {available} bytes are available ({limit}); {remedy}"
     )]
     TooLittleMemory {
-        /// Number of particles.
-        particles: u64,
+        /// Number and kind.
+        what: String,
         /// Required bytes.
         needed: u64,
         /// Available bytes.
         available: u64,
         /// Limit that determines `available`.
         limit: &'static str,
+        /// Remedy.
+        remedy: &'static str,
     },
     /// Detector refused the particles, or found too many pairs.
     #[error("step {step}: {source}")]

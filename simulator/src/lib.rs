@@ -44,6 +44,7 @@ pub mod scenario;
 pub mod state;
 
 mod error;
+mod memory;
 mod output;
 
 pub use error::{Damage, Error};

@@ -38,8 +38,7 @@ pub(super) fn cell_ratio(text: &str) -> Result<f32, String> {
 }
 
 pub(super) fn skin(text: &str) -> Result<Skin, String> {
-    let distance =
-        || f32::from_str(text).ok().filter(|distance| *distance > 0.0).map(f64::from).map(Skin::Fixed);
+    let distance = || f64::from_str(text).ok().filter(|distance| *distance > 0.0).map(Skin::Fixed);
     match text {
         "off" => Ok(Skin::Off),
         "auto" => Ok(Skin::Auto),

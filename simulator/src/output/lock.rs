@@ -16,6 +16,7 @@ pub(crate) struct Lock {
 
 impl Lock {
     pub(crate) fn take(directory: &Path) -> Result<Self, Error> {
+        refuse_pipes(directory)?;
         let refused = |source| Error::Write { path: directory.to_owned(), source };
         let open = OpenOptions::new().create(true).truncate(false).write(true).open(directory.join(".lock"));
         let file = open.map_err(refused)?;
@@ -35,6 +36,20 @@ impl Lock {
         }
         Ok(Self { _file: file })
     }
+}
+
+/// Opening a named pipe in place of a file would wait for another program.
+fn refuse_pipes(directory: &Path) -> Result<(), Error> {
+    for entry in std::fs::read_dir(directory).into_iter().flatten().flatten() {
+        let path = entry.path();
+        let is_link = entry.file_type().is_ok_and(|kind| kind.is_symlink());
+        let kind = if is_link { path.metadata().map(|data| data.file_type()) } else { entry.file_type() };
+        if kind.is_ok_and(|kind| !kind.is_file() && !kind.is_dir()) {
+            let message = "it is neither a file nor a folder; remove it, or choose another directory";
+            return Err(Error::Write { path, source: io::Error::new(io::ErrorKind::InvalidInput, message) });
+        }
+    }
+    Ok(())
 }
 
 fn remove_temporaries(directory: &Path) {

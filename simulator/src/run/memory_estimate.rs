@@ -1,7 +1,6 @@
 //! The forecast of a run's memory. A run that cannot fit is refused, or stops with a checkpoint.
 
-use lazygrid_io::available_memory;
-
+use crate::memory::check_available;
 use crate::model::transmitter::Schedule;
 use crate::{Error, Model};
 
@@ -35,7 +34,7 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
     if particles < MIN_GROWTH {
         return Ok(());
     }
-    check(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE).saturating_add(OVERHEAD))
+    check_particles(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE))
 }
 
 fn largest_release(model: &Model, steps: u32) -> u64 {
@@ -75,27 +74,22 @@ impl MemoryGuard {
         let particles = present.saturating_add(released as u64);
         let more = particles.saturating_sub(self.checked);
         if more >= MIN_GROWTH {
-            check(particles, sharing.bytes(more, BYTES_PER_PARTICLE).saturating_add(OVERHEAD))?;
+            check_particles(particles, sharing.bytes(more, BYTES_PER_PARTICLE))?;
             self.checked = particles;
         }
         Ok(())
     }
 }
 
-fn check(particles: u64, needed: u64) -> Result<(), Error> {
-    match available_memory() {
-        Some(available) if needed > available.bytes => Err(Error::TooLittleMemory {
-            particles,
-            needed,
-            available: available.bytes,
-            limit: available.limit.name(),
-        }),
-        _ => Ok(()),
-    }
+fn check_particles(particles: u64, needed: u64) -> Result<(), Error> {
+    let remedy = "release fewer particles, run fewer replicas at once (--threads), or raise the limit";
+    check_available(&format!("{particles} particles"), needed.saturating_add(OVERHEAD), remedy)
 }
 
 #[cfg(test)]
 mod tests {
+    use lazygrid_io::available_memory;
+
     use super::*;
     use crate::Transmitter;
 

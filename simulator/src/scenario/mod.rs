@@ -15,6 +15,7 @@ pub use self::overrides::Overrides;
 pub use self::sweep::Sweep;
 use lazygrid_io::{excerpt, printed};
 
+use crate::memory::check_available;
 pub use crate::output::options::Output;
 use crate::{Error, Model, Transmitter};
 
@@ -57,12 +58,18 @@ impl Scenario {
 
     /// [`parse`](Self::parse) without logged warnings.
     fn parse_silently(path: &Path, text: String) -> Result<Self, Error> {
+        check_length(text.len())?;
         let placed = |problem| located(path, &text, problem);
         let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
         let resolve::Resolved { model, steps, seed, output, warnings } =
             resolve::resolve(file).map_err(placed)?;
         model.check()?;
-        let warnings = warnings.into_iter().map(|problem| placed(problem).to_string()).collect();
+        let more = warnings.len().saturating_sub(MAX_WARNINGS);
+        let first = warnings.into_iter().take(MAX_WARNINGS);
+        let mut warnings: Vec<_> = first.map(|problem| placed(problem).to_string()).collect();
+        if more > 0 {
+            warnings.push(format!("{}: {more} more warnings", path.display()));
+        }
         Ok(Self { model, steps, seed, output, text, warnings })
     }
 
@@ -84,6 +91,20 @@ impl Scenario {
         };
         self.model.transmitters.iter().filter_map(late).collect()
     }
+}
+
+const MAX_WARNINGS: usize = 100;
+/// Bytes that parsing takes per byte of tables with one short key each; tables of two keys take a third.
+const BYTES_PER_BYTE: u64 = 200;
+
+/// Refuses a text that exceeds the memory before it is parsed: a failed allocation of the parser ends the process.
+fn check_length(bytes: usize) -> Result<(), Error> {
+    let remedy = "make it shorter, or raise the limit";
+    check_available(
+        &format!("{bytes} bytes of scenario"),
+        BYTES_PER_BYTE.saturating_mul(bytes as u64),
+        remedy,
+    )
 }
 
 fn located(path: &Path, text: &str, Problem { span, key, message }: Problem) -> Error {
@@ -113,6 +134,7 @@ impl From<toml::de::Error> for Problem {
         let named =
             ["missing field `", "unknown field `"].iter().find_map(|start| message.strip_prefix(start));
         let key = named.and_then(|rest| rest.split_once('`')).map(|(key, _)| key.to_owned());
+        let message = key.iter().fold(message, |text, key| text.replacen(key, &excerpt(key.as_bytes()), 1));
         let near = message.strip_prefix("unknown field `").and_then(|rest| {
             let mut names = rest.split('`').step_by(2);
             nearest(names.next()?, rest.split('`').skip(2).step_by(2))
@@ -128,7 +150,7 @@ const MOST_SHOWN: usize = 800;
 /// Returns the 1-based line of an offset, and the key there or in the nearest earlier line.
 fn place(text: &str, start: usize) -> (usize, String) {
     let start = (0..=start.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
-    let line = text[..start].matches('\n').count();
+    let line = text[..start].bytes().filter(|&byte| byte == b'\n').count();
     let key_of = |line: &str| {
         let line = line.trim_start_matches([' ', '\t', '{', '}', ',']);
         let key = match line.strip_prefix('[') {
@@ -137,8 +159,8 @@ fn place(text: &str, start: usize) -> (usize, String) {
         };
         key.filter(|key| !key.is_empty() && !key.starts_with('#')).map(str::to_owned)
     };
-    let lines: Vec<&str> = text.lines().collect();
-    let key = lines[..(line + 1).min(lines.len())].iter().rev().find_map(|line| key_of(line));
+    let end = text[start..].find('\n').map_or(text.len(), |length| start + length);
+    let key = text[..end].lines().rev().find_map(key_of);
     (line + 1, key.unwrap_or_default())
 }
 

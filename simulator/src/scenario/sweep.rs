@@ -7,7 +7,7 @@ use lazygrid_io::excerpt;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Problem, Scenario, located, nearest};
+use super::{Problem, Scenario, check_length, located, nearest};
 use crate::Error;
 
 const MAX_POINTS: usize = 100_000;
@@ -57,6 +57,7 @@ impl Sweep {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
+        check_length(text.len())?;
         let placed = |problem| located(path, text, problem);
         // Reading the scenario reports text that is no TOML.
         let Ok(file) = DeTable::parse(text) else { return Ok(None) };
@@ -78,6 +79,8 @@ impl Sweep {
         let spots = keys.iter().map(|key| spot(key, &known)).collect::<Result<Vec<_>, _>>();
         let spots = spots.and_then(disjoint).map_err(Error::Model)?;
         let points = combinations(&keys).map_err(Error::Model)?;
+        // A scenario keeps a tenth of what its parsing takes.
+        check_length(text.len() * points.len() / 10)?;
         let mut logged = Vec::new();
         let points = points.into_iter().map(|values| {
             let scenario = Scenario::parse_silently(path, replaced(&text, &spots, &values));

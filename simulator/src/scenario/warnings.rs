@@ -219,6 +219,10 @@ pub(super) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
         Contact::Elastic => COSTLY_COLLISIONS,
         _ => return None,
     };
+    // The detector refuses more species.
+    if model.species.len() > lazygrid::Interactions::MAX_SPECIES as usize {
+        return None;
+    }
     let volume = volume(&model.boundary)?;
     let mut counts = vec![0.0; model.species.len()];
     for transmitter in &model.transmitters {

@@ -4,6 +4,7 @@ mod schedule;
 mod space;
 mod transmitters;
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use lazygrid_io::excerpt;
@@ -49,18 +50,18 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         let species = species(one, &model)?;
         model.species.push(species);
     }
+    let names = Names::new(&model.species, &file.species)?;
     if let Some(contact) = &file.contact
         && let Some(message) = model.idle_contact()
     {
         return Err(Problem::at(contact.span(), message));
     }
-    let names = Names(&model.species);
     let (reactions, decays) =
         reactions::resolve(&file.reactions, &file.decays, &names, &model, &mut warnings)?;
     let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
     let mut carriers = Vec::new();
     for transmitter in &file.transmitters {
-        let body = receivers::body(transmitter, names.0.len());
+        let body = receivers::body(transmitter, names.species.len());
         let moves = body.as_ref().is_some_and(crate::Receiver::moves);
         carriers.push(moves.then_some(receivers.len() as u32));
         receivers.extend(body);
@@ -96,12 +97,8 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
 }
 
 fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
-    let (span, name) = (one.name.span(), &one.name.get_ref().0);
-    if model.species.iter().any(|species| species.name == *name) {
-        return Err(Problem::at(span, format!("there are two species '{name}'; rename one")));
-    }
     let species = Species {
-        name: name.clone(),
+        name: one.name.get_ref().0.clone(),
         radius: one.radius.as_ref().map_or(0.0, |radius| radius.get_ref().0 as f32),
         diffusion: one.diffusion.0,
         drift: one.drift.map(|Finite(v)| v),
@@ -117,18 +114,32 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
     }
     match (model.misfit(&species), &one.radius) {
         (Some(message), Some(radius)) => Err(Problem::at(radius.span(), message)),
-        (Some(message), None) => Err(Problem::at(span, message)),
+        (Some(message), None) => Err(Problem::at(one.name.span(), message)),
         (None, _) => Ok(species),
     }
 }
 
-struct Names<'a>(&'a [Species]);
+struct Names<'a> {
+    species: &'a [Species],
+    places: HashMap<&'a str, u32>,
+}
 
-impl Names<'_> {
+impl<'a> Names<'a> {
+    fn new(species: &'a [Species], file: &[file::Species]) -> Result<Self, Problem> {
+        let mut places = HashMap::with_capacity(species.len());
+        for ((place, one), from) in (0..).zip(species).zip(file) {
+            if places.insert(one.name.as_str(), place).is_some() {
+                let message = format!("there are two species '{}'; rename one", one.name);
+                return Err(Problem::at(from.name.span(), message));
+            }
+        }
+        Ok(Self { species, places })
+    }
+
     fn find(&self, name: &str, span: Range<usize>) -> Result<u32, Problem> {
-        let place = self.0.iter().position(|species| species.name == name).map(|place| place as u32);
-        place.ok_or_else(|| {
-            let known = self.0.iter().map(|species| species.name.as_str()).collect::<Vec<_>>().join(", ");
+        self.places.get(name).copied().ok_or_else(|| {
+            let known = self.species.iter().take(60).map(|species| species.name.as_str());
+            let known = known.collect::<Vec<_>>().join(", ");
             let (name, known) = (excerpt(name.as_bytes()), excerpt(known.as_bytes()));
             Problem::at(span, format!("there is no species '{name}'; there are {known}"))
         })

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use lazygrid_io::excerpt;
 use toml::Spanned;
 
 use super::Names;
@@ -30,7 +31,7 @@ pub(super) fn resolve(
     let pairs = all.decays.into_iter().zip(unbindings);
     let model = Model {
         time_step,
-        species: names.0.to_vec(),
+        species: names.species.to_vec(),
         reactions: resolved,
         decays: pairs.map(|(decay, unbinding)| Decay { unbinding, ..decay }).collect(),
         ..Model::default()
@@ -60,7 +61,7 @@ impl<'a> Draft<'a> {
     fn new(file: &'a file::Reaction, names: &Names<'_>) -> Result<Self, Problem> {
         let span = file.equation.span();
         let [left, right] = names.equation(&file.equation)?;
-        let name = file.equation.get_ref().trim();
+        let name = excerpt(file.equation.get_ref().trim().as_bytes());
         let &[a, b] = left.as_slice() else {
             let message =
                 format!("'{name}' must have two reactants; one alone is a [[decay]], none a [[source]]");
@@ -76,13 +77,14 @@ impl<'a> Draft<'a> {
             return Err(Problem::at(span, format!("'{name}' changes nothing; remove it")));
         }
         let bare = Reaction {
-            name: name.to_owned(),
+            name: file.equation.get_ref().trim().to_owned(),
             reactants: [a, b],
             products,
             unbinding_radius: file.unbinding_radius.0 as f32,
             ..Reaction::default()
         };
-        let sum = |of: fn(&crate::Species) -> f64| [a, b].iter().map(|&s| of(&names.0[s as usize])).sum();
+        let sum =
+            |of: fn(&crate::Species) -> f64| [a, b].iter().map(|&s| of(&names.species[s as usize])).sum();
         Ok(Self { file, bare, diffusion: sum(|s| s.diffusion), touch: sum(|s| s.radius.into()) })
     }
 
@@ -107,7 +109,7 @@ impl Network<'_> {
 
     fn reaction(&self, draft: &Draft<'_>) -> Result<Reaction, Problem> {
         let file::Reaction { rate, rate_inside, binding_radius, probability, .. } = draft.file;
-        let name = &draft.bare.name;
+        let name = excerpt(draft.bare.name.as_bytes());
         if let (Some(_), Some(p)) = (rate.as_ref().or(rate_inside.as_ref()), probability) {
             return Err(Problem::at(
                 p.span(),
@@ -217,7 +219,7 @@ fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
 }
 
 fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
-    let text = decay.equation.get_ref();
+    let text = excerpt(decay.equation.get_ref().as_bytes());
     let [left, right] = names.equation(&decay.equation)?;
     let (&[reactant], [] | [_] | [_, _]) = (left.as_slice(), right.as_slice()) else {
         let message = format!("'{text}' must have one reactant and at most two products");
@@ -235,7 +237,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
         Some(radius) => radius.get_ref().0 as f32,
     };
     Ok(Decay {
-        name: text.trim().to_owned(),
+        name: decay.equation.get_ref().trim().to_owned(),
         reactant,
         products,
         unbinding: Unbinding::Apart(apart),

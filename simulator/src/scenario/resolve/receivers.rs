@@ -3,6 +3,7 @@ use toml::Spanned;
 use super::Names;
 use super::schedule::place;
 use super::transmitters::check_place;
+use crate::memory::check_available;
 use crate::model::Model;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, WallFace};
 use crate::model::transmitter::Shape;
@@ -15,6 +16,7 @@ pub(super) fn receivers(
     model: &Model,
     warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Receiver>, Problem> {
+    check_memory(many, names.species.len())?;
     let mut all = Vec::new();
     for one in many {
         let receiver = receiver(one, names, model, warnings)?;
@@ -45,6 +47,22 @@ pub(super) fn receivers(
     Ok(all)
 }
 
+/// Bytes of a receiver in a run, and of its column for one species.
+const BYTES: [u64; 2] = [1000, 100];
+
+fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> {
+    let places = |one: &file::Receiver| -> u64 {
+        let places =
+            one.lattice.map_or([1; 3], |lattice| lattice.places.map(|count| u32::from(count).into()));
+        places.into_iter().fold(1, u64::saturating_mul)
+    };
+    let count = many.iter().map(places).fold(0, u64::saturating_add);
+    let needed = count.saturating_mul(BYTES[0] + BYTES[1] * species as u64);
+    let fits = check_available(&format!("{count} receivers"), needed, "declare fewer, or raise the limit");
+    let span = many.first().map(|one| one.kind.span()).unwrap_or_default();
+    fits.map_err(|error| Problem { key: Some("receiver".to_owned()), ..Problem::at(span, error.to_string()) })
+}
+
 /// Returns the body of a transmitter that reflects or moves. One that only moves is a point that particles pass.
 pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Receiver> {
     let body = Receiver {
@@ -65,7 +83,7 @@ fn receiver(
     model: &Model,
     warnings: &mut Vec<Problem>,
 ) -> Result<Receiver, Problem> {
-    let mut sees = vec![one.species.is_none(); names.0.len()];
+    let mut sees = vec![one.species.is_none(); names.species.len()];
     for name in one.species.iter().flatten() {
         sees[names.get(name)? as usize] = true;
     }

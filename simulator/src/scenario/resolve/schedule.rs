@@ -1,5 +1,7 @@
 use std::ops::Range;
 
+use lazygrid_io::excerpt;
+
 use super::Names;
 use crate::model::message::{Message, Modulation, Symbols};
 use crate::model::transmitter::Schedule;
@@ -132,7 +134,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
             else {
                 return Err(Problem::at(
                     span,
-                    format!("'{text}' is not of 0 and 1, with spaces or '_' between"),
+                    format!("'{}' is not of 0 and 1, with spaces or '_' between", excerpt(text.as_bytes())),
                 ));
             };
             whole(bits.len())?;

@@ -1,3 +1,5 @@
+use lazygrid_io::excerpt;
+
 use super::Names;
 use super::schedule::{place, schedule};
 use super::space::number;
@@ -72,7 +74,7 @@ fn source(
     boundary: &Boundary,
     warnings: &mut Vec<Problem>,
 ) -> Result<Transmitter, Problem> {
-    let (text, span) = (source.equation.get_ref(), source.equation.span());
+    let (text, span) = (excerpt(source.equation.get_ref().as_bytes()), source.equation.span());
     let [left, right] = names.equation(&source.equation)?;
     let ([], &[species]) = (left.as_slice(), right.as_slice()) else {
         return Err(Problem::at(
@@ -88,7 +90,8 @@ fn source(
                 let message = "a center needs a shape; without both, particles appear everywhere".to_owned();
                 return Err(Problem::at(span, message));
             }
-            let Some((center, shape, volume)) = everywhere(boundary, names.0[species as usize].radius) else {
+            let Some((center, shape, volume)) = everywhere(boundary, names.species[species as usize].radius)
+            else {
                 let message = format!("'{text}' needs a [boundary], or a shape in which particles appear");
                 return Err(Problem::at(span, message));
             };
@@ -112,7 +115,7 @@ fn source(
     };
     let rates = vec![(species, source.rate.0 * volume)];
     Ok(Transmitter {
-        name: text.trim().to_owned(),
+        name: source.equation.get_ref().trim().to_owned(),
         center,
         carrier: None,
         shape,

@@ -141,15 +141,19 @@ fn a_mistake_is_named_by_line_and_key() {
 fn messages_do_not_grow_with_the_file() {
     let long = "acid + ".repeat(5000);
     let dotted = "a.".repeat(50_000) + "a";
-    for (right, wrong) in [
-        ("acid + base -> base", format!("{long}acid")),
-        ("acid + base -> base", format!("{long}acid <-> {long}base")),
-        ("acid + base -> base", format!("acid + {} -> base", "x".repeat(10_000))),
-        ("time-step", format!("{dotted} = 1\ntime-step")),
+    for (right, wrong, reason) in [
+        ("acid + base -> base", format!("{long}acid"), "has no '->'"),
+        ("acid + base -> base", format!("{long}acid <-> {long}base"), "goes both ways"),
+        ("acid + base -> base", format!("acid + {} -> base", "x".repeat(10_000)), "there are acid, base"),
+        ("acid + base -> base", format!("acid + base -> {long}acid"), "has 5001 products"),
+        ("acid + base -> base", format!("{long}acid -> base"), "two reactants"),
+        ("base ->", format!("base -> {long}acid"), "at most two products"),
+        ("rate = 2.0", format!("r{} = 2.0", "e".repeat(10_000)), "the nearest is `"),
+        ("time-step", format!("{dotted} = 1\ntime-step"), "recursion limit"),
     ] {
         let text = GOOD.replacen(right, &wrong, 1);
         let error = parse(&text).expect_err("a mistake").to_string();
-        assert!(error.chars().count() < 1000, "{} characters: {error}", error.len());
+        assert!(error.chars().count() < 400 && error.contains(reason), "{} characters: {error}", error.len());
     }
 }
 

@@ -1,0 +1,65 @@
+"""Calls under any limit of the address space raise an error or succeed, and never end the process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+# Each limit has a process of its own, copied before lazygrid has started threads.
+SCRIPT = """
+import os, resource, sys
+import numpy as np
+import lazygrid
+
+rows = np.zeros((200_000, 4), dtype=np.float32)
+rows[:, 0], rows[:, 3] = 0.5 * np.arange(len(rows)), 0.3
+first = np.arange(0, len(rows) - 1, 2, dtype=np.uint32)
+bonds = np.stack([first, first + 1], axis=1)
+species = [{"name": "a", "radius": 0.1, "diffusion": 1.0}]
+burst = {"name": "t", "center": [0, 0, 0], "shape": {"kind": "gaussian", "width": 40.0}}
+burst["release"] = [{"species": "a", "count": 100_000}]
+scenario = {"time-step": 1e-3, "steps": 2, "contact": "count", "species": species, "transmitter": [burst]}
+
+def detector(**settings):
+    return lazygrid.Detector(backend="cpu", threads=2, **settings)
+
+CALLS = [
+    lambda: detector(interactions=lazygrid.Interactions(4096, "touch")),
+    lambda: detector().pairs(rows, exclusions=lazygrid.Exclusions(len(rows), bonds)),
+    lambda: detector().neighbors(rows.astype(np.float64)),
+    lambda: sum(map(len, detector().stream(rows))),
+    lambda: lazygrid.simulate(scenario, threads=2),
+]
+
+def refused():
+    count = 0
+    for call in CALLS:
+        try:
+            call()
+        except (lazygrid.Error, MemoryError, OSError):
+            count += 1
+    return count
+
+def under(more):
+    child = os.fork()
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    mapped = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + more, before[1]))
+    few = refused()
+    resource.setrlimit(resource.RLIMIT_AS, before)
+    os._exit(1 if refused() else 2 if few else 0)
+
+codes = [under(int(2**20 * 1.35**k)) for k in range(22)]
+print(codes)
+sys.exit(not (set(codes) == {0, 2} and codes[-1] == 0))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
+def test_no_limit_ends_the_process() -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

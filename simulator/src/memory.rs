@@ -1,0 +1,17 @@
+//! Refusals of work that exceeds the available memory.
+
+use lazygrid_io::available_memory;
+
+use crate::Error;
+
+/// Refuses `what` if it needs more bytes than are available.
+///
+/// # Errors
+/// [`Error::TooLittleMemory`].
+pub(crate) fn check_available(what: &str, needed: u64, remedy: &'static str) -> Result<(), Error> {
+    let Some(available) = available_memory().filter(|available| needed > available.bytes) else {
+        return Ok(());
+    };
+    let (what, limit) = (what.to_owned(), available.limit.name());
+    Err(Error::TooLittleMemory { what, needed, available: available.bytes, limit, remedy })
+}
