@@ -8,6 +8,7 @@ use lazygrid::{Algorithm, Backend};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::{GpuOptions, GpuSimulation};
+use crate::run::memory_estimate::{Sharing, check_largest_release};
 use crate::state::view::RunView;
 use crate::{Arrival, Error, Model, Simulation, State, Totals};
 
@@ -30,7 +31,8 @@ impl AnySimulation {
     /// alone and backends round differently. `algorithm` is for the CPU.
     ///
     /// # Errors
-    /// As [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] without a GPU.
+    /// As [`Simulation::resume`] or `GpuSimulation::resume`, [`Error::Detection`] without a GPU, and
+    /// [`Error::TooLittleMemory`] for the first release.
     pub fn begin(
         model: &Model,
         seed: u64,
@@ -38,6 +40,9 @@ impl AnySimulation {
         algorithm: Algorithm,
         state: Option<State>,
     ) -> Result<Self, Error> {
+        if state.is_none() {
+            check_largest_release(model, 0, Sharing::NONE)?;
+        }
         let state = state.map_or_else(|| State::new(model, seed), Ok)?;
         let model = model.clone();
         if backend == Backend::Gpu {

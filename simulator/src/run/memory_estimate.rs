@@ -21,7 +21,6 @@ pub(crate) struct Sharing {
 }
 
 impl Sharing {
-    #[cfg(test)]
     pub(crate) const NONE: Self = Self { runs: 1, ranks: 1 };
 
     fn bytes(self, particles: u64, of_each: u64) -> u64 {

@@ -147,7 +147,7 @@ fn messages_do_not_grow_with_the_file() {
         ("acid + base -> base", format!("acid + {} -> base", "x".repeat(10_000)), "there are acid, base"),
         ("acid + base -> base", format!("acid + base -> {long}acid"), "has 5001 products"),
         ("acid + base -> base", format!("{long}acid -> base"), "two reactants"),
-        ("base ->", format!("base -> {long}acid"), "at most two products"),
+        ("\"base ->\"", format!("\"base -> {long}acid\""), "at most two products"),
         ("rate = 2.0", format!("r{} = 2.0", "e".repeat(10_000)), "the nearest is `"),
         ("time-step", format!("{dotted} = 1\ntime-step"), "recursion limit"),
     ] {
