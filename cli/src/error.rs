@@ -56,7 +56,7 @@ pub(crate) enum CliError {
     TooManyTransceivers { transceivers: u32, spheres: u64 },
     #[error("calibration failed: {0}")]
     Calibration(lazygrid::Error),
-    #[error("there is no place for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
+    #[error("no directory for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
     NoCacheDirectory,
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),

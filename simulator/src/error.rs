@@ -24,8 +24,8 @@ pub enum Error {
     Model(String),
     /// Ids are used up.
     #[error(
-        "particle ids are used up: {released} particles were released or came of others, and ids have 32 bits; release \
-         fewer, or end the run before"
+        "particle ids are exhausted: {released} particles need one each, and ids have 32 bits; release fewer, or run \
+         fewer steps"
     )]
     OutOfIds {
         /// Particles that the run would have released.
@@ -90,20 +90,20 @@ pub enum Error {
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
     /// GPU backend cannot run a part of the model.
-    #[error("the GPU back end cannot do {what}; choose the CPU")]
+    #[error("the GPU backend does not support {what}; choose the CPU")]
     NotOnGpu {
         /// Refused part and its owner.
         what: String,
     },
     /// Ranks cannot run a part of the model.
-    #[error("a run over ranks cannot do {what}; run it in one process, with `lazygrid simulate`")]
+    #[error("a run over ranks does not support {what}; run it in one process, with `lazygrid simulate`")]
     NotOverRanks {
         /// Refused part.
         what: String,
     },
     /// Positions became non-finite on the GPU.
     #[error(
-        "step {step}: {particles} particles are at no finite place; shorten the time step or weaken the drift"
+        "step {step}: {particles} particles have non-finite positions; shorten the time step or weaken the drift"
     )]
     NotFinite {
         /// Step, from 0.
@@ -112,7 +112,7 @@ pub enum Error {
         particles: u64,
     },
     /// The build has no Arrow writer.
-    #[error("this build cannot write Arrow files; build it with --features arrow, or take the log as CSV")]
+    #[error("this build cannot write Arrow files; build it with --features arrow, or write the log as CSV")]
     NoArrow,
     /// Threads could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]

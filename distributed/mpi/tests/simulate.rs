@@ -132,7 +132,7 @@ fn an_error_is_printed_once() {
     let at = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
     let crowded = scenario("crowded");
     let said = error(3, &[crowded.to_str().unwrap(), "-o", &at("out")]);
-    assert!(said.contains("a run over ranks cannot do contact = \"separate\""), "{said}");
+    assert!(said.contains("a run over ranks does not support contact = \"separate\""), "{said}");
     std::fs::write(at("bad.toml"), "time-step = 1\nsteps = 1\nseeds = 3\n").unwrap();
     let said = error(3, &[&at("bad.toml"), "-o", &at("out")]);
     assert!(said.starts_with("error: rank 0: ") && said.contains("bad.toml, line 3, `seeds`"), "{said}");

@@ -21,7 +21,8 @@ fn models_that_need_an_order_across_ranks_are_refused_by_name() {
         let model = Model { contact, ..model(&everything()) };
         let said = errors(&model, 0);
         assert!(
-            said[0].starts_with("rank 0: a run over ranks cannot do contact = ") && said[0].contains(name),
+            said[0].starts_with("rank 0: a run over ranks does not support contact = ")
+                && said[0].contains(name),
             "{said:?}"
         );
         assert_eq!(said, vec![said[0].clone(); 3]);
