@@ -33,6 +33,21 @@ pub struct Released {
     pub decayed: Vec<u64>,
 }
 
+/// The step that a release begins, and its random numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct ReleaseStep<'a> {
+    /// Decays of the model.
+    pub decays: &'a Decays,
+    /// Key of the run.
+    pub key: Key,
+    /// Number of the step.
+    pub step: u32,
+    /// Next free id, of all ranks.
+    pub next_id: u32,
+    /// Centers of receivers at the beginning of the step, in µm.
+    pub centers: &'a [[f32; 3]],
+}
+
 struct Batch<'a> {
     from: &'a Transmitter,
     center: [f32; 3],
@@ -52,31 +67,17 @@ enum Ages {
 }
 
 impl Model {
-    /// Returns the releases at the beginning of a step, with ids from `next_id`. `centers` are those of receivers at that
-    /// time.
+    /// Returns the releases at the beginning of a step, with ids from `next_id`.
     ///
     /// # Errors
     /// [`Error::OutOfIds`].
-    pub fn release(
-        &self,
-        decays: &Decays,
-        key: Key,
-        step: u32,
-        next_id: u32,
-        centers: &[[f32; 3]],
-    ) -> Result<Released, Error> {
-        self.release_slice((decays, key), step, next_id, centers, RankSlice::WHOLE)
+    pub fn release(&self, at: ReleaseStep<'_>) -> Result<Released, Error> {
+        self.release_slice(at, RankSlice::WHOLE)
     }
 
-    /// Returns one rank's share of a [release](Self::release). `next_id` is that of all ranks.
-    pub(crate) fn release_slice(
-        &self,
-        (decays, key): (&Decays, Key),
-        step: u32,
-        next_id: u32,
-        centers: &[[f32; 3]],
-        slice: RankSlice,
-    ) -> Result<Released, Error> {
+    /// Returns one rank's share of a [release](Self::release).
+    pub(crate) fn release_slice(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
+        let ReleaseStep { decays, key, step, next_id, centers } = at;
         let mut batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
         batches.iter_mut().for_each(|batch| batch.center = batch.from.center_among(centers));
         let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
@@ -106,14 +107,16 @@ impl Model {
         Ok(out)
     }
 
+    /// Returns a release outside the schedule, with these ids. `at` has the centers and the key.
     pub(crate) fn burst(
         &self,
         from: &Transmitter,
-        center: [f32; 3],
         species: u32,
         ids: Range<u32>,
-        key: Key,
+        at: ReleaseStep<'_>,
     ) -> Released {
+        let ReleaseStep { decays, key, centers, .. } = at;
+        let center = from.center_among(centers);
         let mut out = Released {
             particles: Particles::default(),
             next_id: ids.end,
@@ -121,9 +124,8 @@ impl Model {
             decayed: vec![0; self.decays.len()],
         };
         let batch = Batch { from, center, now: 0.0, species, count: ids.end - ids.start, ages: Ages::None };
-        let decays = Decays::new(self);
         for (nth, id) in (0..).zip(ids) {
-            self.add(&batch, (id, nth, nth), (&decays, key), &mut out);
+            self.add(&batch, (id, nth, nth), (decays, key), &mut out);
         }
         out
     }

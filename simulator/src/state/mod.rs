@@ -11,9 +11,9 @@ use crate::model::receiver::ReceiverKind;
 use crate::motion::binding::Bound;
 use crate::random::philox::Key;
 use crate::reaction::decay::Decays;
-use crate::release::Released;
 use crate::release::origins::{Origin, Origins};
 use crate::release::rank_slice::RankSlice;
+use crate::release::{ReleaseStep, Released};
 
 /// With the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -115,7 +115,8 @@ impl State {
         key: Key,
         slice: RankSlice,
     ) -> Result<(), Error> {
-        let released = model.release_slice((decays, key), self.step, self.next_id, &self.centers, slice)?;
+        let (step, next_id, centers) = (self.step, self.next_id, &self.centers);
+        let released = model.release_slice(ReleaseStep { decays, key, step, next_id, centers }, slice)?;
         if model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in model.releases(self.step, key) {

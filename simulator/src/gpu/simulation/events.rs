@@ -5,6 +5,7 @@ use crate::Error;
 use crate::gpu::device::read;
 use crate::gpu::layout::{ControlHeader, EVENT_BYTES, NOTHING};
 use crate::model::particles::Particles;
+use crate::release::ReleaseStep;
 use crate::release::origins::{Arrival, Origin};
 
 /// Step, then receiver, species and id of an arrival, or [`NOTHING`], rank and parent's id of a second product.
@@ -72,7 +73,8 @@ impl GpuSimulation {
         let mut released = burst.released.clone();
         if self.dissociates {
             let centers = self.trajectory.centers_at(step);
-            released = self.model.release(&self.decays, self.key, step, self.next_id, centers)?;
+            let (decays, key, next_id) = (&self.decays, self.key, self.next_id);
+            released = self.model.release(ReleaseStep { decays, key, step, next_id, centers })?;
         }
         self.next_id = released.next_id;
         self.totals.enter(&released);

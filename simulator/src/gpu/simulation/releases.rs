@@ -8,6 +8,7 @@ use crate::gpu::dispatches::{Groups, Stage};
 use crate::gpu::kernel as k;
 use crate::model::particles::Particles;
 use crate::motion::receiver_state::move_receivers;
+use crate::release::ReleaseStep;
 
 impl GpuSimulation {
     pub(super) fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
@@ -20,7 +21,9 @@ impl GpuSimulation {
                 let places = move_receivers(&self.model, &centers, self.key, step - 1);
                 centers = places.iter().map(|place| place.center).collect();
             }
-            let released = self.model.release(&self.decays, self.key, step, next_id, &centers)?;
+            let (decays, key) = (&self.decays, self.key);
+            let at = ReleaseStep { decays, key, step, next_id, centers: &centers };
+            let released = self.model.release(at)?;
             if released.next_id > next_id {
                 next_id = released.next_id;
                 bursts.push(Burst { step, released });
