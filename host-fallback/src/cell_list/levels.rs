@@ -165,6 +165,10 @@ mod tests {
     use crate::input::SearchInput;
 
     fn plan(n: u32, spacing: f32, radii: &[f32]) -> LevelPlan {
+        plan_for(1.0, (n, spacing), radii)
+    }
+
+    fn plan_for(searches: f32, (n, spacing): (u32, f32), radii: &[f32]) -> LevelPlan {
         let side = f64::from(n).cbrt().ceil() as u32;
         let spheres: Vec<_> = (0..n)
             .map(|k| {
@@ -175,7 +179,15 @@ mod tests {
             .collect();
         let settings = Settings::default();
         let input = SearchInput::surveyed(PairTest::new((&spheres).into(), None), &settings);
-        LevelPlan::plan(&input.stats, &DensityProfile::sample(&input).expect("there is memory"))
+        let mut density = DensityProfile::sample(&input).expect("there is memory");
+        density.searches = searches;
+        LevelPlan::plan(&input.stats, &density)
+    }
+
+    #[test]
+    fn few_searches_make_small_cells() {
+        let [many, few] = [1.0, 0.01].map(|searches| plan_for(searches, (100_000, 1.0), &[1.0]));
+        assert!(few.levels[0].cell_size < 0.8 * many.levels[0].cell_size, "{few:?}, {many:?}");
     }
 
     #[test]
