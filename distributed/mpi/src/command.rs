@@ -12,7 +12,7 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use lazygrid::Space;
-use lazygrid_mpi::{Config, Distributed, Error, GlobalPair, agree};
+use lazygrid_mpi::{Config, Distributed, Error, GlobalPair, agree, try_reserved};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
@@ -38,7 +38,10 @@ pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Er
         Some(target) => {
             let pairs = times.take("search", || {
                 let pairs = distributed.pairs(local)?;
-                Ok(pairs.iter().map(GlobalPair::ids).collect())
+                let ids = try_reserved("ids of pairs", pairs.len() as u64, world.rank() as u32);
+                let mut ids = agree(world, ids)?;
+                ids.extend(pairs.iter().map(GlobalPair::ids));
+                Ok(ids)
             })?;
             times.take("write", || write(world, &mut distributed, &target, pairs))?
         }

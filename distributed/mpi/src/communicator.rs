@@ -191,17 +191,21 @@ impl RankCommunicator for MpiCommunicator {
 }
 
 pub(crate) fn try_zeroed<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
+    let mut buffer = try_reserved(what, elements, rank)?;
+    buffer.resize(elements as usize, T::zeroed());
+    Ok(buffer)
+}
+
+/// An empty vector with the capacity for `elements`.
+///
+/// # Errors
+/// [`Error::OutOfMemory`] on this rank alone: agree on the result before a collective call.
+pub fn try_reserved<T>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
     let mut buffer = Vec::new();
-    match usize::try_from(elements).ok().and_then(|elements| buffer.try_reserve_exact(elements).ok()) {
-        Some(()) => {
-            buffer.resize(elements as usize, T::zeroed());
-            Ok(buffer)
-        }
-        None => {
-            let bytes = elements.saturating_mul(size_of::<T>() as u64);
-            Err(Error::OutOfMemory { rank, what: what.to_owned(), bytes })
-        }
-    }
+    let reserved =
+        usize::try_from(elements).ok().and_then(|elements| buffer.try_reserve_exact(elements).ok());
+    let bytes = elements.saturating_mul(size_of::<T>() as u64);
+    reserved.map(|()| buffer).ok_or_else(|| Error::OutOfMemory { rank, what: what.to_owned(), bytes })
 }
 
 fn byte_counts<T>(lengths: &[usize]) -> Vec<Count> {

@@ -9,7 +9,7 @@ use lazygrid_ranks::{
 use mpi::traits::Communicator;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::communicator::MpiCommunicator;
+use crate::communicator::{MpiCommunicator, try_reserved};
 use crate::id_check::IdCheck;
 use crate::node_rank::{NodeRank, RankDevice};
 use crate::rebalance::rebalance;
@@ -283,8 +283,11 @@ impl List {
 fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Error> {
     let rank = comm.rank();
     let other = |pair: &GlobalPair| if pair.a.rank == rank { pair.b.rank } else { pair.a.rank };
-    let send = pairs.iter().map(|pair| (other(pair), *pair)).filter(|&(to, _)| to != rank).collect();
-    lazygrid_ranks::send_to_ranks(comm, "pairs for their other owner", send).map(|(came, _)| came)
+    let send = || pairs.iter().map(|pair| (other(pair), *pair)).filter(|&(to, _)| to != rank);
+    let reserved = try_reserved("pairs for their other owner", send().count() as u64, rank);
+    let mut all = comm.agree(reserved)?;
+    all.extend(send());
+    lazygrid_ranks::send_to_ranks(comm, "pairs for their other owner", all).map(|(came, _)| came)
 }
 
 /// Returns this rank's detector, and one for ghosts if the first cannot find these.

@@ -48,6 +48,7 @@ mod simulate;
 pub use abort::abort_on_panic;
 pub use agree::agree;
 pub use agree_on::agree_on;
+pub use communicator::try_reserved;
 pub use config::{Config, Delivery, Ownership};
 pub use distributed::Distributed;
 pub use error::Error;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use lazygrid::Space;
 use lazygrid_io::read::{Format, Frame, Frames};
-use lazygrid_mpi::{Error, OwnedSpheres, agree};
+use lazygrid_mpi::{Error, OwnedSpheres, agree, try_reserved};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
@@ -55,7 +55,8 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
     let frame = agree(world, frame.map_err(|message| refused(world, message)))?;
     let space = common_space(world, &split, frame.space)?;
     let first = before(world, frame.spheres.len() as u64);
-    let ids = (first..).take(frame.spheres.len()).collect();
+    let mut ids = agree(world, try_reserved("ids", frame.spheres.len() as u64, rank as u32))?;
+    ids.extend((first..).take(frame.spheres.len()));
     // Species have served for radii.
     Ok(Input { particles: OwnedSpheres { spheres: frame.spheres, ids, species: None }, space })
 }
