@@ -145,18 +145,18 @@ fn page_is_one_small_file_that_loads_nothing() {
 static FULL: LazyLock<&str> =
     LazyLock::new(|| if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { "full" } else { "" });
 
-fn assert_right(report: &Value) {
+fn assert_right(report: &Value, least: u64) {
     assert_eq!(report["wrong"], 0, "{:#}", report["failures"]);
     assert_eq!(report["ok"], true);
     assert_eq!(report["left_out"], json!([]));
-    let least = if FULL.is_empty() { 300 } else { 1000 };
+    let least = if FULL.is_empty() { least } else { 1000 };
     assert!(report["scenes"]["searches"].as_u64().unwrap() > least, "{}", report["scenes"]);
 }
 
 #[test]
 fn check_of_the_page_finds_no_fault_on_dawn() {
     if has_dawn() {
-        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap(), &FULL]));
+        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap(), &FULL]), 50);
     }
 }
 
@@ -166,9 +166,11 @@ fn lost_device_ends_a_check_with_a_remedy() {
         return;
     }
     let ended = on_dawn(&["check-lost", PAGE.to_str().unwrap()]);
-    assert_eq!(ended["rows"], 3, "{ended}");
-    let error = ended["error"].as_str().unwrap();
-    assert!(error.starts_with("The GPU was lost (") && error.contains("Reload the page"), "{error}");
+    for (at, rows) in [3, 4].into_iter().enumerate() {
+        assert_eq!(ended[at]["rows"], rows, "{ended}");
+        let error = ended[at]["error"].as_str().unwrap();
+        assert!(error.starts_with("The GPU was lost (") && error.contains("Reload the page"), "{error}");
+    }
 }
 
 #[test]
@@ -221,7 +223,7 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
     let report = on_dawn(&["measure", PAGE.to_str().unwrap(), "1000"]);
     assert_eq!((&report["wrong"], &report["ok"]), (&0.into(), &true.into()), "{:#}", report["failures"]);
     let speeds = report["speeds"].as_array().unwrap();
-    assert!(speeds.len() >= 5 * 4, "{} rows: {:#}", speeds.len(), report["left_out"]);
+    assert!(speeds.len() >= 2 * 4, "{} rows: {:#}", speeds.len(), report["left_out"]);
     for row in speeds {
         let [low, high] = [0, 1].map(|at| row["quartiles"]["busy_seconds"][at].as_f64().unwrap());
         assert!((low..=high).contains(&row["busy_seconds"].as_f64().unwrap()), "{row}");
@@ -258,7 +260,7 @@ fn check_of_the_page_finds_no_fault_in_a_browser() {
     let scratch = Scratch::new();
     let (result, said, _) =
         visit(&scratch, browser, &page, "document.getElementById('result').textContent !== ''");
-    assert_right(&serde_json::from_str(&result).unwrap());
+    assert_right(&serde_json::from_str(&result).unwrap(), 300);
     assert_eq!(said, [""; 0]);
 }
 

@@ -13,8 +13,8 @@ use crate::error::CliError;
 const MOST_EMBEDDED: usize = 160;
 /// One plan serves all embedded scenes.
 const CAPACITY: u32 = 256;
-/// Sizes of scenes that the device makes, and the largest for all pairs.
-const MADE: [u32; 2] = [1000, 10_000];
+/// Sizes of the scenes that the device makes itself, and the largest of which all pairs are tested.
+const MADE: [u32; 2] = [1000, 5000];
 const MOST_NAIVE: u32 = 1000;
 /// Factor of radii that finds all pairs near tangency.
 const WIDER: f32 = 1.0 + 1e-5;

@@ -259,7 +259,7 @@ class Page {
     return new ReportTab(this, {
       title: "Check", columns: ["scene", "algorithm", "variant", "result", ""],
       text: "Every algorithm searches scenes that are hard on grids, in every variant of the kernels that this GPU can run " +
-        "(without hardware the variants take turns). " +
+        "(without hardware, in one variant for each kind of scene). " +
         "The pairs are compared with those that the CPU found when this page was written.",
       run: async (tab) => {
         const asked = new URLSearchParams(location.hash.slice(1)), checker = new Checker(this.player, this.bundle);

@@ -35,9 +35,12 @@ class Player {
     });
   }
 
-  // Returns `true` if the device was lost; calls fail before it says so.
+  // Returns `true` if the device was lost. Calls fail before the device says so: it is asked to map a buffer.
   async isLost() {
-    await Promise.race([this.device.lost, new Promise((done) => setTimeout(done, 100))]);
+    const probe = this.device.createBuffer({ label: "probe", size: 4, usage: GPUBufferUsage.MAP_READ });
+    const works = await probe.mapAsync(GPUMapMode.READ).then(() => true, () => false);
+    probe.destroy();
+    if (!works) await Promise.race([this.device.lost, new Promise((done) => setTimeout(done, 10000))]);
     return this.lost !== undefined;
   }
 
