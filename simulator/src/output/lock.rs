@@ -1,4 +1,4 @@
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, FileType, OpenOptions, TryLockError};
 use std::io;
 use std::path::Path;
 
@@ -42,14 +42,24 @@ impl Lock {
 fn refuse_pipes(directory: &Path) -> Result<(), Error> {
     for entry in std::fs::read_dir(directory).into_iter().flatten().flatten() {
         let path = entry.path();
-        let is_link = entry.file_type().is_ok_and(|kind| kind.is_symlink());
-        let kind = if is_link { path.metadata().map(|data| data.file_type()) } else { entry.file_type() };
-        if kind.is_ok_and(|kind| !kind.is_file() && !kind.is_dir()) {
-            let message = "it is neither a file nor a folder; remove it, or choose another directory";
+        if path.metadata().is_ok_and(|data| is_pipe(data.file_type())) {
+            let message = "it is a pipe; remove it, or choose another directory";
             return Err(Error::Write { path, source: io::Error::new(io::ErrorKind::InvalidInput, message) });
         }
     }
     Ok(())
+}
+
+#[cfg(unix)]
+fn is_pipe(kind: FileType) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+
+    kind.is_fifo() || kind.is_socket()
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: FileType) -> bool {
+    false
 }
 
 fn remove_temporaries(directory: &Path) {
