@@ -60,8 +60,9 @@ pub struct SearchParams {
     pub radix_tile: u32,
     /// Candidates of a sphere that one invocation tests.
     pub candidates_per_invocation: u32,
-    /// Workgroups for the later candidates of each block; 0 if the device computes them.
-    pub overflow_workgroups: u32,
+    /// The workgroups of the search for each block of few spheres, one per chunk of candidates; 0 if the first search defers
+    /// blocks with more than one chunk.
+    pub chunks_per_block: u32,
     /// 1 if pairs of a cell list hold positions in cell order.
     pub pairs_in_cell_order: u32,
     /// The compared sides of a cell list: [`Self::FIRST_WITH_ITSELF`], [`Self::FIRST_WITH_SECOND`] and

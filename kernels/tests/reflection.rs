@@ -118,7 +118,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             second_set_start,
             radix_tile,
             candidates_per_invocation,
-            overflow_workgroups,
+            chunks_per_block,
             pairs_in_cell_order,
             side_pairs,
             interaction,

@@ -22,6 +22,7 @@ pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
             quarantined: bad,
             entries_lo: case.spheres,
             spheres: case.spheres,
+            dispatch_y: 1,
             dispatch_z: 1,
             ..Outcome::zeroed()
         };

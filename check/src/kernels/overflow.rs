@@ -31,8 +31,9 @@ impl Searched {
         let mut order: Vec<u32> = (0..call.spheres).collect();
         order.sort_by_key(|&id| homes[id as usize]);
         let cells: Vec<u32> = order.iter().map(|&id| homes[id as usize]).collect();
+        // One word more for the largest counter.
         let starts: Vec<u32> =
-            (0..list.cells + 2).map(|cell| cells.partition_point(|&own| own < cell) as u32).collect();
+            (0..list.cells + 3).map(|cell| cells.partition_point(|&own| own < cell) as u32).collect();
         let image = |&id: &u32| {
             let Sphere { center, radius } = scenario.spheres[id as usize];
             Sphere::new(scenario.space.wrap(center), radius)
@@ -150,6 +151,30 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
         let mut crowded = download::<u32>(own, &searched.crowded, blocks.len())?;
         crowded.sort_unstable();
         same(|| what("blocks"), &crowded, &blocks)?;
+        few(own, &chosen)?;
+    }
+    Ok(())
+}
+
+/// Checks the search of few spheres: one dispatch with a workgroup for each chunk of candidates of each block, which also
+/// finishes the outcome.
+fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
+    let count = chosen.call.spheres;
+    let pairs = count * (count - 1) / 2;
+    let chunks_per_block = count.div_ceil(chosen.call.candidates_per_invocation);
+    for pair_capacity in [pairs, pairs / 2] {
+        let call =
+            SearchParams { chunks_per_block, pair_capacity, consumer_workgroup_size: 64, ..chosen.call };
+        let searched = Searched::of(own, &ConfiguredCellList { call, ..chosen.clone() })?;
+        let largest_at = 4 * u64::from(chosen.list.cells + 2);
+        own.queue.write_buffer(&searched.starts, largest_at, bytemuck::bytes_of(&count));
+        let groups = count.div_ceil(k::WORKGROUP_SIZE) * chunks_per_block;
+        run(own, &k::CELL_LIST_SEARCH, chosen.variant, groups, &searched.bound())?;
+        let outcome = searched.outcome(own)?;
+        let found = [outcome.found_lo, outcome.overflow, outcome.dispatch_x, outcome.deferred_blocks];
+        let overflow = if pair_capacity < pairs { Outcome::OVERFLOW_PAIRS } else { 0 };
+        let expected = [pairs, overflow, pair_capacity.div_ceil(64), 0];
+        same(|| format!("outcome of {count} at one point"), &found, &expected)?;
     }
     Ok(())
 }

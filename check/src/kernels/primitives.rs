@@ -48,13 +48,18 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
             let mut random = Random(size as u64);
-            // The sum fits 32 bits, as for counters.
-            let values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
+            // The sum fits 32 bits, as that of counters does.
+            let mut values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
+            let largest = values.iter().copied().max().unwrap_or(0);
+            // Four are read at once, and the largest value follows.
+            values.resize((size + 1).next_multiple_of(4), 0);
             let lengths = upload(own, &[SortCounts { items: 0, counters: size as u32 }])?;
             let buffer = upload(own, &values)?;
             run(own, &SCAN_ONCE, variant, 1, &[("sort_counts", &lengths), ("values", &buffer)])?;
-            let found = download::<u32>(own, &buffer, size)?;
-            same(|| format!("{size} values, {variant:?}"), &found, &scan_plain(&values).0)?;
+            let found = download::<u32>(own, &buffer, size + 1)?;
+            let mut expected = scan_plain(&values[..size]).0;
+            expected.push(largest);
+            same(|| format!("{size} values, {variant:?}"), &found, &expected)?;
         }
     }
     Ok(())

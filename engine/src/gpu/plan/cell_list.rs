@@ -25,28 +25,29 @@ const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 const SURVEY_GROUPS: u32 = 1024;
 /// They stride over the spheres.
 const OCCUPANCY_GROUPS: u32 = 1024;
-const SPHERES_PER_THREAD: u32 = 8;
+/// In the statistics kernel, for few and for many spheres.
+const SPHERES_PER_THREAD: [u32; 2] = [2, 8];
 /// Smaller calls minimize dispatches, which cost more than their work: all smaller spheres leave overfull cells, and
-/// overflow workgroups are dispatched for every block.
+/// the search has a workgroup for each chunk of candidates of every block.
 const FEW: u32 = 1 << 15;
-/// One workgroup reduces and sets up to this many.
-const VERY_FEW: u32 = 1 << 11;
+/// One workgroup reduces and sets up to this many, in ten rounds of four loads.
+const VERY_FEW: u32 = 40 * k::WORKGROUP_SIZE;
 const INDEX_BLOCK: u32 = 2048;
 
 pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let is_counted = request.spheres < request.radix_sort_from;
     let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
     let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(FEWEST_CELLS, MOST_CELLS);
-    let most = limits.bytes() / 4 - 2;
+    let most = limits.bytes() / 4 - 6;
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
-    // Two more counters follow the cells.
-    plan.counters = plan.cells + plan.cells / ROUNDED as u32 + 2;
+    // Two more counters follow the cells, and the largest of all. `scan_once` reads four at once.
+    plan.counters = (plan.cells + plan.cells / ROUNDED as u32 + 3).next_multiple_of(4);
     plan.occupancy_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
     if is_counted {
         plan.tile = 0;
         if request.spheres <= FEW {
             plan.occupancy_slots = 0;
-            plan.overflow_workgroups = request.spheres / plan.candidates_per_invocation;
+            plan.chunks_per_block = request.spheres.div_ceil(plan.candidates_per_invocation).max(1);
         }
     } else {
         plan.key_bits = u32::BITS - (plan.counters - 1).leading_zeros();
@@ -84,7 +85,8 @@ pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(BufferId, u64)> {
 pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let per_sphere = plan.spheres.div_ceil(k::WORKGROUP_SIZE);
     let dispatch = Dispatch::new;
-    let survey = plan.spheres.div_ceil(k::WORKGROUP_SIZE * SPHERES_PER_THREAD).clamp(1, SURVEY_GROUPS);
+    let per_thread = SPHERES_PER_THREAD[usize::from(plan.chunks_per_block == 0)];
+    let survey = plan.spheres.div_ceil(k::WORKGROUP_SIZE * per_thread).clamp(1, SURVEY_GROUPS);
     let mut dispatches = match plan.spheres <= VERY_FEW && plan.tile == 0 {
         true => vec![dispatch(&k::CELL_LIST_SETUP_SMALL, 1, GpuPhase::Survey)],
         false => vec![
@@ -112,14 +114,11 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         dispatches.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
     let tests_per_group = u64::from(k::WORKGROUP_SIZE * plan.candidates_per_invocation.min(plan.spheres));
-    let search = dispatch(&k::CELL_LIST_SEARCH, per_sphere, GpuPhase::Search);
+    let groups = per_sphere * plan.chunks_per_block.max(1);
+    let search = dispatch(&k::CELL_LIST_SEARCH, groups, GpuPhase::Search);
     dispatches.extend(plan.budget.divide(search, tests_per_group));
-    // With few spheres, one invocation tests all candidates of a sphere.
-    if plan.overflow_workgroups > 0 {
-        let groups = per_sphere * plan.overflow_workgroups;
-        let overflow = dispatch(&k::CELL_LIST_SEARCH_OVERFLOW, groups, GpuPhase::Search);
-        dispatches.extend(plan.budget.divide(overflow, tests_per_group));
-    } else if plan.spheres > plan.candidates_per_invocation {
+    // With few spheres that is all.
+    if plan.chunks_per_block == 0 {
         let args = &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS;
         dispatches.extend(deferred(plan, args, &k::CELL_LIST_SEARCH_OVERFLOW));
     }

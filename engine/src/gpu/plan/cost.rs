@@ -48,7 +48,7 @@ impl Plan {
         let is_counted = self.tile == 0;
         let is = |kernel: &Kernel| dispatch.kernel == kernel;
         // Bytes per sphere, and per counter of the cell table.
-        let (per_sphere, per_counter) = if is(&k::STATS_REDUCE) {
+        let (per_sphere, per_counter) = if is(&k::STATS_REDUCE) || is(&k::CELL_LIST_SETUP_SMALL) {
             (16 + 4 * u64::from(self.occupancy_slots) / spheres.max(1), if is_counted { 4 } else { 0 })
         } else if is(&k::SPHERES_INTERLEAVE) {
             (16 + 16, 0)

@@ -96,7 +96,10 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     if plan.columns.is_some() {
         dispatches.insert(0, interleave(plan.spheres));
     }
-    dispatches.push(dispatch(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
+    // The search of few spheres finishes the outcome itself.
+    if plan.chunks_per_block == 0 {
+        dispatches.push(dispatch(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
+    }
     dispatches.retain(|dispatch| dispatch.groups > 0);
     dispatches
 }

@@ -95,8 +95,8 @@ pub(crate) struct Plan {
     pub(crate) tile: u32,
     /// Candidates of a sphere of a cell list.
     pub(crate) candidates_per_invocation: u32,
-    /// For further candidates of each block; 0 if the device computes them.
-    pub(crate) overflow_workgroups: u32,
+    /// Chunks of candidates that the search dispatches for each block; 0 if the device defers blocks.
+    pub(crate) chunks_per_block: u32,
     pub(crate) search_groups: u32,
     pub(crate) budget: WorkBudget,
     pub(crate) deferred_parts: u32,
@@ -126,7 +126,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         counters: 0,
         tile: limits.radix_tile(),
         candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
-        overflow_workgroups: 0,
+        chunks_per_block: 0,
         search_groups: 0,
         budget: WorkBudget { tests: request.max_tests, row: limits.groups_per_dimension },
         deferred_parts: request.deferred_parts.max(1),

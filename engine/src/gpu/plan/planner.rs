@@ -158,7 +158,7 @@ impl Plan {
             counters: if self.tile == 0 { self.counters } else { 0 },
             radix_tile: self.tile,
             candidates_per_invocation: self.candidates_per_invocation,
-            overflow_workgroups: self.overflow_workgroups,
+            chunks_per_block: self.chunks_per_block,
             ..settings.config.call(self.spheres, &settings.window, settings.split)
         }
     }

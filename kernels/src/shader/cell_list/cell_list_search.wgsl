@@ -1,7 +1,17 @@
-// Tests each sphere's first candidates, usually all. Blocks with more are deferred to `cell_list_search_overflow`.
+// Tests each sphere's first candidates, usually all. Blocks with more are deferred to `cell_list_search_overflow`; of few
+// spheres, each chunk of candidates of a block has a workgroup here.
 #include cell_list_search read_write
 
 var<workgroup> most_candidates: atomic<u32>;
+
+// With a single level, a sphere has candidates in at most 14 cells and the cell of listed spheres.
+const MOST_CELLS: u32 = 15u;
+
+// Returns `true` if no sphere can have candidates in this chunk, by the largest number of spheres in a cell.
+fn is_past_last_chunk(chunk: u32) -> bool {
+    let most = select(0xffffffffu, MOST_CELLS * starts[cell_list.cells + 2u], cell_list.levels == 1u);
+    return chunk >= params.chunks_per_block || most <= chunk * params.candidates_per_invocation;
+}
 
 @compute @workgroup_size(256)
 fn cell_list_search(
@@ -10,15 +20,18 @@ fn cell_list_search(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let block = (params.first_workgroup + workgroup_index(id, groups)) * WORKGROUP_SIZE;
-    if (block >= starts[cell_list.cells + 1u]) {
+    let number = params.first_workgroup + workgroup_index(id, groups);
+    let blocks = (params.spheres + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
+    let chunk = select(0u, number / max(blocks, 1u), params.chunks_per_block != 0u);
+    let block = (number - chunk * blocks) * WORKGROUP_SIZE;
+    if (block >= starts[cell_list.cells + 1u] || (chunk != 0u && is_past_last_chunk(chunk))) {
         return;
     }
     if (thread.local_index == 0u) {
         atomicStore(&most_candidates, 0u);
     }
-    let rest = search_candidates(block, 0u, thread.local_index);
-    if (rest != 0u) {
+    let rest = search_candidates(block, chunk, thread.local_index);
+    if (rest != 0u && params.chunks_per_block == 0u) {
         atomicMax(&most_candidates, rest);
     }
     workgroupBarrier();

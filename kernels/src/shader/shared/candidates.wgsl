@@ -180,6 +180,17 @@ fn index_in_pair(position: u32) -> u32 {
     return index;
 }
 
+// Stores the overflow flag and the dispatch arguments for at least `found` pairs, fewer than 2^32, of few spheres. All
+// of it only grows, so workgroups need no order, and the call no further dispatch.
+fn finish_outcome(found: u32) {
+    if (found > params.pair_capacity) {
+        atomicOr(&outcome.overflow, 1u);
+    }
+    let groups = consumer_groups(min(found, params.pair_capacity));
+    atomicMax(&outcome.dispatch_x, groups.x);
+    atomicMax(&outcome.dispatch_y, groups.y);
+}
+
 // Called by a whole workgroup. For the first chunk, returns the number of candidates of this thread's sphere that are
 // left to later chunks.
 fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
@@ -209,6 +220,9 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
             var first = 0u;
             if (count != 0u) {
                 first = found_reserve(count);
+                if (params.chunks_per_block != 0u) {
+                    finish_outcome(first + count);
+                }
             }
             gathered = vec3(count, first, atomicLoad(&has_more));
             atomicStore(&hit_count, 0u);

@@ -19,6 +19,7 @@
 #endif
 #include overlap
 #include pairs
+#include dispatch_2d
 #include cell_numbers
 #include neighbor_cells
 #include candidates

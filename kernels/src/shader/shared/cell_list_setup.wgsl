@@ -116,7 +116,8 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
         }
     }
     var limit = 0u;
-    for (var bit = 0u; bit < 32u; bit++) {
+    let leading = countLeadingZeros(max(max(wanted.x, wanted.y), wanted.z));
+    for (var bit = leading; bit < 32u; bit++) {
         let more = limit | (0x80000000u >> bit);
         limit = select(limit, more, fit(min(wanted, vec3(more)), room));
     }
@@ -332,9 +333,16 @@ fn configure(local_index: u32) {
     for (var round = 0u; round < MAX_SAMPLES / 256u; round++) {
         let number = round * 256u + local_index;
         if (number < taken) {
-            for (var other = 0u; other < taken; other++) {
-                shared_with += select(0u, 1u, other != number && sampled[other] == sampled[number]);
+            // Both numbers of samples are multiples of eight. Each sample also meets itself.
+            let cell = vec4(sampled[number]);
+            var same = vec4(0u);
+            for (var eight = 0u; eight < taken / 8u; eight++) {
+                let at = 8u * eight;
+                let a = vec4(sampled[at], sampled[at + 1u], sampled[at + 2u], sampled[at + 3u]);
+                let b = vec4(sampled[at + 4u], sampled[at + 5u], sampled[at + 6u], sampled[at + 7u]);
+                same += select(vec4(0u), vec4(1u), a == cell) + select(vec4(0u), vec4(1u), b == cell);
             }
+            shared_with += same.x + same.y + same.z + same.w - 1u;
         }
     }
     atomicAdd(&sampled_pairs, shared_with);
@@ -369,6 +377,10 @@ fn configure(local_index: u32) {
         cell_list.levels = levels;
         used_levels = levels;
         let tiles = (count + max(params.radix_tile, 1u) - 1u) / max(params.radix_tile, 1u);
+        // No pair is found yet. `dispatch_z` says that the outcome is of a call.
+        atomicStore(&outcome.dispatch_x, 0u);
+        atomicStore(&outcome.dispatch_y, 1u);
+        atomicStore(&outcome.dispatch_z, 1u);
         sort_counts.counters = select(tiles * 256u, base + 2u, params.radix_tile == 0u);
     }
     workgroupBarrier();

@@ -21,7 +21,7 @@ struct SearchParams {
     second_set_start: u32,
     radix_tile: u32,
     candidates_per_invocation: u32,
-    overflow_workgroups: u32,
+    chunks_per_block: u32,
     pairs_in_cell_order: u32,
     side_pairs: u32,
     interaction: f32,

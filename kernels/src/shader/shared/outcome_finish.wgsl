@@ -9,9 +9,6 @@ const OVERFLOW_WORK: u32 = 16u;
 
 @compute @workgroup_size(1)
 fn outcome_finish() {
-    if (params.overflow_workgroups != 0u) {
-        atomicStore(&outcome.deferred_end, atomicLoad(&outcome.deferred_blocks));
-    }
     let found = atomicLoad(&outcome.found_lo);
     let full = atomicLoad(&outcome.found_hi) != 0u || found > params.pair_capacity;
     // A continuation clears the bit of its predecessor.
@@ -19,8 +16,7 @@ fn outcome_finish() {
     let others = atomicLoad(&outcome.overflow) & ~OVERFLOW_WORK;
     atomicStore(&outcome.overflow, others | select(0u, 1u, full) | select(0u, OVERFLOW_WORK, remains));
     let written = select(found, params.pair_capacity, full);
-    let groups =
-        workgroups_2d(written / params.consumer_workgroup_size + select(0u, 1u, written % params.consumer_workgroup_size != 0u));
+    let groups = consumer_groups(written);
     atomicStore(&outcome.dispatch_x, groups.x);
     atomicStore(&outcome.dispatch_y, groups.y);
     atomicStore(&outcome.dispatch_z, 1u);

@@ -15,11 +15,41 @@ struct Streak {
     largest: u32,
 }
 
+// The statistics that one thread collects.
+struct ThreadStats {
+    low: vec3<u32>,
+    high: vec3<u32>,
+    smallest: u32,
+    quarantined: u32,
+    streak: Streak,
+}
+
 fn end_streak(streak: Streak) {
     if (streak.members != 0u) {
         atomicAdd(&group_members[streak.size_class], streak.members);
         atomicMax(&group_largest[streak.size_class % CLASSES], streak.largest);
     }
+}
+
+fn add_sphere(own: ptr<function, ThreadStats>, index: u32, sphere: vec4<f32>) {
+    if (!is_accepted(index, sphere)) {
+        (*own).quarantined += 1u;
+        return;
+    }
+    if (!may_pair(index, sphere)) {
+        return;
+    }
+    let radius = bitcast<u32>(effective_radius(index, sphere));
+    (*own).low = max((*own).low, ~to_sortable(sphere.xyz));
+    (*own).high = max((*own).high, to_sortable(sphere.xyz));
+    (*own).smallest = max((*own).smallest, ~radius);
+    let size_class = side_of(index) * CLASSES + (radius >> 23u);
+    if ((*own).streak.size_class != size_class) {
+        end_streak((*own).streak);
+        (*own).streak = Streak(size_class, 0u, 0u);
+    }
+    (*own).streak.members += 1u;
+    (*own).streak.largest = max((*own).streak.largest, radius);
 }
 
 // Called by a whole workgroup; each thread strides over the spheres from `first`.
@@ -39,52 +69,35 @@ fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     workgroupBarrier();
 
     let count = min(count_source[0], params.spheres);
-    var low = vec3(0u);
-    var high = vec3(0u);
-    var smallest = 0u;
-    var quarantined = 0u;
-    var streak = Streak(0u, 0u, 0u);
-    let rounds = (count + stride - 1u) / stride;
+    var own = ThreadStats(vec3(0u), vec3(0u), 0u, 0u, Streak(0u, 0u, 0u));
+    // Four loads are in flight at once.
+    let rounds = (count + 4u * stride - 1u) / (4u * stride);
     for (var round = 0u; round < rounds; round++) {
-        let index = first + round * stride;
-        if (index >= count) {
-            break;
+#repeat K 4
+        let index_#{K} = first + (4u * round + #{K}u) * stride;
+        let sphere_#{K} = spheres[min(index_#{K}, count - 1u)];
+#end
+#repeat K 4
+        if (index_#{K} < count) {
+            add_sphere(&own, index_#{K}, sphere_#{K});
         }
-        let sphere = spheres[index];
-        if (!is_accepted(index, sphere)) {
-            quarantined += 1u;
-            continue;
-        }
-        if (!may_pair(index, sphere)) {
-            continue;
-        }
-        let radius = bitcast<u32>(effective_radius(index, sphere));
-        low = max(low, ~to_sortable(sphere.xyz));
-        high = max(high, to_sortable(sphere.xyz));
-        smallest = max(smallest, ~radius);
-        let size_class = side_of(index) * CLASSES + (radius >> 23u);
-        if (streak.size_class != size_class) {
-            end_streak(streak);
-            streak = Streak(size_class, 0u, 0u);
-        }
-        streak.members += 1u;
-        streak.largest = max(streak.largest, radius);
+#end
     }
-    end_streak(streak);
+    end_streak(own.streak);
     for (var axis = 0u; axis < 3u; axis++) {
-        let lowest = max_in_subgroup(low[axis]);
-        let highest = max_in_subgroup(high[axis]);
+        let lowest = max_in_subgroup(own.low[axis]);
+        let highest = max_in_subgroup(own.high[axis]);
         if (is_leader(thread)) {
             atomicMax(&group_low[axis], lowest);
             atomicMax(&group_high[axis], highest);
         }
     }
-    let least = max_in_subgroup(smallest);
+    let least = max_in_subgroup(own.smallest);
     if (is_leader(thread)) {
         atomicMax(&group_smallest, least);
     }
-    if (quarantined != 0u) {
-        atomicAdd(&group_quarantined, quarantined);
+    if (own.quarantined != 0u) {
+        atomicAdd(&group_quarantined, own.quarantined);
     }
     clear_counters(first, stride);
     workgroupBarrier();
