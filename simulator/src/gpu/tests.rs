@@ -239,7 +239,7 @@ fn written(own: &GpuDevice, name: &'static str, bytes: &[u8]) -> wgpu::Buffer {
 fn survivors_are_compacted_in_output_order() {
     let Some(own) = device() else { return };
     let tables = Tables::new(&model(), Key::new(1), 64);
-    for (count, is_cell_order, halted) in [(700, 1, 0), (700, 0, 0), (70_001, 1, 0), (700, 1, 1)] {
+    for (count, is_cell_order, halted) in [(700, 1, 0), (700, 0, 0), (1_100_001, 1, 0), (700, 1, 1)] {
         let mut buffers = RunBuffers::new(own.clone(), &tables, 0).expect("buffers");
         let word = |k: u32| philox([k, 0, 0, 0], [3, 0])[0];
         let mut order: Vec<u32> = (0..count).collect();

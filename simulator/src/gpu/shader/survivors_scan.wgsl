@@ -9,6 +9,8 @@
 @group(0) @binding(3) var<storage, read_write> log: array<vec2<u32>>;
 
 const MAX_ID: u32 = 0xfffffffeu;
+// Consecutive sums that a thread takes per round, so that the workgroup reads whole lines.
+const ITEMS: u32 = 16u;
 
 var<workgroup> group_halted: u32;
 var<workgroup> group_total: u32;
@@ -67,25 +69,34 @@ fn survivors_scan(@builtin(local_invocation_index) local_index: u32) {
         }
         return;
     }
-    let count = (control.count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
-    let chunk = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
-    let begin = min(local_index * chunk, count);
-    let end = min(begin + chunk, count);
-    var own = 0u;
-    for (var k = begin; k < end; k++) {
-        own += sums[1u + k];
+    if (local_index == 0u) {
+        group_total = (control.count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
     }
-    let through = running_sum(own, local_index);
-    var before = through - own;
-    for (var k = begin; k < end; k++) {
-        let here = sums[1u + k];
-        sums[1u + k] = before;
-        before += here;
+    let count = workgroupUniformLoad(&group_total);
+    let rounds = (count + WORKGROUP_SIZE * ITEMS - 1u) / (WORKGROUP_SIZE * ITEMS);
+    var survivors = 0u;
+    for (var round = 0u; round < rounds; round++) {
+        let first = (round * WORKGROUP_SIZE + local_index) * ITEMS;
+        var own = 0u;
+        for (var item = 0u; item < ITEMS; item++) {
+            if (first + item < count) {
+                own += sums[1u + first + item];
+            }
+        }
+        let through = survivors + running_sum(own, local_index);
+        var before = through - own;
+        for (var item = 0u; item < ITEMS; item++) {
+            if (first + item < count) {
+                let here = sums[1u + first + item];
+                sums[1u + first + item] = before;
+                before += here;
+            }
+        }
+        if (local_index == WORKGROUP_SIZE - 1u) {
+            group_total = through;
+        }
+        survivors = workgroupUniformLoad(&group_total);
     }
-    if (local_index == WORKGROUP_SIZE - 1u) {
-        group_total = through;
-    }
-    let survivors = workgroupUniformLoad(&group_total);
     if (local_index == 0u) {
         sums[0] = select(0u, control.count, has_capacity(survivors));
     }
