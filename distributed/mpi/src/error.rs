@@ -30,7 +30,14 @@ pub enum Error {
     },
     /// Setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
-    Setting { name: String, value: String, range: String },
+    Setting {
+        /// Setting.
+        name: String,
+        /// Refused value.
+        value: String,
+        /// Allowed values.
+        range: String,
+    },
     /// Setting differs between ranks.
     #[error("{message}")]
     Settings {
@@ -47,6 +54,7 @@ pub enum Error {
          count or stream the pairs"
     )]
     OutOfMemory {
+        /// First such rank.
         rank: u32,
         /// Purpose.
         what: String,
@@ -58,10 +66,18 @@ pub enum Error {
         "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
          use more ranks, or raise `max_pairs`"
     )]
-    TooManyPairs { rank: u32, found: u64, limit: u64 },
+    TooManyPairs {
+        /// First such rank.
+        rank: u32,
+        /// Its pairs.
+        found: u64,
+        /// Pairs allowed on a rank.
+        limit: u64,
+    },
     /// Detector of one rank failed.
     #[error("rank {rank}: {message}")]
     Detection {
+        /// First such rank.
         rank: u32,
         /// Error of the detector.
         message: String,

@@ -36,12 +36,18 @@ pub(super) trait Encoder: Write + Send {
 }
 
 pub(super) fn encoder(path: &Path, out: impl Write + Send + 'static) -> io::Result<Box<dyn Encoder>> {
-    let out = BufWriter::with_capacity(BUFFER, out);
+    let out = buffered(out)?;
     Ok(match Compression::from_extension(path) {
         None => Box::new(out),
         Some(Compression::Gzip) => Box::new(GzEncoder::new(out, flate2::Compression::default())),
         Some(Compression::Zstandard) => Box::new(Zstandard::new(out)?),
     })
+}
+
+/// An error where the system refuses the memory, which `BufWriter` itself would end the process for.
+fn buffered<W: Write>(out: W) -> io::Result<BufWriter<W>> {
+    Vec::<u8>::new().try_reserve_exact(2 * BUFFER)?;
+    Ok(BufWriter::with_capacity(BUFFER, out))
 }
 
 impl<W: Write + Send> Encoder for BufWriter<W> {
@@ -64,9 +70,10 @@ struct Zstandard {
 impl Zstandard {
     fn new(out: impl Write + Send + 'static) -> io::Result<Self> {
         let (source, into) = io::pipe()?;
+        let into = buffered(into)?;
         let thread =
             std::thread::Builder::new().name("zstd".to_owned()).spawn(move || compress(source, out))?;
-        Ok(Self { running: Some((BufWriter::with_capacity(BUFFER, into), thread)) })
+        Ok(Self { running: Some((into, thread)) })
     }
 }
 

@@ -99,20 +99,14 @@ fn table(
         TableFormat::Csv => b"i,j\n".to_vec(),
         TableFormat::Npy => npy_header(if wide { "u8" } else { "u4" }, &format!("({}, 2)", pairs.len())),
     };
-    file.write_with(|out| out.write_all(&header))?;
-    for pairs in pairs.chunks(1 << 16) {
-        let bytes = match (target.format, wide) {
-            (TableFormat::Csv, _) => {
-                pairs.iter().map(|[i, j]| format!("{i},{j}\n")).collect::<String>().into_bytes()
-            }
-            (TableFormat::Npy, true) => bytemuck::cast_slice(pairs).to_vec(),
-            (TableFormat::Npy, false) => {
-                let rows: Vec<u32> = pairs.iter().flatten().map(|&id| id as u32).collect();
-                bytemuck::cast_slice(&rows).to_vec()
-            }
-        };
-        file.write_with(|out| out.write_all(&bytes))?;
-    }
+    file.write_with(|out| {
+        out.write_all(&header)?;
+        pairs.iter().try_for_each(|&[i, j]| match (target.format, wide) {
+            (TableFormat::Csv, _) => writeln!(out, "{i},{j}"),
+            (TableFormat::Npy, true) => out.write_all(bytemuck::bytes_of(&[i, j])),
+            (TableFormat::Npy, false) => out.write_all(bytemuck::bytes_of(&[i as u32, j as u32])),
+        })
+    })?;
     Ok(file)
 }
 
