@@ -178,7 +178,8 @@ function plotSpeeds(canvas, speeds, colors) {
     pen.lineTo(...to);
     pen.stroke();
   };
-  for (let k = low; k <= high; k++) mark(`${10 ** k} ns`, [46, y(10 ** k) + 4], [52, y(10 ** k)], [width - 18, y(10 ** k)], "right");
+  const time = (k) => `${10 ** (((k % 3) + 3) % 3)} ${["ps", "ns", "µs", "ms", "s"][Math.floor(k / 3) + 1]}`;
+  for (let k = low; k <= high; k++) mark(time(k), [46, y(10 ** k) + 4], [52, y(10 ** k)], [width - 18, y(10 ** k)], "right");
   for (const n of MEASURED_SIZES) mark(short(n), [x(n), height - 8], [x(n), 14], [x(n), height - 26], "center");
   for (const [algorithm, color] of Object.entries(colors)) {
     const line = speeds.filter((row) => row.algorithm === algorithm);

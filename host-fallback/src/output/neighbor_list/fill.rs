@@ -4,11 +4,14 @@ use lazygrid_kernels::{Error, ImageVector, Pair};
 
 use super::{CHUNK_ROWS, ContactTest, ListOptions, PeriodicImages};
 use crate::compare::PairFilter;
-use crate::memory::{try_collect, try_push};
+use crate::memory::{prefetch, try_collect, try_push};
 use crate::output::Neighbors;
 
 /// Below this fraction of a length, a difference of coordinates is the minimum image, with a margin for rounding.
 const NEAR: f64 = 0.49;
+
+/// Neighbors requested from memory beyond the current row.
+const PREFETCHED: usize = 16;
 
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
@@ -124,8 +127,10 @@ impl<'s> Piece<'s> {
 
     pub(super) fn fill(&mut self, fill: &Fill<'_>) {
         let near = fill.near();
+        let mut requested = fill.candidates.offsets()[self.rows.start] as usize;
         for row in self.rows.clone() {
             let before = self.filled;
+            fill.prefetch(&mut requested, row);
             match near {
                 Some(near) => self.fill_near(fill, row as u32, near),
                 None => fill.row(row as u32, |entry| self.take(&entry)),
@@ -190,6 +195,21 @@ impl Fill<'_> {
         let ContactTest { space, .. } = self.contact;
         let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
         is_plain.then(|| space.lengths().map(|length| NEAR * length.unwrap_or(f64::INFINITY)))
+    }
+
+    /// Neighbors lie anywhere in memory: without this most of the time is spent waiting for them.
+    #[inline]
+    fn prefetch(&self, requested: &mut usize, row: usize) {
+        if self.images.is_some() {
+            return;
+        }
+        let (offsets, indices) = (self.candidates.offsets(), self.candidates.indices());
+        let until = indices.len().min(offsets[row + 1] as usize + PREFETCHED);
+        for &j in &indices[until.min(*requested)..until] {
+            prefetch(self.second.as_flattened(), 4 * j as usize);
+            prefetch(self.second.as_flattened(), 4 * j as usize + 3);
+        }
+        *requested = until;
     }
 
     #[inline]
