@@ -21,14 +21,20 @@ pub(crate) fn with_growth(bytes: u64) -> u64 {
 /// Prefetches `values[at]` on x86-64. Ignores an index out of range.
 #[inline(always)]
 pub(crate) fn prefetch<T>(values: &[T], at: usize) {
+    prefetch_address(values.as_ptr().wrapping_add(at).cast());
+}
+
+/// Prefetches an address on x86-64. Ignores an invalid one.
+#[inline(always)]
+pub(crate) fn prefetch_address(address: *const u8) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: every x86-64 processor has SSE; nothing is read or written, and an invalid address is ignored.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast());
+        _mm_prefetch::<_MM_HINT_T0>(address.cast());
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = (values, at);
+    let _ = address;
 }
 
 /// Sets the length of a buffer; values are then arbitrary. After an error the buffer is empty.

@@ -8,7 +8,9 @@ use bytemuck::Zeroable;
 
 use super::CellLocator;
 use crate::Error;
-use crate::compare::{Columns, ColumnsMut, PairTest, SimdTask, SimdWidth, Xyzr};
+use crate::compare::{
+    Columns, ColumnsMut, EffectiveLoop, EffectiveRows, PairTest, SimdTask, SimdWidth, Xyzr,
+};
 use crate::disjoint_writes::{DisjointSlice, split_at};
 use crate::input::SearchInput;
 use crate::memory::{try_collect, try_resize};
@@ -133,20 +135,7 @@ impl Sorter {
                 unsafe { entries.write(*slot as usize, SortRecord { row, id: id as u32, key }) };
                 *slot += 1;
             };
-            let ids = piece * size..;
-            match input.test.plain_rows() {
-                Some(rows) => {
-                    let rows = &rows[ids.start..];
-                    for ((&key, id), sphere) in keys.iter().zip(ids).zip(rows) {
-                        place(key, id, bytemuck::cast(*sphere));
-                    }
-                }
-                None => {
-                    for (&key, id) in keys.iter().zip(ids) {
-                        place(key, id, input.test.row(id as u32));
-                    }
-                }
-            }
+            input.test.for_rows(PlaceRows { keys, first: piece * size, place: &mut place });
         });
         Ok(())
     }
@@ -164,17 +153,42 @@ impl SimdTask for Keys<'_> {
 
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) {
-        match self.test.plain_rows() {
-            Some(rows) => {
-                for ((key, sphere), id) in self.keys.iter_mut().zip(&rows[self.first..]).zip(self.first..) {
-                    *key = self.places.cell_of(vector, id, bytemuck::cast(*sphere));
-                }
-            }
-            None => {
-                for (key, id) in self.keys.iter_mut().zip(self.first..) {
-                    *key = self.places.cell_of(vector, id, self.test.row(id as u32));
-                }
-            }
+        let Self { test, places, first, keys } = self;
+        test.for_rows(LocateRows { vector, places, first, keys });
+    }
+}
+
+struct LocateRows<'k, V> {
+    vector: V,
+    places: CellLocator<'k>,
+    first: usize,
+    keys: &'k mut [u32],
+}
+
+impl<V: SimdWidth> EffectiveLoop for LocateRows<'_, V> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run(self, rows: impl EffectiveRows) {
+        for (key, id) in self.keys.iter_mut().zip(self.first..) {
+            *key = self.places.cell_of(self.vector, id, rows.row(id));
+        }
+    }
+}
+
+struct PlaceRows<'k, P> {
+    keys: &'k [u32],
+    first: usize,
+    place: P,
+}
+
+impl<P: FnMut(u32, usize, Xyzr)> EffectiveLoop for PlaceRows<'_, P> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run(mut self, rows: impl EffectiveRows) {
+        for (&key, id) in self.keys.iter().zip(self.first..) {
+            (self.place)(key, id, rows.row(id));
         }
     }
 }

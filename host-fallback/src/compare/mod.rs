@@ -2,6 +2,7 @@
 
 mod columns;
 mod delivery;
+mod effective_rows;
 mod filter;
 mod pair_test;
 mod scan;
@@ -10,6 +11,7 @@ mod sink;
 
 pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
 pub(crate) use delivery::deliver_unordered;
+pub(crate) use effective_rows::{EffectiveLoop, EffectiveRows};
 pub use filter::PairFilter;
 pub(crate) use pair_test::{PairTest, SkinMargin, SphereRadii};
 pub(crate) use scan::{COMPARE_NS, HitQueue, scan};

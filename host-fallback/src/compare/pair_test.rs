@@ -1,5 +1,5 @@
 use glam::{DVec3, Vec3};
-use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Sphere, Spheres};
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Spheres};
 
 use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
@@ -121,16 +121,14 @@ impl<'a> PairTest<'a> {
     }
 
     #[inline(always)]
-    pub(crate) fn plain_rows(&self) -> Option<&'a [Sphere]> {
-        let are_effective = self.species.is_none() && self.margin.is_none();
-        if are_effective { self.spheres.as_rows() } else { None }
+    pub(crate) fn has_margin(&self) -> bool {
+        self.margin.is_some()
     }
 
-    /// The spheres as rows, their species, and the radii of these, if radii have no margin.
+    /// The species of the spheres, and the effective radii of these.
     #[inline(always)]
-    pub(crate) fn rows_by_species(&self) -> Option<(&'a [Sphere], &'a [u32], &[EffectiveRadius])> {
-        let species = self.species.as_ref().filter(|_| self.margin.is_none())?;
-        Some((self.spheres.as_rows()?, species.ids, &species.reach))
+    pub(crate) fn species_radii(&self) -> Option<(&'a [u32], &[EffectiveRadius])> {
+        self.species.as_ref().map(|species| (species.ids, &species.reach[..]))
     }
 
     #[inline(always)]

@@ -1,10 +1,10 @@
 //! Spheres as given, and their map to the search frame.
 
-use lazygrid_kernels::{Space, Spheres};
+use lazygrid_kernels::{Space, Spheres, Strided};
 
 use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
-use crate::memory::prefetch;
+use crate::memory::{prefetch, prefetch_address};
 
 /// Half the largest distance with any other species, and `true` if some pairs are decided by contact.
 pub(super) type LargestHalf = (f64, bool);
@@ -53,15 +53,35 @@ impl<'a> GivenSpheres<'a> {
     #[inline(always)]
     pub(crate) fn run<V: SimdWidth, L: GivenLoop>(self, vector: V, task: L) -> L::Result {
         let map = FrameMap::new(self.frame);
-        match (self.spheres.as_rows_f64().filter(|_| self.species.is_none()), map.is_unbounded()) {
-            (Some(rows), true) => task.run::<V, false>(vector, rows, &map),
-            (Some(rows), false) => task.run::<V, true>(vector, rows, &map),
-            (None, _) => task.run::<V, true>(vector, self, &map),
+        let (rows, strided) = (self.spheres.as_rows_f64(), self.spheres.as_strided_f64());
+        match (rows, &strided, self.species) {
+            (Some(rows), _, None) => run_mapped(vector, task, rows, &map),
+            (_, Some(rows), None) => run_mapped(vector, task, rows, &map),
+            (Some(rows), _, Some((ids, halves))) => {
+                run_mapped(vector, task, OfSpecies { rows, ids, halves }, &map)
+            }
+            (_, Some(rows), Some((ids, halves))) => {
+                run_mapped(vector, task, OfSpecies { rows, ids, halves }, &map)
+            }
+            (None, None, _) => task.run::<V, true>(vector, &self, &map),
         }
     }
 
     pub(crate) fn searched(self, k: usize) -> Xyzr {
         FrameMap::new(self.frame).map::<true>(self.effective(k, self.get(k)))
+    }
+}
+
+#[inline(always)]
+fn run_mapped<V: SimdWidth, L: GivenLoop>(
+    vector: V,
+    task: L,
+    rows: impl GivenRows,
+    map: &FrameMap<'_>,
+) -> L::Result {
+    match map.is_unbounded() {
+        true => task.run::<V, false>(vector, rows, map),
+        false => task.run::<V, true>(vector, rows, map),
     }
 }
 
@@ -84,9 +104,54 @@ impl GivenRows for &[[f64; 4]] {
     }
 }
 
-impl GivenRows for GivenSpheres<'_> {
+impl GivenRows for &Strided<'_, f64> {
     #[inline(always)]
-    fn prefetch(self, _: usize) {}
+    fn prefetch(self, k: usize) {
+        self.addresses(k).into_iter().for_each(prefetch_address);
+    }
+
+    #[inline(always)]
+    fn get(self, k: usize) -> [f64; 4] {
+        Strided::get(self, k)
+    }
+
+    #[inline(always)]
+    fn effective(self, _: usize, row: [f64; 4]) -> [f64; 4] {
+        row
+    }
+}
+
+#[derive(Clone, Copy)]
+struct OfSpecies<'a, R> {
+    rows: R,
+    ids: &'a [u32],
+    halves: &'a [LargestHalf],
+}
+
+impl<R: GivenRows> GivenRows for OfSpecies<'_, R> {
+    #[inline(always)]
+    fn prefetch(self, k: usize) {
+        self.rows.prefetch(k);
+        prefetch(self.ids, k);
+    }
+
+    #[inline(always)]
+    fn get(self, k: usize) -> [f64; 4] {
+        self.rows.get(k)
+    }
+
+    #[inline(always)]
+    fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4] {
+        effective(row, self.halves[self.ids[k] as usize])
+    }
+}
+
+impl GivenRows for &GivenSpheres<'_> {
+    #[inline(always)]
+    fn prefetch(self, k: usize) {
+        self.spheres.addresses(k).into_iter().for_each(prefetch_address);
+        self.species.iter().for_each(|(ids, _)| prefetch(ids, k));
+    }
 
     #[inline(always)]
     fn get(self, k: usize) -> [f64; 4] {
@@ -94,15 +159,15 @@ impl GivenRows for GivenSpheres<'_> {
     }
 
     #[inline(always)]
-    fn effective(self, k: usize, [x, y, z, radius]: [f64; 4]) -> [f64; 4] {
-        let effective = match self.species {
-            // The validity check finds other radii.
-            Some((species, halves)) if (0.0..f64::INFINITY).contains(&radius) => {
-                let (half, touches) = halves[species[k] as usize];
-                if touches { half.max(radius) } else { half }
-            }
-            _ => radius,
-        };
-        [x, y, z, effective]
+    fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4] {
+        self.species.map_or(row, |(species, halves)| effective(row, halves[species[k] as usize]))
     }
+}
+
+/// An invalid radius stays as it is: the validity check finds it.
+#[inline(always)]
+fn effective([x, y, z, radius]: [f64; 4], (half, touches): LargestHalf) -> [f64; 4] {
+    let is_valid = (0.0..f64::INFINITY).contains(&radius);
+    let by_species = if touches { half.max(radius) } else { half };
+    [x, y, z, if is_valid { by_species } else { radius }]
 }

@@ -1,11 +1,12 @@
 //! Statistics of the input in one pass: validity, bounds and size classes.
 
-use bytemuck::cast;
+use std::ops::Range;
+
 use glam::Vec3;
-use lazygrid_kernels::{InputError, Interactions, Sphere, Spheres};
+use lazygrid_kernels::{InputError, Interactions, Spheres};
 
 use super::validate::check;
-use crate::compare::PairTest;
+use crate::compare::{EffectiveLoop, EffectiveRows, PairTest};
 use crate::executor::Executor;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
@@ -48,6 +49,28 @@ impl SizeClass {
     pub(crate) fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.largest = self.largest.max(other.largest);
+    }
+}
+
+/// Adds a range of spheres. Returns `true` if one may be invalid.
+struct AddRows<'a> {
+    stats: &'a mut InputStats,
+    range: Range<usize>,
+}
+
+impl EffectiveLoop for AddRows<'_> {
+    type Result = bool;
+
+    #[inline(always)]
+    fn run(self, rows: impl EffectiveRows) -> bool {
+        let count = self.range.len();
+        self.stats.add(
+            count,
+            self.range.map(|k| {
+                let row = rows.get(k);
+                (row, rows.effective(k, row[3]))
+            }),
+        )
     }
 }
 
@@ -99,17 +122,7 @@ impl InputStats {
         let n = spheres.len();
         let chunk = |stats: &mut Self, chunk: usize| {
             let range = chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES);
-            if let Some(rows) = test.plain_rows() {
-                let rows = &rows[range];
-                return stats.add(rows.len(), rows.iter().map(|sphere| (cast(*sphere), sphere.radius)));
-            }
-            if let Some((rows, ids, radii)) = test.rows_by_species() {
-                let spheres = rows[range.clone()].iter().zip(&ids[range.clone()]);
-                let effective = |id: u32, radius| radii[id as usize].for_radius(radius);
-                let row = |(sphere, id): (&Sphere, &u32)| (cast(*sphere), effective(*id, sphere.radius));
-                return stats.add(range.len(), spheres.map(row));
-            }
-            stats.add(range.len(), range.map(|i| (cast(spheres.get(i)), test.effective(i as u32).1)))
+            test.for_rows(AddRows { stats, range })
         };
         let chunks = n.div_ceil(CHUNK_SPHERES);
         let mut stats = Self::empty();
@@ -198,6 +211,8 @@ impl InputStats {
 
 #[cfg(test)]
 mod tests {
+    use lazygrid_kernels::Sphere;
+
     use super::*;
 
     #[test]

@@ -6,11 +6,10 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use crate::Simd;
 use crate::cell_list::SortRecord;
-use crate::compare::{PairTest, SimdTask, SimdWidth, Xyzr};
+use crate::compare::{EffectiveLoop, EffectiveRows, PairTest, SimdTask, SimdWidth, Xyzr};
 use crate::executor::Executor;
 use crate::frame::{Bounds, FrameMap};
 use crate::input::{GivenLoop, GivenRows, GivenSpheres};
-use crate::memory::prefetch;
 
 pub(super) const CHUNK_SPHERES: usize = 1 << 13;
 /// Spheres lie anywhere in memory.
@@ -65,21 +64,28 @@ impl<'a> SimdTask for Advance<'a> {
 
 impl Advance<'_> {
     #[inline(always)]
-    fn advance<V: SimdWidth, const PERIODIC: bool>(self, vector: V, mut largest: Largest) -> Largest {
+    fn advance<V: SimdWidth, const PERIODIC: bool>(self, vector: V, largest: Largest) -> Largest {
         let Self { test, then, rows, .. } = self;
-        match test.plain_rows() {
-            Some(spheres) => {
-                for (k, row) in rows.iter_mut().enumerate() {
-                    prefetch(spheres, then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
-                    let now = bytemuck::cast(spheres[then[k].id as usize]);
-                    largest.add::<V, PERIODIC>(vector, row, &then[k], now);
-                }
-            }
-            None => {
-                for (row, then) in rows.iter_mut().zip(then) {
-                    largest.add::<V, PERIODIC>(vector, row, then, test.row(then.id));
-                }
-            }
+        test.for_rows(AdvanceEffective::<V, PERIODIC> { vector, rows, then, largest })
+    }
+}
+
+struct AdvanceEffective<'a, V, const PERIODIC: bool> {
+    vector: V,
+    rows: &'a mut [Xyzr],
+    then: &'a [SortRecord],
+    largest: Largest,
+}
+
+impl<V: SimdWidth, const PERIODIC: bool> EffectiveLoop for AdvanceEffective<'_, V, PERIODIC> {
+    type Result = Largest;
+
+    #[inline(always)]
+    fn run(self, now: impl EffectiveRows) -> Largest {
+        let Self { vector, rows, then, mut largest } = self;
+        for (k, row) in rows.iter_mut().enumerate() {
+            now.prefetch(then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
+            largest.add::<V, PERIODIC>(vector, row, &then[k], now.row(then[k].id as usize));
         }
         largest
     }

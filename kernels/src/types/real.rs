@@ -118,8 +118,9 @@ impl<'a, T: Copy> Strided<'a, T> {
 
     /// # Panics
     /// If `i` is not below the number of spheres.
-    #[inline]
-    pub(crate) fn get(&self, i: usize) -> [T; 4] {
+    #[inline(always)]
+    #[doc(hidden)]
+    pub fn get(&self, i: usize) -> [T; 4] {
         assert!(i < self.count, "sphere {i} of {}", self.count);
         // SAFETY: `i` is below the number of spheres, whose values are inside their columns and initialized: the columns are
         // initialized slices of these lengths, or `from_parts` required it.
@@ -134,7 +135,29 @@ impl<'a, T: Copy> Strided<'a, T> {
     }
 }
 
+impl<T> Strided<'_, T> {
+    /// Addresses of the numbers of sphere `i`, which may be out of range: they are for prefetches only.
+    #[inline(always)]
+    #[doc(hidden)]
+    pub fn addresses(&self, i: usize) -> [*const u8; 4] {
+        let address = |values: &[MaybeUninit<T>], step: usize| values.as_ptr().wrapping_add(i * step).cast();
+        let [x, y, z] = self.axes.map(|axis| address(axis, self.step));
+        match self.radii {
+            Source::All(_) => [x, y, z, z],
+            Source::Each(radii, step) => [x, y, z, address(radii, step)],
+        }
+    }
+}
+
 impl Wide<'_> {
+    #[inline]
+    pub(crate) fn addresses(&self, i: usize) -> [*const u8; 4] {
+        match self {
+            Self::F32(spheres) => spheres.addresses(i),
+            Self::F64(spheres) => spheres.addresses(i),
+        }
+    }
+
     pub(crate) fn len(&self) -> usize {
         match self {
             Self::F32(spheres) => spheres.len(),

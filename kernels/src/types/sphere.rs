@@ -176,6 +176,22 @@ impl<'a> Spheres<'a> {
         }
     }
 
+    /// Returns addresses of the numbers of sphere `i`, which may be out of range: they are for prefetches only.
+    #[inline]
+    #[doc(hidden)]
+    pub fn addresses(&self, i: usize) -> [*const u8; 4] {
+        fn of_row<T>(rows: &[[T; 4]], i: usize) -> [*const u8; 4] {
+            let row = rows.as_ptr().wrapping_add(i).cast::<T>();
+            [0, 1, 2, 3].map(|lane| row.wrapping_add(lane).cast())
+        }
+        match self.layout {
+            Layout::Rows(rows) => of_row(bytemuck::cast_slice::<Sphere, [f32; 4]>(rows), i),
+            Layout::Columns(columns) => columns.map(|column| column.as_ptr().wrapping_add(i).cast()),
+            Layout::RowsF64(rows) => of_row(rows, i),
+            Layout::Wide(wide) => wide.addresses(i),
+        }
+    }
+
     /// Returns `true` if detectors accept sphere `i`.
     pub fn is_valid(&self, i: usize) -> bool {
         let numbers = self.get_f64(i);
@@ -209,6 +225,26 @@ impl<'a> Spheres<'a> {
         match self.layout {
             Layout::RowsF64(rows) => Some(rows),
             Layout::Rows(_) | Layout::Columns(_) | Layout::Wide(_) => None,
+        }
+    }
+
+    /// Returns columns of `f32`.
+    #[inline]
+    #[doc(hidden)]
+    pub fn as_columns(&self) -> Option<[&'a [f32]; 4]> {
+        match self.layout {
+            Layout::Columns(columns) => Some(columns),
+            Layout::Rows(_) | Layout::RowsF64(_) | Layout::Wide(_) => None,
+        }
+    }
+
+    /// Returns columns or points of `f64`.
+    #[inline]
+    #[doc(hidden)]
+    pub fn as_strided_f64(&self) -> Option<Strided<'a, f64>> {
+        match self.layout {
+            Layout::Wide(Wide::F64(strided)) => Some(strided),
+            Layout::Rows(_) | Layout::Columns(_) | Layout::RowsF64(_) | Layout::Wide(Wide::F32(_)) => None,
         }
     }
 

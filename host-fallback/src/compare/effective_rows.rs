@@ -1,0 +1,116 @@
+use lazygrid_kernels::{EffectiveRadius, Sphere};
+
+use super::{PairTest, Xyzr};
+use crate::memory::{prefetch, prefetch_address};
+
+/// One of the layouts for which loops over effective spheres are compiled.
+pub(crate) trait EffectiveRows: Copy {
+    fn prefetch(self, k: usize);
+    /// Returns sphere `k` with its own radius.
+    fn get(self, k: usize) -> Xyzr;
+    /// Returns the effective radius of sphere `k`, whose own radius is `radius`.
+    fn effective(self, k: usize, radius: f32) -> f32;
+
+    #[inline(always)]
+    fn row(self, k: usize) -> Xyzr {
+        let [x, y, z, radius] = self.get(k);
+        [x, y, z, self.effective(k, radius)]
+    }
+}
+
+/// A loop over effective spheres. Its callees are `#[inline(always)]`, as in a [`SimdTask`](super::SimdTask).
+pub(crate) trait EffectiveLoop {
+    type Result;
+    /// Must be `#[inline(always)]`.
+    fn run(self, rows: impl EffectiveRows) -> Self::Result;
+}
+
+impl PairTest<'_> {
+    #[inline(always)]
+    pub(crate) fn for_rows<L: EffectiveLoop>(&self, task: L) -> L::Result {
+        let (rows, columns) = (self.spheres().as_rows(), self.spheres().as_columns());
+        match (rows, columns, self.species_radii()) {
+            _ if self.has_margin() => task.run(self),
+            (Some(rows), _, None) => task.run(rows),
+            (Some(rows), _, Some((ids, reach))) => task.run((rows, ids, reach)),
+            (None, Some(columns), None) => task.run(columns),
+            (None, Some(columns), Some((ids, reach))) => task.run((columns, ids, reach)),
+            (None, None, _) => task.run(self),
+        }
+    }
+}
+
+impl EffectiveRows for &[Sphere] {
+    #[inline(always)]
+    fn prefetch(self, k: usize) {
+        prefetch(self, k);
+    }
+
+    #[inline(always)]
+    fn get(self, k: usize) -> Xyzr {
+        bytemuck::cast(self[k])
+    }
+
+    #[inline(always)]
+    fn effective(self, _: usize, radius: f32) -> f32 {
+        radius
+    }
+}
+
+impl EffectiveRows for [&[f32]; 4] {
+    #[inline(always)]
+    fn prefetch(self, k: usize) {
+        self.into_iter().for_each(|column| prefetch(column, k));
+    }
+
+    #[inline(always)]
+    fn get(self, k: usize) -> Xyzr {
+        self.map(|column| column[k])
+    }
+
+    #[inline(always)]
+    fn effective(self, _: usize, radius: f32) -> f32 {
+        radius
+    }
+}
+
+/// With the species and their effective radii.
+impl<R: EffectiveRows> EffectiveRows for (R, &[u32], &[EffectiveRadius]) {
+    #[inline(always)]
+    fn prefetch(self, k: usize) {
+        self.0.prefetch(k);
+        prefetch(self.1, k);
+    }
+
+    #[inline(always)]
+    fn get(self, k: usize) -> Xyzr {
+        self.0.get(k)
+    }
+
+    #[inline(always)]
+    fn effective(self, k: usize, radius: f32) -> f32 {
+        self.2[self.1[k] as usize].for_radius(radius)
+    }
+}
+
+impl EffectiveRows for &PairTest<'_> {
+    #[inline(always)]
+    fn prefetch(self, k: usize) {
+        self.spheres().addresses(k).into_iter().for_each(prefetch_address);
+    }
+
+    #[inline(always)]
+    fn get(self, k: usize) -> Xyzr {
+        bytemuck::cast(self.spheres().get(k))
+    }
+
+    #[inline(always)]
+    fn effective(self, k: usize, _: f32) -> f32 {
+        self.radii(k as u32).widened
+    }
+
+    #[inline(always)]
+    fn row(self, k: usize) -> Xyzr {
+        PairTest::row(self, k as u32)
+    }
+}
