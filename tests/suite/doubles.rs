@@ -230,12 +230,19 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
 
 #[test]
 fn candidates_of_f64_spheres_lose_no_pair() {
-    for space in [spaces()[0], spaces()[1], spaces()[3]] {
+    // The second species reaches farther than the first.
+    let mut table = Interactions::new(2, Interaction::Touch).expect("few species");
+    table.set(0, 1, Interaction::Never).expect("known species");
+    table.set(1, 1, Interaction::Within(0.7)).expect("a distance");
+    for (space, table) in [(spaces()[0], None), (spaces()[1], None), (spaces()[3], None)]
+        .into_iter()
+        .chain([spaces()[0], spaces()[1]].map(|space| (space, Some(&table))))
+    {
         let mut random = Random(17);
         let mut spheres = scene(900, 2.4, [1e7, 0.0, -1e7], &mut random);
         let mut steps = Vec::new();
         for step in 0..9 {
-            steps.push((spheres.clone(), oracle(&spheres, &space, None)));
+            steps.push((Columns::of(&spheres), oracle(&spheres, &space, table)));
             let far = if step == 5 { 0.2 } else { 0.002 };
             for sphere in &mut spheres {
                 (0..3).for_each(|axis| sphere[axis] += far * random.signed());
@@ -246,20 +253,64 @@ fn candidates_of_f64_spheres_lose_no_pair() {
                 continue;
             }
             let config = variant.settings().space(space).skin(Skin::Fixed(0.05)).order(Order::Canonical);
-            let mut detector = Detector::new(config).expect("a detector");
-            let mut served = 0;
+            let config = table.iter().fold(config, |config, &table| config.interactions(table.clone()));
             in_pool(variant.threads(), || {
-                for (step, (spheres, expected)) in steps.iter().enumerate() {
-                    let found = detector.pairs(spheres).expect("valid");
-                    let count = found.len();
-                    assert!(found == expected, "{variant}, step {step}: {count} of {}", expected.len());
-                    served +=
-                        u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+                for layout in 0..3 {
+                    let served = serve(&config, layout, &steps, table.is_some());
+                    let served = served.unwrap_or_else(|text| panic!("{variant}, layout {layout}, {text}"));
+                    assert!(served > 4, "{variant}: {served} of 9 calls were served");
                 }
             });
-            assert!(served > 4, "{variant}: {served} of 9 calls were served");
         }
     }
+}
+
+struct Columns {
+    rows: Vec<[f64; 4]>,
+    centers: Vec<[f64; 3]>,
+    columns: [Vec<f64>; 4],
+    species: Vec<u32>,
+}
+
+impl Columns {
+    fn of(rows: &[[f64; 4]]) -> Self {
+        Self {
+            rows: rows.to_vec(),
+            centers: rows.iter().map(|[x, y, z, _]| [*x, *y, *z]).collect(),
+            columns: [0, 1, 2, 3].map(|axis| rows.iter().map(|row| row[axis]).collect()),
+            species: (0..rows.len() as u32).map(|k| k % 2).collect(),
+        }
+    }
+
+    fn layout(&self, layout: usize) -> Spheres<'_> {
+        let [x, y, z, r] = &self.columns;
+        match layout {
+            0 => Spheres::from(&self.rows),
+            1 => Spheres::columns(x, y, z, r).expect("one length"),
+            _ => Spheres::points(&self.centers, Radii::Each(r)).expect("one length"),
+        }
+    }
+}
+
+/// Returns the number of calls served by candidates, or the first step whose pairs are wrong.
+fn serve(
+    config: &Config,
+    layout: usize,
+    steps: &[(Columns, Vec<Pair>)],
+    has_species: bool,
+) -> Result<u32, String> {
+    let mut detector = Detector::new(config.clone()).expect("a detector");
+    let mut served = 0;
+    for (step, (spheres, expected)) in steps.iter().enumerate() {
+        let view = spheres.layout(layout);
+        let view = if has_species { view.with_species(&spheres.species).expect("one each") } else { view };
+        let found = detector.pairs(view).expect("valid");
+        if found != expected {
+            return Err(format!("step {step}: {} of {}", found.len(), expected.len()));
+        }
+        served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+    }
+    Ok(served)
 }
 
 #[test]
