@@ -20,7 +20,8 @@
 //!    no other pair collides in it.
 //! 2. If a collision exceeds the top speed, the window begins again with a higher one.
 //! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only the two
-//!    particles. So the result is independent of the order of particles and candidates, and of threads.
+//!    particles, and candidates are tried in the order of ids. So the result is independent of the order of particles
+//!    and candidates, and of threads.
 
 use lazygrid::Detector;
 use rayon::prelude::*;
@@ -119,6 +120,7 @@ impl Collisions {
             let Scratch { movers, begun, neighbors, .. } = &mut *scratch;
             candidates.retain(|pair| !self.rules.passes(pair.map(|at| &movers[at as usize])));
             neighbors.build(&candidates, movers.len());
+            neighbors.sort_by_id(movers);
             begun.clone_from(movers);
             let horizon = f64::min(1.0, now + allowance / top_speed);
             let limit = limit.saturating_sub(collisions);

@@ -254,6 +254,14 @@ impl Adjacency {
         }
     }
 
+    /// Sorts the candidates of each particle by id, so that the first that delays an event is the same in any order.
+    pub(crate) fn sort_by_id(&mut self, movers: &[Mover]) {
+        for places in self.begins.windows(2) {
+            let neighbors = &mut self.neighbors[places[0] as usize..places[1] as usize];
+            neighbors.sort_unstable_by_key(|&at| movers[at as usize].id);
+        }
+    }
+
     fn of(&self, at: u32) -> &[u32] {
         let [begin, end] = [at, at + 1].map(|at| self.begins[at as usize] as usize);
         &self.neighbors[begin..end]
