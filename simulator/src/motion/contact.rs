@@ -30,12 +30,13 @@ pub struct Contacts {
     quantum: f64,
 }
 
-const PASSES: u32 = 4;
+pub(crate) const PASSES: u32 = 4;
 const TASK: usize = 4096;
 /// Units per contact distance; 2²² of them fit 64 bits.
 const UNITS: f64 = (1_u64 << 40) as f64;
 
-type Push = (u32, [i64; 3]);
+/// Particle, and displacement in units.
+pub(crate) type Push = (u32, [i64; 3]);
 
 impl Contacts {
     /// Creates the separation of a checked model.
@@ -61,43 +62,57 @@ impl Contacts {
         particles: &mut Particles,
         pairs: &[Pair],
         free: impl Fn(u32) -> bool + Sync,
-        (key, step): (Key, u32),
+        now: (Key, u32),
     ) -> u64 {
         let mut resolved = 0;
         for pass in 0..PASSES {
-            let push = |pair: &Pair| {
-                if !(free(pair.i) && free(pair.j)) {
-                    return None;
-                }
-                self.pushes(particles, *pair, (key, step))
-            };
-            let chunks: Vec<Vec<[Push; 2]>> =
-                pairs.par_chunks(TASK).map(|pairs| pairs.iter().filter_map(push).collect()).collect();
-            let mut pushes: Vec<Push> = chunks.into_iter().flatten().flatten().collect();
+            let pushes = self.pushes(particles, pairs, &free, now);
             if pass == 0 {
                 resolved = pushes.len() as u64 / 2;
             }
             if pushes.is_empty() {
                 break;
             }
-            pushes.par_sort_unstable();
-            for of_one in pushes.chunk_by(|a, b| a.0 == b.0) {
-                let unit = self.quantum / of_one.len() as f64;
-                let at = of_one[0].0 as usize;
-                let from = particles.position_of(at);
-                let to = std::array::from_fn(|k| {
-                    let sum: i64 = of_one.iter().map(|(_, push)| push[k]).sum();
-                    (f64::from(from[k]) + sum as f64 * unit) as f32
-                });
-                let domain = &self.center_domains[particles.species[at] as usize];
-                particles.set_position(at, domain.confine(to));
-            }
+            self.displace(particles, pushes);
         }
         resolved
     }
 
+    /// Returns the displacements of both particles of each overlap.
+    pub(crate) fn pushes(
+        &self,
+        particles: &Particles,
+        pairs: &[Pair],
+        free: impl Fn(u32) -> bool + Sync,
+        now: (Key, u32),
+    ) -> Vec<Push> {
+        let push = |pair: &Pair| match free(pair.i) && free(pair.j) {
+            true => self.push(particles, *pair, now),
+            false => None,
+        };
+        let chunks: Vec<Vec<[Push; 2]>> =
+            pairs.par_chunks(TASK).map(|pairs| pairs.iter().filter_map(push).collect()).collect();
+        chunks.into_iter().flatten().flatten().collect()
+    }
+
+    /// Moves each particle by the mean of its displacements.
+    pub(crate) fn displace(&self, particles: &mut Particles, mut pushes: Vec<Push>) {
+        pushes.par_sort_unstable();
+        for of_one in pushes.chunk_by(|a, b| a.0 == b.0) {
+            let unit = self.quantum / of_one.len() as f64;
+            let at = of_one[0].0 as usize;
+            let from = particles.position_of(at);
+            let to = std::array::from_fn(|k| {
+                let sum: i64 = of_one.iter().map(|(_, push)| push[k]).sum();
+                (f64::from(from[k]) + sum as f64 * unit) as f32
+            });
+            let domain = &self.center_domains[particles.species[at] as usize];
+            particles.set_position(at, domain.confine(to));
+        }
+    }
+
     /// `None` without an overlap.
-    fn pushes(&self, particles: &Particles, pair: Pair, (key, step): (Key, u32)) -> Option<[Push; 2]> {
+    fn push(&self, particles: &Particles, pair: Pair, (key, step): (Key, u32)) -> Option<[Push; 2]> {
         let [mut a, mut b] = [pair.i, pair.j];
         if particles.id[a as usize] > particles.id[b as usize] {
             (a, b) = (b, a);

@@ -1,22 +1,16 @@
 //! A run of one rank among others.
 
-use std::ops::ControlFlow;
-
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Algorithm;
-use lazygrid_ranks::{
-    Communicator, Ghosts, PairKind, Partitioner, RankBounds, Search, Settings, SphereWrapper, gather,
-    send_to_ranks,
-};
+use lazygrid_ranks::{Communicator, Settings, SphereWrapper, gather};
 
-use super::matching::DistributedMatching;
-use super::{Gathered, check, rows};
+use super::halo::RankHalo;
+use super::pair_search::RankPairSearch;
+use super::{Gathered, rows};
 use crate::motion::binding::{self, BindingRequest};
-use crate::reaction::candidates::{BestCandidates, StepPairs};
 use crate::reaction::dissociation::Dissociated;
-use crate::reaction::{ReactantChange, interactions};
 use crate::release::rank_slice::RankSlice;
-use crate::run::simulation::{Moved, detector};
+use crate::run::simulation::Moved;
 use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
 
 /// One rank's part of a run.
@@ -28,14 +22,7 @@ pub struct RankSimulation<C> {
     run: Simulation,
     totals: Totals,
     pair_search: Option<RankPairSearch>,
-}
-
-#[derive(Debug)]
-struct RankPairSearch {
     wrapper: SphereWrapper,
-    search: Search,
-    partitioner: Partitioner,
-    matching: DistributedMatching,
 }
 
 /// Data that [`RankSimulation::gather`] gathers on rank 0.
@@ -47,15 +34,6 @@ pub struct GatherFields {
     pub particles: bool,
 }
 
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct OutcomeMessage {
-    at: u32,
-    /// 1 plus the product's species; 0 removes the particle.
-    product: u32,
-    position: [f32; 3],
-}
-
 /// Every rank knows the origin from the id.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -65,15 +43,11 @@ struct Arrived {
     id: u32,
 }
 
-/// Load limit over the mean, above which space is repartitioned.
-const BOUND: f64 = 1.2;
-
 impl<C: Communicator> RankSimulation<C> {
     /// Begins a run; `algorithm` does not change the result.
     ///
     /// # Errors
-    /// On every rank, those of the first that fails: as [`Simulation::new`], and [`Error::NotOverRanks`].
-    /// [`Communicator::difference`] if models, seeds or steps differ.
+    /// On every rank, those of the first that fails: as [`Simulation::new`]. [`Communicator::difference`] if models, seeds or steps differ.
     pub fn new(communicator: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
         Self::begin(communicator, model, seed, algorithm, state)
@@ -107,15 +81,16 @@ impl<C: Communicator> RankSimulation<C> {
         let (rank, ranks) = (communicator.rank(), communicator.ranks());
         let state = communicator.agree(state.map_err(|error| communicator.failure(error.to_string())))?;
         shared(&model, seed, state.step).agree(&mut communicator)?;
-        let made = check(&model).and_then(|()| {
+        let made = || {
+            let wrapper = SphereWrapper::new(model.boundary.space()?, None);
             let mut run = Simulation::resume(model, seed, algorithm, state)?;
             let pair_search = RankPairSearch::of(&mut run, algorithm, rank, ranks)?;
-            Ok((run, pair_search))
-        });
-        let made = made.map_err(|error| communicator.failure(error.to_string()));
-        let (run, pair_search) = communicator.agree(made)?;
+            Ok((run, pair_search, wrapper))
+        };
+        let made = made().map_err(|error: Error| communicator.failure(error.to_string()));
+        let (run, pair_search, wrapper) = communicator.agree(made)?;
         let totals = run.state.totals.clone();
-        let mut all = Self { communicator, run, totals, pair_search };
+        let mut all = Self { communicator, run, totals, pair_search, wrapper };
         all.add_up();
         Ok(all)
     }
@@ -155,11 +130,12 @@ impl<C: Communicator> RankSimulation<C> {
     /// Returns the error of one rank on all: as [`Simulation::step`], and the communicator's.
     pub fn step(&mut self) -> Result<(), C::Error> {
         let free = binding::free(&self.run.model, &self.totals.arrived);
-        let moved = self.run.advance(&free);
-        let moved = self.agree(moved)?;
+        let moved = self.advance(&free)?;
         let bids = self.all_bids(&moved)?;
         self.run.apply_events(&moved, &binding::rejected(bids, &free));
-        let outcomes = self.interact()?;
+        let Self { communicator, run, pair_search, .. } = self;
+        let interact = |search: &mut RankPairSearch| search.interact(communicator, run);
+        let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;
         let splits = self.run.splits(&outcomes);
         let parents = self.all_parents(&splits)?;
         let share = RankSlice::new(self.communicator.rank(), self.communicator.ranks());
@@ -167,6 +143,22 @@ impl<C: Communicator> RankSimulation<C> {
         self.agree(done)?;
         self.add_up();
         Ok(())
+    }
+
+    fn advance(&mut self, free: &[u32]) -> Result<Moved, C::Error> {
+        let Self { communicator, run, pair_search, wrapper, .. } = self;
+        if run.collisions.is_some()
+            && let Some(search) = pair_search
+        {
+            // Ranks exchange fewer particles in motion between compact parts of space.
+            search.migrate(communicator, run)?;
+        }
+        let moved = run.advance(free, &mut RankHalo::new(communicator, wrapper))?;
+        if communicator.rank() > 0 {
+            // Every rank knows the collisions of all.
+            run.state.totals.contacts = 0;
+        }
+        Ok(moved)
     }
 
     fn add_up(&mut self) {
@@ -192,29 +184,6 @@ impl<C: Communicator> RankSimulation<C> {
             self.communicator.all_gather("ids of what comes apart", &own.collect::<Vec<_>>())?;
         parents.sort_unstable();
         Ok(parents)
-    }
-
-    fn interact(&mut self) -> Result<Vec<ReactantChange>, C::Error> {
-        let Self { communicator, run, pair_search, .. } = self;
-        let Some(pair_search) = pair_search else { return Ok(Vec::new()) };
-        pair_search.migrate(communicator, run)?;
-        let ghosts = pair_search.ghosts(communicator, run)?;
-        let own = run.state.particles.len();
-        if run.reactions.is_empty() {
-            let counted = pair_search.count(run, &ghosts);
-            communicator.agree(counted.map_err(|error| communicator.failure(error.to_string())))?;
-            return Ok(Vec::new());
-        }
-        for ghost in ghosts.particles() {
-            run.state.particles.push(rows::of_ghost(ghost), run.model.has_velocity());
-        }
-        let RankPairSearch { search, matching, .. } = pair_search;
-        let sample = |taken: &[bool], best: &mut BestCandidates| sample(search, run, &ghosts, taken, best);
-        let chosen = matching.greedy(communicator, own, &ghosts, sample)?;
-        let outcomes = run.reactions.all_outcomes(&run.state.particles, &chosen, run.key, run.state.step);
-        chosen.iter().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
-        run.state.particles.truncate(own);
-        deliver_outcomes(communicator, outcomes, own, &ghosts)
     }
 
     /// Gathers the state on rank 0.
@@ -264,114 +233,4 @@ fn shared(model: &Model, seed: u64, step: u32) -> Settings {
         .with_long("model", "a model", format_args!("{model:?}"))
         .with("seed", seed)
         .with("steps done", step)
-}
-
-impl RankPairSearch {
-    fn of(run: &mut Simulation, algorithm: Algorithm, rank: u32, ranks: u32) -> Result<Option<Self>, Error> {
-        let Some(within) = run.detector.take() else { return Ok(None) };
-        // The paper's grids take one set, and ghosts are a second.
-        let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
-        let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
-        let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
-        let search = Search::new(within, across, wrapper.clone(), rank, ranks);
-        Ok(Some(Self {
-            wrapper,
-            search,
-            partitioner: Partitioner::default(),
-            matching: DistributedMatching::default(),
-        }))
-    }
-
-    fn migrate<C: Communicator>(
-        &mut self,
-        communicator: &mut C,
-        run: &mut Simulation,
-    ) -> Result<(), C::Error> {
-        let State { particles, totals, .. } = &mut run.state;
-        let wrapped = rows::wrapped(&self.wrapper, particles);
-        let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
-        let ranks = self.partitioner.assign(communicator, &wrapped, &ids, BOUND)?.ranks;
-        let own = communicator.rank();
-        let mut leaving: Vec<u32> =
-            (0..).zip(&ranks).filter(|&(_, &rank)| rank != own).map(|(at, _)| at).collect();
-        let send = leaving.iter().map(|&at| (ranks[at as usize], rows::row(particles, at))).collect();
-        let (came, _) = send_to_ranks(communicator, "particles that change rank", send)?;
-        leaving.iter().for_each(|&at| totals.present[particles.species[at as usize] as usize] -= 1);
-        particles.remove(&mut leaving);
-        let came = rows::particles(&came, run.model.has_velocity());
-        came.species.iter().for_each(|&species| totals.present[species as usize] += 1);
-        particles.append(came);
-        Ok(())
-    }
-
-    fn ghosts<C: Communicator>(&self, communicator: &mut C, run: &Simulation) -> Result<Ghosts, C::Error> {
-        let particles = &run.state.particles;
-        let wrapped = rows::wrapped(&self.wrapper, particles);
-        let bounds = RankBounds::gather(communicator, &wrapped)?;
-        let leaving = bounds.ghosts(communicator.rank(), &wrapped, &self.wrapper);
-        let leaving = communicator.agree(leaving.map_err(|error| communicator.detector_failure(error)))?;
-        Ghosts::exchange(communicator, &leaving, |at| rows::ghost(particles, at))
-    }
-
-    fn count(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<(), Error> {
-        let State { particles, totals, step, .. } = &mut run.state;
-        let failed = |source| Error::Step { step: *step, source };
-        totals.pairs = self.search.count(particles.spheres()?, ghosts).map_err(failed)?.reported();
-        Ok(())
-    }
-}
-
-/// Counts the pairs that this rank reports, and adds their reaction candidates to `best`, without `taken` particles.
-/// Ghosts are the last particles.
-fn sample(
-    search: &mut Search,
-    run: &mut Simulation,
-    ghosts: &Ghosts,
-    taken: &[bool],
-    best: &mut BestCandidates,
-) -> Result<(), Error> {
-    let Simulation { key, state: State { particles, totals, step, .. }, reactions, .. } = run;
-    let (particles, key, step) = (&*particles, *key, *step);
-    let own = particles.len() - ghosts.particles().len();
-    let (mut across, mut sampled) = (Vec::new(), Ok(()));
-    let counts = search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
-        let pairs = match found {
-            PairKind::Local => pairs,
-            PairKind::WithGhost => {
-                across.clear();
-                across.extend(pairs.iter().map(|&[i, j]| [i, own as u32 + j]));
-                &across
-            }
-        };
-        let pairs = StepPairs { particles, pairs: bytemuck::cast_slice(pairs), key, step };
-        sampled = reactions.sample(pairs, |particle| taken[particle as usize], best);
-        if sampled.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    });
-    totals.pairs = counts.map_err(|source| Error::Step { step, source })?.reported();
-    sampled
-}
-
-fn deliver_outcomes<C: Communicator>(
-    communicator: &mut C,
-    mut outcomes: Vec<ReactantChange>,
-    own: usize,
-    ghosts: &Ghosts,
-) -> Result<Vec<ReactantChange>, C::Error> {
-    let ghost_of =
-        |outcome: &ReactantChange| (outcome.at as usize).checked_sub(own).map(|ghost| ghost as u32);
-    let message = |outcome: &ReactantChange| {
-        let ghost = ghost_of(outcome)?;
-        let at = ghosts.particles()[ghost as usize].index;
-        let product = outcome.product.map_or(0, |species| species + 1);
-        Some((ghosts.rank_of(ghost), OutcomeMessage { at, product, position: outcome.position }))
-    };
-    let send = outcomes.iter().filter_map(message).collect();
-    let (came, _) = send_to_ranks(communicator, "outcomes of ghosts", send)?;
-    outcomes.retain(|outcome| ghost_of(outcome).is_none());
-    outcomes.extend(came.into_iter().map(|OutcomeMessage { at, product, position }| ReactantChange {
-        at,
-        product: product.checked_sub(1),
-        position,
-    }));
-    Ok(outcomes)
 }

@@ -6,6 +6,7 @@ use crate::model::particles::{Particle, Particles};
 use crate::model::receiver::{ReceiverKind, all_inside};
 use crate::motion::binding::{self, BindingRequest, Bound, UnboundParticle};
 use crate::motion::collisions::Collisions;
+use crate::motion::collisions::halo::{Halo, Undivided};
 use crate::motion::contact::Contacts;
 use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
@@ -28,8 +29,8 @@ pub struct Simulation {
     motion: Propagator,
     receiver_search: Option<ReceiverSearch>,
     pub(crate) reactions: Reactions,
-    collisions: Option<Collisions>,
-    contacts: Contacts,
+    pub(crate) collisions: Option<Collisions>,
+    pub(crate) contacts: Contacts,
     pub(crate) dissociation: Dissociation,
     pub(crate) detector: Option<Detector>,
     matching: Matching,
@@ -151,7 +152,7 @@ impl Simulation {
     /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] from the detector, such as for too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.arrived);
-        let moved = self.advance(&free)?;
+        let moved = self.advance(&free, &mut Undivided)?;
         self.apply_events(&moved, &binding::rejected(self.bids(&moved), &free));
         let outcomes = self.interact()?;
         let splits = self.splits(&outcomes);
@@ -161,7 +162,8 @@ impl Simulation {
         self.finish(RankSlice::WHOLE)
     }
 
-    pub(crate) fn advance(&mut self, free: &[u32]) -> Result<Moved, Error> {
+    /// Moves receivers and particles. Collective.
+    pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<Moved, H::Error> {
         let Self { model, key, state, motion, receiver_search, collisions, .. } = self;
         let now = (*key, state.step);
         let leaving = binding::leaving(model, &state.bound, free, now);
@@ -171,10 +173,10 @@ impl Simulation {
         let mut flights = None;
         if let Some(collisions) = collisions {
             let flights = flights.insert(motion.flights(&state.particles, now));
-            state.totals.contacts = collisions.resolve(&state.particles, flights, state.step)?;
+            state.totals.contacts = collisions.resolve(&state.particles, flights, state.step, halo)?;
         }
-        let events =
-            motion.advance(&mut state.particles, receiver_search.as_mut(), flights.as_deref(), now)?;
+        let events = motion.advance(&mut state.particles, receiver_search.as_mut(), flights.as_deref(), now);
+        let events = halo.agree(events)?;
         state.centers = places.iter().map(|place| place.center).collect();
         Ok(Moved { events, leaving })
     }

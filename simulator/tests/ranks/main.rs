@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod collisions;
 mod damage;
 mod files;
 mod models;

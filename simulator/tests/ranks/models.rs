@@ -7,7 +7,7 @@ use proptest::prelude::*;
 #[derive(Clone, Debug)]
 pub(crate) struct Parts {
     periodic: bool,
-    contact: bool,
+    contact: Contact,
     reactions: Vec<usize>,
     decays: bool,
     splits: bool,
@@ -19,9 +19,13 @@ pub(crate) struct Parts {
 pub(crate) fn parts() -> impl Strategy<Value = Parts> {
     let reactions = prop::sample::subsequence(vec![0, 1, 2, 3], 0..=4);
     let receivers = [0..3_usize, 0..3, 0..8];
-    let flags = [any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>()];
-    (reactions, receivers, flags).prop_map(|(reactions, receivers, flags)| {
-        let [periodic, contact, decays, splits, speed, arrivals] = flags;
+    let contacts = vec![Contact::Ignore, Contact::Count, Contact::Separate, Contact::Elastic];
+    let flags = [any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>()];
+    let all = (reactions, receivers, prop::sample::select(contacts), flags);
+    all.prop_map(|(reactions, receivers, contact, flags)| {
+        let [periodic, decays, splits, speed, arrivals] = flags;
+        // Elastic particles need a velocity.
+        let speed = speed || contact == Contact::Elastic;
         Parts { periodic, contact, reactions, decays, splits, receivers, speed, arrivals }
     })
 }
@@ -29,7 +33,7 @@ pub(crate) fn parts() -> impl Strategy<Value = Parts> {
 pub(crate) fn everything() -> Parts {
     Parts {
         periodic: true,
-        contact: true,
+        contact: Contact::Count,
         reactions: vec![0, 1, 2, 3],
         decays: true,
         splits: true,
@@ -44,7 +48,7 @@ pub(crate) fn model(parts: &Parts) -> Model {
         name: name.into(),
         radius,
         diffusion,
-        mass: 1.0,
+        mass: 1.0 + f64::from(radius),
         thermal_speed: if parts.speed && name == "d" { 2.0 } else { 0.0 },
         ..Species::default()
     };
@@ -95,7 +99,7 @@ pub(crate) fn model(parts: &Parts) -> Model {
             species("d", 0.05, 5.0),
         ],
         boundary: Boundary { axes, vessel: None },
-        contact: if parts.contact { Contact::Count } else { Contact::Ignore },
+        contact: parts.contact,
         reactions: parts.reactions.iter().map(|&k| reactions[k].clone()).collect(),
         decays,
         transmitters: vec![

@@ -1,6 +1,6 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::ranks::RankSimulation;
-use lazygrid_sim::{Contact, Flow, Model};
+use lazygrid_sim::{Flow, Model};
 
 use crate::models::{everything, model};
 use crate::threads;
@@ -13,20 +13,6 @@ fn errors(model: &Model, steps: u32) -> Vec<String> {
     .into_iter()
     .map(|done| done.unwrap_err())
     .collect()
-}
-
-#[test]
-fn models_that_need_an_order_across_ranks_are_refused_by_name() {
-    for (contact, name) in [(Contact::Separate, "\"separate\""), (Contact::Elastic, "\"elastic\"")] {
-        let model = Model { contact, ..model(&everything()) };
-        let said = errors(&model, 0);
-        assert!(
-            said[0].starts_with("rank 0: a run over ranks does not support contact = ")
-                && said[0].contains(name),
-            "{said:?}"
-        );
-        assert_eq!(said, vec![said[0].clone(); 3]);
-    }
 }
 
 #[test]

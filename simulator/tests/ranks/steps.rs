@@ -10,8 +10,8 @@ use crate::models::{everything, model, parts};
 use crate::threads;
 
 #[derive(Clone, Debug, PartialEq)]
-struct Seen {
-    state: State,
+pub(crate) struct Seen {
+    pub(crate) state: State,
     received: Vec<Vec<u64>>,
     arrivals: Vec<Arrival>,
 }
@@ -22,7 +22,7 @@ fn seen(mut state: State, received: Vec<Vec<u64>>, arrivals: &[Arrival]) -> Seen
     Seen { state, received, arrivals: arrivals.to_vec() }
 }
 
-fn alone(model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
+pub(crate) fn alone(model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
     let mut run = Simulation::new(model.clone(), seed, Algorithm::Auto).unwrap();
     let look = |run: &Simulation| seen(run.state().clone(), run.received(), run.arrivals());
     let mut all = vec![look(&run)];
@@ -55,7 +55,7 @@ fn over_by(algorithm: Algorithm, ranks: u32, model: &Model, seed: u64, steps: u3
     of_ranks.swap_remove(0)
 }
 
-fn compare(model: &Model, seed: u64, steps: u32, numbers: &[u32]) {
+pub(crate) fn compare(model: &Model, seed: u64, steps: u32, numbers: &[u32]) {
     let expected = alone(model, seed, steps);
     for &ranks in numbers {
         let found = over(ranks, model, seed, steps);

@@ -188,6 +188,7 @@ fn collision_rounds_match_the_cpu() {
         let window = Window {
             rules: &rules,
             neighbors: &neighbors,
+            own: n as usize,
             horizon: HORIZON.into(),
             top_speed: TOP_SPEED.into(),
             slack: SLACK,

@@ -22,7 +22,10 @@
 //! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only the two
 //!    particles, and candidates are tried in the order of ids. So the result is independent of the order of particles
 //!    and candidates, and of threads.
+//! 4. Ranks do the same rounds together. An event is safe by the movers up to three candidates away, so a rank with
+//!    these ghosts, updated in every round, decides on its movers' events as one process does.
 
+use bytemuck::{Pod, Zeroable};
 use lazygrid::Detector;
 use rayon::prelude::*;
 
@@ -32,15 +35,19 @@ use crate::model::boundary::Axis;
 use crate::model::particles::Particles;
 use crate::model::receiver::{finder, rounding};
 
+pub(crate) mod halo;
 pub(crate) mod mover;
+mod overlaps;
 pub(crate) mod rounds;
 pub(crate) mod rules;
 #[cfg(test)]
 pub(crate) mod tests;
 
+use halo::Halo;
 pub(crate) use mover::Flight;
 use mover::{Mover, dot};
-use rounds::{Adjacency, SLACK, Unfinished, Window};
+use overlaps::bounce_overlaps;
+use rounds::{Adjacency, SLACK, Window, WindowEnd};
 use rules::Rules;
 
 #[derive(Debug)]
@@ -58,6 +65,16 @@ struct Scratch {
     neighbors: Adjacency,
 }
 
+/// Number, largest radius and bounds of movers.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Extent {
+    count: u64,
+    largest: f64,
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
 /// Allowance over the mean distance of neighbors, and over the largest radius.
 const ALLOWANCE: [f64; 2] = [0.25, 0.25];
 /// Top speed of a window over its fastest particle.
@@ -73,23 +90,22 @@ impl Collisions {
         Ok(Some(Self { detector: finder(&model.boundary)?, rules, scratch: Scratch::default() }))
     }
 
-    /// Changes the flights. Returns the number of collisions.
+    /// Changes the flights. Returns the number of collisions on all ranks. Collective.
     ///
     /// [`Error::Step`] from the detector, [`Error::Collisions`] above [`MAX_COLLISIONS`].
-    pub(crate) fn resolve(
+    pub(crate) fn resolve<H: Halo>(
         &mut self,
         particles: &Particles,
         flights: &mut [Flight],
         step: u32,
-    ) -> Result<u64, Error> {
-        if particles.radius.iter().all(|&radius| radius == 0.0) {
-            return Ok(0);
-        }
+        halo: &mut H,
+    ) -> Result<u64, H::Error> {
         let mut scratch = std::mem::take(&mut self.scratch);
         let mover = |(at, flight): (usize, &Flight)| Mover::new(particles, at, flight);
         scratch.movers.clear();
         scratch.movers.par_extend(flights.par_iter().enumerate().map(mover));
-        let result = self.run(&mut scratch, step);
+        let extent = Extent::of_all(halo.gather(Extent::new(&scratch.movers)));
+        let result = if extent.largest > 0.0 { self.run(&mut scratch, extent, step, halo) } else { Ok(0) };
         let domains = &self.rules.domains;
         flights.par_iter_mut().zip(&scratch.movers).for_each(|(flight, mover)| {
             if mover.collided {
@@ -100,64 +116,69 @@ impl Collisions {
         result
     }
 
-    fn run(&mut self, scratch: &mut Scratch, step: u32) -> Result<u64, Error> {
+    fn run<H: Halo>(
+        &mut self,
+        scratch: &mut Scratch,
+        extent: Extent,
+        step: u32,
+        halo: &mut H,
+    ) -> Result<u64, H::Error> {
+        let own = scratch.movers.len();
         let (mut now, mut collisions, mut top_speed) = (0.0, 0, 0.0);
-        let most = self.largest_allowance(&scratch.movers);
-        let particles = scratch.movers.len() as u64;
-        let limit = MIN_BUDGET + MAX_COLLISIONS * particles;
+        let most = self.largest_allowance(&extent);
+        let limit = MIN_BUDGET + MAX_COLLISIONS * extent.count;
         while now < 1.0 {
-            top_speed = f64::max(top_speed, TOP_SPEED * fastest(&scratch.movers));
+            top_speed = f64::max(top_speed, TOP_SPEED * fastest(&scratch.movers[..own], halo));
             if !(top_speed > 0.0 && top_speed.is_finite()) {
                 break;
             }
             let allowance = most.min(top_speed * (1.0 - now));
-            let mut candidates =
-                self.candidates(scratch, allowance).map_err(|source| Error::Step { step, source })?;
-            if now == 0.0 && self.rules.is_elastic && collisions == 0 {
-                collisions += self.bounce_overlaps(&mut scratch.movers, &candidates);
-                top_speed = f64::max(top_speed, fastest(&scratch.movers));
-            }
+            scratch.movers.truncate(own);
+            halo.add_ghosts(&mut scratch.movers, 6.0 * (extent.largest + allowance))?;
+            let candidates = self.candidates(scratch, allowance);
+            let mut candidates = halo.agree(candidates.map_err(|source| Error::Step { step, source }))?;
             let Scratch { movers, begun, neighbors, .. } = &mut *scratch;
+            if now == 0.0 && self.rules.is_elastic && collisions == 0 {
+                collisions += bounce_overlaps(&self.rules, movers, own, &candidates, halo)?;
+                top_speed = f64::max(top_speed, fastest(&movers[..own], halo));
+            }
             candidates.retain(|pair| !self.rules.passes(pair.map(|at| &movers[at as usize])));
             neighbors.build(&candidates, movers.len());
             neighbors.sort_by_id(movers);
             begun.clone_from(movers);
             let horizon = f64::min(1.0, now + allowance / top_speed);
             let limit = limit.saturating_sub(collisions);
-            let window = Window { rules: &self.rules, neighbors, horizon, top_speed, slack: SLACK, limit };
-            match window.run(movers) {
-                Ok(met) => collisions += met,
-                Err(Unfinished::TooFast(speed)) => {
+            let window =
+                Window { rules: &self.rules, neighbors, own, horizon, top_speed, slack: SLACK, limit };
+            match window.run(movers, halo)? {
+                WindowEnd::Finished(met) => collisions += met,
+                WindowEnd::TooFast(speed) => {
                     top_speed = TOP_SPEED * speed;
                     movers.clone_from(begun);
                     continue;
                 }
-                Err(Unfinished::TooMany(met)) => {
-                    return Err(Error::Collisions { step, particles, collisions: collisions + met });
+                WindowEnd::TooMany(met) => {
+                    let collisions = collisions + met;
+                    return halo.agree(Err(Error::Collisions { step, particles: extent.count, collisions }));
                 }
             }
             now = horizon;
             top_speed = 0.0;
             movers.par_iter_mut().for_each(|mover| mover.advance(now));
         }
+        scratch.movers.truncate(own);
         Ok(collisions)
     }
 
     /// In µm; more would only add candidates.
-    fn largest_allowance(&self, movers: &[Mover]) -> f64 {
-        let largest = f64::from(movers.iter().map(|m| m.radius).fold(0.0, f32::max));
+    fn largest_allowance(&self, &Extent { count, largest, low, high }: &Extent) -> f64 {
         let axes = self.rules.boundary.axes;
         let extent = |k: usize| match axes[k] {
             Axis::Reflecting { low, high } | Axis::Periodic { low, high } => f64::from(high - low),
             Axis::Frozen => 0.0,
-            Axis::Open => {
-                let all = movers.iter().map(|m| m.position[k]);
-                let (low, high) = all.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
-                high - low
-            }
+            Axis::Open => high[k] - low[k],
         };
-        let spacing =
-            (0..3).map(extent).map(|x| x.max(largest)).product::<f64>() / movers.len().max(1) as f64;
+        let spacing = (0..3).map(extent).map(|x| x.max(largest)).product::<f64>() / count.max(1) as f64;
         let image = axes.into_iter().filter_map(|axis| match axis {
             Axis::Periodic { low, high } => Some((f64::from(high - low) / 4.0 - largest).max(0.01 * largest)),
             _ => None,
@@ -190,28 +211,36 @@ impl Collisions {
         let pairs = self.detector.pairs(rows.as_slice())?.par_iter().map(|pair| [pair.i, pair.j]);
         Ok(pairs.filter(|&pair| touches(pair)).collect())
     }
+}
 
-    /// Lets overlapping pairs that approach bounce, by id. Returns their number.
-    fn bounce_overlaps(&self, movers: &mut [Mover], candidates: &[[u32; 2]]) -> u64 {
-        let overlaps = |&pair: &[u32; 2]| {
-            let mut pair = pair;
-            pair.sort_unstable_by_key(|&at| movers[at as usize].id);
-            let [a, b] = pair.map(|at| &movers[at as usize]);
-            let overlap = self.rules.passes([a, b]) && a.gap(b, a.time, &self.rules.boundary) < 0.0;
-            overlap.then_some(([a.id, b.id], pair))
-        };
-        let mut overlapping: Vec<_> = candidates.par_iter().filter_map(overlaps).collect();
-        overlapping.sort_unstable();
-        let mut bounce = |&(_, pair): &([u32; 2], [u32; 2])| {
-            let mut both = pair.map(|at| movers[at as usize]);
-            let met = self.rules.collide(&mut both);
-            pair.into_iter().zip(both).for_each(|(at, mover)| movers[at as usize] = mover);
-            met
-        };
-        overlapping.iter().filter(|pair| bounce(pair)).count() as u64
+impl Extent {
+    fn new(movers: &[Mover]) -> Self {
+        let none = Self { count: 0, largest: 0.0, low: [f64::MAX; 3], high: [f64::MIN; 3] };
+        movers.iter().fold(none, |all, mover| {
+            all.with(Self {
+                count: 1,
+                largest: mover.radius.into(),
+                low: mover.position,
+                high: mover.position,
+            })
+        })
+    }
+
+    fn of_all(ranks: Vec<Self>) -> Self {
+        ranks.into_iter().fold(Self::new(&[]), Self::with)
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            largest: self.largest.max(other.largest),
+            low: std::array::from_fn(|k| self.low[k].min(other.low[k])),
+            high: std::array::from_fn(|k| self.high[k].max(other.high[k])),
+        }
     }
 }
 
-fn fastest(movers: &[Mover]) -> f64 {
-    movers.par_iter().map(|mover| mover.speed).reduce(|| 0.0, f64::max)
+fn fastest<H: Halo>(movers: &[Mover], halo: &mut H) -> f64 {
+    let own = movers.par_iter().map(|mover| mover.speed).reduce(|| 0.0, f64::max);
+    halo.gather(own).into_iter().fold(0.0, f64::max)
 }

@@ -19,8 +19,10 @@
 //! with them. There each distance counts as larger by [`SLACK`] contact distances: a third particle may hit late by
 //! the time of that distance, at that overlap.
 
+use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
+use super::halo::Halo;
 use super::mover::{Mover, dot};
 use super::rules::{Event, Rules};
 
@@ -39,6 +41,8 @@ pub(crate) struct Adjacency {
 pub(crate) struct Window<'a> {
     pub(crate) rules: &'a Rules,
     pub(crate) neighbors: &'a Adjacency,
+    /// The first movers are this rank's, the others ghosts.
+    pub(crate) own: usize,
     pub(crate) horizon: f64,
     /// In µm per step.
     pub(crate) top_speed: f64,
@@ -47,10 +51,21 @@ pub(crate) struct Window<'a> {
     pub(crate) limit: u64,
 }
 
+/// End of a window, with the collisions of all ranks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Unfinished {
+pub(crate) enum WindowEnd {
+    Finished(u64),
     TooFast(f64),
     TooMany(u64),
+}
+
+/// The earliest pending event, and the last round's speed and collisions.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Progress {
+    earliest: f64,
+    fastest: f64,
+    collisions: u64,
 }
 
 /// Next events, and the particles whose next event is within the window.
@@ -72,43 +87,65 @@ enum News {
 }
 
 impl Window<'_> {
-    /// Lets all events of the window happen. Returns the number of collisions.
-    pub(crate) fn run(&self, movers: &mut [Mover]) -> Result<u64, Unfinished> {
+    /// Lets all events of the window happen, those of this rank's movers here. Ghosts must include all movers up to
+    /// three candidates away.
+    pub(crate) fn run<H: Halo>(&self, movers: &mut [Mover], halo: &mut H) -> Result<WindowEnd, H::Error> {
         let mut agenda = self.begin(movers);
-        let mut collisions = 0;
-        while !agenda.active.is_empty() {
-            let earliest = agenda.active.iter().map(|&at| agenda.next[at as usize].time);
-            let earliest = earliest.fold(f64::INFINITY, f64::min);
-            let trial = |&at: &u32| {
-                let event = agenda.next[at as usize];
-                if event.at[0] != at || agenda.safe_from[at as usize] > earliest {
-                    return None;
-                }
-                let safe_from = self.safe_from(movers, &agenda.next, &event, earliest)?;
-                let outcome = || self.rules.outcome(movers, &event);
-                Some((event, safe_from, (safe_from <= earliest).then(outcome)))
-            };
-            let trials: Vec<_> = agenda.active.par_iter().with_min_len(TASK).filter_map(trial).collect();
-            let (mut fastest, mut changed) = (0.0, Vec::new());
-            for (event, safe_from, outcome) in &trials {
-                agenda.safe_from[event.at[0] as usize] = *safe_from;
-                let Some((after, met)) = outcome else { continue };
-                collisions += met;
-                for (&at, mover) in event.particles().iter().zip(after) {
-                    movers[at as usize] = *mover;
-                    fastest = f64::max(fastest, mover.speed);
-                    changed.push(at);
-                }
-            }
+        let (mut last, mut collisions) = (Progress::zeroed(), 0);
+        loop {
+            last.earliest = agenda.earliest(self.own);
+            let Progress { earliest, fastest, collisions: more } = Progress::of_all(halo.gather(last));
+            collisions += more;
             if fastest > self.top_speed {
-                return Err(Unfinished::TooFast(fastest));
+                return Ok(WindowEnd::TooFast(fastest));
             }
             if collisions > self.limit {
-                return Err(Unfinished::TooMany(collisions));
+                return Ok(WindowEnd::TooMany(collisions));
             }
+            if earliest == f64::INFINITY {
+                return Ok(WindowEnd::Finished(collisions));
+            }
+            let mut changed = Vec::new();
+            last = self.round(movers, &mut agenda, earliest, &mut changed);
+            halo.refresh(movers, &mut changed)?;
             self.update(movers, &mut agenda, &changed);
         }
-        Ok(collisions)
+    }
+
+    /// Lets safe events of this rank's movers happen.
+    fn round(
+        &self,
+        movers: &mut [Mover],
+        agenda: &mut Agenda,
+        earliest: f64,
+        changed: &mut Vec<u32>,
+    ) -> Progress {
+        let is_own = |at: u32| (at as usize) < self.own;
+        let trial = |&at: &u32| {
+            let event = agenda.next[at as usize];
+            let is_here = event.at[0] == at && event.particles().iter().any(|&at| is_own(at));
+            if !is_here || agenda.safe_from[at as usize] > earliest {
+                return None;
+            }
+            let safe_from = self.safe_from(movers, &agenda.next, &event, earliest)?;
+            let outcome = || self.rules.outcome(movers, &event);
+            Some((event, safe_from, (safe_from <= earliest).then(outcome)))
+        };
+        let trials: Vec<_> = agenda.active.par_iter().with_min_len(TASK).filter_map(trial).collect();
+        let mut progress = Progress { earliest, fastest: 0.0, collisions: 0 };
+        for (event, safe_from, outcome) in &trials {
+            agenda.safe_from[event.at[0] as usize] = *safe_from;
+            let Some((after, met)) = outcome else { continue };
+            if is_own(event.at[0]) {
+                progress.collisions += met;
+            }
+            for (&at, mover) in event.particles().iter().zip(after).filter(|&(&at, _)| is_own(at)) {
+                movers[at as usize] = *mover;
+                progress.fastest = f64::max(progress.fastest, mover.speed);
+                changed.push(at);
+            }
+        }
+        progress
     }
 
     fn begin(&self, movers: &[Mover]) -> Agenda {
@@ -212,7 +249,24 @@ impl Window<'_> {
     }
 }
 
+impl Progress {
+    fn of_all(ranks: Vec<Self>) -> Self {
+        let none = Self { earliest: f64::INFINITY, fastest: 0.0, collisions: 0 };
+        ranks.into_iter().fold(none, |all, rank| Self {
+            earliest: all.earliest.min(rank.earliest),
+            fastest: all.fastest.max(rank.fastest),
+            collisions: all.collisions + rank.collisions,
+        })
+    }
+}
+
 impl Agenda {
+    /// Returns the time of the next event of the first `own` particles; infinite if none is within the window.
+    fn earliest(&self, own: usize) -> f64 {
+        let active = self.active.iter().filter(|&&at| (at as usize) < own);
+        active.map(|&at| self.next[at as usize].time).fold(f64::INFINITY, f64::min)
+    }
+
     /// Returns the unchanged candidates whose next event was with a changed particle.
     fn lose_partners<'a>(&mut self, candidates: impl Iterator<Item = &'a u32>) -> Vec<u32> {
         let Self { next, news, .. } = self;
@@ -262,7 +316,7 @@ impl Adjacency {
         }
     }
 
-    fn of(&self, at: u32) -> &[u32] {
+    pub(super) fn of(&self, at: u32) -> &[u32] {
         let [begin, end] = [at, at + 1].map(|at| self.begins[at as usize] as usize);
         &self.neighbors[begin..end]
     }

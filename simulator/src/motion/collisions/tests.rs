@@ -1,7 +1,8 @@
 //! Rounds against the order of times.
 
+use super::halo::Undivided;
 use super::mover::{Mover, length};
-use super::rounds::{Adjacency, SLACK, Unfinished, Window};
+use super::rounds::{Adjacency, SLACK, Window, WindowEnd};
 use super::rules::{Event, Rules};
 use crate::model::{Contact, Model, Species};
 use crate::random::gaussian::normals;
@@ -41,7 +42,7 @@ pub(crate) fn model(contact: Contact, axis: Axis) -> Model {
     }
 }
 
-fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
+pub(crate) fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
         let motion = normals(philox([k, case, 1, 0], [1, 2])).map(|c| speed * f64::from(c));
@@ -63,31 +64,40 @@ fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
     (0..edge.pow(3)).map(mover).collect()
 }
 
-fn both(case: u32, contact: Contact, axis: Axis, slack: f64) -> [(Vec<Mover>, u64); 2] {
-    let rules = Rules::new(&model(contact, axis)).expect("collisions");
-    let mut rounds = movers(case, 5, 0.4);
-    let mut plain = rounds.clone();
-    let n = rounds.len() as u32;
-    let mut pairs: Vec<[u32; 2]> = (0..n).flat_map(|i| (0..i).map(move |j| [j, i])).collect();
-    pairs.retain(|&[a, b]| !rules.passes([a, b].map(|at| &plain[at as usize])));
+/// Returns the movers after a window, and its end.
+fn run(movers: &[Mover], rules: &Rules, slack: f64) -> (Vec<Mover>, WindowEnd) {
+    let mut movers = movers.to_vec();
+    let pairs = detected(rules, &movers);
     let mut neighbors = Adjacency::default();
-    neighbors.build(&pairs, rounds.len());
-    let horizon = 0.6;
-    let window =
-        Window { rules: &rules, neighbors: &neighbors, horizon, top_speed: 5.0, slack, limit: 10_000 };
-    let met = window.run(&mut rounds).expect("finished");
-    let expected = run_in_order(&rules, &mut plain, &pairs, horizon);
-    [(rounds, met), (plain, expected)]
+    neighbors.build(&pairs, movers.len());
+    neighbors.sort_by_id(&movers);
+    let (own, neighbors) = (movers.len(), &neighbors);
+    let window = Window { rules, neighbors, own, horizon: HORIZON, top_speed: 5.0, slack, limit: 10_000 };
+    let end = window.run(&mut movers, &mut Undivided).expect("one process");
+    (movers, end)
 }
+
+fn detected(rules: &Rules, movers: &[Mover]) -> Vec<[u32; 2]> {
+    let n = movers.len() as u32;
+    let mut pairs: Vec<[u32; 2]> = (0..n).flat_map(|i| (0..i).map(move |j| [j, i])).collect();
+    pairs.retain(|&[a, b]| !rules.passes([a, b].map(|at| &movers[at as usize])));
+    pairs
+}
+
+const HORIZON: f64 = 0.6;
 
 #[test]
 fn rounds_equal_the_order_of_times() {
     let [low, high] = [0.0, 5.5];
     for (case, contact) in [Contact::Separate, Contact::Elastic].into_iter().cycle().take(8).enumerate() {
         for axis in [Axis::Open, Axis::Reflecting { low, high }, Axis::Periodic { low, high }] {
-            let [rounds, plain] = both(case as u32, contact, axis, 0.0);
-            assert_eq!(rounds, plain, "{case} {axis:?}");
-            assert!(rounds.1 > 60, "only {} collisions", rounds.1);
+            let rules = Rules::new(&model(contact, axis)).expect("collisions");
+            let mut plain = movers(case as u32, 5, 0.4);
+            let rounds = run(&plain, &rules, 0.0);
+            let pairs = detected(&rules, &plain);
+            let met = run_in_order(&rules, &mut plain, &pairs, HORIZON);
+            assert_eq!(rounds, (plain, WindowEnd::Finished(met)), "{case} {axis:?}");
+            assert!(met > 60, "only {met} collisions");
         }
     }
 }
@@ -96,11 +106,11 @@ fn rounds_equal_the_order_of_times() {
 fn late_hits_overlap_by_the_slack_at_most() {
     let axis = Axis::Periodic { low: 0.0, high: 5.5 };
     for case in 0..8 {
-        let [(rounds, _), _] = both(case, Contact::Separate, axis, SLACK);
         let rules = Rules::new(&model(Contact::Separate, axis)).expect("collisions");
+        let (rounds, _) = run(&movers(case, 5, 0.4), &rules, SLACK);
         for (k, a) in rounds.iter().enumerate() {
             for b in &rounds[..k] {
-                let gap = a.gap(b, 0.6, &rules.boundary);
+                let gap = a.gap(b, HORIZON, &rules.boundary);
                 assert!(gap > -2.0 * SLACK * a.touch(b), "{case}: {gap}");
             }
         }
@@ -115,11 +125,10 @@ fn speed_or_number_beyond_the_limit_ends_a_window() {
     let mut neighbors = Adjacency::default();
     neighbors.build(&pairs, begun.len());
     let top_speed = begun.iter().map(|mover| mover.speed).fold(0.0, f64::max);
-    let window =
-        Window { rules: &rules, neighbors: &neighbors, horizon: 1.0, top_speed, slack: 0.0, limit: 3 };
-    assert!(matches!(window.run(&mut begun.clone()), Err(Unfinished::TooMany(4..))));
+    let (own, neighbors) = (begun.len(), &neighbors);
+    let window = Window { rules: &rules, neighbors, own, horizon: 1.0, top_speed, slack: 0.0, limit: 3 };
+    let end = |window: Window| window.run(&mut begun.clone(), &mut Undivided).expect("one process");
+    assert!(matches!(end(window), WindowEnd::TooMany(4..)));
     let slow = Window { top_speed: 0.5 * top_speed, limit: 1000, ..window };
-    assert!(
-        matches!(slow.run(&mut begun.clone()), Err(Unfinished::TooFast(speed)) if speed > 0.5 * top_speed)
-    );
+    assert!(matches!(end(slow), WindowEnd::TooFast(speed) if speed > 0.5 * top_speed));
 }

@@ -1,0 +1,48 @@
+//! Exchange of particles in motion between the ranks of a run.
+
+use bytemuck::Pod;
+
+use super::mover::Mover;
+use crate::Error;
+
+/// Movers of other ranks. Every method is collective.
+pub(crate) trait Halo {
+    /// Error of the run, equal on all ranks.
+    type Error;
+
+    /// Returns `result` if no rank failed.
+    fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Self::Error>;
+
+    /// Returns the values of all ranks. A value consists of 64-bit words.
+    fn gather<T: Pod>(&mut self, own: T) -> Vec<T>;
+
+    /// Appends the ghosts: movers of other ranks within `reach` of this rank's, and possibly more.
+    fn add_ghosts(&mut self, movers: &mut Vec<Mover>, reach: f64) -> Result<(), Self::Error>;
+
+    /// Updates ghosts that their owners `changed`, and appends their indices to this rank's.
+    fn refresh(&mut self, movers: &mut [Mover], changed: &mut Vec<u32>) -> Result<(), Self::Error>;
+}
+
+/// A run in one process.
+#[derive(Debug)]
+pub(crate) struct Undivided;
+
+impl Halo for Undivided {
+    type Error = Error;
+
+    fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+        result
+    }
+
+    fn gather<T: Pod>(&mut self, own: T) -> Vec<T> {
+        vec![own]
+    }
+
+    fn add_ghosts(&mut self, _: &mut Vec<Mover>, _: f64) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn refresh(&mut self, _: &mut [Mover], _: &mut Vec<u32>) -> Result<(), Error> {
+        Ok(())
+    }
+}

@@ -1,0 +1,69 @@
+//! Bounces of overlapping pairs at the beginning of a step, in the order of their ids.
+//!
+//! # Correctness
+//!
+//! 1. A pair changes two particles. It happens once all pairs before it of either particle have, as in the order.
+//! 2. In each round, every particle is in one pair at most, so owners and holders of a ghost count alike.
+//! 3. The first remaining pair of all happens, so the rounds end.
+
+use rayon::prelude::*;
+
+use super::halo::Halo;
+use super::mover::Mover;
+use super::rounds::Adjacency;
+use super::rules::Rules;
+
+/// Lets overlapping pairs among `candidates` bounce if they approach. The first `own` movers are this rank's. Returns
+/// the number of bounces on all ranks.
+pub(super) fn bounce_overlaps<H: Halo>(
+    rules: &Rules,
+    movers: &mut [Mover],
+    own: usize,
+    candidates: &[[u32; 2]],
+    halo: &mut H,
+) -> Result<u64, H::Error> {
+    let overlaps = |&pair: &[u32; 2]| {
+        let mut pair = pair;
+        pair.sort_unstable_by_key(|&at| movers[at as usize].id);
+        let [a, b] = pair.map(|at| &movers[at as usize]);
+        let overlap = rules.passes([a, b]) && a.gap(b, a.time, &rules.boundary) < 0.0;
+        overlap.then_some(([a.id, b.id], pair))
+    };
+    let mut pairs: Vec<_> = candidates.par_iter().filter_map(overlaps).collect();
+    pairs.par_sort_unstable();
+    let pairs: Vec<[u32; 2]> = pairs.into_iter().map(|(_, pair)| pair).collect();
+    let mut partners = Adjacency::default();
+    // In the order of pairs.
+    partners.build(&pairs, movers.len());
+    let mut done = vec![0; movers.len()];
+    let mut changed: Vec<u32> = (0..movers.len() as u32).collect();
+    let mut bounces = 0;
+    loop {
+        let next = |at: u32| partners.of(at).get(done[at as usize]).copied();
+        let pair = |&at: &u32| {
+            let other = next(at).filter(|&other| next(other) == Some(at))?;
+            let in_order = movers[at as usize].id < movers[other as usize].id;
+            let is_own = (at.min(other) as usize) < own;
+            is_own.then_some(if in_order { [at, other] } else { [other, at] })
+        };
+        let mut ready: Vec<_> = changed.iter().filter_map(pair).collect();
+        ready.sort_unstable();
+        ready.dedup();
+        if halo.gather(ready.len() as u64).iter().sum::<u64>() == 0 {
+            break;
+        }
+        changed.clear();
+        for pair in ready {
+            let mut both = pair.map(|at| movers[at as usize]);
+            let met = rules.collide(&mut both);
+            bounces += u64::from(met && (pair[0] as usize) < own);
+            for (at, mover) in pair.into_iter().zip(both).filter(|&(at, _)| (at as usize) < own) {
+                movers[at as usize] = mover;
+                changed.push(at);
+            }
+        }
+        halo.refresh(movers, &mut changed)?;
+        changed.iter().for_each(|&at| done[at as usize] += 1);
+    }
+    Ok(halo.gather(bounces).iter().sum())
+}

@@ -1,0 +1,220 @@
+//! Pairs and reactions between ranks.
+
+use std::ops::ControlFlow;
+
+use bytemuck::{Pod, Zeroable};
+use lazygrid::{Algorithm, Pair};
+use lazygrid_ranks::{
+    Communicator, Ghosts, PairKind, Partitioner, RankBounds, Search, SphereWrapper, send_to_ranks,
+};
+
+use super::contacts::{SharedParticles, separate};
+use super::matching::DistributedMatching;
+use super::rows;
+use crate::reaction::candidates::{BestCandidates, StepPairs};
+use crate::reaction::{ReactantChange, interactions};
+use crate::run::simulation::detector;
+use crate::{Error, Simulation, State};
+
+#[derive(Debug)]
+pub(super) struct RankPairSearch {
+    wrapper: SphereWrapper,
+    search: Search,
+    partitioner: Partitioner,
+    matching: DistributedMatching,
+}
+
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct OutcomeMessage {
+    at: u32,
+    /// 1 plus the product's species; 0 removes the particle.
+    product: u32,
+    position: [f32; 3],
+}
+
+/// Load limit over the mean, above which space is repartitioned.
+const BOUND: f64 = 1.2;
+
+impl RankPairSearch {
+    pub(super) fn of(
+        run: &mut Simulation,
+        algorithm: Algorithm,
+        rank: u32,
+        ranks: u32,
+    ) -> Result<Option<Self>, Error> {
+        let Some(within) = run.detector.take() else { return Ok(None) };
+        // The paper's grids take one set, and ghosts are a second.
+        let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
+        let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
+        let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
+        let search = Search::new(within, across, wrapper.clone(), rank, ranks);
+        Ok(Some(Self {
+            wrapper,
+            search,
+            partitioner: Partitioner::default(),
+            matching: DistributedMatching::default(),
+        }))
+    }
+
+    pub(super) fn migrate<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        run: &mut Simulation,
+    ) -> Result<(), C::Error> {
+        let State { particles, totals, .. } = &mut run.state;
+        let wrapped = rows::wrapped(&self.wrapper, particles);
+        let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
+        let ranks = self.partitioner.assign(communicator, &wrapped, &ids, BOUND)?.ranks;
+        let own = communicator.rank();
+        let mut leaving: Vec<u32> =
+            (0..).zip(&ranks).filter(|&(_, &rank)| rank != own).map(|(at, _)| at).collect();
+        let send = leaving.iter().map(|&at| (ranks[at as usize], rows::row(particles, at))).collect();
+        let (came, _) = send_to_ranks(communicator, "particles that change rank", send)?;
+        leaving.iter().for_each(|&at| totals.present[particles.species[at as usize] as usize] -= 1);
+        particles.remove(&mut leaving);
+        let came = rows::particles(&came, run.model.has_velocity());
+        came.species.iter().for_each(|&species| totals.present[species as usize] += 1);
+        particles.append(came);
+        Ok(())
+    }
+
+    /// Counts pairs, separates overlaps and returns the outcomes of reactions.
+    pub(super) fn interact<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        run: &mut Simulation,
+    ) -> Result<Vec<ReactantChange>, C::Error> {
+        self.migrate(communicator, run)?;
+        let (ghosts, sent) = self.ghosts(communicator, run)?;
+        let own = run.state.particles.len();
+        let separates = run.contacts.separate();
+        if run.reactions.is_empty() && !separates {
+            let counted = self.count(run, &ghosts);
+            communicator.agree(counted.map_err(|error| communicator.failure(error.to_string())))?;
+            return Ok(Vec::new());
+        }
+        for ghost in ghosts.particles() {
+            run.state.particles.push(rows::of_ghost(ghost), run.model.has_velocity());
+        }
+        let pairs = if separates { self.list(run, &ghosts).map(Some) } else { Ok(None) };
+        let pairs = communicator.agree(pairs.map_err(|error| communicator.failure(error.to_string())))?;
+        let Self { search, matching, .. } = self;
+        let sample = |taken: &[bool], best: &mut BestCandidates| match &pairs {
+            Some(pairs) => sample(run, pairs, taken, best),
+            None => {
+                let mut sampled = Ok(());
+                run.state.totals.pairs = find(search, run, &ghosts, |pairs| {
+                    sampled = sample(run, pairs, taken, best);
+                    if sampled.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+                })?;
+                sampled
+            }
+        };
+        let chosen = matching.greedy(communicator, own, &ghosts, sample)?;
+        let outcomes = run.reactions.all_outcomes(&run.state.particles, &chosen, run.key, run.state.step);
+        chosen.iter().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
+        let outcomes = deliver_outcomes(communicator, outcomes, own, &ghosts)?;
+        if let Some(pairs) = pairs {
+            // Reactants that come out unchanged stay free to move.
+            let reacted = outcomes.iter().map(|outcome| outcome.at).collect();
+            let shared = SharedParticles { own, ghosts: &ghosts, sent: &sent };
+            separate(communicator, run, shared, &pairs, reacted)?;
+        }
+        run.state.particles.truncate(own);
+        Ok(outcomes)
+    }
+
+    /// Returns this rank's ghosts, and its particles that are ghosts on each rank.
+    fn ghosts<C: Communicator>(
+        &self,
+        communicator: &mut C,
+        run: &Simulation,
+    ) -> Result<(Ghosts, Vec<Vec<u32>>), C::Error> {
+        let particles = &run.state.particles;
+        let wrapped = rows::wrapped(&self.wrapper, particles);
+        let bounds = RankBounds::gather(communicator, &wrapped)?;
+        let leaving = bounds.ghosts(communicator.rank(), &wrapped, &self.wrapper);
+        let leaving = communicator.agree(leaving.map_err(|error| communicator.detector_failure(error)))?;
+        let ghosts = Ghosts::exchange(communicator, &leaving, |at| rows::ghost(particles, at))?;
+        Ok((ghosts, leaving))
+    }
+
+    fn count(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<(), Error> {
+        let State { particles, totals, step, .. } = &mut run.state;
+        let failed = |source| Error::Step { step: *step, source };
+        totals.pairs = self.search.count(particles.spheres()?, ghosts).map_err(failed)?.reported();
+        Ok(())
+    }
+
+    /// Returns the pairs that this rank reports, and counts them.
+    fn list(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<Pair>, Error> {
+        let (mut all, mut refused) = (Vec::new(), Ok(()));
+        run.state.totals.pairs = find(&mut self.search, run, ghosts, |pairs| {
+            if all.try_reserve(pairs.len()).is_err() {
+                let bytes = ((all.len() + pairs.len()) * size_of::<Pair>()) as u64;
+                refused = Err(lazygrid::Error::OutOfMemory { what: "pairs", bytes });
+                return ControlFlow::Break(());
+            }
+            all.extend_from_slice(pairs);
+            ControlFlow::Continue(())
+        })?;
+        let step = run.state.step;
+        refused.map(|()| all).map_err(|source| Error::Step { step, source })
+    }
+}
+
+/// Delivers the pairs that this rank reports, and returns their number. Ghosts are the last particles.
+fn find(
+    search: &mut Search,
+    run: &Simulation,
+    ghosts: &Ghosts,
+    mut consume: impl FnMut(&[Pair]) -> ControlFlow<()> + Send,
+) -> Result<u64, Error> {
+    let State { particles, step, .. } = &run.state;
+    let own = particles.len() - ghosts.particles().len();
+    let mut across = Vec::new();
+    let counts = search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
+        let pairs = match found {
+            PairKind::Local => pairs,
+            PairKind::WithGhost => {
+                across.clear();
+                across.extend(pairs.iter().map(|&[i, j]| [i, own as u32 + j]));
+                &across
+            }
+        };
+        consume(bytemuck::cast_slice(pairs))
+    });
+    Ok(counts.map_err(|source| Error::Step { step: *step, source })?.reported())
+}
+
+/// Adds the reaction candidates of pairs to `best`, without `taken` particles.
+fn sample(run: &Simulation, pairs: &[Pair], taken: &[bool], best: &mut BestCandidates) -> Result<(), Error> {
+    let pairs = StepPairs { particles: &run.state.particles, pairs, key: run.key, step: run.state.step };
+    run.reactions.sample(pairs, |particle| taken[particle as usize], best)
+}
+
+fn deliver_outcomes<C: Communicator>(
+    communicator: &mut C,
+    mut outcomes: Vec<ReactantChange>,
+    own: usize,
+    ghosts: &Ghosts,
+) -> Result<Vec<ReactantChange>, C::Error> {
+    let ghost_of =
+        |outcome: &ReactantChange| (outcome.at as usize).checked_sub(own).map(|ghost| ghost as u32);
+    let message = |outcome: &ReactantChange| {
+        let ghost = ghost_of(outcome)?;
+        let at = ghosts.particles()[ghost as usize].index;
+        let product = outcome.product.map_or(0, |species| species + 1);
+        Some((ghosts.rank_of(ghost), OutcomeMessage { at, product, position: outcome.position }))
+    };
+    let send = outcomes.iter().filter_map(message).collect();
+    let (came, _) = send_to_ranks(communicator, "outcomes of ghosts", send)?;
+    outcomes.retain(|outcome| ghost_of(outcome).is_none());
+    outcomes.extend(came.into_iter().map(|OutcomeMessage { at, product, position }| ReactantChange {
+        at,
+        product: product.checked_sub(1),
+        position,
+    }));
+    Ok(outcomes)
+}
