@@ -77,18 +77,22 @@ fn state(directory: &Path) -> State {
     state
 }
 
-fn compare(name: &str, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
+fn compare(name: &str, times: [u32; 2], numbers: &[u32]) {
+    compare_at(&scenario(name), times, numbers);
+}
+
+fn compare_at(path: &Path, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
     let directory = tempfile::tempdir().unwrap();
-    let (path, one) = (scenario(name), directory.path().join("run"));
+    let (name, one) = (path.display(), directory.path().join("run"));
     let changes =
         Overrides { steps: Some(steps), frames_every: frames_every.try_into().ok(), ..Overrides::default() };
-    let summary = alone(&path, &one, &changes, false);
+    let summary = alone(path, &one, &changes, false);
     let (expected, stands) = (files(&one), state(&one));
     assert!(expected["series.csv"].len() > 60 && !stands.particles.is_empty(), "{name}");
     std::fs::remove_dir_all(&one).unwrap();
     let arguments = ["--steps", &steps.to_string(), "--frames-every", &frames_every.to_string()];
     for &ranks in numbers {
-        assert_eq!(over(ranks, &path, &one, &arguments), summary);
+        assert_eq!(over(ranks, path, &one, &arguments), summary);
         let found = files(&one);
         assert!(expected.keys().eq(found.keys()), "{name}: {:?}", found.keys());
         for (file, expected) in &expected {
@@ -106,6 +110,19 @@ fn shipped_scenarios_are_those_of_one_process() {
     compare("receptors", [100, 100], &[1, 2, 3, 8]);
     compare("vessel", [900, 300], &[3]);
     compare("burst", [2, 1], &[2]);
+}
+
+#[test]
+fn collisions_are_those_of_one_process() {
+    compare("crowded", [60, 20], &[1, 2, 3, 5]);
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("elastic.toml");
+    let text = std::fs::read_to_string(scenario("crowded")).unwrap();
+    let text = text
+        .replacen("\"separate\"", "\"elastic\"", 1)
+        .replace("diffusion =", "thermal-speed = 100\ndiffusion =");
+    std::fs::write(&path, text.replacen("thermal-speed", "mass = 2\nthermal-speed", 1)).unwrap();
+    compare_at(&path, [60, 20], &[2, 5]);
 }
 
 #[test]
@@ -130,9 +147,6 @@ fn another_number_of_ranks_goes_on_and_so_does_one_process() {
 fn an_error_is_printed_once() {
     let directory = tempfile::tempdir().unwrap();
     let at = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
-    let crowded = scenario("crowded");
-    let said = error(3, &[crowded.to_str().unwrap(), "-o", &at("out")]);
-    assert!(said.contains("a run over ranks does not support contact = \"separate\""), "{said}");
     std::fs::write(at("bad.toml"), "time-step = 1\nsteps = 1\nseeds = 3\n").unwrap();
     let said = error(3, &[&at("bad.toml"), "-o", &at("out")]);
     assert!(said.starts_with("error: rank 0: ") && said.contains("bad.toml, line 3, `seeds`"), "{said}");
