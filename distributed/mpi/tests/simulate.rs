@@ -77,11 +77,12 @@ fn state(directory: &Path) -> State {
     state
 }
 
-fn compare(name: &str, times: [u32; 2], numbers: &[u32]) {
-    compare_at(&scenario(name), times, numbers);
+fn compare(name: &str, times: [u32; 2], numbers: &[u32]) -> State {
+    compare_at(&scenario(name), times, numbers)
 }
 
-fn compare_at(path: &Path, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
+/// Returns the last state.
+fn compare_at(path: &Path, [steps, frames_every]: [u32; 2], numbers: &[u32]) -> State {
     let directory = tempfile::tempdir().unwrap();
     let (name, one) = (path.display(), directory.path().join("run"));
     let changes =
@@ -101,6 +102,7 @@ fn compare_at(path: &Path, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
         assert!(state(&one) == stands, "{name} on {ranks} ranks");
         std::fs::remove_dir_all(&one).unwrap();
     }
+    stands
 }
 
 #[test]
@@ -114,7 +116,7 @@ fn shipped_scenarios_are_those_of_one_process() {
 
 #[test]
 fn collisions_are_those_of_one_process() {
-    compare("crowded", [60, 20], &[1, 2, 3, 5]);
+    let crowded = compare("crowded", [60, 20], &[1, 2, 3, 5]);
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("elastic.toml");
     let text = std::fs::read_to_string(scenario("crowded")).unwrap();
@@ -122,7 +124,9 @@ fn collisions_are_those_of_one_process() {
         .replacen("\"separate\"", "\"elastic\"", 1)
         .replace("diffusion =", "thermal-speed = 100\ndiffusion =");
     std::fs::write(&path, text.replacen("thermal-speed", "mass = 2\nthermal-speed", 1)).unwrap();
-    compare_at(&path, [60, 20], &[2, 5]);
+    let elastic = compare_at(&path, [60, 20], &[2, 5]);
+    let contacts = [crowded, elastic].map(|state| state.totals.contacts);
+    assert!(contacts.iter().all(|&contacts| contacts > 100), "{contacts:?}");
 }
 
 #[test]
