@@ -3,8 +3,7 @@
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
 //! receivers: pure functions of id, seed and step. Ranks communicate for
 //!
-//! - *collisions* ([`rounds`](crate::motion::collisions)): all ranks do a round together, and owners send ghosts that
-//!   collided;
+//! - *collisions* (`motion/collisions/`): all ranks do a round together, and owners send ghosts that collided;
 //! - *receptors*: all ranks select from all requests;
 //! - *pairs*: particles migrate to the owner of their part of space, and ghosts to ranks with particles within reach
 //!   ([`lazygrid_ranks`]);
