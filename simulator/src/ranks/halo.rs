@@ -7,17 +7,17 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::model::receiver::rounding;
-use crate::motion::collisions::halo::Halo;
+use crate::motion::collisions::halo::{HOPS, Halo};
 use crate::motion::collisions::mover::Mover;
 
 #[derive(Debug)]
 pub(super) struct RankHalo<'a, C> {
     communicator: &'a mut C,
     wrapper: &'a SphereWrapper,
-    /// Ascending by `at`.
+    /// Ascending by mover.
     sent: Vec<SentGhost>,
-    /// Index of the first ghost of each rank.
-    begins: Vec<usize>,
+    /// Indices of each rank's ghosts here, by slot.
+    held: Vec<Vec<u32>>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -44,15 +44,38 @@ struct MoverMessage {
 
 impl<'a, C: Communicator> RankHalo<'a, C> {
     pub(super) fn new(communicator: &'a mut C, wrapper: &'a SphereWrapper) -> Self {
-        Self { communicator, wrapper, sent: Vec::new(), begins: Vec::new() }
+        Self { communicator, wrapper, sent: Vec::new(), held: Vec::new() }
     }
 
-    fn wrapped(&self, movers: &[Mover], reach: f64) -> Vec<WrappedSphere> {
+    /// Returns spheres that overlap if their movers may be candidates.
+    fn wrapped(&self, movers: &[Mover], allowance: f64) -> Vec<WrappedSphere> {
         let wrap = |mover: &Mover| {
-            let (center, reach) = (mover.position.map(|c| c as f32), reach as f32);
-            self.wrapper.wrap(Sphere::new(center, 0.5 * reach + rounding(center, reach)), 0)
+            let center = mover.position.map(|c| c as f32);
+            let radius = mover.radius + allowance as f32;
+            self.wrapper.wrap(Sphere::new(center, radius + rounding(center, radius)), 0)
         };
         movers.par_iter().map(wrap).collect()
+    }
+
+    /// Returns the movers among the first `own` that may be candidates of a mover on another rank, and are unknown there.
+    fn unsent(&self, wrapped: &[WrappedSphere], own: usize, bounds: &RankBounds) -> Vec<SentGhost> {
+        let (this, space) = (self.communicator.rank(), self.wrapper.space());
+        let here = ClassBounds::all_of(&wrapped[..own]);
+        let mut unsent = Vec::new();
+        for rank in (0..bounds.ranks()).filter(|&rank| rank != this) {
+            let is_near = |there: &&ClassBounds| here.iter().any(|here| here.overlaps(&space, there));
+            let near: Vec<_> = bounds.of_rank(rank).iter().filter(is_near).collect();
+            let known = self.sent.partition_point(|ghost| ghost.rank < rank);
+            let known = &self.sent[known..self.sent.partition_point(|ghost| ghost.rank <= rank)];
+            let is_unsent = |&at: &u32| {
+                let sphere = &wrapped[at as usize];
+                near.iter().any(|near| near.overlaps_sphere(&space, sphere))
+                    && known.binary_search_by_key(&at, |ghost| ghost.at).is_err()
+            };
+            let found = (0..own as u32).filter(is_unsent);
+            unsent.extend((known.len() as u32..).zip(found).map(|(slot, at)| SentGhost { at, rank, slot }));
+        }
+        unsent
     }
 }
 
@@ -72,27 +95,27 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
         bytemuck::cast_slice(&self.communicator.all_reduce_sum(&all)).to_vec()
     }
 
-    fn add_ghosts(&mut self, movers: &mut Vec<Mover>, reach: f64) -> Result<(), C::Error> {
-        let (own, space) = (movers.len(), self.wrapper.space());
-        let wrapped = self.wrapped(movers, reach);
-        let bounds = RankBounds::gather(self.communicator, &wrapped)?;
-        let this = self.communicator.rank();
+    fn add_ghosts(&mut self, movers: &mut Vec<Mover>, allowance: f64) -> Result<(), C::Error> {
+        let own = movers.len();
         self.sent.clear();
-        for rank in (0..bounds.ranks()).filter(|&rank| rank != this) {
-            let is_near =
-                |other: &&ClassBounds| bounds.of_rank(this).iter().any(|own| own.overlaps(&space, other));
-            let near: Vec<_> = bounds.of_rank(rank).iter().filter(is_near).collect();
-            let reaches = |sphere| near.iter().any(|near| near.overlaps_sphere(&space, sphere));
-            let found = (0..).zip(&wrapped).filter(|(_, sphere)| reaches(sphere));
-            self.sent.extend((0..).zip(found).map(|(slot, (at, _))| SentGhost { at, rank, slot }));
+        self.held = vec![Vec::new(); self.communicator.ranks() as usize];
+        for _ in 0..HOPS {
+            let wrapped = self.wrapped(movers, allowance);
+            let bounds = RankBounds::gather(self.communicator, &wrapped)?;
+            let unsent = self.unsent(&wrapped, own, &bounds);
+            let message =
+                |ghost: &SentGhost| (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.slot));
+            let send = unsent.iter().map(message).collect();
+            let (ghosts, counts) = send_to_ranks(self.communicator, "ghosts in motion", send)?;
+            let mut places = movers.len() as u32..;
+            for (held, count) in self.held.iter_mut().zip(counts) {
+                held.extend(places.by_ref().take(count));
+            }
+            movers.extend(ghosts.iter().map(MoverMessage::mover));
+            self.sent.extend(unsent);
+            self.sent.sort_unstable_by_key(|ghost| (ghost.rank, ghost.at));
         }
-        let message = |ghost: &SentGhost| (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], 0));
-        let send = self.sent.iter().map(message).collect();
         self.sent.sort_unstable_by_key(|ghost| (ghost.at, ghost.rank));
-        let (ghosts, counts) = send_to_ranks(self.communicator, "ghosts in motion", send)?;
-        let begin = |next: &mut usize, count: usize| Some(std::mem::replace(next, *next + count));
-        self.begins = counts.into_iter().scan(own, begin).collect();
-        movers.extend(ghosts.iter().map(MoverMessage::mover));
         Ok(())
     }
 
@@ -105,12 +128,11 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
             |ghost: &SentGhost| (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.slot));
         let send = changed.iter().flat_map(copies).map(message).collect();
         let (came, counts) = send_to_ranks(self.communicator, "movers after a collision", send)?;
-        let begins =
-            self.begins.iter().zip(counts).flat_map(|(&begin, count)| std::iter::repeat_n(begin, count));
-        for (begin, message) in begins.zip(&came) {
-            let at = begin + message.slot as usize;
-            movers[at] = message.mover();
-            changed.push(at as u32);
+        let held = self.held.iter().zip(counts).flat_map(|(held, count)| std::iter::repeat_n(held, count));
+        for (held, message) in held.zip(&came) {
+            let at = held[message.slot as usize];
+            movers[at as usize] = message.mover();
+            changed.push(at);
         }
         Ok(())
     }
@@ -214,7 +236,6 @@ mod tests {
                 let own = places.iter().filter(|&&at| self.owner(at) == this).count();
                 let count =
                     |rank| places.iter().filter(|&&at| rank != this && self.owner(at) == rank).count();
-                let begin = |next: &mut usize, rank| Some(std::mem::replace(next, *next + count(rank)));
                 let mut sent = Vec::new();
                 for rank in (0..RANKS).filter(|&rank| rank != this) {
                     let there = self.places(rank, hops).into_iter().filter(|&at| self.owner(at) == this);
@@ -222,9 +243,10 @@ mod tests {
                     sent.extend((0..).zip(there).map(|(slot, at)| SentGhost { at: local(at), rank, slot }));
                 }
                 sent.sort_unstable_by_key(|ghost| ghost.at);
-                let begins = (0..RANKS).scan(own, begin).collect();
+                let mut next = own as u32..;
+                let held = (0..RANKS).map(|rank| next.by_ref().take(count(rank)).collect()).collect();
                 let mut halo =
-                    RankHalo { communicator: &mut thread, wrapper: &SphereWrapper::default(), sent, begins };
+                    RankHalo { communicator: &mut thread, wrapper: &SphereWrapper::default(), sent, held };
                 self.run(&places, own, &mut halo)
             });
             let end = ranks[0].1;

@@ -69,6 +69,16 @@ fn crowds_collide_as_in_one_process() {
 }
 
 #[test]
+fn giants_collide_as_in_one_process() {
+    for contact in [Contact::Separate, Contact::Elastic] {
+        let mut model = crowd(contact, 0.1, 9);
+        model.species[0].radius = 3.0;
+        model.transmitters[0].release[0].1 = 2;
+        compare(&model, 3, 5, &RANKS);
+    }
+}
+
+#[test]
 fn walls_and_vessels_reflect_as_in_one_process() {
     for contact in [Contact::Separate, Contact::Elastic] {
         let mut model = crowd(contact, 0.3, 6);

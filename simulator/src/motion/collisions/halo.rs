@@ -5,6 +5,9 @@ use bytemuck::Pod;
 use super::mover::Mover;
 use crate::Error;
 
+/// A mover's event depends on a neighbor that may leave its path, and a third that may hit this neighbor.
+pub(crate) const HOPS: u32 = 3;
+
 /// Movers of other ranks. Every method is collective.
 pub(crate) trait Halo {
     /// Error of the run, equal on all ranks.
@@ -16,8 +19,9 @@ pub(crate) trait Halo {
     /// Returns the values of all ranks. A value consists of 64-bit words.
     fn gather<T: Pod>(&mut self, own: T) -> Vec<T>;
 
-    /// Appends the ghosts: movers of other ranks within `reach` of this rank's, and possibly more.
-    fn add_ghosts(&mut self, movers: &mut Vec<Mover>, reach: f64) -> Result<(), Self::Error>;
+    /// Appends the ghosts: movers of other ranks up to [`HOPS`] candidates away, and possibly more. The surfaces of
+    /// candidates are within twice the `allowance`.
+    fn add_ghosts(&mut self, movers: &mut Vec<Mover>, allowance: f64) -> Result<(), Self::Error>;
 
     /// Updates ghosts that their owners `changed`, and appends their indices to this rank's.
     fn refresh(&mut self, movers: &mut [Mover], changed: &mut Vec<u32>) -> Result<(), Self::Error>;

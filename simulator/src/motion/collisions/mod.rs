@@ -134,7 +134,7 @@ impl Collisions {
             }
             let allowance = most.min(top_speed * (1.0 - now));
             scratch.movers.truncate(own);
-            halo.add_ghosts(&mut scratch.movers, 6.0 * (extent.largest + allowance))?;
+            halo.add_ghosts(&mut scratch.movers, allowance)?;
             let candidates = self.candidates(scratch, allowance);
             let mut candidates = halo.agree(candidates.map_err(|source| Error::Step { step, source }))?;
             let Scratch { movers, begun, neighbors, .. } = &mut *scratch;

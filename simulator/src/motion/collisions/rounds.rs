@@ -88,7 +88,7 @@ enum News {
 
 impl Window<'_> {
     /// Lets all events of the window happen, those of this rank's movers here. Ghosts must include all movers up to
-    /// three candidates away.
+    /// [`HOPS`](super::halo::HOPS) candidates away.
     pub(crate) fn run<H: Halo>(&self, movers: &mut [Mover], halo: &mut H) -> Result<WindowEnd, H::Error> {
         let mut agenda = self.begin(movers);
         let (mut last, mut collisions) = (Progress::zeroed(), 0);
